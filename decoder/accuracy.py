@@ -1,0 +1,186 @@
+"""Accuracy: flight data held against the truth, by the thesis's measure and by harder ones.
+
+The thesis reports 100 minus the mean error in percent of the true value; its published averages are finer than its
+own rows, so they are presumably means of signed errors, in which too high and too low cancel. Here are both, and
+percent of full scale and units beside them. Truth at other times than the frames is interpolated linearly, never
+extrapolated.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.errors import AccuracyError
+from decoder.reading import Status
+
+Floats = NDArray[np.float64]
+
+ALL_VALUED = "all"
+CONFIDENCE_SIGMAS = 1.96  # 95 % of a normal distribution
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A CSV file by column; text as it stands."""
+
+    path: Path
+    columns: Mapping[str, tuple[str, ...]]
+
+    def numbers(self, column: str) -> Floats:
+        """A column as numbers, NaN where the field is empty or no number."""
+        return np.array([_number(field) for field in self.columns[column]])
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """The errors of one needle over some of its frames.
+
+    Percent of the reading leaves out frames whose truth is 0; percent of full scale is None where full scale is
+    unknown. `within_95` is the part of the frames whose error is within 1.96 sigma.
+    """
+
+    frames: int
+    mean_abs: float
+    mean_signed: float
+    max_abs: float
+    mean_abs_pct: float | None
+    mean_signed_pct: float | None
+    max_abs_pct: float | None
+    mean_abs_pct_fs: float | None
+    max_abs_pct_fs: float | None
+    within_95: float
+
+
+@dataclass(frozen=True, slots=True)
+class NeedleAccuracy:
+    """One needle's errors by status, with `all` for every frame that has a value."""
+
+    needle: str
+    unit: str
+    full_scale: float | None
+    frames_compared: int
+    by_status: Mapping[str, Errors]
+
+
+def read_table(path: Path) -> Table:
+    """A CSV file.
+
+    Raises
+    ------
+    AccuracyError
+        If it cannot be read or has no rows.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise AccuracyError(f"{path}: cannot be read as CSV: {error}") from error
+    if not rows:
+        raise AccuracyError(f"{path}: has no rows to compare")
+    if any(len(row) != len(header) for row in rows):
+        raise AccuracyError(f"{path}: its rows are not all as long as its header")
+    return Table(path, dict(zip(header, zip(*rows, strict=True), strict=True)))
+
+
+def compare(flight: Table, truth: Table) -> list[NeedleAccuracy]:
+    """The accuracy of every needle that both tables have, in the flight data's order.
+
+    Rows are matched by `frame` where both tables have that column, otherwise by `time_s`.
+
+    Raises
+    ------
+    AccuracyError
+        If the tables share no needle or no row.
+    """
+    needles = [name for name in flight.columns if f"{name}_status" in flight.columns]
+    if not needles:
+        raise AccuracyError(f"{flight.path}: is no flight data; give the CSV that `decode` wrote")
+    shared = [name for name in needles if name in truth.columns]
+    if not shared:
+        raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(needles)} as a column")
+    units = _units(flight.path)
+    results = [_needle_accuracy(name, flight, _truth_at(flight, truth, name), units.get(name)) for name in shared]
+    if not any(result.frames_compared for result in results):
+        raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.path}")
+    return results
+
+
+def _truth_at(flight: Table, truth: Table, name: str) -> Floats:
+    """The truth at every row of the flight data, NaN where there is none."""
+    values = truth.numbers(name)
+    if "frame" in flight.columns and "frame" in truth.columns:
+        by_frame = dict(zip(truth.numbers("frame").tolist(), values.tolist(), strict=True))
+        return np.array([by_frame.get(frame, np.nan) for frame in flight.numbers("frame").tolist()])
+    if "time_s" not in truth.columns:
+        raise AccuracyError(f"{truth.path}: has neither a `frame` nor a `time_s` column to match rows by")
+    known_s = truth.numbers("time_s")
+    usable = np.isfinite(known_s) & np.isfinite(values)
+    if not usable.any() or np.any(np.diff(known_s[usable]) <= 0):
+        raise AccuracyError(f"{truth.path}: its `time_s` must rise from row to row")
+    wanted_s = flight.numbers("time_s")
+    return np.interp(wanted_s, known_s[usable], values[usable], left=np.nan, right=np.nan)
+
+
+def _needle_accuracy(name: str, flight: Table, truth: Floats, unit: tuple[str, float] | None) -> NeedleAccuracy:
+    value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
+    status = np.array(flight.columns[f"{name}_status"])
+    full_scale = unit[1] if unit else None
+    compared = np.isfinite(truth)
+    groups = {ALL_VALUED: compared & np.isfinite(value)}
+    groups |= {kind.value: groups[ALL_VALUED] & (status == kind.value) for kind in Status}
+    return NeedleAccuracy(
+        needle=name,
+        unit=unit[0] if unit else "",
+        full_scale=full_scale,
+        frames_compared=int(compared.sum()),
+        by_status={
+            kind: _errors(value[where], truth[where], sigma[where], full_scale)
+            for kind, where in groups.items()
+            if where.any()
+        },
+    )
+
+
+def _errors(value: Floats, truth: Floats, sigma: Floats, full_scale: float | None) -> Errors:
+    error = value - truth
+    nonzero = truth != 0
+    percent = error[nonzero] / truth[nonzero] * 100.0 if nonzero.any() else None
+    of_scale = error / full_scale * 100.0 if full_scale else None
+    return Errors(
+        frames=len(error),
+        mean_abs=float(np.abs(error).mean()),
+        mean_signed=float(error.mean()),
+        max_abs=float(np.abs(error).max()),
+        mean_abs_pct=None if percent is None else float(np.abs(percent).mean()),
+        mean_signed_pct=None if percent is None else float(percent.mean()),
+        max_abs_pct=None if percent is None else float(np.abs(percent).max()),
+        mean_abs_pct_fs=None if of_scale is None else float(np.abs(of_scale).mean()),
+        max_abs_pct_fs=None if of_scale is None else float(np.abs(of_scale).max()),
+        within_95=float((np.abs(error) <= CONFIDENCE_SIGMAS * sigma).mean()),
+    )
+
+
+def _units(flight_csv: Path) -> dict[str, tuple[str, float]]:
+    """Unit and full scale by needle, from the JSON beside the flight data; empty where there is none."""
+    try:
+        described = json.loads(flight_csv.with_suffix(".json").read_text(encoding="utf-8"))
+        return {
+            name: (needle["unit"], needle["scale_max"] - needle["scale_min"])
+            for name, needle in described["needles"].items()
+        }
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _number(field: str) -> float:
+    try:
+        return float(field)
+    except ValueError:
+        return float("nan")

@@ -1,0 +1,77 @@
+"""The `decode` command line: which commands there are, and how expected failures end.
+
+`decode FLIGHT` is `decode flight FLIGHT`: decoding is what the program is for, so it needs no verb.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+from flight_file.errors import FlightFileError
+
+from decoder.errors import DecoderError
+
+COMMANDS = {
+    "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
+    "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
+}
+DEFAULT_COMMAND = "flight"
+EXIT_FAILED = 1
+
+EPILOG = """\b
+Examples:
+  decode flight.mcap
+  decode flight_0000.mcap flight_0001.mcap -o results --panel panel.yaml
+  decode accuracy results/flight.csv truth.csv
+"""
+
+
+class DecodeGroup(click.Group):
+    """Commands from the table above, imported late; an argument that names none of them is a flight to decode."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Puts the default command before arguments that start with no command."""
+        if args and args[0] not in COMMANDS and args[0] not in ("--help", "--version"):
+            args = [DEFAULT_COMMAND, *args]
+        return super().parse_args(ctx, args)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """The names in the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+        """The command of that name, its module imported now."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """The help of every command from the table, so that `--help` imports none of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.group(cls=DecodeGroup, epilog=EPILOG, no_args_is_help=True)
+@click.version_option(package_name="image-flight-recorder")
+def cli() -> None:
+    """Turn the pictures of a flight file into flight data."""
+
+
+def main() -> None:
+    """Runs `decode`; expected failures are one sentence on stderr and exit code 1."""
+    try:
+        cli(prog_name="decode", standalone_mode=False)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.UsageError as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("decode: interrupted; nothing was written", err=True)
+        sys.exit(EXIT_FAILED)
+    except (DecoderError, FlightFileError) as error:
+        click.echo(f"decode: {error}", err=True)
+        sys.exit(EXIT_FAILED)

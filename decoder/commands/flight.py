@@ -1,0 +1,111 @@
+"""`decode FLIGHT...`: a flight file in, flight data out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from functools import partial
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+import click
+import cv2
+from flight_file.reader import Flight, open_flight
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from decoder.csv_output import write_csv
+from decoder.errors import PanelMissing
+from decoder.flight_data import FlightData
+from decoder.flight_decoder import decode_flight
+from decoder.gauge_reader import Method
+from decoder.json_output import Provenance, SourceFile, write_json
+from decoder.outputs import write_all
+from decoder.panel_pictures import PANEL_FILE, PanelPictures, panel_from_attachments, panel_from_file
+from decoder.panel_reader import PanelReader
+from decoder.summary import summary_table
+from flight_file.frame import Frame
+
+EXIT_LOSS = 3
+MAX_LISTED = 10
+EPILOG = """\b
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
+
+\b
+Examples:
+  decode flight.mcap
+  decode flight_0000.mcap flight_0001.mcap -o results
+  decode flight.mcap --panel cockpit/panel.yaml --method xcorr
+"""
+
+
+@click.command("flight", epilog=EPILOG)
+@click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT...")
+@click.option(
+    "-o", "--output", "directory", type=click.Path(path_type=Path, file_okay=False), default=Path(), metavar="DIR",
+    help="Where the flight data go; made if it is not there.  [default: the current folder]",
+)  # fmt: skip
+@click.option(
+    "--panel", "panel_file", type=click.Path(path_type=Path), metavar="PANEL",
+    help="A panel.yaml to read with, instead of the one the flight file carries.",
+)  # fmt: skip
+@click.option(
+    "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
+    show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
+)  # fmt: skip
+def command(flights: tuple[Path, ...], directory: Path, panel_file: Path | None, method: str) -> None:
+    """Decode FLIGHT, one flight file or the segments of one recording, into RECORDING.csv and RECORDING.json."""
+    cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
+    with threadpool_limits(1):
+        flight = open_flight(flights)
+        source = _panel(flight, panel_file)
+        data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), _progress)
+        provenance = _provenance(flight, source, panel_file, method)
+        written = write_all(
+            directory,
+            {
+                f"{flight.recording}.csv": partial(write_csv, data),
+                f"{flight.recording}.json": partial(write_json, data, provenance),
+            },
+        )
+    _report(data, provenance, written)
+    if provenance.losses:
+        sys.exit(EXIT_LOSS)
+
+
+def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
+    if panel_file is not None:
+        return panel_from_file(panel_file)
+    if PANEL_FILE not in flight.attachments:
+        raise PanelMissing(flight.recording)
+    return panel_from_attachments(flight.attachments, flight=flight.recording)
+
+
+def _provenance(flight: Flight, source: PanelPictures, panel_file: Path | None, method: str) -> Provenance:
+    camera = flight.attachments.get("camera.yaml")
+    return Provenance(
+        recording=flight.recording,
+        software=f"image-flight-recorder {version('image-flight-recorder')}",
+        method=method,
+        flight_files=tuple(SourceFile(path.name, digest) for path, digest in flight.sha256_of_files().items()),
+        panel=SourceFile(panel_file.name if panel_file else PANEL_FILE, source.sha256),
+        camera=None if camera is None else SourceFile("camera.yaml", sha256(camera).hexdigest()),
+        losses=tuple(f"{loss.path.name}: {loss.reason}" for loss in flight.losses),
+    )
+
+
+def _progress(frames: Iterator[Frame]) -> Iterator[Frame]:
+    yield from tqdm(frames, desc="decode", unit=" frames", disable=None, leave=False)  # None: on a terminal only
+
+
+def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> None:
+    click.echo(f"{provenance.recording}: {len(data.frame)} frames, {data.time_s[-1]:.2f} s\n")
+    click.echo(summary_table(data))
+    for missing in data.missing_frames[:MAX_LISTED]:
+        click.echo(f"frame {missing.frame} missing: {missing.reason}", err=True)
+    if len(data.missing_frames) > MAX_LISTED:
+        click.echo(f"... and {len(data.missing_frames) - MAX_LISTED} more; all are in the JSON file", err=True)
+    for loss in provenance.losses:
+        click.echo(f"lost: {loss}", err=True)
+    click.echo("\n" + "\n".join(str(path) for path in written))

@@ -1,0 +1,97 @@
+"""Features of the panel that hold a frame in place: the pixels around an anchor, and those along the level edge.
+
+A feature knows its pixels in the panel picture and how they change when the picture moves there; `registration` turns
+that into sub-pixel alignment, `anchors` and `level` into a first guess.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.alignment import Alignment
+from decoder.pictures import GreyPicture
+
+LEVEL_HALF_WIDTH_PX = 6
+LEVEL_STATIONS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """Pixels of the panel picture that are looked up in every frame.
+
+    Attributes
+    ----------
+    name
+        Of the anchor, or `level`.
+    points
+        (2, N) float32: x and y in the panel picture.
+    pixels
+        (N,) float32: the panel picture there.
+    gradient
+        (2, N) float32: how it changes along x and y, grey levels a pixel.
+    """
+
+    name: str
+    points: NDArray[np.float32]
+    pixels: NDArray[np.float32]
+    gradient: NDArray[np.float32]
+
+    def sample(self, frame: GreyPicture, alignment: Alignment) -> NDArray[np.float32]:
+        """(N,) float32: the frame where the alignment puts the points."""
+        matrix = alignment.matrix
+        x, y = matrix[:, :2] @ self.points + matrix[:, 2:]
+        return sample(frame, x, y)
+
+    def score(self, samples: NDArray[np.float32]) -> float:
+        """NCC of samples with the panel picture's pixels; 0 where either is flat."""
+        return float(correlation_of_rows(samples[None, :], self.pixels)[0])
+
+
+def sample(frame: GreyPicture, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The frame at any number of points, bilinear, of the points' shape; outside it, its border."""
+    shape = x.shape
+    map_x, map_y = np.atleast_2d(x), np.atleast_2d(y)
+    samples = cv2.remap(frame, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return samples.astype(np.float32).reshape(shape)
+
+
+def correlation_of_rows(rows: NDArray[np.float32], pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """NCC of each of (M, N) rows with (N,) pixels: (M,) float32 in [-1, 1]; flat rows or pixels score 0."""
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    pixels = pixels - pixels.mean()
+    norms = np.sqrt((rows * rows).sum(axis=1) * float((pixels * pixels).sum()))
+    scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * 0.04)
+    clipped: NDArray[np.float32] = np.clip(scores, -1.0, 1.0)
+    return clipped
+
+
+def anchor_feature(name: str, picture: GreyPicture, box: tuple[float, float, float, float]) -> Feature:
+    """The pixels of an anchor's box (left, top, width, height)."""
+    left, top, width, height = (round(edge) for edge in box)
+    x, y = np.meshgrid(np.arange(left, left + width), np.arange(top, top + height))
+    return _feature(name, picture, x.ravel(), y.ravel())
+
+
+def level_feature(picture: GreyPicture, edge: tuple[tuple[float, float], tuple[float, float]]) -> Feature:
+    """The pixels in a narrow band along the level edge."""
+    (x0, y0), (x1, y1) = edge
+    length = math.hypot(x1 - x0, y1 - y0)
+    along = np.linspace(0.0, 1.0, min(LEVEL_STATIONS, round(length)))[:, None]
+    across = np.arange(-LEVEL_HALF_WIDTH_PX, LEVEL_HALF_WIDTH_PX + 1)[None, :]
+    x = x0 + along * (x1 - x0) - across * (y1 - y0) / length
+    y = y0 + along * (y1 - y0) + across * (x1 - x0) / length
+    return _feature("level", picture, x.ravel(), y.ravel())
+
+
+def _feature(name: str, picture: GreyPicture, x: NDArray[Any], y: NDArray[Any]) -> Feature:
+    points = np.stack([x, y]).astype(np.float32)
+    half = np.float32(0.5)
+    across = sample(picture, points[0] + half, points[1]) - sample(picture, points[0] - half, points[1])
+    down = sample(picture, points[0], points[1] + half) - sample(picture, points[0], points[1] - half)
+    return Feature(name, points, sample(picture, points[0], points[1]), np.stack([across, down]))

@@ -1,0 +1,157 @@
+"""Flight data: the readings of a flight over time, one column for each needle.
+
+Columns are compact arrays, so that a long flight takes some tens of bytes for each value and nothing else.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.panel import Gauge, Needle, Panel
+from decoder.panel_reader import FrameReadings
+from decoder.reading import Status
+from decoder.scale import Scale
+
+STATUSES = tuple(Status)
+CODE = {status: code for code, status in enumerate(STATUSES)}
+NOWHERE = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class NeedleSeries:
+    """One needle over the flight; all arrays (N,), NaN where there is nothing.
+
+    Attributes
+    ----------
+    status
+        uint8, index into `STATUSES`.
+    value, sigma
+        In the gauge's unit.
+    score
+        NCC of the match.
+    angle_deg
+        Where the best match points, also of a match that was refused.
+    """
+
+    needle: Needle
+    gauge: Gauge
+    status: NDArray[np.uint8]
+    value: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    score: NDArray[np.float64]
+    angle_deg: NDArray[np.float64]
+
+    def has(self, *statuses: Status) -> NDArray[np.bool_]:
+        """(N,): where the status is one of these."""
+        return np.isin(self.status, [CODE[status] for status in statuses])
+
+
+@dataclass(frozen=True, slots=True)
+class MissingFrame:
+    """A frame that could not be read at all, and why."""
+
+    frame: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class FlightData:
+    """All needles of a flight.
+
+    Attributes
+    ----------
+    frame
+        (N,) int64: sequence numbers.
+    time_ns
+        (N,) int64: mid-exposure, realtime.
+    """
+
+    frame: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    series: tuple[NeedleSeries, ...]
+    missing_frames: tuple[MissingFrame, ...]
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(N,): seconds since the first frame."""
+        return (self.time_ns - self.time_ns[0]) / 1e9 if self.time_ns.size else np.empty(0)
+
+
+class _Column:
+    """The growing arrays behind one series."""
+
+    def __init__(self) -> None:
+        self.status, self.angle_deg, self.sigma_deg, self.score = array("B"), array("d"), array("d"), array("d")
+
+    def append(self, status: Status, angle_deg: float, sigma_deg: float, score: float) -> None:
+        self.status.append(CODE[status])
+        self.angle_deg.append(angle_deg)
+        self.sigma_deg.append(sigma_deg)
+        self.score.append(score)
+
+
+class FlightDataBuilder:
+    """Collects readings frame by frame."""
+
+    def __init__(self, panel: Panel) -> None:
+        self._panel = panel
+        self._frame, self._time_ns = array("q"), array("q")
+        self._columns = {needle.name: _Column() for needle in panel.needles}
+        self._missing: list[MissingFrame] = []
+
+    def add(self, frame: int, time_ns: int, readings: FrameReadings) -> None:
+        """One frame that was read."""
+        self._frame.append(frame)
+        self._time_ns.append(time_ns)
+        for name, column in self._columns.items():
+            reading = readings.readings[name]
+            column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)
+
+    def add_missing(self, frame: int, time_ns: int, reason: str) -> None:
+        """One frame that could not be read at all."""
+        self._frame.append(frame)
+        self._time_ns.append(time_ns)
+        self._missing.append(MissingFrame(frame, reason))
+        for column in self._columns.values():
+            column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
+
+    def build(self, systematic_deg: Mapping[str, float]) -> FlightData:
+        """The flight data so far; `systematic_deg` is by needle what all its readings may be off by together."""
+        series = tuple(
+            _series(gauge, needle, self._columns[needle.name], systematic_deg[needle.name])
+            for gauge in self._panel.gauges
+            for needle in gauge.needles
+        )
+        return FlightData(np.array(self._frame), np.array(self._time_ns), series, tuple(self._missing))
+
+
+def _series(gauge: Gauge, needle: Needle, column: _Column, systematic_deg: float) -> NeedleSeries:
+    scale = Scale.of(gauge.scale)
+    status, angle_deg = np.array(column.status), np.array(column.angle_deg)
+    valued = status != CODE[Status.MISSING]
+    sigma_deg = np.hypot(np.array(column.sigma_deg), systematic_deg)
+    return NeedleSeries(
+        needle=needle,
+        gauge=gauge,
+        status=status,
+        value=np.where(valued, scale.values_at(angle_deg), NOWHERE),
+        sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),
+        score=np.array(column.score),
+        angle_deg=angle_deg,
+    )
+
+
+def status_counts(series: NeedleSeries) -> dict[str, int]:
+    """How many frames have each status, all statuses named."""
+    return {status.value: int((series.status == CODE[status]).sum()) for status in STATUSES}
+
+
+def spans(where: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The runs of true values as (first, last) index pairs, both included."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.asarray(where, bool), [False]]).astype(np.int8)))
+    return [(int(first), int(end) - 1) for first, end in edges.reshape(-1, 2)]

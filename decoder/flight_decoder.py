@@ -1,0 +1,68 @@
+"""The flight decoder: from a flight file to flight data, one frame in memory at a time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+from flight_file.reader import Flight
+
+from decoder.errors import FlightUnreadable, PictureError
+from decoder.flight_data import FlightData, FlightDataBuilder
+from decoder.gaps import fill_gaps
+from decoder.panel_reader import PanelReader
+from decoder.pictures import GreyPicture, grey_picture
+from decoder.tuning import SAMPLE_FRAMES, tune
+from flight_file.frame import Frame
+
+Progress = Callable[[Iterator[Frame]], Iterator[Frame]]
+
+
+def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> FlightData:
+    """The flight data of a flight.
+
+    Parameters
+    ----------
+    flight
+        Opened; read twice, a sample of it first.
+    reader
+        With the panel's own templates; it is tuned to the flight here.
+    progress
+        Wraps the frames as they are read.
+
+    Raises
+    ------
+    FlightUnreadable
+        If no frame at all can be read with this panel, with the commonest reason.
+    """
+    tuned = tune(reader, _sample(flight))
+    builder = FlightDataBuilder(reader.source.panel)
+    reasons: Counter[str] = Counter()
+    frames = 0
+    for frame in progress(flight.frames()):
+        frames += 1
+        try:
+            readings = tuned.read(grey_picture(frame.jpeg))
+        except PictureError as error:
+            builder.add_missing(frame.sequence, frame.captured_ns, str(error))
+            reasons[str(error)] += 1
+        else:
+            builder.add(frame.sequence, frame.captured_ns, readings)
+    if sum(reasons.values()) == frames:
+        raise FlightUnreadable(_why(flight.recording, frames, reasons))
+    return fill_gaps(builder.build(tuned.systematic_deg))
+
+
+def _sample(flight: Flight) -> Iterator[GreyPicture]:
+    for frame in flight.sample_frames(SAMPLE_FRAMES):
+        try:
+            yield grey_picture(frame.jpeg)
+        except PictureError:
+            continue  # reported when the flight is read
+
+
+def _why(recording: str, frames: int, reasons: Counter[str]) -> str:
+    if not frames:
+        return f"{recording}: holds no frames"
+    reason, _ = reasons.most_common(1)[0]
+    return f"{recording}: none of its {frames} frames fits this panel: {reason}; is it the panel of this cockpit?"

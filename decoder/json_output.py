@@ -1,0 +1,103 @@
+"""`RECORDING.json`: what the flight data are made of, where they have gaps, and why."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from typing import IO, Any
+
+import numpy as np
+
+from decoder.csv_output import utc_text
+from decoder.flight_data import FlightData, NeedleSeries, spans, status_counts
+from decoder.reading import Status
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file that went into the flight data, by name and SHA-256."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where flight data come from."""
+
+    recording: str
+    software: str
+    method: str
+    flight_files: tuple[SourceFile, ...]
+    panel: SourceFile
+    camera: SourceFile | None
+    losses: tuple[str, ...]
+
+
+def write_json(data: FlightData, provenance: Provenance, stream: IO[str]) -> None:
+    """Writes the description of flight data as JSON."""
+    json.dump(describe(data, provenance), stream, indent=2, ensure_ascii=False, allow_nan=False)
+    stream.write("\n")
+
+
+def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
+    """The description as plain dictionaries and lists."""
+    return {
+        **asdict(provenance),
+        "frames": len(data.frame),
+        "start_utc": utc_text(int(data.time_ns[0])) if len(data.frame) else None,
+        "end_utc": utc_text(int(data.time_ns[-1])) if len(data.frame) else None,
+        "duration_s": round(float(data.time_s[-1]), 6) if len(data.frame) else 0.0,
+        "needles": {series.needle.name: _needle(series) for series in data.series},
+        "missing_frames": _missing_frames(data),
+        "gaps": [gap for series in data.series for gap in _gaps(data, series)],
+    }
+
+
+def lowest_score(series: NeedleSeries) -> float | None:
+    """The lowest score of any frame in which the panel was found."""
+    scored = series.score[np.isfinite(series.score)]
+    return round(float(scored.min()), 4) if scored.size else None
+
+
+def _needle(series: NeedleSeries) -> dict[str, Any]:
+    return {
+        "gauge": series.gauge.name,
+        "unit": series.gauge.unit,
+        "scale_min": min(value for _, value in series.gauge.scale),
+        "scale_max": max(value for _, value in series.gauge.scale),
+        "frames": status_counts(series),
+        "lowest_score": lowest_score(series),
+    }
+
+
+def _missing_frames(data: FlightData) -> list[dict[str, Any]]:
+    """Runs of frames that could not be read at all, by reason; a score in it is that of the run's first frame."""
+    place = {int(frame): index for index, frame in enumerate(data.frame)}
+    numbered = [(place[missing.frame] - count, missing) for count, missing in enumerate(data.missing_frames)]
+    runs = []
+    for _, group in groupby(numbered, key=lambda item: (item[0], item[1].reason.partition(" (")[0])):
+        members = [missing for _, missing in group]
+        runs.append({"first_frame": members[0].frame, "last_frame": members[-1].frame, "reason": members[0].reason})
+    return runs
+
+
+def _gaps(data: FlightData, series: NeedleSeries) -> list[dict[str, Any]]:
+    """Runs of frames in which a needle was not seen though the panel was found."""
+    return [
+        {
+            "needle": series.needle.name,
+            "status": status.value,
+            "first_frame": int(data.frame[first]),
+            "last_frame": int(data.frame[last]),
+            "lowest_score": round(float(np.min(series.score[first : last + 1])), 4),
+        }
+        for status in (Status.HIDDEN, Status.INTERPOLATED, Status.MISSING)
+        for first, last in _runs(series, status)
+    ]
+
+
+def _runs(series: NeedleSeries, status: Status) -> Sequence[tuple[int, int]]:
+    return spans(series.has(status) & np.isfinite(series.score))

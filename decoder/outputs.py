@@ -1,0 +1,51 @@
+"""Writing flight data: `RECORDING.csv` and `RECORDING.json`, whole or not at all.
+
+Every file is made beside its final name and put in place only when all of them are complete, so that a decode that is
+broken off leaves nothing half-written. The same flight data always give the same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import IO
+
+from decoder.errors import OutputError
+
+Write = Callable[[IO[str]], None]
+PART = ".part"
+
+
+def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
+    """Writes files by name into a directory, which is made if it is not there; returns their paths.
+
+    Raises
+    ------
+    OutputError
+        If any cannot be written; then none is.
+    """
+    finals = [directory / name for name in writers]
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with _parts(finals) as parts:
+            for part, write in zip(parts, writers.values(), strict=True):
+                with part.open("w", encoding="utf-8", newline="") as stream:
+                    write(stream)
+            for part, final in zip(parts, finals, strict=True):
+                part.replace(final)
+    except OSError as error:
+        raise OutputError(
+            f"{directory}: the flight data cannot be written: {error.strerror}; choose another with -o"
+        ) from error
+    return finals
+
+
+@contextlib.contextmanager
+def _parts(finals: list[Path]) -> Iterator[list[Path]]:
+    parts = [final.with_name(final.name + PART) for final in finals]
+    try:
+        yield parts
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)

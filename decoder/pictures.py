@@ -1,0 +1,44 @@
+"""Pictures as grey arrays: the one place where JPEGs are decompressed, always the same way.
+
+Grey is the JPEG's own luma plane, which saves the colour conversion; it differs by up to five levels from the grey of
+the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is never
+obeyed: a camera that senses it would turn its frames in flight.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.errors import PictureError
+
+GreyPicture = NDArray[np.uint8]
+_FLAGS = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
+
+def grey_picture(encoded: bytes) -> GreyPicture:
+    """The picture's luma.
+
+    Parameters
+    ----------
+    encoded : JPEG (or PNG) bytes
+
+    Returns
+    -------
+    (H, W) uint8
+
+    Raises
+    ------
+    PictureError
+        If the bytes are no picture, or one that breaks off.
+    """
+    if not encoded:
+        raise PictureError("the picture is empty")
+    try:
+        picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), _FLAGS)
+    except cv2.error as error:
+        raise PictureError("the picture cannot be decompressed") from error
+    if picture is None:
+        raise PictureError("the picture is damaged or cut short")
+    return np.asarray(picture, np.uint8)

@@ -1,0 +1,41 @@
+"""A reading: one needle in one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """How a value came about; there is no value without one."""
+
+    READ = "read"
+    """The whole needle matched."""
+    EDGE = "edge"
+    """Another needle covers it in part; what is left matched."""
+    HIDDEN = "hidden"
+    """Another needle covers it wholly; it takes that needle's place."""
+    INTERPOLATED = "interpolated"
+    """It could not be read; its value lies on the line between the nearest frames in which it could."""
+    MISSING = "missing"
+    """There is no value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One needle in one frame, before time is considered.
+
+    Attributes
+    ----------
+    status
+        READ, EDGE, HIDDEN, or MISSING where the score stays below the threshold.
+    angle_deg, sigma_deg
+        Where the needle points and the standard uncertainty of that; of the best match even if it is MISSING.
+    score
+        NCC of the match, in [-1, 1].
+    """
+
+    status: Status
+    angle_deg: float
+    sigma_deg: float
+    score: float

@@ -1,0 +1,120 @@
+"""Unwrapping: gauges sampled in polar coordinates, all of one frame in a single resampling of its original pixels.
+
+In an unwrapped gauge rows are angle (0 degrees right, positive clockwise) and columns are radius, so that a turning
+needle only shifts up and down (thesis 3.2.2). Alignment and unwrapping are one map: no pixel is interpolated twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.alignment import Alignment
+from decoder.pictures import GreyPicture
+
+UnwrappedGauge = NDArray[np.float32]
+
+# Oversampling beyond two rows a degree gained nothing on a 104-pixel dial, where a degree is 0.9 pixels of the rim;
+# larger dials keep that density of about two rows a pixel until the rows become a cost of their own.
+MIN_ROWS_PER_DEG = 2
+MAX_ROWS_PER_DEG = 4
+MAX_COLUMNS = 64
+_MAP_WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
+
+
+@dataclass(frozen=True, slots=True)
+class PolarGrid:
+    """The sample points of one unwrapped gauge.
+
+    Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
+    picture pixels.
+    """
+
+    centre: tuple[float, float]
+    start_deg: float
+    step_deg: float
+    rows: int
+    inner_px: float
+    column_px: float
+    columns: int
+
+    def points(self) -> NDArray[np.float32]:
+        """(2, rows, columns) float32: x and y of every sample in the panel picture."""
+        angles = np.radians(self.start_deg + self.step_deg * np.arange(self.rows))[:, None]
+        radii = (self.inner_px + self.column_px * np.arange(self.columns))[None, :]
+        x = self.centre[0] + np.cos(angles) * radii
+        y = self.centre[1] + np.sin(angles) * radii
+        return np.stack([x, y]).astype(np.float32)
+
+    def at(self, angle_deg: float, rows: int) -> PolarGrid:
+        """The same dial around one angle: an odd number of rows with `angle_deg` in the middle one."""
+        start_deg = angle_deg - (rows - 1) / 2 * self.step_deg
+        return PolarGrid(self.centre, start_deg, self.step_deg, rows, self.inner_px, self.column_px, self.columns)
+
+    def angle_deg(self, row: float) -> float:
+        """The angle of a (fractional) row."""
+        return self.start_deg + row * self.step_deg
+
+    @property
+    def pixels_per_sample(self) -> float:
+        """How much of a frame's pixel one sample stands for at the mean radius, at most 1."""
+        arc_px = math.radians(self.step_deg) * (self.inner_px + self.column_px * (self.columns - 1) / 2)
+        return min(1.0, arc_px * self.column_px)
+
+
+def polar_grid(
+    centre: tuple[float, float], radius_px: tuple[float, float], start_deg: float, end_deg: float
+) -> PolarGrid:
+    """The grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size."""
+    rows_per_deg = min(max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1]))), MAX_ROWS_PER_DEG)
+    length_px = radius_px[1] - radius_px[0]
+    columns = min(math.floor(length_px) + 1, MAX_COLUMNS)
+    rows = round((end_deg - start_deg) * rows_per_deg) + 1
+    return PolarGrid(centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], length_px / (columns - 1), columns)
+
+
+class Unwrapper:
+    """Samples several grids from a frame at once.
+
+    The panel points of all grids are kept in one folded map; a frame costs one transformation of that map and one
+    `cv2.remap`.
+    """
+
+    def __init__(self, grids: Sequence[PolarGrid]) -> None:
+        self.grids = tuple(grids)
+        points = [grid.points().reshape(2, -1) for grid in self.grids]
+        self._slices = _consecutive_slices([part.shape[1] for part in points])
+        flat = np.concatenate(points, axis=1)
+        padding = -flat.shape[1] % _MAP_WIDTH
+        self._x, self._y = np.pad(flat, ((0, 0), (0, padding)), mode="edge").reshape(2, -1, _MAP_WIDTH)
+
+    def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
+        """One (rows, columns) float32 array for each grid, in their order.
+
+        Samples outside the frame repeat its border; `inside` tells whether there are any.
+        """
+        ((xx, xy, x0), (yx, yy, y0)) = alignment.matrix
+        map_x = xx * self._x + xy * self._y + x0
+        map_y = yx * self._x + yy * self._y + y0
+        samples = cv2.remap(frame, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        flat = samples.reshape(-1).astype(np.float32)
+        return [
+            flat[part].reshape(grid.rows, grid.columns) for part, grid in zip(self._slices, self.grids, strict=True)
+        ]
+
+
+def inside(grid: PolarGrid, alignment: Alignment, width_px: int, height_px: int) -> bool:
+    """Whether every sample of a grid lies within the frame."""
+    matrix = alignment.matrix
+    x, y = matrix[:, :2] @ grid.points().reshape(2, -1) + matrix[:, 2:]
+    return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
+
+
+def _consecutive_slices(lengths: Sequence[int]) -> list[slice]:
+    ends = np.cumsum(lengths).tolist()
+    return [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
