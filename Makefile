@@ -1,0 +1,57 @@
+# The dictionary of the project: what can be done here, by name. `make` alone lists it.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+JOBS ?= 2
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format bench fixtures refs docs lock clean
+
+help:  ## List the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch $@
+
+demo: $(READY)  ## Record a fixture flight, decode it, and show how right it is
+	@rm -rf demo
+	$(BIN)/recorder run --config fixtures/demo.yaml
+	$(BIN)/recorder info demo/*.mcap
+	$(BIN)/decode demo/*.mcap -o demo
+	$(BIN)/decode accuracy demo/*.csv fixtures/thesis_a1_truth.csv
+
+test: $(READY)  ## Run all tests
+	$(BIN)/pytest -n $(JOBS) --cov --cov-report=term:skip-covered
+
+lint: $(READY)  ## Check style, types and import contracts
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(READY)  ## Put the code in the house style
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: $(READY)  ## Measure accuracy and speed beside the thesis's tables
+	$(BIN)/python -m benchmarks
+
+fixtures: $(READY)  ## Render the cockpit animation and record its flights
+	$(BIN)/python -m fixtures.make
+
+refs: $(READY)  ## Renew the reference flight data knowingly, and print what moved
+	$(BIN)/python -m tests.references
+
+docs: $(READY)  ## Check that the documents' commands and files are there
+	$(BIN)/pytest -q tests/docs
+
+lock: $(READY)  ## Renew requirements.lock from pyproject.toml
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
+		--python-version 3.11 --all-extras --group dev --upgrade pyproject.toml --output-file requirements.lock
+
+clean:  ## Remove what the other targets made
+	rm -rf .venv demo fixtures/rendered .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
