@@ -1,7 +1,7 @@
 """A frame: one picture as the camera sent it, with everything known about when and how it was taken.
 
-Time is integer nanoseconds. `realtime` is UTC since the Unix epoch and may jump; `monotonic` never runs back but means nothing
-outside one boot of the box.
+Time is integer nanoseconds. `realtime` is UTC since the Unix epoch and may jump; `monotonic` never runs back but means
+nothing outside one boot of the box.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ class HostTimes:
 class Exif:
     """The EXIF tags that matter; each is None where the picture does not say.
 
-    `datetime` is ISO 8601 with as many fractions of a second as the picture gives, and an offset only if the picture gives one.
+    `datetime` is ISO 8601 with as many fractions of a second as the picture gives, and an offset only if the picture
+    gives one.
     """
 
     focal_length_mm: float | None = None

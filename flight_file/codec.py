@@ -1,0 +1,154 @@
+"""The messages of a flight file as bytes: frames both ways, reports one way."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from google.protobuf.message import DecodeError
+
+from flight_file import moments
+from flight_file.frame import ClockReading, Exif, Frame
+from flight_file.reports import CameraStatus, Health, LogLine
+from flight_file.topics import FRAME_ID, IMAGE_FORMAT
+
+T = TypeVar("T")
+
+_EXIF_FIELDS = ("focal_length_mm", "exposure_s", "f_number", "iso", "datetime")
+
+
+class MalformedMessageError(ValueError):
+    """A message whose bytes are whole but which is not what its topic promises; the reader turns it into a loss."""
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """An `/camera/image` message."""
+
+    captured_ns: int
+    jpeg: bytes
+
+
+def _json_bytes(document: dict[str, Any]) -> bytes:
+    present = {key: value for key, value in document.items() if value is not None}
+    return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def encode_image(frame: Frame) -> bytes:
+    """The picture as foxglove.CompressedImage."""
+    message = CompressedImage(data=frame.jpeg, format=IMAGE_FORMAT, frame_id=FRAME_ID)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(frame.captured_ns, moments.NS_PER_S)
+    return message.SerializeToString(deterministic=True)
+
+
+def decode_image(data: memoryview) -> Image:
+    """Inverse of `encode_image`; raises MalformedMessageError."""
+    try:
+        message = CompressedImage.FromString(data)  # type: ignore[arg-type]  # takes any buffer, and copies once instead of twice
+    except DecodeError as error:
+        raise MalformedMessageError("a picture's message is not a foxglove.CompressedImage") from error
+    stamp = message.timestamp
+    return Image(captured_ns=stamp.seconds * moments.NS_PER_S + stamp.nanos, jpeg=message.data)
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Everything about the picture but its JPEG, as JSON."""
+    exif = {name: getattr(frame.exif, name) for name in _EXIF_FIELDS}
+    return _json_bytes(
+        {
+            "sequence": frame.sequence,
+            "captured": moments.to_json(frame.captured_ns),
+            "times": moments.host_times_to_json(frame.times),
+            "exif": {name: value for name, value in exif.items() if value is not None},
+            "zoom_position": frame.zoom_position,
+            "width_px": frame.width_px,
+            "height_px": frame.height_px,
+            "size_bytes": len(frame.jpeg),
+            "sha256": frame.sha256,
+        }
+    )
+
+
+def decode_frame(data: memoryview) -> Frame:
+    """Inverse of `encode_frame`, with an empty `jpeg`; raises MalformedMessageError."""
+    try:
+        document = json.loads(bytes(data))
+        return _frame(document)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise MalformedMessageError("a frame's record is not what /camera/frame promises") from error
+
+
+def _frame(document: dict[str, Any]) -> Frame:
+    exif = document["exif"]
+    return Frame(
+        sequence=_typed(document["sequence"], int),
+        captured_ns=moments.from_json(document["captured"]),
+        jpeg=b"",
+        sha256=_typed(document["sha256"], str),
+        times=moments.host_times_from_json(document["times"]),
+        exif=Exif(
+            focal_length_mm=_real(exif.get("focal_length_mm")),
+            exposure_s=_real(exif.get("exposure_s")),
+            f_number=_real(exif.get("f_number")),
+            iso=_optional(exif.get("iso"), int),
+            datetime=_optional(exif.get("datetime"), str),
+        ),
+        width_px=_optional(document.get("width_px"), int),
+        height_px=_optional(document.get("height_px"), int),
+        zoom_position=_real(document.get("zoom_position")),
+    )
+
+
+def _typed(value: object, kind: type[T]) -> T:
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise TypeError(f"expected {kind.__name__}")
+    return value
+
+
+def _optional(value: object, kind: type[T]) -> T | None:
+    return None if value is None else _typed(value, kind)
+
+
+def _real(value: object) -> float | None:
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else _optional(value, float)
+
+
+def encode_status(status: CameraStatus, at: ClockReading) -> bytes:
+    """A camera status as JSON."""
+    return _json_bytes(
+        {
+            "clocks": moments.reading_to_json(at),
+            "state": status.state,
+            "reason": status.reason,
+            "dropped": status.dropped,
+            "sequence": status.sequence,
+        }
+    )
+
+
+def encode_health(health: Health, at: ClockReading) -> bytes:
+    """A health report as JSON."""
+    return _json_bytes(
+        {
+            "clocks": moments.reading_to_json(at),
+            "free_bytes": health.free_bytes,
+            "frame_rate_hz": health.frame_rate_hz,
+            "stored": health.stored,
+            "dropped": health.dropped,
+            "queued": health.queued,
+            "drops_by_reason": dict(sorted(health.drops_by_reason.items())),
+            "temperatures_c": dict(sorted(health.temperatures_c.items())),
+            "clock": health.clock,
+            "clock_offset": moments.to_json(health.clock_offset_ns),
+        }
+    )
+
+
+def encode_log(line: LogLine, at: ClockReading) -> bytes:
+    """A log line as foxglove.Log."""
+    message = Log(level=Log.Level.Value(line.level.name), message=line.message, name=line.name)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(at.realtime_ns, moments.NS_PER_S)
+    return message.SerializeToString(deterministic=True)

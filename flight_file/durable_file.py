@@ -1,0 +1,119 @@
+"""A file that is written front to back and says when its bytes are safe.
+
+Unbuffered: the MCAP writer hands over whole records, and a failed write must not be tried again by a buffer that is
+thrown away.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+from flight_file.errors import FlightNotWrittenError
+
+FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
+
+_ADVICE = {
+    errno.EPERM: "check who may write there",
+    errno.EACCES: "check who may write there",
+    errno.ENOENT: "create the directory first",
+    errno.EEXIST: "give the recording another name",
+    errno.ENOSPC: "make room on the disk",
+    errno.EDQUOT: "raise the quota or make room",
+    errno.EROFS: "mount the disk for writing",
+}
+
+
+class DurableFile:
+    """A new file in work, as the stream that an MCAP writer expects.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        From every method that touches the disk.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.synced_bytes = 0
+        self._written_bytes = 0
+        try:
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, FILE_MODE)
+        except OSError as error:
+            raise _not_written(path, error) from error
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        """Write all of it."""
+        view = memoryview(data)
+        done = 0
+        try:
+            while done < len(view):
+                done += os.write(self._descriptor, view[done:])
+        except OSError as error:
+            raise _not_written(self.path, error) from error
+        finally:
+            self._written_bytes += done
+        return done
+
+    def tell(self) -> int:
+        """Bytes written so far."""
+        return self._written_bytes
+
+    def flush(self) -> None:
+        """Nothing waits in this process."""
+
+    def sync(self) -> None:
+        """Come back when all bytes are on the disk."""
+        if self.synced_bytes == self._written_bytes:
+            return
+        try:
+            os.fdatasync(self._descriptor)
+        except OSError as error:
+            raise _not_written(self.path, error) from error
+        self.synced_bytes = self._written_bytes
+
+    def close(self) -> None:
+        """Close it as it is; a second time does nothing."""
+        if self._descriptor >= 0:
+            descriptor, self._descriptor = self._descriptor, -1
+            os.close(descriptor)
+
+
+def sync_directory(directory: Path) -> None:
+    """Make names in a directory durable: a new or renamed file is there after a power cut only then."""
+    try:
+        descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise _not_written(directory, error) from error
+
+
+def rename_durably(source: Path, target: Path) -> None:
+    """Give a file its final name for good; never replaces another file."""
+    try:
+        os.link(source, target)
+        source.unlink()
+    except FileExistsError as error:
+        raise _not_written(target, error) from error
+    except OSError:
+        _rename_without_links(source, target)
+    sync_directory(target.parent)
+
+
+def _rename_without_links(source: Path, target: Path) -> None:
+    # FAT and some network file systems have no hard links.
+    try:
+        if target.exists():
+            raise FlightNotWrittenError(target, reason="the name is taken; give the recording another name")
+        source.rename(target)
+    except OSError as error:
+        raise _not_written(target, error) from error
+
+
+def _not_written(path: Path, error: OSError) -> FlightNotWrittenError:
+    advice = _ADVICE.get(error.errno or 0, "check the disk and its permissions")
+    return FlightNotWrittenError(path, reason=f"cannot be written ({error.strerror}); {advice}")

@@ -1,0 +1,214 @@
+"""Walk a file from record to record, without reading what is in the chunks.
+
+Works on finished, unfinished and damaged files alike: it never uses the summary. Where a record makes no sense, the
+walk goes on at the next chunk whose CRC fits; what lies between is a loss. So a damaged length cannot lead it astray:
+a jump lands either on a record whose lengths agree with each other, or is undone by the search for a chunk that its
+CRC proves.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flight_file.chunks import MAX_RECORD_BYTES, ByteSource, ChunkPlace, read_chunk
+from flight_file.errors import NotAFlightError
+from flight_file.losses import Loss, LossKind
+from flight_file.records import (
+    CHUNK_HEAD_BYTES,
+    FOOTER_BYTES,
+    MAGIC,
+    RECORD_HEADER,
+    Attachment,
+    DamagedRecordError,
+    Opcode,
+    parse_attachment,
+    parse_chunk_head,
+    parse_header,
+    parse_message_index,
+    parse_metadata,
+)
+
+_WINDOW_BYTES = 1 << 20
+
+# A chunk record: lengths below 2**40, a known compression; everything else about it is proved by its CRC.
+_CHUNK_START = re.compile(
+    rb"(?=\x06.{5}\x00{3}.{28}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd).{5}\x00{3})",
+    re.DOTALL,
+)
+_CHUNK_START_BYTES = RECORD_HEADER.size + CHUNK_HEAD_BYTES
+
+
+@dataclass(slots=True)
+class FileScan:
+    """What a walk over one file found.
+
+    Attributes
+    ----------
+    finished
+        Whether the file ends as MCAP asks: footer and magic.
+    metadata
+        The last record of each name.
+    attachments
+        Those whose CRC fits (or which have none, in a finished file).
+    """
+
+    path: Path
+    profile: str = ""
+    library: str = ""
+    finished: bool = False
+    chunks: list[ChunkPlace] = field(default_factory=list)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, Attachment] = field(default_factory=dict)
+    losses: list[Loss] = field(default_factory=list)
+
+
+def scan_file(path: Path, source: ByteSource) -> FileScan:
+    """Walk a file.
+
+    Raises
+    ------
+    NotAFlightError
+        If the file is empty or does not begin as MCAP does.
+    """
+    if source.size == 0:
+        raise NotAFlightError(path, reason="is empty; nothing was recorded")
+    if source.read_at(0, len(MAGIC)) != MAGIC:
+        raise NotAFlightError(path, reason="is not an MCAP file; give a recording that ends in .mcap or .mcap.part")
+    return _Walk(path, source).run()
+
+
+class _Walk:
+    """The state of one walk: where it is, and what it found so far."""
+
+    def __init__(self, path: Path, source: ByteSource) -> None:
+        self._source = source
+        self._position = len(MAGIC)
+        self._at_end = False
+        self._found = FileScan(path=path, finished=_is_finished(source))
+
+    def run(self) -> FileScan:
+        """Walk to the end of the data."""
+        while not self._at_end and self._position < self._source.size:
+            try:
+                self._step()
+            except DamagedRecordError as error:
+                self._go_on_behind_damage(str(error))
+        if self._at_end and not self._found.finished:
+            reason = "the index at its end is cut; the pictures are whole"
+            self._lose(self._position, self._source.size, reason, LossKind.TRUNCATED)
+        return self._found
+
+    def _step(self) -> None:
+        head = self._source.read_at(self._position, RECORD_HEADER.size)
+        if len(head) < RECORD_HEADER.size:
+            raise DamagedRecordError("the file ends inside a record")
+        opcode, length = RECORD_HEADER.unpack(head)
+        take = _TAKE.get(opcode)
+        if take is None:
+            raise DamagedRecordError(_OUTSIDE.get(opcode, "bytes that are no record of a flight"))
+        start = self._position + RECORD_HEADER.size
+        if length > min(self._source.size - start, MAX_RECORD_BYTES):
+            raise DamagedRecordError("the file ends inside a record")
+        take(self, start, length)
+        self._position = start + length
+
+    def _content(self, start: int, length: int) -> memoryview:
+        content = self._source.read_at(start, length)
+        if len(content) < length:
+            raise DamagedRecordError("the file ends inside a record")
+        return memoryview(content)
+
+    def take_header(self, start: int, length: int) -> None:
+        self._found.profile, self._found.library = parse_header(self._content(start, length))
+
+    def take_chunk(self, start: int, length: int) -> None:
+        head = parse_chunk_head(self._content(start, min(length, CHUNK_HEAD_BYTES)), length)
+        self._found.chunks.append(
+            ChunkPlace(start - RECORD_HEADER.size, RECORD_HEADER.size + length, head.start_ns, {})
+        )
+
+    def take_message_index(self, start: int, length: int) -> None:
+        channel_id, count = parse_message_index(self._content(start, length))
+        if self._found.chunks:
+            self._found.chunks[-1].messages[channel_id] = count
+
+    def take_attachment(self, start: int, length: int) -> None:
+        content = self._content(start, length)
+        attachment = parse_attachment(content)
+        proved = attachment.crc == zlib.crc32(content[: attachment.crc_bytes])
+        if not proved and (attachment.crc or not self._found.finished):
+            self._lose(
+                start, start + length, f"the attachment {attachment.name!r} does not fit its CRC", LossKind.DAMAGED
+            )
+            return
+        self._found.attachments[attachment.name] = attachment
+
+    def take_metadata(self, start: int, length: int) -> None:
+        name, items = parse_metadata(self._content(start, length))
+        self._found.metadata[name] = items
+
+    def take_data_end(self, _start: int, length: int) -> None:
+        if length != _DATA_END_BYTES:
+            raise DamagedRecordError("the end of the data is damaged")
+        self._at_end = True
+
+    def _go_on_behind_damage(self, reason: str) -> None:
+        found = find_chunk(self._source, self._position + 1)
+        if found is None:
+            kind = LossKind.DAMAGED if self._found.finished else LossKind.TRUNCATED
+            self._lose(self._position, self._source.size, reason, kind)
+            self._position = self._source.size
+        else:
+            self._lose(self._position, found, reason, LossKind.DAMAGED)
+            self._position = found
+
+    def _lose(self, start: int, end: int, reason: str, kind: LossKind) -> None:
+        self._found.losses.append(Loss(self._found.path, start, end - start, reason, kind))
+
+
+_DATA_END_BYTES = 4
+_TAKE = {
+    Opcode.HEADER: _Walk.take_header,
+    Opcode.CHUNK: _Walk.take_chunk,
+    Opcode.MESSAGE_INDEX: _Walk.take_message_index,
+    Opcode.ATTACHMENT: _Walk.take_attachment,
+    Opcode.METADATA: _Walk.take_metadata,
+    Opcode.DATA_END: _Walk.take_data_end,
+}
+_OUTSIDE = dict.fromkeys(
+    (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE), "a record outside of the chunks, where no CRC protects it"
+)
+
+
+def _is_finished(source: ByteSource) -> bool:
+    tail = source.read_at(max(source.size - FOOTER_BYTES - len(MAGIC), 0), FOOTER_BYTES + len(MAGIC))
+    return len(tail) == FOOTER_BYTES + len(MAGIC) and tail.endswith(MAGIC) and tail[0] == Opcode.FOOTER
+
+
+def find_chunk(source: ByteSource, start: int) -> int | None:
+    """Offset of the first chunk at or behind `start` that its CRC proves to be one; None if there is none."""
+    position = start
+    while position < source.size:
+        window = source.read_at(position, _WINDOW_BYTES + _CHUNK_START_BYTES)
+        for match in _CHUNK_START.finditer(window, 0):
+            if match.start() < _WINDOW_BYTES and _is_chunk(source, position + match.start()):
+                return position + match.start()
+        position += _WINDOW_BYTES
+    return None
+
+
+def _is_chunk(source: ByteSource, offset: int) -> bool:
+    _, length = RECORD_HEADER.unpack(source.read_at(offset, RECORD_HEADER.size))
+    end = offset + RECORD_HEADER.size + length
+    if end > source.size or length > MAX_RECORD_BYTES:
+        return False
+    try:
+        head = source.read_at(offset + RECORD_HEADER.size, min(length, CHUNK_HEAD_BYTES))
+        parse_chunk_head(memoryview(head), length)
+        read_chunk(source, ChunkPlace(offset, RECORD_HEADER.size + length, 0, {}), needs_crc=True)
+    except DamagedRecordError:
+        return False
+    return True

@@ -1,0 +1,163 @@
+"""One file of a flight: what it says about itself, and where its chunks are."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from flight_file.chunks import ByteSource, ChunkPlace, FileSource
+from flight_file.errors import FlightNotReadableError
+from flight_file.losses import Loss, LossKind
+from flight_file.scan import FileScan, scan_file
+from flight_file.segments import parse_segment_name
+from flight_file.session import (
+    ATTACHMENTS_RECORD,
+    DIGEST_KEY,
+    END_RECORD,
+    SESSION_RECORD,
+    EndRecord,
+    Session,
+    end_from_metadata,
+    is_sound,
+    session_from_metadata,
+)
+from flight_file.topics import PROFILE
+
+_BLOCK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One file of a flight.
+
+    Attributes
+    ----------
+    session
+        From its `session` record; where that is lost, recording and segment number come from the file's name.
+    end
+        From its `end` record; None if there is none.
+    finished
+        Whether the file ends as MCAP asks.
+    losses
+        What was lost outside of the chunks.
+    """
+
+    path: Path
+    session: Session
+    end: EndRecord | None
+    finished: bool
+    chunks: tuple[ChunkPlace, ...]
+    losses: tuple[Loss, ...]
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[ByteSource]:
+    """Open a file for reading at any position.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If it cannot be opened, is a directory, or fails while it is read inside the `with` block.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        raise FlightNotReadableError(path, reason=_advice(error)) from error
+    try:
+        if path.is_dir():
+            raise FlightNotReadableError(path, reason="is a directory; give the flight files in it")
+        yield FileSource(descriptor)
+    except OSError as error:
+        raise FlightNotReadableError(path, reason=_advice(error)) from error
+    finally:
+        os.close(descriptor)
+
+
+def open_segment(path: Path) -> tuple[Segment, dict[str, bytes]]:
+    """The segment in a file, and its attachments that are whole.
+
+    Raises
+    ------
+    FlightNotReadableError, NotAFlightError
+        If the file cannot be read, or is no MCAP.
+    """
+    with opened(path) as source:
+        scan = scan_file(path, source)
+    losses = list(scan.losses)
+    session = _session(scan, losses)
+    end = _end(scan, losses)
+    attachments = _attachments(scan, losses)
+    return Segment(path, session, end, scan.finished, tuple(scan.chunks), tuple(losses)), attachments
+
+
+def digest_of(source: ByteSource) -> str:
+    """SHA-256 of all bytes, hexadecimal."""
+    digest = hashlib.sha256()
+    for offset in range(0, source.size, _BLOCK_BYTES):
+        digest.update(source.read_at(offset, min(_BLOCK_BYTES, source.size - offset)))
+    return digest.hexdigest()
+
+
+def _advice(error: OSError) -> str:
+    if isinstance(error, FileNotFoundError):
+        return "there is no such file; check the name"
+    return f"cannot be read ({error.strerror}); check the file and its permissions"
+
+
+def _by_name(path: Path) -> Session:
+    recording, segment = parse_segment_name(path) or (path.name.removesuffix(".part").removesuffix(".mcap"), 0)
+    return Session(recording=recording, segment=segment)
+
+
+def _session(scan: FileScan, losses: list[Loss]) -> Session:
+    record = scan.metadata.get(SESSION_RECORD, {})
+    if is_sound(record):
+        try:
+            return session_from_metadata(record)
+        except (KeyError, ValueError):
+            pass
+    if record or scan.profile == PROFILE:
+        reason = "the session record is lost; recording and segment number are taken from the file's name"
+        losses.append(Loss(scan.path, 0, 0, reason, LossKind.DAMAGED))
+    return _by_name(scan.path)
+
+
+def _end(scan: FileScan, losses: list[Loss]) -> EndRecord | None:
+    record = scan.metadata.get(END_RECORD, {})
+    if is_sound(record):
+        try:
+            return end_from_metadata(record)
+        except (KeyError, ValueError):
+            pass
+    if SESSION_RECORD in scan.metadata or not scan.finished:
+        reason = "there is no end record: the recording was cut off, or still runs"
+        losses.append(Loss(scan.path, 0, 0, reason, LossKind.NO_END))
+    return None
+
+
+def _attachments(scan: FileScan, losses: list[Loss]) -> dict[str, bytes]:
+    whole = {name: attachment.data for name, attachment in scan.attachments.items()}
+    record = scan.metadata.get(ATTACHMENTS_RECORD)
+    if record is None:
+        return whole
+    if not is_sound(record):
+        reason = "the list of attachments is damaged; they are checked by their CRCs alone"
+        losses.append(Loss(scan.path, 0, 0, reason, LossKind.DAMAGED))
+        return whole
+    promised = {name: digest for name, digest in record.items() if name != DIGEST_KEY}
+    for name in _unfitting(promised, whole):
+        whole.pop(name, None)
+        losses.append(Loss(scan.path, 0, 0, f"the attachment {name!r} is lost", LossKind.DAMAGED))
+    return whole
+
+
+def _unfitting(promised: Mapping[str, str], whole: Mapping[str, bytes]) -> list[str]:
+    return [
+        name
+        for name, digest in promised.items()
+        if name not in whole or hashlib.sha256(whole[name]).hexdigest() != digest
+    ]

@@ -1,0 +1,143 @@
+"""A flight as a row of segment files: `NAME_0000.mcap`, `NAME_0001.mcap`, ...
+
+Four digits sort by name for ten thousand segments, almost a week of one-minute ones; readers sort by number in any
+case.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from flight_file import moments
+from flight_file.errors import FlightNotWrittenError
+from flight_file.frame import ClockReading, Frame
+from flight_file.reports import CameraStatus, Health, LogLine
+from flight_file.session import Session
+from flight_file.writer import SegmentWriter
+
+SEGMENT_SUFFIX = ".mcap"
+NEXT_SEGMENT = "next segment"
+
+_NAME = re.compile(r"(?P<recording>.+)_(?P<segment>\d{4,})\.mcap(\.part)?")
+
+
+def segment_path(directory: Path, recording: str, segment: int) -> Path:
+    """Where a finished segment lies."""
+    return directory / f"{recording}_{segment:04d}{SEGMENT_SUFFIX}"
+
+
+def parse_segment_name(path: Path) -> tuple[str, int] | None:
+    """Recording and segment number by the file's name, finished or in work; None if it is no segment's name."""
+    match = _NAME.fullmatch(path.name)
+    return (match["recording"], int(match["segment"])) if match else None
+
+
+def free_recording_name(directory: Path, wanted: str) -> str:
+    """The wanted name, or the first of `wanted-2`, `wanted-3`, ... that no segment in the directory has."""
+    try:
+        taken = {parsed[0] for path in directory.iterdir() if (parsed := parse_segment_name(path))}
+    except OSError as error:
+        raise FlightNotWrittenError(
+            directory, reason=f"cannot be listed ({error.strerror}); check the directory"
+        ) from error
+    names = (wanted if number == 1 else f"{wanted}-{number}" for number in range(1, len(taken) + 2))
+    return next(name for name in names if name not in taken)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What all segments of one recording have in common.
+
+    Attributes
+    ----------
+    directory
+        Where the segments lie; it exists.
+    session
+        As for the first segment; number and start are filled in for each segment.
+    attachments
+        Content by name; carried inside every segment.
+    segment_ns
+        How long a segment may become, ns.
+    """
+
+    directory: Path
+    session: Session
+    attachments: Mapping[str, bytes]
+    segment_ns: int = 60 * moments.NS_PER_S
+
+
+class FlightWriter:
+    """A recording in work; takes what comes and starts a new segment when the old one is long enough.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        From the constructor and from every method but `abandon`.
+    """
+
+    def __init__(self, plan: Plan, *, status: CameraStatus, at: ClockReading) -> None:
+        self._plan = plan
+        self._status = status
+        self.finished: list[Path] = []
+        self._dropped = status.dropped
+        self._stored = 0
+        self._segment = self._open(plan.session.segment, at)
+
+    @property
+    def stored(self) -> int:
+        """Frames handed over so far."""
+        return self._stored
+
+    def write_frame(self, frame: Frame, at: ClockReading) -> None:
+        """Store a frame that arrived at this time."""
+        self._rotate_if_due(at)
+        self._segment.write_frame(frame, at)
+        self._stored += 1
+
+    def write_status(self, status: CameraStatus, at: ClockReading) -> None:
+        """Store a change of the camera's state; the next segment will start with it."""
+        self._status = status
+        self._dropped = max(self._dropped, status.dropped)
+        self._segment.write_status(status, at)
+
+    def write_health(self, health: Health, at: ClockReading) -> None:
+        """Store a health report."""
+        self._dropped = max(self._dropped, health.dropped)
+        self._segment.write_health(health, at)
+
+    def write_log(self, line: LogLine, at: ClockReading) -> None:
+        """Store a log line."""
+        self._segment.write_log(line, at)
+
+    def tick(self, at: ClockReading) -> None:
+        """Do what is due while no frames come: sync, close a segment that is long enough."""
+        self._rotate_if_due(at)
+        self._segment.tick(at)
+
+    def finish(self, reason: str, at: ClockReading) -> list[Path]:
+        """Close the last segment with this reason; returns all segments of the recording."""
+        self._close(reason, at)
+        return list(self.finished)
+
+    def abandon(self) -> None:
+        """Leave the open segment as it is, in work; for use after an error."""
+        self._segment.abandon()
+
+    def _rotate_if_due(self, at: ClockReading) -> None:
+        session = self._segment.session
+        if at.monotonic_ns - session.started.monotonic_ns >= self._plan.segment_ns:
+            self._close(NEXT_SEGMENT, at)
+            self._segment = self._open(session.segment + 1, at)
+
+    def _open(self, segment: int, at: ClockReading) -> SegmentWriter:
+        session = replace(self._plan.session, segment=segment, started=at)
+        path = segment_path(self._plan.directory, session.recording, segment)
+        if path.exists():
+            raise FlightNotWrittenError(path, reason="exists already; give the recording another name")
+        return SegmentWriter(path, session=session, status=self._status, attachments=self._plan.attachments)
+
+    def _close(self, reason: str, at: ClockReading) -> None:
+        self.finished.append(self._segment.finish(reason, dropped=self._dropped, at=at))
