@@ -1,0 +1,59 @@
+"""What the recorder expects of every camera."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+from flight_file.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class CameraIdentity:
+    """Which camera it is; empty where it does not say.
+
+    Attributes
+    ----------
+    note
+        What else is worth a line in the flight, in words.
+    """
+
+    driver: str
+    model: str = ""
+    serial: str = ""
+    note: str = ""
+
+
+class Camera(Protocol):
+    """A camera, or what stands in for one.
+
+    Entering the context connects to it, leaving it disconnects; both may raise CameraError. One thread at a time uses
+    it.
+    """
+
+    @property
+    def identity(self) -> CameraIdentity:
+        """Which camera it is, as far as is known."""
+        ...
+
+    def __enter__(self) -> Self:
+        """Connect."""
+        ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
+    ) -> None:
+        """Disconnect."""
+        ...
+
+    def next_frame(self, stop: threading.Event) -> Frame | None:
+        """The next picture; None if there are no more, or soon after `stop` is set.
+
+        Raises
+        ------
+        CameraError
+            If no picture can be had.
+        """
+        ...

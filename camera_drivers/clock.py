@@ -1,0 +1,20 @@
+"""What a camera driver needs of time: to read both clocks, and to wait in a way that can be interrupted."""
+
+from __future__ import annotations
+
+import threading
+from typing import Protocol
+
+from flight_file.frame import ClockReading
+
+
+class Clock(Protocol):
+    """A source of time that is passed in; tests and fast replays bring their own."""
+
+    def read(self) -> ClockReading:
+        """Both clocks, now."""
+        ...
+
+    def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:
+        """Come back when the monotonic clock has reached this time (ns), or as soon as `stop` is set."""
+        ...

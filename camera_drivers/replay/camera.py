@@ -1,0 +1,102 @@
+"""The replay driver: pictures come at their own pace, by whatever clock is passed in.
+
+A clock that really waits replays a flight as it was; one that jumps replays it as fast as the disk allows. The driver
+cannot tell.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from camera_drivers.camera import CameraIdentity
+from camera_drivers.clock import Clock
+from camera_drivers.errors import ReplayError
+from camera_drivers.replay.flight import FLIGHT_SUFFIXES, FlightSource
+from camera_drivers.replay.folder import FolderSource
+from camera_drivers.replay.source import ReplaySource, Upcoming
+from flight_file.frame import Frame
+
+
+def open_source(paths: Sequence[Path], *, rate_hz: float | None, clock: Clock) -> ReplaySource:
+    """What there is to replay.
+
+    Parameters
+    ----------
+    paths
+        One folder of JPEGs, one folder of flight files, or flight files.
+    rate_hz
+        Pictures per second, for a folder of JPEGs only.
+    clock
+        Says what now is, for pictures without any time.
+
+    Raises
+    ------
+    ReplayError
+        Nothing there can be replayed, or rate_hz was given for a flight.
+    """
+    folders = [path for path in paths if path.is_dir()]
+    if not folders:
+        return _flight(paths, rate_hz)
+    if len(paths) > 1:
+        raise ReplayError(f"{folders[0]}: a folder is replayed alone; give one folder, or only flight files.")
+    flights = sorted(path for path in folders[0].iterdir() if path.name.endswith(FLIGHT_SUFFIXES))
+    return _flight(flights, rate_hz) if flights else FolderSource(folders[0], rate_hz=rate_hz, clock=clock)
+
+
+def _flight(paths: Sequence[Path], rate_hz: float | None) -> FlightSource:
+    if rate_hz is not None:
+        raise ReplayError(f"{paths[0]}: a flight keeps its own times; leave rate_hz out.")
+    return FlightSource(paths)
+
+
+class ReplayCamera:
+    """A camera that shows what was taken before.
+
+    Parameters
+    ----------
+    source
+        What there is to replay.
+    clock
+        Decides the pace. The first picture comes at once, each other as much later as it was taken later.
+    """
+
+    def __init__(self, source: ReplaySource, clock: Clock) -> None:
+        self._source = source
+        self._clock = clock
+        self._pictures: Iterator[Upcoming] = iter(())
+        self._opened_ns = 0
+
+    @property
+    def identity(self) -> CameraIdentity:
+        """The camera that the pictures were taken with, as far as known."""
+        return self._source.identity
+
+    def __enter__(self) -> Self:
+        """Begin with the first picture."""
+        self._pictures = self._source.pictures()
+        self._opened_ns = self._clock.read().monotonic_ns
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
+    ) -> None:
+        """Forget where we were."""
+        self._pictures = iter(())
+
+    def next_frame(self, stop: threading.Event) -> Frame | None:
+        """The next picture, when its time has come; None after the last, or if `stop` is set while waiting.
+
+        Raises
+        ------
+        ReplayError
+            The picture cannot be read.
+        """
+        upcoming = next(self._pictures, None)
+        if upcoming is None or stop.is_set():
+            return None
+        self._clock.wait_until(self._opened_ns + upcoming.captured_ns - self._source.start_ns, stop)
+        return None if stop.is_set() else upcoming.take(self._clock)

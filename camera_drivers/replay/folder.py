@@ -1,0 +1,123 @@
+"""A folder of JPEGs, in the order of their names."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+from camera_drivers.camera import CameraIdentity
+from camera_drivers.clock import Clock
+from camera_drivers.errors import ReplayError
+from camera_drivers.exif import exif_time_ns, read_exif
+from camera_drivers.jpeg import jpeg_facts
+from camera_drivers.replay.source import Upcoming
+from flight_file.frame import Frame, HostTimes
+
+JPEG_SUFFIXES = frozenset({".jpg", ".jpeg"})
+
+_NS_PER_S = 1_000_000_000
+_HEAD_BYTES = 256 * 1024  # the markers before the picture; EXIF with its thumbnail is at most 64 KiB
+
+
+class FolderSource:
+    """Pictures from a folder; anything that is not named like a JPEG is left alone and counted.
+
+    Parameters
+    ----------
+    folder
+        Where they lie.
+    rate_hz
+        Pictures per second: picture i was taken i / rate_hz after the first one, which was taken when its EXIF says, or
+        now. None: each was taken when its own EXIF says.
+    clock
+        Says what now is.
+
+    Raises
+    ------
+    ReplayError
+        There is no JPEG, or the EXIF times are needed and do not increase strictly.
+    """
+
+    def __init__(self, folder: Path, *, rate_hz: float | None, clock: Clock) -> None:
+        paths, ignored = _jpegs(folder)
+        if not paths:
+            raise ReplayError(f"{folder}: there is no JPEG in it; give a folder of pictures or flight files.")
+        self._paths = paths
+        self._captured_ns = _exif_times(paths) if rate_hz is None else _paced_times(paths, rate_hz, clock)
+        self.start_ns = self._captured_ns[0]
+        self.attachments: Mapping[str, bytes] = {}
+        self.identity = CameraIdentity(
+            driver="replay", note=f"{len(paths)} pictures from a folder, {ignored} other files in it ignored"
+        )
+
+    def pictures(self) -> Iterator[Upcoming]:
+        """All pictures; each file is read when its time has come."""
+        for sequence, (path, captured_ns) in enumerate(zip(self._paths, self._captured_ns, strict=True)):
+            yield Upcoming(captured_ns, partial(_take, path, sequence, captured_ns))
+
+
+def _jpegs(folder: Path) -> tuple[list[Path], int]:
+    try:
+        files = sorted((path for path in folder.iterdir() if path.is_file()), key=lambda path: path.name)
+    except OSError as error:
+        raise ReplayError(f"{folder}: the folder cannot be read ({error.strerror}); check its path.") from error
+    jpegs = [path for path in files if path.suffix.lower() in JPEG_SUFFIXES]
+    return jpegs, len(files) - len(jpegs)
+
+
+def _exif_time(path: Path) -> int | None:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return exif_time_ns(read_exif(jpeg_facts(head).exif).datetime)
+
+
+def _exif_times(paths: Sequence[Path]) -> list[int]:
+    times = []
+    for path in paths:
+        time_ns = _exif_time(path)
+        if time_ns is None:
+            raise ReplayError(f"{path}: the picture has no EXIF time; give rate_hz, the pictures per second.")
+        times.append(time_ns)
+    for (before, after), path in zip(pairwise(times), paths[1:], strict=True):
+        if after <= before:
+            raise ReplayError(
+                f"{path}: its EXIF time is not later than the one of the picture before; "
+                "give rate_hz, the pictures per second."
+            )
+    return times
+
+
+def _paced_times(paths: Sequence[Path], rate_hz: float, clock: Clock) -> list[int]:
+    first = _exif_time(paths[0])
+    start_ns = clock.read().realtime_ns if first is None else first
+    return [start_ns + round(index * _NS_PER_S / rate_hz) for index in range(len(paths))]
+
+
+def _take(path: Path, sequence: int, captured_ns: int, clock: Clock) -> Frame:
+    before = clock.read()
+    try:
+        jpeg = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    after = clock.read()
+    facts = jpeg_facts(jpeg)
+    return Frame(
+        sequence=sequence,
+        captured_ns=captured_ns,
+        jpeg=jpeg,
+        sha256=hashlib.sha256(jpeg).hexdigest(),
+        times=HostTimes(before_request=before, after_answer=after, downloaded=after),
+        exif=read_exif(facts.exif),
+        width_px=facts.width_px,
+        height_px=facts.height_px,
+    )
+
+
+def _unreadable(path: Path, error: OSError) -> ReplayError:
+    return ReplayError(f"{path}: the picture cannot be read ({error.strerror}); check the file and its permissions.")
