@@ -50,7 +50,7 @@ class Health:
     stored, dropped
         Frames since the recording began.
     queued
-        Frames that wait to be written.
+        Frames that wait to be written; None where that means nothing (a replay that waits for the disk).
     drops_by_reason
         `dropped`, split by reason.
     temperatures_c
@@ -65,7 +65,7 @@ class Health:
     frame_rate_hz: float
     stored: int
     dropped: int
-    queued: int
+    queued: int | None
     clock: str
     clock_offset_ns: int
     drops_by_reason: Mapping[str, int] = field(default_factory=dict)

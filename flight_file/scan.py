@@ -56,6 +56,7 @@ class FileScan:
     """
 
     path: Path
+    size_bytes: int
     profile: str = ""
     library: str = ""
     finished: bool = False
@@ -87,7 +88,7 @@ class _Walk:
         self._source = source
         self._position = len(MAGIC)
         self._at_end = False
-        self._found = FileScan(path=path, finished=_is_finished(source))
+        self._found = FileScan(path=path, size_bytes=source.size, finished=_is_finished(source))
 
     def run(self) -> FileScan:
         """Walk to the end of the data."""

@@ -42,6 +42,8 @@ class Segment:
         From its `end` record; None if there is none.
     finished
         Whether the file ends as MCAP asks.
+    size_bytes
+        Of the file when it was opened.
     losses
         What was lost outside of the chunks.
     """
@@ -50,6 +52,7 @@ class Segment:
     session: Session
     end: EndRecord | None
     finished: bool
+    size_bytes: int
     chunks: tuple[ChunkPlace, ...]
     losses: tuple[Loss, ...]
 
@@ -91,7 +94,7 @@ def open_segment(path: Path) -> tuple[Segment, dict[str, bytes]]:
     session = _session(scan, losses)
     end = _end(scan, losses)
     attachments = _attachments(scan, losses)
-    return Segment(path, session, end, scan.finished, tuple(scan.chunks), tuple(losses)), attachments
+    return Segment(path, session, end, scan.finished, scan.size_bytes, tuple(scan.chunks), tuple(losses)), attachments
 
 
 def digest_of(source: ByteSource) -> str:

@@ -134,7 +134,7 @@ _STATUS_SCHEMA = _schema(
 
 _HEALTH_SCHEMA = _schema(
     "flight.Health",
-    ["clocks", "frame_rate_hz", "stored", "dropped", "queued", "clock", "clock_offset"],
+    ["clocks", "frame_rate_hz", "stored", "dropped", "clock", "clock_offset"],
     {
         "clocks": _clocks("when it was measured"),
         "free_bytes": _number("room left where the recordings lie, bytes", kind="integer"),

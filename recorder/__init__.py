@@ -1,0 +1,1 @@
+"""The recorder: takes frames from a camera and stores them in flight files, whatever happens."""

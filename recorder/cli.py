@@ -1,0 +1,50 @@
+"""The command `recorder`.
+
+Each subcommand is loaded when it is asked for, so that `recorder --help` is quick on a small board.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import cast
+
+import click
+
+# Name: module that has the click command under the same name, and the line for `recorder --help`.
+COMMANDS = {
+    "run": ("recorder.command_run", "Record until told to stop, or until a replay is over."),
+    "info": ("recorder.command_info", "Say what is in a flight, and whether all of it is there."),
+}
+
+
+class _LazyGroup(click.Group):
+    """A group that imports a subcommand only to run it or to show its own help."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+        if cmd_name not in COMMANDS:
+            return None
+        module, _ = COMMANDS[cmd_name]
+        return cast("click.Command", getattr(import_module(module), cmd_name))
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+
+
+@click.group(
+    cls=_LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="""\b
+Examples:
+  recorder run --config recorder.yaml
+  recorder info flights/20180504T120000Z_*.mcap
+
+\b
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss, 78 wrong configuration.""",
+)
+@click.version_option(package_name="image-flight-recorder", prog_name="recorder")
+def main() -> None:
+    """Record flights: pictures of an instrument panel, with honest times, in files that survive a power cut."""
