@@ -9,9 +9,9 @@ import importlib
 import sys
 
 import click
-from flight_file.errors import FlightFileError
 
 from decoder.errors import DecoderError
+from flight_file.errors import FlightFileError
 
 COMMANDS = {
     "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),

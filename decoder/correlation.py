@@ -77,9 +77,9 @@ def xcorr(image: Floats, template: Floats) -> Floats:
 def parabola_peak(scores: Floats, index: int) -> float:
     """The fractional index of the peak at `index`, by the parabola through it and its two neighbours.
 
-    At either end, where a neighbour is missing, the index itself.
+    At either end, or beside a row that was ruled out, the index itself.
     """
-    if not 0 < index < len(scores) - 1:
+    if not 0 < index < len(scores) - 1 or not np.isfinite(scores[index - 1 : index + 2]).all():
         return float(index)
     before, here, after = (float(score) for score in scores[index - 1 : index + 2])
     bend = before - 2 * here + after

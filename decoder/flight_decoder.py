@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 
-from flight_file.reader import Flight
-
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.gaps import fill_gaps
@@ -14,6 +12,7 @@ from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture, grey_picture
 from decoder.tuning import SAMPLE_FRAMES, tune
 from flight_file.frame import Frame
+from flight_file.reader import Flight
 
 Progress = Callable[[Iterator[Frame]], Iterator[Frame]]
 

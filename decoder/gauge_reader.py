@@ -9,9 +9,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.faces import needle_place
 from decoder.matching import Match, Matcher
+from decoder.covered_pair import fit_pair
 from decoder.needle_template import NeedleTemplate
-from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE, covered_mask, uncovered_scores
+from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel import Gauge
 from decoder.reading import Reading, Status
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, polar_grid
@@ -20,7 +22,6 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge, polar_grid
 SCORE_THRESHOLD = 0.8
 # A needle may stand a little beyond the last mark.
 BEYOND_SWEEP_DEG = 4.0
-MASK_MARGIN_ROWS = 1
 
 
 class Method(StrEnum):
@@ -39,10 +40,10 @@ def gauge_grid(gauge: Gauge) -> PolarGrid:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """One needle's reading with what those below it need of it."""
+    """One needle's match, and how it came about."""
 
-    reading: Reading
     match: Match
+    status: Status
 
 
 class GaugeReader:
@@ -56,11 +57,20 @@ class GaugeReader:
         Of its unwrapped form, see `gauge_grid`.
     templates
         One for each needle of the gauge, by name.
+    face
+        (rows, columns) float32: the unwrapped dial without needles, if it is known.
     """
 
-    def __init__(self, gauge: Gauge, grid: PolarGrid, templates: Mapping[str, NeedleTemplate], method: Method) -> None:
+    def __init__(
+        self,
+        gauge: Gauge,
+        grid: PolarGrid,
+        templates: Mapping[str, NeedleTemplate],
+        face: UnwrappedGauge | None,
+        method: Method,
+    ) -> None:
         self._grid = grid
-        self._matchers = {name: Matcher(template, grid.pixels_per_sample) for name, template in templates.items()}
+        self._matchers = {name: Matcher(template, grid.pixels_per_sample, face) for name, template in templates.items()}
         self._covers = {needle.name: needle.covered_by for needle in gauge.needles}
         self._order = _covering_first(self._covers)
         self._allowed = self._allowed_rows(gauge)
@@ -71,46 +81,67 @@ class GaugeReader:
         found: dict[str, _Found] = {}
         for name in self._order:
             cover = self._covers[name]
-            above = found.get(cover) if cover is not None else None
-            if above is None or above.reading.status is Status.MISSING or self._method is Method.XCORR:
+            if cover is None or found[cover].status is Status.MISSING or self._method is Method.XCORR:
                 found[name] = self._read_free(unwrapped, self._matchers[name])
             else:
-                found[name] = self._read_below(unwrapped, self._matchers[name], above, self._matchers[str(cover)])
-        return {name: found[name].reading for name in self._covers}
+                found |= self._read_pair(unwrapped, name, cover, found[cover])
+        return {name: self._reading(found[name]) for name in self._covers}
 
     def _read_free(self, unwrapped: UnwrappedGauge, matcher: Matcher) -> _Found:
         scores = matcher.scores(unwrapped)
         curve = scores if self._method is Method.NORMXCORR else matcher.products(unwrapped)
         match = matcher.best(unwrapped, np.where(self._allowed, curve, -np.inf), scores)
-        return self._found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
+        return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
 
-    def _read_below(self, unwrapped: UnwrappedGauge, matcher: Matcher, above: _Found, cover: Matcher) -> _Found:
+    def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found) -> _Found:
         """The cascade for a needle whose covering needle has been read."""
-        mask = covered_mask(len(unwrapped), cover.template, above.match.row, margin_rows=MASK_MARGIN_ROWS)
-        seen = uncovered_scores(unwrapped, mask, matcher.template)
+        matcher, upper = self._matchers[name], self._matchers[cover]
+        mask = _without(unwrapped, upper, above.match.row)
+        seen = matcher.uncovered(unwrapped, mask)
         for status, visible in ((Status.READ, WHOLE_VISIBLE), (Status.EDGE, MIN_VISIBLE)):
             curve = np.where((seen.visible >= visible) & self._allowed, seen.scores, -np.inf)
             match = matcher.best(unwrapped, curve, seen.scores, mask)
             if match.score >= SCORE_THRESHOLD:
-                return self._found(match, status)
-        return self._hidden(matcher, above, cover)
+                return _Found(match, status)
+        return self._hidden(matcher, above, upper)
 
-    def _hidden(self, matcher: Matcher, above: _Found, cover: Matcher) -> _Found:
+    def _read_pair(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found) -> dict[str, _Found]:
+        """A needle below another; where they touch, both are read together, or each with what is known of the other."""
+        below = self._read_below(unwrapped, name, cover, above)
+        lower, upper = self._matchers[name], self._matchers[cover]
+        apart_rows = abs(below.match.row - above.match.row)
+        if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
+            return {name: below, cover: above}
+        if apart_rows > lower.half_width_rows:
+            above = _Found(upper.again(unwrapped, above.match, lower.template, below.match.row).match, above.status)
+            return {name: self._read_below(unwrapped, name, cover, above), cover: above}
+        pair = fit_pair(unwrapped, upper, above.match, lower)
+        if pair.lower.score >= SCORE_THRESHOLD:
+            return {name: _Found(pair.lower, Status.EDGE), cover: _Found(pair.upper, above.status)}
+        return {name: self._hidden(lower, above, upper), cover: above}
+
+    def _hidden(self, matcher: Matcher, above: _Found, upper: Matcher) -> _Found:
         """At the covering needle's place, give or take what its outline can hide."""
-        slack_deg = max(cover.template.half_width_deg - matcher.template.half_width_deg, 0.0) + self._grid.step_deg
-        sigma_deg = float(np.hypot(above.reading.sigma_deg, slack_deg / np.sqrt(3.0)))
-        reading = Reading(Status.HIDDEN, above.reading.angle_deg, sigma_deg, above.reading.score)
-        return _Found(reading, above.match)
+        slack_rows = max(upper.half_width_rows - matcher.half_width_rows, 0.0) + 1.0
+        sigma_rows = float(np.hypot(above.match.sigma_rows, slack_rows / np.sqrt(3.0)))
+        return _Found(Match(above.match.row, sigma_rows, above.match.score), Status.HIDDEN)
 
-    def _found(self, match: Match, status: Status) -> _Found:
-        angle_deg = self._grid.angle_deg(match.row)
-        return _Found(Reading(status, angle_deg, match.sigma_rows * self._grid.step_deg, match.score), match)
+    def _reading(self, found: _Found) -> Reading:
+        match = found.match
+        return Reading(
+            found.status, self._grid.angle_deg(match.row), match.sigma_rows * self._grid.step_deg, match.score
+        )
 
     def _allowed_rows(self, gauge: Gauge) -> NDArray[np.bool_]:
         start_deg, end_deg = gauge.sweep
         beyond_deg = min(BEYOND_SWEEP_DEG, (360.0 - (end_deg - start_deg)) / 2)
         angles_deg = self._grid.angle_deg(0) + self._grid.step_deg * np.arange(self._grid.rows)
         return (angles_deg >= start_deg - beyond_deg) & (angles_deg <= end_deg + beyond_deg)
+
+
+def _without(unwrapped: UnwrappedGauge, upper: Matcher, axis_row: float) -> UnwrappedGauge:
+    """(rows, columns) float32: 0 where a covering needle lies, 1 elsewhere."""
+    return (~needle_place(unwrapped.shape, upper.touched, axis_row)).astype(np.float32)
 
 
 def _covering_first(covers: Mapping[str, str | None]) -> Sequence[str]:

@@ -7,6 +7,7 @@ rows are angle around the needle's axis, an odd number of them, the axis in the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import cv2
 import numpy as np
@@ -21,44 +22,63 @@ from decoder.unwrapping import PolarGrid, Unwrapper, inside
 Floats = NDArray[np.float32]
 
 MIN_CONTRAST_LEVELS = 4.0
-# The outline is where the needle differs from its surroundings by more than this part of its full contrast.
+# Parts of a needle's full contrast: at its outline, and where its blurred edge has faded out.
 OUTLINE_LEVEL = 0.35
+TOUCH_LEVEL = 0.1
 PICTURE_SPAN_DEG = 16.0
 
 
 @dataclass(frozen=True, slots=True)
 class NeedleTemplate:
-    """An unwrapped needle.
+    """An unwrapped needle; all arrays (H, C) float32, H odd: rows of angle, the axis in the middle one, by columns of radius.
 
     Attributes
     ----------
     pixels
-        (H, C) float32, H odd: rows of angle, the axis in the middle one, by columns of radius.
+        The needle on a plain dial: what is searched for.
     weights
-        (H, C) float32 in [0, 1]: how far each pixel can be trusted to look like this whatever lies behind the needle.
+        In [0, 1]: how far each pixel can be trusted to look like that, whatever lies behind the needle.
+    light, transparency
+        The needle over any background: it shows as `light + transparency * background`. Where nothing is known of the background,
+        `light` is all there is.
+    trust
+        In [0, 1]: how far each pixel follows `light` and `transparency`.
     step_deg
         Degrees from one row to the next.
     """
 
     pixels: Floats
     weights: Floats
+    light: Floats
+    transparency: Floats
+    trust: Floats
     step_deg: float
+
+    @classmethod
+    def plain(cls, pixels: Floats, step_deg: float) -> Self:
+        """A template of which nothing but one picture is known."""
+        ones = np.ones_like(pixels)
+        return cls(pixels, ones, pixels, np.zeros_like(pixels), ones, step_deg)
 
     @property
     def rows(self) -> int:
         """H, an odd number."""
         return int(self.pixels.shape[0])
 
-    @property
-    def outline(self) -> NDArray[np.bool_]:
-        """(H, C): where the needle itself is, without its surroundings."""
+    def place(self, level: float) -> NDArray[np.bool_]:
+        """(H, C): where the needle differs from its surroundings by more than this part of its full contrast."""
         edge = max(1, self.rows // 10)
         surroundings = np.median(np.concatenate([self.pixels[:edge], self.pixels[-edge:]]), axis=0)
         difference = np.abs(self.pixels - surroundings)
         middle = slice(self.rows // 4, self.rows - self.rows // 4)
         contrast = difference[middle].max(axis=0)
-        outline: NDArray[np.bool_] = (difference > OUTLINE_LEVEL * contrast) & (contrast > contrast.max() / 4)
-        return outline
+        place: NDArray[np.bool_] = (difference > level * contrast) & (contrast > contrast.max() / 4)
+        return place
+
+    @property
+    def outline(self) -> NDArray[np.bool_]:
+        """(H, C): where the needle itself is, without its surroundings."""
+        return self.place(OUTLINE_LEVEL)
 
     @property
     def half_width_deg(self) -> float:
@@ -111,4 +131,4 @@ def _checked(pixels: Floats, step_deg: float, path: str) -> NeedleTemplate:
         raise PanelError(
             path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"
         )
-    return NeedleTemplate(pixels, np.ones_like(pixels), step_deg)
+    return NeedleTemplate.plain(pixels, step_deg)

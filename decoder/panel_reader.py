@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -16,11 +16,36 @@ from decoder.panel import Gauge, Needle
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading
-from decoder.unwrapping import PolarGrid, Unwrapper
+from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
 PANEL_PRECISION_PX = 0.1
 
-Templates = Mapping[str, NeedleTemplate]
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """What is known beyond the panel's description.
+
+    Attributes
+    ----------
+    templates
+        By needle.
+    faces
+        For each gauge in the panel's order, the unwrapped dial without needles, (rows, columns) float32, if it is known.
+    usual
+        Where the camera mostly was.
+    """
+
+    templates: Mapping[str, NeedleTemplate]
+    faces: tuple[UnwrappedGauge | None, ...]
+    usual: Alignment
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrappedFrame:
+    """One frame's alignment, and its unwrapped gauges in the panel's order."""
+
+    alignment: Alignment
+    gauges: Sequence[UnwrappedGauge]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,21 +57,24 @@ class FrameReadings:
 
 
 class PanelReader:
-    """Reads frames with one panel, one set of templates and one method; keeps nothing from frame to frame."""
+    """Reads frames with one panel, one tuning and one method; keeps nothing from frame to frame."""
 
-    def __init__(
-        self, source: PanelPictures, grids: list[PolarGrid], templates: Templates, usual: Alignment, method: Method
-    ) -> None:
-        panel = source.panel
+    def __init__(self, source: PanelPictures, method: Method, tuning: Tuning) -> None:
         self.source = source
-        self.grids = grids
-        self.templates = templates
         self.method = method
-        self.aligner = Aligner(panel, source.picture, usual)
-        self._unwrapper = Unwrapper(grids)
+        self.tuning = tuning
+        self.grids = [gauge_grid(gauge) for gauge in source.panel.gauges]
+        self.aligner = Aligner(source.panel, source.picture, tuning.usual)
+        self._unwrapper = Unwrapper(self.grids)
         self._gauges = [
-            GaugeReader(gauge, grid, {needle.name: templates[needle.name] for needle in gauge.needles}, method)
-            for gauge, grid in zip(panel.gauges, grids, strict=True)
+            GaugeReader(
+                gauge,
+                grid,
+                {needle.name: tuning.templates[needle.name] for needle in gauge.needles},
+                face,
+                method,
+            )
+            for gauge, grid, face in zip(source.panel.gauges, self.grids, tuning.faces, strict=True)
         ]
 
     @classmethod
@@ -58,13 +86,12 @@ class PanelReader:
         PanelError
             If a template, an anchor or the level edge does not fit the panel picture.
         """
-        grids = [gauge_grid(gauge) for gauge in source.panel.gauges]
         templates = {
-            needle.name: _template(source, gauge, needle, grid, f"gauges[{g}].needles[{n}].template")
-            for g, (gauge, grid) in enumerate(zip(source.panel.gauges, grids, strict=True))
+            needle.name: _template(source, gauge, needle, f"gauges[{g}].needles[{n}].template")
+            for g, gauge in enumerate(source.panel.gauges)
             for n, needle in enumerate(gauge.needles)
         }
-        return cls(source, grids, templates, IDENTITY, method)
+        return cls(source, method, Tuning(templates, (None,) * len(source.panel.gauges), IDENTITY))
 
     @property
     def systematic_deg(self) -> Mapping[str, float]:
@@ -78,12 +105,12 @@ class PanelReader:
             for needle in gauge.needles
         }
 
-    def tuned(self, templates: Templates, usual: Alignment) -> PanelReader:
-        """The same reader with other templates, and searches starting at another alignment."""
-        return PanelReader(self.source, self.grids, templates, usual, self.method)
+    def tuned(self, tuning: Tuning) -> PanelReader:
+        """The same reader with another tuning."""
+        return PanelReader(self.source, self.method, tuning)
 
-    def read(self, frame: GreyPicture) -> FrameReadings:
-        """The readings of one frame.
+    def unwrap(self, frame: GreyPicture) -> UnwrappedFrame:
+        """A frame aligned and unwrapped.
 
         Raises
         ------
@@ -94,14 +121,28 @@ class PanelReader:
             (height, width), (panel_height, panel_width) = frame.shape, self.source.picture.shape
             raise PictureError(f"the picture is {width} x {height}, the panel's {panel_width} x {panel_height}")
         alignment = self.aligner.align(frame)
-        unwrapped = self._unwrapper.unwrap(frame, alignment)
+        return UnwrappedFrame(alignment, self._unwrapper.unwrap(frame, alignment))
+
+    def read(self, frame: GreyPicture) -> FrameReadings:
+        """The readings of one frame.
+
+        Raises
+        ------
+        PictureError
+            As `unwrap`.
+        """
+        return self.read_unwrapped(self.unwrap(frame))
+
+    def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
+        """The readings of a frame that is unwrapped already."""
         readings: dict[str, Reading] = {}
-        for gauge, image in zip(self._gauges, unwrapped, strict=True):
+        for gauge, image in zip(self._gauges, unwrapped.gauges, strict=True):
             readings.update(gauge.read(image))
-        return FrameReadings(alignment, readings)
+        return FrameReadings(unwrapped.alignment, readings)
 
 
-def _template(source: PanelPictures, gauge: Gauge, needle: Needle, grid: PolarGrid, path: str) -> NeedleTemplate:
+def _template(source: PanelPictures, gauge: Gauge, needle: Needle, path: str) -> NeedleTemplate:
+    grid = gauge_grid(gauge)
     name = needle.template.picture
     picture = source.picture if name is None else source.pictures[name]
     if needle.template.at is None:

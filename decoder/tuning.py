@@ -1,66 +1,168 @@
-"""Tuning: fits the panel's description to one flight, from a sample of its own frames.
+"""Tuning: learns from a sample of a flight's own frames what its needles and dials look like.
 
-A template cut from one picture carries that picture's noise, and whatever happens to lie behind the needle there,
-into every reading. The median of the same needle in many frames, each turned back by its own reading, is free of
-both; where the frames disagree (marks and numerals passing behind the needle) a pixel loses its weight. Searches
-start where the camera mostly was.
+A template cut from one picture carries that picture's noise, and whatever lies behind the needle there, into every
+reading. Many frames tell needle and dial apart: the dial's face is what each pixel shows when no needle is there, and
+the needle is what it adds to the faces it passes over. A reading then compares the gauge with the needle drawn over
+the face behind it, so marks and numerals no longer pull at it. Searches start where the camera mostly was.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decoder.alignment import Alignment
+from decoder.alignment import IDENTITY, Alignment
 from decoder.errors import PictureError
-from decoder.needle_template import NeedleTemplate
+from decoder.faces import in_light_of, learn_face, needle_place
+from decoder.matching import Matcher
+from decoder.needle_layer import in_local_light, layered
+from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.panel import Gauge
-from decoder.panel_reader import FrameReadings, PanelReader
+from decoder.panel_reader import PanelReader, Tuning, UnwrappedFrame
 from decoder.pictures import GreyPicture
-from decoder.reading import Status
-from decoder.unwrapping import PolarGrid, Unwrapper
-
-Floats = NDArray[np.float32]
+from decoder.reading import Reading, Status
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
 SAMPLE_FRAMES = 32
 ROUNDS = 2
 MIN_CUTS = 5
-MAD_TO_SIGMA = 1.4826
-# Spread of a pixel over the frames that is plain sensor and JPEG noise, in grey levels at the panel picture's contrast.
-NOISE_LEVELS = 4.0
 
-
-@dataclass(frozen=True, slots=True)
-class _Sample:
-    frame: GreyPicture
-    found: FrameReadings
+Readings = Mapping[str, Reading]
+Templates = Mapping[str, NeedleTemplate]
 
 
 def tune(reader: PanelReader, frames: Iterable[GreyPicture]) -> PanelReader:
     """The reader fitted to the flight that the frames are a sample of; with too few usable frames, as it was."""
-    pictures = list(frames)
+    samples = _unwrapped(reader, frames)
+    if len(samples) < MIN_CUTS:
+        return reader
+    usual = _usual([sample.alignment for sample in samples])
+    own = Unwrapper(reader.grids).unwrap(reader.source.picture, IDENTITY)
+    strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
+    tuners = [
+        _GaugeTuner(gauge, grid, picture, gauge_strips, reader.tuning.templates)
+        for gauge, grid, picture, gauge_strips in zip(
+            reader.source.panel.gauges, reader.grids, own, strips, strict=True
+        )
+    ]
     for _ in range(ROUNDS):
-        samples = _read(reader, pictures)
-        if not samples:
-            break
-        templates = dict(reader.templates)
-        for gauge, grid in zip(reader.source.panel.gauges, reader.grids, strict=True):
-            for needle in gauge.needles:
-                cuts = _cuts(gauge, needle.name, grid, templates, samples)
-                if len(cuts) >= MIN_CUTS:
-                    templates[needle.name] = _refined(templates[needle.name], cuts)
-        reader = reader.tuned(templates, _usual([sample.found.alignment for sample in samples]))
+        found = [reader.read_unwrapped(sample).readings for sample in samples]
+        templates = dict(reader.tuning.templates)
+        faces: list[UnwrappedGauge | None] = []
+        for tuner in tuners:
+            face = tuner.face(found, templates)
+            faces.append(face)
+            if face is not None:
+                templates.update(tuner.templates(found, templates, face))
+        reader = reader.tuned(Tuning(templates, tuple(faces), usual))
     return reader
 
 
-def _read(reader: PanelReader, frames: Sequence[GreyPicture]) -> list[_Sample]:
+class _GaugeTuner:
+    """What the sample tells about one gauge.
+
+    `own` is the gauge in the panel picture, `strips` in the sample's frames, `given` the templates as the panel has them.
+    """
+
+    def __init__(
+        self, gauge: Gauge, grid: PolarGrid, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge], given: Templates
+    ) -> None:
+        self._names = [needle.name for needle in gauge.needles]
+        self._at_deg = {needle.name: needle.template.at for needle in gauge.needles}
+        self._grid = grid
+        self._strips = [in_light_of(own, strip) for strip in strips]
+        self._given = given
+
+    def face(self, found: Sequence[Readings], templates: Templates) -> UnwrappedGauge | None:
+        """The dial without needles, or None if too few frames show where its needles are."""
+        touched = {name: templates[name].place(TOUCH_LEVEL) for name in self._names}
+        views, places = [], []
+        for strip, readings in zip(self._strips, found, strict=True):
+            if strip is None or any(readings[name].status is Status.MISSING for name in self._names):
+                continue
+            place = np.zeros(strip.shape, bool)
+            for name in self._names:
+                place |= needle_place(strip.shape, touched[name], self._row(readings[name]))
+            views.append(strip)
+            places.append(place)
+        return learn_face(views, places) if len(views) >= MIN_CUTS else None
+
+    def templates(self, found: Sequence[Readings], before: Templates, face: UnwrappedGauge) -> dict[str, NeedleTemplate]:
+        """The gauge's needles, those that enough frames show free of the others."""
+        learned = {}
+        for name in self._names:
+            clear = [
+                (strip, self._row(readings[name]))
+                for strip, readings in zip(self._strips, found, strict=True)
+                if strip is not None and self._is_clear(name, readings, before)
+            ]
+            if len(clear) >= MIN_CUTS:
+                learned[name] = self._learned(name, clear, before[name], face)
+        return learned
+
+    def _learned(
+        self,
+        name: str,
+        clear: Sequence[tuple[UnwrappedGauge, float]],
+        before: NeedleTemplate,
+        face: UnwrappedGauge,
+    ) -> NeedleTemplate:
+        """The needle from its cuts, its zero where the panel's own template has it.
+
+        The frames tell the needle's form, but not where its axis is: all cuts share the error of the template that found them.
+        The given template, read with the learned needle over the face behind it, shows that error; the cuts are moved by it.
+        """
+        learned = layered(*self._cuts(clear, before, face, 0.0), before)
+        given = self._given[name]
+        behind = None
+        at_deg = self._at_deg[name]
+        if at_deg is not None:
+            behind = rows_at(face, self._window((at_deg - self._grid.start_deg) % 360.0 / self._grid.step_deg, before.rows))
+        off_rows = Matcher(learned, self._grid.pixels_per_sample, None).fraction(given.pixels, behind).fraction
+        if not abs(off_rows) < before.rows / 8:
+            return learned
+        return layered(*self._cuts(clear, learned, face, -off_rows), learned)
+
+    def _cuts(
+        self,
+        clear: Sequence[tuple[UnwrappedGauge, float]],
+        before: NeedleTemplate,
+        face: UnwrappedGauge,
+        shift_rows: float,
+    ) -> tuple[UnwrappedGauge, UnwrappedGauge]:
+        windows = [self._window(row + shift_rows, before.rows) for _, row in clear]
+        faces = np.stack([rows_at(face, window) for window in windows])
+        cuts = [
+            in_local_light(rows_at(strip, window), before, behind)
+            for (strip, _), window, behind in zip(clear, windows, faces, strict=True)
+        ]
+        return np.stack(cuts), faces
+
+    @staticmethod
+    def _window(axis_row: float, rows: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        return axis_row + np.arange(rows) - (rows - 1) / 2
+
+    def _row(self, reading: Reading) -> float:
+        return (reading.angle_deg - self._grid.start_deg) / self._grid.step_deg
+
+    def _is_clear(self, name: str, readings: Readings, templates: Templates) -> bool:
+        """Whether a needle was read whole, with no other near enough to reach into its template."""
+        own = readings[name]
+        reach_deg = templates[name].rows * templates[name].step_deg / 2
+        return own.status is Status.READ and all(
+            readings[other].status is not Status.MISSING
+            and abs(readings[other].angle_deg - own.angle_deg) > reach_deg + templates[other].half_width_deg
+            for other in self._names
+            if other != name
+        )
+
+
+def _unwrapped(reader: PanelReader, frames: Iterable[GreyPicture]) -> list[UnwrappedFrame]:
     samples = []
     for frame in frames:
         try:
-            samples.append(_Sample(frame, reader.read(frame)))
+            samples.append(reader.unwrap(frame))
         except PictureError:
             continue  # the frame itself is reported when the flight is read
     return samples
@@ -71,49 +173,3 @@ def _usual(alignments: Sequence[Alignment]) -> Alignment:
     columns = np.array([[a.roll_deg, *a.offset_px, a.score] for a in alignments])
     roll_deg, x, y, score = (float(value) for value in np.median(columns, axis=0))
     return Alignment(roll_deg, (x, y), score)
-
-
-def _cuts(
-    gauge: Gauge,
-    name: str,
-    grid: PolarGrid,
-    templates: Mapping[str, NeedleTemplate],
-    samples: Sequence[_Sample],
-) -> list[Floats]:
-    """The needle as the frames show it, each with its axis in the middle row, free of the gauge's other needles."""
-    template = templates[name]
-    others = [needle.name for needle in gauge.needles if needle.name != name]
-    cuts = []
-    for sample in samples:
-        reading = sample.found.readings[name]
-        if reading.status is not Status.READ:
-            continue
-        reach_deg = template.rows * template.step_deg / 2
-        if any(
-            abs(sample.found.readings[other].angle_deg - reading.angle_deg)
-            < reach_deg + templates[other].half_width_deg
-            for other in others
-        ):
-            continue
-        window = grid.at(reading.angle_deg, template.rows)
-        cuts.append(_like(template, Unwrapper([window]).unwrap(sample.frame, sample.found.alignment)[0]))
-    return cuts
-
-
-def _like(template: NeedleTemplate, cut: Floats) -> Floats:
-    """A cut brought to the template's contrast and brightness."""
-    weights = template.weights
-    total = weights.sum()
-    pixels = template.pixels - (weights * template.pixels).sum() / total
-    mean = (weights * cut).sum() / total
-    gain = (weights * pixels * (cut - mean)).sum() / (weights * pixels * pixels).sum()
-    like: Floats = (cut - mean) / max(gain, 0.1) + (template.pixels - pixels)
-    return like
-
-
-def _refined(template: NeedleTemplate, cuts: Sequence[Floats]) -> NeedleTemplate:
-    stack = np.stack(cuts)
-    pixels = np.median(stack, axis=0)
-    spread = MAD_TO_SIGMA * np.median(np.abs(stack - pixels), axis=0)
-    weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + spread**2)
-    return NeedleTemplate(pixels.astype(np.float32), weights.astype(np.float32), template.step_deg)

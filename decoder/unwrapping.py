@@ -108,6 +108,19 @@ class Unwrapper:
         ]
 
 
+def rows_at(strip: UnwrappedGauge, rows: NDArray[np.float64]) -> UnwrappedGauge:
+    """An unwrapped gauge at fractional rows, by cubic interpolation: (len(rows), C); beyond its ends, its end rows."""
+    first = np.floor(rows).astype(np.intp)
+    part = (rows - first).astype(np.float32)[:, None]
+    taps = [strip[np.clip(first + shift, 0, len(strip) - 1)] for shift in (-1, 0, 1, 2)]
+    before, here, after, beyond = taps
+    straight = after - before
+    bend = 2 * before - 5 * here + 4 * after - beyond
+    twist = 3 * (here - after) + beyond - before
+    interpolated: UnwrappedGauge = here + 0.5 * part * (straight + part * (bend + part * twist))
+    return interpolated
+
+
 def inside(grid: PolarGrid, alignment: Alignment, width_px: int, height_px: int) -> bool:
     """Whether every sample of a grid lies within the frame."""
     matrix = alignment.matrix

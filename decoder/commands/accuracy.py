@@ -11,7 +11,7 @@ import click
 from decoder.accuracy import Errors, NeedleAccuracy, compare, read_table
 from decoder.text_table import text_table
 
-HEADER = "needle status frames mean% signed% max% mean%FS max%FS mean max unit in95%".split()
+HEADER = ["needle", "status", "frames", "mean%", "signed%", "max%", "mean%FS", "max%FS", "mean", "max", "unit", "in95%"]
 EPILOG = """\b
 Percent columns: % of the true value (the thesis's measure; `mean` and `max` of the absolute error, `signed` of the
 signed one), %FS of full scale, then in the gauge's own unit. `in95%`: frames whose error is within 1.96 sigma.

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import click
 import cv2
-from flight_file.reader import Flight, open_flight
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -26,6 +25,7 @@ from decoder.panel_pictures import PANEL_FILE, PanelPictures, panel_from_attachm
 from decoder.panel_reader import PanelReader
 from decoder.summary import summary_table
 from flight_file.frame import Frame
+from flight_file.reader import Flight, open_flight
 
 EXIT_LOSS = 3
 MAX_LISTED = 10

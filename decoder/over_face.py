@@ -1,0 +1,103 @@
+"""Correlation of a needle that lies over a known face: NCC with what the face explains taken out.
+
+Over a face F the needle shows as `n = light + (transparency - 1) F` on top of it. The score is the partial correlation of the gauge
+with n, given F and a constant: the NCC of gauge and needle after both have lost what the face can explain. On a plain dial it is the
+thesis's NCC; over marks and numerals it does not suffer from them, and where only the face is to be seen it is about 0.
+
+All sums slide along the rows, see `decoder.correlation`; arrays over rows are by the row on which the template starts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.correlation import MIN_SPREAD_LEVELS, sliding_sums
+from decoder.needle_template import NeedleTemplate
+
+Floats = NDArray[np.float32]
+
+# A face with less spread than this explains nothing but noise.
+FACE_NOISE_LEVELS = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class FaceMoments:
+    """Weighted moments of face and needle under the template, each (R - H + 1,): all that a frame does not change."""
+
+    total: Floats
+    face_mean: Floats
+    face_variance: Floats
+    needle_mean: Floats
+    needle_face: Floats
+    needle_variance: Floats
+
+    @property
+    def needle_contrast(self) -> Floats:
+        """The needle's variance that the face does not explain, times the weights it was seen with."""
+        contrast: Floats = (self.needle_variance - self.needle_face**2 / self.face_variance) * self.total
+        return contrast
+
+
+def face_moments(face: Floats, template: NeedleTemplate, mask: Floats | None = None) -> FaceMoments:
+    """The moments for a face (R, C), of the pixels that `mask` (R, C) leaves."""
+    weights, light, cover = template.trust, template.light, template.transparency - 1
+    seen = np.ones_like(face) if mask is None else mask
+    face_seen, face_square = face * seen, face * face * seen
+    total = np.maximum(sliding_sums(seen, weights), 1e-6)
+    face_mean = sliding_sums(face_seen, weights) / total
+    needle_mean = (sliding_sums(seen, weights * light) + sliding_sums(face_seen, weights * cover)) / total
+    face_variance = sliding_sums(face_square, weights) / total - face_mean**2
+    needle_face = (sliding_sums(face_seen, weights * light) + sliding_sums(face_square, weights * cover)) / total
+    needle_square = (
+        sliding_sums(seen, weights * light * light)
+        + 2 * sliding_sums(face_seen, weights * light * cover)
+        + sliding_sums(face_square, weights * cover * cover)
+    ) / total
+    return FaceMoments(
+        total=total,
+        face_mean=face_mean,
+        face_variance=np.maximum(face_variance, 0.0) + FACE_NOISE_LEVELS**2,
+        needle_mean=needle_mean,
+        needle_face=needle_face - needle_mean * face_mean,
+        needle_variance=np.maximum(needle_square - needle_mean**2, 0.0),
+    )
+
+
+def partial_normxcorr(
+    gauge: Floats, face: Floats, template: NeedleTemplate, moments: FaceMoments, mask: Floats | None = None
+) -> Floats:
+    """The partial correlation of a gauge with a needle, given the face.
+
+    Parameters
+    ----------
+    gauge, face : (R, C) float32
+    template
+        (H, C), H <= R.
+    moments
+        Of this face, template and mask.
+    mask : (R, C) float32
+        0 where pixels are left out.
+
+    Returns
+    -------
+    (R - H + 1,) float32, in [-1, 1]
+        0 where face and gauge, or face and needle, leave nothing to correlate.
+    """
+    weights, cover = template.trust, template.transparency - 1
+    seen = gauge if mask is None else gauge * mask
+    seen_face = seen * face
+    mean = sliding_sums(seen, weights) / moments.total
+    variance = sliding_sums(seen * gauge, weights) / moments.total - mean * mean
+    with_face = sliding_sums(seen_face, weights) / moments.total - mean * moments.face_mean
+    with_needle = sliding_sums(seen, weights * template.light) + sliding_sums(seen_face, weights * cover)
+    with_needle = with_needle / moments.total - mean * moments.needle_mean
+    left = variance - with_face**2 / moments.face_variance
+    needle_left = moments.needle_variance - moments.needle_face**2 / moments.face_variance
+    shared = with_needle - with_face * moments.needle_face / moments.face_variance
+    usable = (left > MIN_SPREAD_LEVELS**2) & (needle_left > MIN_SPREAD_LEVELS**2)
+    spread = np.sqrt(np.maximum(left * needle_left, 0.0))
+    scores: Floats = np.clip(np.divide(shared, spread, out=np.zeros_like(spread), where=usable), -1.0, 1.0)
+    return scores
