@@ -97,9 +97,6 @@ class _Walk:
                 self._step()
             except DamagedRecordError as error:
                 self._go_on_behind_damage(str(error))
-        if self._at_end and not self._found.finished:
-            reason = "the index at its end is cut; the pictures are whole"
-            self._lose(self._position, self._source.size, reason, LossKind.TRUNCATED)
         return self._found
 
     def _step(self) -> None:

@@ -130,16 +130,24 @@ def _session(scan: FileScan, losses: list[Loss]) -> Session:
 
 
 def _end(scan: FileScan, losses: list[Loss]) -> EndRecord | None:
-    record = scan.metadata.get(END_RECORD, {})
-    if is_sound(record):
-        try:
-            return end_from_metadata(record)
-        except (KeyError, ValueError):
-            pass
+    end = _end_record(scan)
+    if end is not None:
+        if not scan.finished and not losses:
+            reason = "the index at its end is cut; the pictures are whole"
+            losses.append(Loss(scan.path, scan.size_bytes, 0, reason, LossKind.TRUNCATED))
+        return end
     if SESSION_RECORD in scan.metadata or not scan.finished:
         reason = "there is no end record: the recording was cut off, or still runs"
         losses.append(Loss(scan.path, 0, 0, reason, LossKind.NO_END))
     return None
+
+
+def _end_record(scan: FileScan) -> EndRecord | None:
+    record = scan.metadata.get(END_RECORD, {})
+    try:
+        return end_from_metadata(record) if is_sound(record) else None
+    except (KeyError, ValueError):
+        return None
 
 
 def _attachments(scan: FileScan, losses: list[Loss]) -> dict[str, bytes]:
