@@ -93,25 +93,14 @@ def sync_directory(directory: Path) -> None:
 
 
 def rename_durably(source: Path, target: Path) -> None:
-    """Give a file its final name for good; never replaces another file."""
+    """Give a file its final name for good; refuses to replace another file."""
+    if target.exists():
+        raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
     try:
-        os.link(source, target)
-        source.unlink()
-    except FileExistsError as error:
-        raise _not_written(target, error) from error
-    except OSError:
-        _rename_without_links(source, target)
-    sync_directory(target.parent)
-
-
-def _rename_without_links(source: Path, target: Path) -> None:
-    # FAT and some network file systems have no hard links.
-    try:
-        if target.exists():
-            raise FlightNotWrittenError(target, reason="the name is taken; give the recording another name")
         source.rename(target)
     except OSError as error:
         raise _not_written(target, error) from error
+    sync_directory(target.parent)
 
 
 def _not_written(path: Path, error: OSError) -> FlightNotWrittenError:

@@ -26,7 +26,7 @@ class Journal:
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._waiting: deque[LogLine] = deque()
-        self.lost = 0
+        self._lost = 0
         processors: list[Processor] = [
             structlog.processors.add_log_level,
             self._keep,
@@ -43,6 +43,9 @@ class Journal:
         """The lines since the last call."""
         lines = list(self._waiting)
         self._waiting.clear()
+        if self._lost:
+            lines.append(LogLine(LogLevel.WARNING, f"log_lines_lost {self._lost}"))
+            self._lost = 0
         return lines
 
     def _keep(self, _logger: object, level: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -50,7 +53,7 @@ class Journal:
             if len(self._waiting) < MAX_WAITING_LINES:
                 self._waiting.append(LogLine(_LEVELS[level], _text(event)))
             else:
-                self.lost += 1
+                self._lost += 1
         return event
 
 

@@ -107,8 +107,10 @@ def record(
         at=started,
     )
     journal.log.info("recording_started", recording=plan.session.recording, directory=str(plan.directory))
-    Capture(wiring, queue, drops, stop).start()
+    capture = Capture(wiring, queue, drops, stop)
+    capture.start()
     ended, paths = _store_all(recording, queue, wiring, stop)
+    capture.join(IDLE_S)  # lets a crashed thread print its traceback first; one that hangs is left behind
     dropped = sum(drops.by_reason().values())
     journal.log.info("recording_finished", reason=ended.reason, stored=recording.stored, dropped=dropped)
     if ended.error is not None:
