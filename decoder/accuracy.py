@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.errors import AccuracyError
 from decoder.reading import Status
-
-Floats = NDArray[np.float64]
 
 ALL_VALUED = "all"
 CONFIDENCE_SIGMAS = 1.96  # 95 % of a normal distribution

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+
+from decoder.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,7 @@ class Alignment:
         return cls(roll_deg, (frame_px[0] - (cos * x - sin * y), frame_px[1] - (sin * x + cos * y)), score)
 
     @property
-    def matrix(self) -> NDArray[np.float32]:
+    def matrix(self) -> Floats:
         """(2, 3) float32: panel picture to frame, as OpenCV's warps take it."""
         cos, sin = math.cos(math.radians(self.roll_deg)), math.sin(math.radians(self.roll_deg))
         return np.array([[cos, -sin, self.offset_px[0]], [sin, cos, self.offset_px[1]]], np.float32)

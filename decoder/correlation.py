@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from decoder.arrays import Floats
 
 # Below a fifth of a grey level of spread there is nothing but rounding to correlate with.
 MIN_SPREAD_LEVELS = 0.2

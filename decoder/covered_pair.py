@@ -2,8 +2,8 @@
 
 Too little of the lower needle shows for a search of its own, but what shows still pulls at the upper one. So the lower is
 tried at every place where it touches the upper, the upper is settled over it, and the pair that leaves least unexplained is
-taken. The lower needle's score is the partial correlation of what shows of it: how much better the gauge is explained with it
-there than with it hidden wholly.
+taken. The lower needle's score is that of what shows of it: how much of the pixels that upper needle and face do not explain
+it does.
 """
 
 from __future__ import annotations
@@ -12,12 +12,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.correlation import parabola_peak
 from decoder.matching import Match, Matcher, Settled
+from decoder.needle_layer import shown_below
 
-Floats = NDArray[np.float32]
+# A pixel shows the lower needle if that covers this much of it.
+SHOWN_PART = 0.2
+# What shows must be worth this many original pixels, or it may be anything.
+MIN_SHOWN_PIXELS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,22 +36,31 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) 
     """The best pair near the upper needle's match; `gauge` is (R, C) float32, unwrapped."""
     reach = math.ceil((upper.half_width_rows + lower.half_width_rows) / 2) + 2
     middle = round(upper_match.row)
-    offsets = np.arange(-reach, reach + 1)
-    tried: list[Settled] = [
-        upper.again(gauge, upper_match, lower.template, float(middle + offset)) for offset in offsets
+    tried = [
+        upper.again(gauge, upper_match, lower.template, float(middle + offset)) for offset in range(-reach, reach + 1)
     ]
-    noise = np.array([settled.noise for settled in tried])
-    hidden = float(noise[np.abs(offsets) <= 1].min())
+    noise = np.array([settled.fit.noise for settled in tried])
     best = int(noise.argmin())
-    if not np.isfinite(hidden) or hidden <= 0:
+    if not np.isfinite(noise[best]):
         return Pair(upper_match, Match(upper_match.row, math.inf, 0.0))
-    score = math.sqrt(max(1.0 - float(noise[best]) / hidden, 0.0))
-    place = middle - reach + parabola_peak((-noise).astype(np.float32), best)
+    place = middle - reach + parabola_peak(-noise, best)
     settled = upper.again(gauge, upper_match, lower.template, place)
-    return Pair(settled.match, Match(place, _spread_rows(noise, best, upper), score))
+    return Pair(settled.match, Match(place, _spread_rows(noise, best, upper), _score(upper, lower, place, settled)))
 
 
-def _spread_rows(noise: NDArray[np.float64], best: int, upper: Matcher) -> float:
+def _score(upper: Matcher, lower: Matcher, place: float, settled: Settled) -> float:
+    """How well what shows of the lower needle explains what the upper one and the face leave there, as a correlation."""
+    shown, light = shown_below(upper.template, lower.template, place - (settled.row - upper.axis))
+    where = shown > SHOWN_PART
+    if float(shown[where].sum()) * upper.pixels_per_sample < MIN_SHOWN_PIXELS or not settled.fit.unexplained.size:
+        return 0.0
+    added = settled.fit.gain * (light - upper.face_around(settled.row) * shown)[where]
+    left = settled.fit.unexplained.reshape(where.shape)[where]
+    without = left + added
+    return math.sqrt(max(1.0 - float((left**2).sum()) / max(float((without**2).sum()), 1e-9), 0.0))
+
+
+def _spread_rows(noise: Floats, best: int, upper: Matcher) -> float:
     """The spread of the lower needle's place from the bend of what is left unexplained."""
     if not 0 < best < len(noise) - 1:
         return 1.0

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.alignment import Alignment
+from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
 
 LEVEL_HALF_WIDTH_PX = 6
@@ -38,22 +39,22 @@ class Feature:
     """
 
     name: str
-    points: NDArray[np.float32]
-    pixels: NDArray[np.float32]
-    gradient: NDArray[np.float32]
+    points: Floats
+    pixels: Floats
+    gradient: Floats
 
-    def sample(self, frame: GreyPicture, alignment: Alignment) -> NDArray[np.float32]:
+    def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
         """(N,) float32: the frame where the alignment puts the points."""
         matrix = alignment.matrix
         x, y = matrix[:, :2] @ self.points + matrix[:, 2:]
         return sample(frame, x, y)
 
-    def score(self, samples: NDArray[np.float32]) -> float:
+    def score(self, samples: Floats) -> float:
         """NCC of samples with the panel picture's pixels; 0 where either is flat."""
         return float(correlation_of_rows(samples[None, :], self.pixels)[0])
 
 
-def sample(frame: GreyPicture, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
+def sample(frame: GreyPicture, x: Floats, y: Floats) -> Floats:
     """The frame at any number of points, bilinear, of the points' shape; outside it, its border."""
     shape = x.shape
     map_x, map_y = np.atleast_2d(x), np.atleast_2d(y)
@@ -61,13 +62,13 @@ def sample(frame: GreyPicture, x: NDArray[np.float32], y: NDArray[np.float32]) -
     return samples.astype(np.float32).reshape(shape)
 
 
-def correlation_of_rows(rows: NDArray[np.float32], pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
     """NCC of each of (M, N) rows with (N,) pixels: (M,) float32 in [-1, 1]; flat rows or pixels score 0."""
     rows = rows - rows.mean(axis=1, keepdims=True)
     pixels = pixels - pixels.mean()
     norms = np.sqrt((rows * rows).sum(axis=1) * float((pixels * pixels).sum()))
     scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * 0.04)
-    clipped: NDArray[np.float32] = np.clip(scores, -1.0, 1.0)
+    clipped: Floats = np.clip(scores, -1.0, 1.0)
     return clipped
 
 

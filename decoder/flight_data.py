@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.panel import Gauge, Needle, Panel
 from decoder.panel_reader import FrameReadings
 from decoder.reading import Status
@@ -41,10 +42,10 @@ class NeedleSeries:
     needle: Needle
     gauge: Gauge
     status: NDArray[np.uint8]
-    value: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    score: NDArray[np.float64]
-    angle_deg: NDArray[np.float64]
+    value: Floats
+    sigma: Floats
+    score: Floats
+    angle_deg: Floats
 
     def has(self, *statuses: Status) -> NDArray[np.bool_]:
         """(N,): where the status is one of these."""
@@ -77,7 +78,7 @@ class FlightData:
     missing_frames: tuple[MissingFrame, ...]
 
     @property
-    def time_s(self) -> NDArray[np.float64]:
+    def time_s(self) -> Floats:
         """(N,): seconds since the first frame."""
         return (self.time_ns - self.time_ns[0]) / 1e9 if self.time_ns.size else np.empty(0)
 

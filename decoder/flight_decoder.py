@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
+from decoder.flight_tuning import SAMPLE_FRAMES, tune
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture, grey_picture
-from decoder.tuning import SAMPLE_FRAMES, tune
 from flight_file.frame import Frame
 from flight_file.reader import Flight
 

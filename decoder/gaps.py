@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.reading import Status
 
@@ -51,7 +51,7 @@ def _without_doubtful_hidden(series: NeedleSeries, cover: NeedleSeries | None) -
     )
 
 
-def _interpolated(series: NeedleSeries, time_s: NDArray[np.float64]) -> NeedleSeries:
+def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
     known = np.flatnonzero(series.has(*READ_STATUSES))
     flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score))
     if known.size:
@@ -66,13 +66,11 @@ def _interpolated(series: NeedleSeries, time_s: NDArray[np.float64]) -> NeedleSe
     return replace(series, status=status, value=value, sigma=sigma)
 
 
-def _bridge_sigma(
-    values: NDArray[np.float64], known_s: NDArray[np.float64], wanted_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _bridge_sigma(values: Floats, known_s: Floats, wanted_s: Floats) -> Floats:
     """Standard deviation at `wanted_s` of a random walk through the known values, at the pace of their own steps."""
     steps_s = np.maximum(np.diff(known_s), 1e-9)
     pace = float(np.mean(np.diff(values) ** 2 / steps_s)) if steps_s.size else 0.0
     after = np.searchsorted(known_s, wanted_s)
     since_s, until_s = wanted_s - known_s[after - 1], known_s[after] - wanted_s
-    bridge: NDArray[np.float64] = np.sqrt(np.maximum(pace * since_s * until_s / (since_s + until_s), 0.0))
+    bridge: Floats = np.sqrt(np.maximum(pace * since_s * until_s / (since_s + until_s), 0.0))
     return bridge

@@ -7,21 +7,19 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decoder.faces import needle_place
-from decoder.matching import Match, Matcher
 from decoder.covered_pair import fit_pair
+from decoder.faces import needle_place
+from decoder.gauge_grid import rows_in_sweep
+from decoder.matching import Match, Matcher
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel import Gauge
 from decoder.reading import Reading, Status
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, polar_grid
+from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # Found by trial in the thesis (3.2.3), and by others for infrared targets.
 SCORE_THRESHOLD = 0.8
-# A needle may stand a little beyond the last mark.
-BEYOND_SWEEP_DEG = 4.0
 
 
 class Method(StrEnum):
@@ -29,13 +27,6 @@ class Method(StrEnum):
 
     NORMXCORR = "normxcorr"
     XCORR = "xcorr"
-
-
-def gauge_grid(gauge: Gauge) -> PolarGrid:
-    """The unwrapped gauge's sample points: its sweep, and as much beyond as the widest template needs."""
-    widest_deg = max(needle.template.span or 0.0 for needle in gauge.needles)
-    beyond_deg = min(BEYOND_SWEEP_DEG, (360.0 - (gauge.sweep[1] - gauge.sweep[0])) / 2) + widest_deg / 2 + 1.0
-    return polar_grid(gauge.centre, gauge.radius, gauge.sweep[0] - beyond_deg, gauge.sweep[1] + beyond_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +49,7 @@ class GaugeReader:
     templates
         One for each needle of the gauge, by name.
     face
-        (rows, columns) float32: the unwrapped dial without needles, if it is known.
+        (rows, columns) float32: the unwrapped dial without needles.
     """
 
     def __init__(
@@ -66,14 +57,14 @@ class GaugeReader:
         gauge: Gauge,
         grid: PolarGrid,
         templates: Mapping[str, NeedleTemplate],
-        face: UnwrappedGauge | None,
+        face: UnwrappedGauge,
         method: Method,
     ) -> None:
         self._grid = grid
         self._matchers = {name: Matcher(template, grid.pixels_per_sample, face) for name, template in templates.items()}
         self._covers = {needle.name: needle.covered_by for needle in gauge.needles}
         self._order = _covering_first(self._covers)
-        self._allowed = self._allowed_rows(gauge)
+        self._allowed = rows_in_sweep(gauge, grid)
         self._method = method
 
     def read(self, unwrapped: UnwrappedGauge) -> dict[str, Reading]:
@@ -118,7 +109,7 @@ class GaugeReader:
         pair = fit_pair(unwrapped, upper, above.match, lower)
         if pair.lower.score >= SCORE_THRESHOLD:
             return {name: _Found(pair.lower, Status.EDGE), cover: _Found(pair.upper, above.status)}
-        return {name: self._hidden(lower, above, upper), cover: above}
+        return {name: self._hidden(lower, above, upper), cover: _Found(pair.upper, above.status)}
 
     def _hidden(self, matcher: Matcher, above: _Found, upper: Matcher) -> _Found:
         """At the covering needle's place, give or take what its outline can hide."""
@@ -131,12 +122,6 @@ class GaugeReader:
         return Reading(
             found.status, self._grid.angle_deg(match.row), match.sigma_rows * self._grid.step_deg, match.score
         )
-
-    def _allowed_rows(self, gauge: Gauge) -> NDArray[np.bool_]:
-        start_deg, end_deg = gauge.sweep
-        beyond_deg = min(BEYOND_SWEEP_DEG, (360.0 - (end_deg - start_deg)) / 2)
-        angles_deg = self._grid.angle_deg(0) + self._grid.step_deg * np.arange(self._grid.rows)
-        return (angles_deg >= start_deg - beyond_deg) & (angles_deg <= end_deg + beyond_deg)
 
 
 def _without(unwrapped: UnwrappedGauge, upper: Matcher, axis_row: float) -> UnwrappedGauge:

@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decoder.correlation import normxcorr, parabola_peak, xcorr
-from decoder.faces import with_needle
+from decoder.arrays import Floats
+from decoder.correlation import parabola_peak, xcorr
+from decoder.needle_layer import face_with_lower
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import face_moments, partial_normxcorr
-
-Floats = NDArray[np.float32]
 
 MAX_FRACTION_ROWS = 1.0
 MAX_STEPS = 4
@@ -40,22 +38,34 @@ NO_MATCH = Match(0.0, float("inf"), 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Least squares in one window: rows below its middle, the spread of that, and the mean square left unexplained."""
+    """Least squares in one window.
+
+    Attributes
+    ----------
+    fraction, sigma_rows
+        How many rows below the window's middle the needle lies, and the spread of that; NaN where none fits.
+    noise
+        The mean square that stays unexplained, grey levels squared.
+    gain
+        The needle's contrast in units of the template's.
+    unexplained
+        (N,) float32: what stays of each pixel.
+    """
 
     fraction: float
     sigma_rows: float
     noise: float
-
-
-NO_FIT = Fit(float("nan"), float("inf"), float("inf"))
+    gain: float
+    unexplained: Floats
 
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """A match with the mean square that it leaves unexplained, grey levels squared."""
+    """A match, and the fit that it came from in the window around `row`."""
 
     match: Match
-    noise: float
+    row: int
+    fit: Fit
 
 
 class Matcher:
@@ -66,41 +76,38 @@ class Matcher:
     template
         The needle.
     pixels_per_sample
-        How much of an original pixel one sample of the unwrapped gauge stands for: neighbouring samples share their noise.
+        How much of an original pixel one sample of the unwrapped gauge stands for: neighbouring samples share their
+        noise.
     face
-        (R, C) float32: the dial without needles, if it is known.
+        (R, C) float32: the dial without needles.
     """
 
-    def __init__(self, template: NeedleTemplate, pixels_per_sample: float, face: Floats | None) -> None:
+    def __init__(self, template: NeedleTemplate, pixels_per_sample: float, face: Floats) -> None:
         self.template = template
         self._face = face
-        self._moments = None if face is None else face_moments(face, template)
+        self._moments = face_moments(face, template)
         self.axis = (template.rows - 1) // 2
         self._light_slope = -np.gradient(template.light, axis=0)
         self._transparency_slope = -np.gradient(template.transparency, axis=0)
-        self._pixels_per_sample = pixels_per_sample
+        self.pixels_per_sample = pixels_per_sample
         self.touched = template.place(TOUCH_LEVEL)
         self.half_width_rows = template.half_width_deg / template.step_deg
 
     @property
     def independent_pixels(self) -> float:
         """How many original pixels the template's trusted samples are worth."""
-        return float(self.template.trust.sum()) * self._pixels_per_sample
+        return float(self.template.trust.sum()) * self.pixels_per_sample
 
     def scores(self, gauge: Floats) -> Floats:
-        """NCC of the template with its axis on each row of (R, C); rows too near an end score 0: (R,) float32.
+        """NCC of needle and gauge, what the face explains taken out, with the template's axis on each row: (R,) float32.
 
-        Over a known face, with what the face explains taken out.
+        Rows too near an end of the gauge (R, C) score 0.
         """
-        if self._face is None or self._moments is None:
-            return self._padded(normxcorr(gauge, self.template.pixels, self.template.weights), gauge.shape[0])
         return self._padded(partial_normxcorr(gauge, self._face, self.template, self._moments), gauge.shape[0])
 
     def uncovered(self, gauge: Floats, mask: Floats) -> Visibility:
-        """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,) by the axis's row."""
-        face = np.zeros_like(gauge) if self._face is None else self._face
-        whole = self._moments or face_moments(face, self.template)
-        seen = uncovered_scores(gauge, face, mask, self.template, whole)
+        """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,)."""
+        seen = uncovered_scores(gauge, self._face, mask, self.template, self._moments)
         return Visibility(self._padded(seen.scores, len(gauge)), self._padded(seen.visible, len(gauge)))
 
     def products(self, gauge: Floats) -> Floats:
@@ -116,39 +123,41 @@ class Matcher:
         if not self.axis <= row < gauge.shape[0] - self.axis or not np.isfinite(curve[row]):
             return NO_MATCH
         rows = slice(row - self.axis, row + self.axis + 1)
-        face, seen = (None if image is None else image[rows] for image in (self._face, mask))
-        fit = self.fraction(gauge[rows], face, seen)
+        fit = self.fraction(gauge[rows], self._face[rows], None if mask is None else mask[rows])
         if not abs(fit.fraction) <= MAX_FRACTION_ROWS:
             return Match(parabola_peak(curve, row), fit.sigma_rows, float(scores[row]))
         return Match(row + fit.fraction, fit.sigma_rows, float(scores[row]))
 
+    def face_around(self, row: int) -> Floats:
+        """(H, C): the face in the window around a row."""
+        return self._face[row - self.axis : row + self.axis + 1]
+
     def again(self, gauge: Floats, match: Match, below: NeedleTemplate, below_row: float) -> Settled:
         """A match settled anew over a face on which another needle, the one below, lies with its axis on a row."""
-        face = with_needle(np.zeros_like(gauge) if self._face is None else self._face, below, below_row)
-        row, settled = round(match.row), Settled(match, float("inf"))
+        row = round(match.row)
+        settled = Settled(match, row, _no_fit())
         for _ in range(MAX_STEPS):
             rows = slice(row - self.axis, row + self.axis + 1)
             if not self.axis <= row < len(gauge) - self.axis:
                 break
-            fit = self.fraction(gauge[rows], face[rows])
+            behind = face_with_lower(self._face[rows], self.template, below, below_row - rows.start)
+            fit = self.fraction(gauge[rows], behind)
             if not abs(fit.fraction) <= self.axis:
                 break
-            settled = Settled(Match(row + fit.fraction, fit.sigma_rows, match.score), fit.noise)
+            settled = Settled(Match(row + fit.fraction, fit.sigma_rows, match.score), row, fit)
             if abs(fit.fraction) <= MAX_FRACTION_ROWS:
                 break
             row += round(fit.fraction)
         return settled
 
-    def fraction(self, window: Floats, face: Floats | None, mask: Floats | None = None) -> Fit:
+    def fraction(self, window: Floats, face: Floats, mask: Floats | None = None) -> Fit:
         """How far below the middle the needle in a window (H, C) lies.
 
         One step of least squares for gain, offset and shift of the needle over the face behind it.
         """
         template = self.template
-        model, slope = template.light, self._light_slope
-        if face is not None:
-            model = model + template.transparency * face
-            slope = slope + self._transparency_slope * face
+        model = template.light + template.transparency * face
+        slope = self._light_slope + self._transparency_slope * face
         weights = (template.trust if mask is None else template.trust * mask).ravel()
         columns = np.stack([model.ravel(), np.ones(model.size, np.float32), slope.ravel()])
         weighted = columns * weights
@@ -156,16 +165,20 @@ class Matcher:
         try:
             covariance = np.linalg.inv((weighted @ columns.T).astype(np.float64))
         except np.linalg.LinAlgError:
-            return NO_FIT
+            return _no_fit()
         gain, light, shift = covariance @ (weighted @ observed)
         if gain < MIN_GAIN:
-            return NO_FIT
+            return _no_fit()
         unexplained = observed - np.array([gain, light, shift], np.float32) @ columns
         noise = float(weights @ (unexplained * unexplained)) / max(float(weights.sum()), 1.0)
-        sigma_rows = np.sqrt(noise * max(covariance[2, 2], 0.0) / self._pixels_per_sample) / gain
-        return Fit(float(shift / gain), float(sigma_rows), noise)
+        sigma_rows = np.sqrt(noise * max(covariance[2, 2], 0.0) / self.pixels_per_sample) / gain
+        return Fit(float(shift / gain), float(sigma_rows), noise, float(gain), unexplained)
 
     def _padded(self, inner: Floats, rows: int) -> Floats:
         scores = np.zeros(rows, np.float32)
         scores[self.axis : self.axis + len(inner)] = inner
         return scores
+
+
+def _no_fit() -> Fit:
+    return Fit(float("nan"), float("inf"), float("inf"), 0.0, np.empty(0, np.float32))

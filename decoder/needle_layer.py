@@ -1,24 +1,27 @@
 """The needle as a layer over the dial's face: what it adds, and how much of the face shows through.
 
-Each pixel of the needle is a line `light + transparency * face`, fitted over the frames. On the needle the transparency is 0, beside
-it 1, at its blurred edges in between; where the face never changes behind a pixel the fit leans on what the contrast suggests.
+Each pixel of the needle is a line `light + transparency * face`, fitted over the frames. On the needle the
+transparency is 0, beside it 1, at its blurred edges in between; where the face never changes behind a pixel the fit
+leans on what the contrast suggests.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.needle_template import NeedleTemplate
-
-Floats = NDArray[np.float32]
+from decoder.unwrapping import rows_at
 
 # Spread of a pixel over the frames that is plain sensor and JPEG noise, grey levels.
 NOISE_LEVELS = 4.0
 PRIOR_SPREAD = 0.2
+# A needle's darker half is no less opaque than its lighter one.
+OPAQUE_PART = 0.8
 OUTLIER_SPREADS = 3.5
 MAD_TO_SIGMA = 1.4826
 MIN_GAIN = 0.2
+MIN_COVER = 0.05
 
 
 def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplate:
@@ -44,6 +47,63 @@ def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplat
     pixels = np.median(cuts, axis=0).astype(np.float32)
     clutter = MAD_TO_SIGMA * np.median(np.abs(cuts - pixels), axis=0)
     return NeedleTemplate(pixels, _trust(clutter), light, transparency, _trust(spread), prior.step_deg)
+
+
+def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
+    """A needle of which one picture is known.
+
+    Parameters
+    ----------
+    pixels
+        (H, C) float32: the picture, the needle's axis in the middle row.
+    behind
+        (H, C) float32: the dial's face there, as far as it is known.
+    plain
+        (C,) float32: what the dial mostly shows at each radius.
+    step_deg
+        Degrees from row to row.
+    """
+    transparency = _expected_transparency(pixels, np.broadcast_to(plain, pixels.shape))
+    ones = np.ones_like(pixels)
+    return NeedleTemplate(pixels, ones, pixels - transparency * behind, transparency, ones, step_deg)
+
+
+def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
+    """How much of each pixel a needle shows beside one that lies over it, and the light that adds.
+
+    Where the edges of two needles run along each other, coverage does not multiply: on the far side of the lower needle's
+    axis the upper's edge lies within the lower's body, so what shows of the lower is the difference of both coverages; on
+    the near side they lie side by side, and both show as long as there is room.
+
+    Parameters
+    ----------
+    upper
+        (H, C), its axis in the window's middle row.
+    lower
+        (H', C).
+    lower_row
+        Fractional row of the lower needle's axis in the window.
+
+    Returns
+    -------
+    (H, C) in [0, 1], and (H, C) in grey levels
+    """
+    rows = np.arange(upper.rows) - lower_row + (lower.rows - 1) / 2
+    inside = ((rows >= 0) & (rows <= lower.rows - 1))[:, None]
+    cover = np.where(inside, 1.0 - rows_at(lower.transparency, rows), 0.0)
+    far = ((np.arange(upper.rows) - lower_row) * np.sign(lower_row - (upper.rows - 1) / 2) >= 0)[:, None]
+    nested = np.maximum(cover - (1.0 - upper.transparency), 0.0)
+    shown = np.where(far, nested, np.minimum(cover, upper.transparency)).astype(np.float32)
+    light: Floats = (rows_at(lower.light, rows) / np.maximum(cover, MIN_COVER) * shown).astype(np.float32)
+    return shown, light
+
+
+def face_with_lower(face: Floats, upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> Floats:
+    """The face (H, C) behind an upper needle when a lower needle lies on it; the rest as for `shown_below`."""
+    shown, light = shown_below(upper, lower, lower_row)
+    behind = light + face * np.maximum(upper.transparency - shown, 0.0)
+    through: Floats = np.where(upper.transparency > MIN_COVER, behind / np.maximum(upper.transparency, MIN_COVER), face)
+    return through
 
 
 def in_local_light(cut: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
@@ -72,10 +132,10 @@ def _lines(cuts: Floats, faces: Floats, weights: Floats, expected: Floats) -> tu
 
 
 def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
-    """1 where the needle's picture is like the plain dial, 0 where it has its full contrast."""
+    """1 where the needle's picture is like the plain dial, 0 where it has its contrast, of which shading may take a part."""
     difference = np.abs(pixels - plain)
     contrast = np.maximum(difference.max(axis=0), NOISE_LEVELS)
-    expected: Floats = (1.0 - difference / contrast).astype(np.float32)
+    expected: Floats = np.clip(1.0 - difference / (OPAQUE_PART * contrast), 0.0, 1.0).astype(np.float32)
     return expected
 
 

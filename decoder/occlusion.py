@@ -11,12 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.needle_template import NeedleTemplate
 from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
-
-Floats = NDArray[np.float32]
 
 WHOLE_VISIBLE = 0.97
 # With less of its contrast in sight than this, a template matches too many things.

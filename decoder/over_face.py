@@ -1,8 +1,9 @@
 """Correlation of a needle that lies over a known face: NCC with what the face explains taken out.
 
-Over a face F the needle shows as `n = light + (transparency - 1) F` on top of it. The score is the partial correlation of the gauge
-with n, given F and a constant: the NCC of gauge and needle after both have lost what the face can explain. On a plain dial it is the
-thesis's NCC; over marks and numerals it does not suffer from them, and where only the face is to be seen it is about 0.
+Over a face F the needle shows as `n = light + (transparency - 1) F` on top of it. The score is the partial
+correlation of the gauge with n, given F and a constant: the NCC of gauge and needle after both have lost what the
+face can explain. On a plain dial it is the thesis's NCC; over marks and numerals it does not suffer from them, and
+where only the face is to be seen it is about 0.
 
 All sums slide along the rows, see `decoder.correlation`; arrays over rows are by the row on which the template starts.
 """
@@ -12,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decoder.arrays import Floats
 from decoder.correlation import MIN_SPREAD_LEVELS, sliding_sums
 from decoder.needle_template import NeedleTemplate
-
-Floats = NDArray[np.float32]
 
 # A face with less spread than this explains nothing but noise.
 FACE_NOISE_LEVELS = 1.0

@@ -8,36 +8,18 @@ from dataclasses import dataclass
 from typing import Self
 
 from decoder.aligner import Aligner
-from decoder.alignment import IDENTITY, Alignment
-from decoder.errors import PanelError, PictureError
-from decoder.gauge_reader import GaugeReader, Method, gauge_grid
-from decoder.needle_template import NeedleTemplate, cut_template, given_template
-from decoder.panel import Gauge, Needle
+from decoder.alignment import Alignment
+from decoder.errors import PictureError
+from decoder.gauge_grid import gauge_grid
+from decoder.gauge_reader import GaugeReader, Method
 from decoder.panel_pictures import PanelPictures
+from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading
+from decoder.tuning import Tuning
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
 PANEL_PRECISION_PX = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class Tuning:
-    """What is known beyond the panel's description.
-
-    Attributes
-    ----------
-    templates
-        By needle.
-    faces
-        For each gauge in the panel's order, the unwrapped dial without needles, (rows, columns) float32, if it is known.
-    usual
-        Where the camera mostly was.
-    """
-
-    templates: Mapping[str, NeedleTemplate]
-    faces: tuple[UnwrappedGauge | None, ...]
-    usual: Alignment
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +68,7 @@ class PanelReader:
         PanelError
             If a template, an anchor or the level edge does not fit the panel picture.
         """
-        templates = {
-            needle.name: _template(source, gauge, needle, f"gauges[{g}].needles[{n}].template")
-            for g, gauge in enumerate(source.panel.gauges)
-            for n, needle in enumerate(gauge.needles)
-        }
-        return cls(source, method, Tuning(templates, (None,) * len(source.panel.gauges), IDENTITY))
+        return cls(source, method, tuning_from_panel(source))
 
     @property
     def systematic_deg(self) -> Mapping[str, float]:
@@ -139,14 +116,3 @@ class PanelReader:
         for gauge, image in zip(self._gauges, unwrapped.gauges, strict=True):
             readings.update(gauge.read(image))
         return FrameReadings(unwrapped.alignment, readings)
-
-
-def _template(source: PanelPictures, gauge: Gauge, needle: Needle, path: str) -> NeedleTemplate:
-    grid = gauge_grid(gauge)
-    name = needle.template.picture
-    picture = source.picture if name is None else source.pictures[name]
-    if needle.template.at is None:
-        return given_template(needle, grid, picture, path=path)
-    if picture.shape != source.picture.shape:
-        raise PanelError(f"{path}.picture", "is not of the panel picture's size, so `at` has no meaning in it")
-    return cut_template(gauge, needle, grid, picture, path=path)

@@ -11,9 +11,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decoder.alignment import Alignment
+from decoder.arrays import Floats
 from decoder.features import Feature
 from decoder.pictures import GreyPicture
 
@@ -46,7 +46,7 @@ class Registration:
                 break
         return alignment
 
-    def _columns(self, feature: Feature) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _columns(self, feature: Feature) -> tuple[Floats, Floats]:
         """The feature's motion columns with gain and offset projected out, and the normal matrix they make."""
         gradient_x, gradient_y = feature.gradient.astype(np.float64)
         x, y = feature.points.astype(np.float64) - self._middle[:, None]
@@ -59,7 +59,7 @@ class Registration:
         columns -= basis @ (basis.T @ columns)
         return columns, columns.T @ columns
 
-    def _step(self, samples: Sequence[NDArray[np.float32]]) -> tuple[float, float, float]:
+    def _step(self, samples: Sequence[Floats]) -> tuple[float, float, float]:
         size = 3 if self._rolls else 2
         normal, right = np.zeros((size, size)), np.zeros(size)
         for feature, values, (columns, own) in zip(self._features, samples, self._solvers, strict=True):

@@ -1,175 +1,29 @@
-"""Tuning: learns from a sample of a flight's own frames what its needles and dials look like.
-
-A template cut from one picture carries that picture's noise, and whatever lies behind the needle there, into every
-reading. Many frames tell needle and dial apart: the dial's face is what each pixel shows when no needle is there, and
-the needle is what it adds to the faces it passes over. A reading then compares the gauge with the needle drawn over
-the face behind it, so marks and numerals no longer pull at it. Searches start where the camera mostly was.
-"""
+"""Tuning: what is known of needles, dials and camera beyond the panel's description."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 
-import numpy as np
-
-from decoder.alignment import IDENTITY, Alignment
-from decoder.errors import PictureError
-from decoder.faces import in_light_of, learn_face, needle_place
-from decoder.matching import Matcher
-from decoder.needle_layer import in_local_light, layered
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
-from decoder.panel import Gauge
-from decoder.panel_reader import PanelReader, Tuning, UnwrappedFrame
-from decoder.pictures import GreyPicture
-from decoder.reading import Reading, Status
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
-
-SAMPLE_FRAMES = 32
-ROUNDS = 2
-MIN_CUTS = 5
-
-Readings = Mapping[str, Reading]
-Templates = Mapping[str, NeedleTemplate]
+from decoder.alignment import Alignment
+from decoder.needle_template import NeedleTemplate
+from decoder.unwrapping import UnwrappedGauge
 
 
-def tune(reader: PanelReader, frames: Iterable[GreyPicture]) -> PanelReader:
-    """The reader fitted to the flight that the frames are a sample of; with too few usable frames, as it was."""
-    samples = _unwrapped(reader, frames)
-    if len(samples) < MIN_CUTS:
-        return reader
-    usual = _usual([sample.alignment for sample in samples])
-    own = Unwrapper(reader.grids).unwrap(reader.source.picture, IDENTITY)
-    strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
-    tuners = [
-        _GaugeTuner(gauge, grid, picture, gauge_strips, reader.tuning.templates)
-        for gauge, grid, picture, gauge_strips in zip(
-            reader.source.panel.gauges, reader.grids, own, strips, strict=True
-        )
-    ]
-    for _ in range(ROUNDS):
-        found = [reader.read_unwrapped(sample).readings for sample in samples]
-        templates = dict(reader.tuning.templates)
-        faces: list[UnwrappedGauge | None] = []
-        for tuner in tuners:
-            face = tuner.face(found, templates)
-            faces.append(face)
-            if face is not None:
-                templates.update(tuner.templates(found, templates, face))
-        reader = reader.tuned(Tuning(templates, tuple(faces), usual))
-    return reader
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """First made from the panel picture alone (`panel_tuning`), then from the flight's own frames (`flight_tuning`).
 
-
-class _GaugeTuner:
-    """What the sample tells about one gauge.
-
-    `own` is the gauge in the panel picture, `strips` in the sample's frames, `given` the templates as the panel has them.
+    Attributes
+    ----------
+    templates
+        By needle.
+    faces
+        For each gauge in the panel's order, the unwrapped dial without needles, (rows, columns) float32.
+    usual
+        Where the camera mostly was.
     """
 
-    def __init__(
-        self, gauge: Gauge, grid: PolarGrid, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge], given: Templates
-    ) -> None:
-        self._names = [needle.name for needle in gauge.needles]
-        self._at_deg = {needle.name: needle.template.at for needle in gauge.needles}
-        self._grid = grid
-        self._strips = [in_light_of(own, strip) for strip in strips]
-        self._given = given
-
-    def face(self, found: Sequence[Readings], templates: Templates) -> UnwrappedGauge | None:
-        """The dial without needles, or None if too few frames show where its needles are."""
-        touched = {name: templates[name].place(TOUCH_LEVEL) for name in self._names}
-        views, places = [], []
-        for strip, readings in zip(self._strips, found, strict=True):
-            if strip is None or any(readings[name].status is Status.MISSING for name in self._names):
-                continue
-            place = np.zeros(strip.shape, bool)
-            for name in self._names:
-                place |= needle_place(strip.shape, touched[name], self._row(readings[name]))
-            views.append(strip)
-            places.append(place)
-        return learn_face(views, places) if len(views) >= MIN_CUTS else None
-
-    def templates(self, found: Sequence[Readings], before: Templates, face: UnwrappedGauge) -> dict[str, NeedleTemplate]:
-        """The gauge's needles, those that enough frames show free of the others."""
-        learned = {}
-        for name in self._names:
-            clear = [
-                (strip, self._row(readings[name]))
-                for strip, readings in zip(self._strips, found, strict=True)
-                if strip is not None and self._is_clear(name, readings, before)
-            ]
-            if len(clear) >= MIN_CUTS:
-                learned[name] = self._learned(name, clear, before[name], face)
-        return learned
-
-    def _learned(
-        self,
-        name: str,
-        clear: Sequence[tuple[UnwrappedGauge, float]],
-        before: NeedleTemplate,
-        face: UnwrappedGauge,
-    ) -> NeedleTemplate:
-        """The needle from its cuts, its zero where the panel's own template has it.
-
-        The frames tell the needle's form, but not where its axis is: all cuts share the error of the template that found them.
-        The given template, read with the learned needle over the face behind it, shows that error; the cuts are moved by it.
-        """
-        learned = layered(*self._cuts(clear, before, face, 0.0), before)
-        given = self._given[name]
-        behind = None
-        at_deg = self._at_deg[name]
-        if at_deg is not None:
-            behind = rows_at(face, self._window((at_deg - self._grid.start_deg) % 360.0 / self._grid.step_deg, before.rows))
-        off_rows = Matcher(learned, self._grid.pixels_per_sample, None).fraction(given.pixels, behind).fraction
-        if not abs(off_rows) < before.rows / 8:
-            return learned
-        return layered(*self._cuts(clear, learned, face, -off_rows), learned)
-
-    def _cuts(
-        self,
-        clear: Sequence[tuple[UnwrappedGauge, float]],
-        before: NeedleTemplate,
-        face: UnwrappedGauge,
-        shift_rows: float,
-    ) -> tuple[UnwrappedGauge, UnwrappedGauge]:
-        windows = [self._window(row + shift_rows, before.rows) for _, row in clear]
-        faces = np.stack([rows_at(face, window) for window in windows])
-        cuts = [
-            in_local_light(rows_at(strip, window), before, behind)
-            for (strip, _), window, behind in zip(clear, windows, faces, strict=True)
-        ]
-        return np.stack(cuts), faces
-
-    @staticmethod
-    def _window(axis_row: float, rows: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        return axis_row + np.arange(rows) - (rows - 1) / 2
-
-    def _row(self, reading: Reading) -> float:
-        return (reading.angle_deg - self._grid.start_deg) / self._grid.step_deg
-
-    def _is_clear(self, name: str, readings: Readings, templates: Templates) -> bool:
-        """Whether a needle was read whole, with no other near enough to reach into its template."""
-        own = readings[name]
-        reach_deg = templates[name].rows * templates[name].step_deg / 2
-        return own.status is Status.READ and all(
-            readings[other].status is not Status.MISSING
-            and abs(readings[other].angle_deg - own.angle_deg) > reach_deg + templates[other].half_width_deg
-            for other in self._names
-            if other != name
-        )
-
-
-def _unwrapped(reader: PanelReader, frames: Iterable[GreyPicture]) -> list[UnwrappedFrame]:
-    samples = []
-    for frame in frames:
-        try:
-            samples.append(reader.unwrap(frame))
-        except PictureError:
-            continue  # the frame itself is reported when the flight is read
-    return samples
-
-
-def _usual(alignments: Sequence[Alignment]) -> Alignment:
-    """The median alignment."""
-    columns = np.array([[a.roll_deg, *a.offset_px, a.score] for a in alignments])
-    roll_deg, x, y, score = (float(value) for value in np.median(columns, axis=0))
-    return Alignment(roll_deg, (x, y), score)
+    templates: Mapping[str, NeedleTemplate]
+    faces: tuple[UnwrappedGauge, ...]
+    usual: Alignment

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from decoder.alignment import Alignment
+from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
 
-UnwrappedGauge = NDArray[np.float32]
+UnwrappedGauge = Floats
 
 # Oversampling beyond two rows a degree gained nothing on a 104-pixel dial, where a degree is 0.9 pixels of the rim;
 # larger dials keep that density of about two rows a pixel until the rows become a cost of their own.
@@ -43,7 +43,7 @@ class PolarGrid:
     column_px: float
     columns: int
 
-    def points(self) -> NDArray[np.float32]:
+    def points(self) -> Floats:
         """(2, rows, columns) float32: x and y of every sample in the panel picture."""
         angles = np.radians(self.start_deg + self.step_deg * np.arange(self.rows))[:, None]
         radii = (self.inner_px + self.column_px * np.arange(self.columns))[None, :]
@@ -108,7 +108,7 @@ class Unwrapper:
         ]
 
 
-def rows_at(strip: UnwrappedGauge, rows: NDArray[np.float64]) -> UnwrappedGauge:
+def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     """An unwrapped gauge at fractional rows, by cubic interpolation: (len(rows), C); beyond its ends, its end rows."""
     first = np.floor(rows).astype(np.intp)
     part = (rows - first).astype(np.float32)[:, None]

@@ -1,0 +1,13 @@
+"""Array types that many modules share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating[Any]]
+"""Numbers in single or double precision; each docstring says which, and the shape."""
+Mask = NDArray[np.bool_]
+"""True where something holds."""

@@ -1,0 +1,116 @@
+"""The first tuning: what the panel picture alone tells of needles and dials.
+
+A needle's template is cut from the panel picture, or given as a cropped unwrapped picture (thesis 3.2.1). The face of
+a dial is the panel picture without its needles; what they hide there is filled with what the dial mostly shows at
+that radius.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from decoder.alignment import IDENTITY
+from decoder.arrays import Floats
+from decoder.correlation import normxcorr
+from decoder.errors import PanelError
+from decoder.faces import bare_face, needle_place
+from decoder.gauge_grid import PICTURE_SPAN_DEG, gauge_grid, row_of_angle, rows_in_sweep
+from decoder.needle_layer import first_layer
+from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
+from decoder.panel import Gauge, Needle
+from decoder.panel_pictures import PanelPictures
+from decoder.pictures import GreyPicture
+from decoder.tuning import Tuning
+from decoder.unwrapping import PolarGrid, Unwrapper, inside, rows_at
+
+MIN_CONTRAST_LEVELS = 4.0
+FOUND_SCORE = 0.8
+
+
+def tuning_from_panel(source: PanelPictures) -> Tuning:
+    """The tuning that the panel's own pictures give.
+
+    Raises
+    ------
+    PanelError
+        If a gauge or a template does not fit its picture.
+    """
+    templates: dict[str, NeedleTemplate] = {}
+    faces = []
+    for index, gauge in enumerate(source.panel.gauges):
+        own, face = _gauge_tuning(source, gauge, f"gauges[{index}]")
+        templates |= own
+        faces.append(face)
+    return Tuning(templates, tuple(faces), IDENTITY)
+
+
+def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[str, NeedleTemplate], Floats]:
+    grid = gauge_grid(gauge)
+    _check_inside(grid, source.picture, path)
+    strip = Unwrapper([grid]).unwrap(source.picture, IDENTITY)[0]
+    pictures = {
+        needle.name: _template_picture(source, gauge, needle, f"{path}.needles[{index}].template")
+        for index, needle in enumerate(gauge.needles)
+    }
+    plain = np.median(strip, axis=0)
+    place = np.zeros(strip.shape, bool)
+    for needle in gauge.needles:
+        row = _row_in_panel_picture(gauge, needle, grid, strip, pictures[needle.name])
+        if row is not None:
+            layer = first_layer(pictures[needle.name], np.zeros_like(pictures[needle.name]), plain, grid.step_deg)
+            place |= needle_place(strip.shape, layer.place(TOUCH_LEVEL), row)
+    face = bare_face(strip, place)
+    templates = {}
+    for needle in gauge.needles:
+        pixels = pictures[needle.name]
+        templates[needle.name] = first_layer(pixels, face_behind(face, grid, needle, len(pixels)), plain, grid.step_deg)
+    return templates, face
+
+
+def face_behind(face: Floats, grid: PolarGrid, needle: Needle, rows: int) -> Floats:
+    """(rows, C): the face behind a needle's template where it was cut; of a cropped picture, what the dial mostly shows."""
+    if needle.template.at is None:
+        return np.broadcast_to(np.median(face, axis=0), (rows, face.shape[1])).astype(np.float32)
+    return rows_at(face, row_of_angle(grid, needle.template.at) + np.arange(rows) - (rows - 1) / 2)
+
+
+def _row_in_panel_picture(gauge: Gauge, needle: Needle, grid: PolarGrid, strip: Floats, pixels: Floats) -> float | None:
+    """Where a needle lies in the panel picture, by the panel's word or by looking; None if it cannot be told."""
+    if needle.template.at is not None and needle.template.picture is None:
+        return row_of_angle(grid, needle.template.at)
+    axis = (len(pixels) - 1) // 2
+    scores = np.zeros(len(strip), np.float32)
+    inner = normxcorr(strip, pixels, np.ones_like(pixels))
+    scores[axis : axis + len(inner)] = inner
+    scores[~rows_in_sweep(gauge, grid)] = 0.0
+    return float(scores.argmax()) if scores.max() >= FOUND_SCORE else None
+
+
+def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, path: str) -> Floats:
+    """The needle's picture, (H, C) float32, H odd, its axis in the middle row."""
+    grid, template = gauge_grid(gauge), needle.template
+    rows = odd_rows(template.span or PICTURE_SPAN_DEG, grid.step_deg)
+    picture = source.picture if template.picture is None else source.pictures[template.picture]
+    if template.at is None:
+        pixels = cv2.resize(picture, (grid.columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
+    else:
+        if picture.shape != source.picture.shape:
+            raise PanelError(f"{path}.picture", "is not of the panel picture's size, so `at` has no meaning in it")
+        start_deg, end_deg = gauge.sweep
+        if not any(start_deg - 45.0 <= template.at + turn <= end_deg + 45.0 for turn in (-360.0, 0.0, 360.0)):
+            raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
+        window = grid.at(template.at, rows)
+        _check_inside(window, picture, path)
+        pixels = Unwrapper([window]).unwrap(picture, IDENTITY)[0]
+    if float(pixels.std()) < MIN_CONTRAST_LEVELS:
+        raise PanelError(
+            path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"
+        )
+    return pixels
+
+
+def _check_inside(grid: PolarGrid, picture: GreyPicture, path: str) -> None:
+    height, width = picture.shape
+    if not inside(grid, IDENTITY, width, height):
+        raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")
