@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from flight_file.frame import ClockReading, Frame
 
-QUEUE_FRAMES = 8  # 18-megapixel pictures have up to 8 MB: this is as much as a small board can spare
+QUEUE_BYTES = 24 * 2**20  # four 18-megapixel pictures: as much as a small board can spare
+QUEUE_FRAMES = 64  # small pictures: what waits longer than this many shows that the disk cannot follow
 
 _LOOK_S = 0.2  # how often a waiting producer looks whether it shall stop
 
@@ -36,11 +37,16 @@ class Ended:
 
 
 class FrameQueue:
-    """First in, first out; full at `capacity` frames. The end is never refused."""
+    """First in, first out; full at so many frames or bytes of JPEG.
 
-    def __init__(self, capacity: int = QUEUE_FRAMES) -> None:
+    One frame always fits, however large, and the end is never refused.
+    """
+
+    def __init__(self, capacity: int = QUEUE_FRAMES, capacity_bytes: int = QUEUE_BYTES) -> None:
         self._capacity = capacity
+        self._capacity_bytes = capacity_bytes
         self._items: deque[Arrival | Ended] = deque()
+        self._bytes = 0
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
@@ -50,7 +56,7 @@ class FrameQueue:
     def offer(self, arrival: Arrival) -> bool:
         """Put a frame if there is room; says whether there was."""
         with self._changed:
-            if len(self._items) >= self._capacity:
+            if self._is_full_for(arrival):
                 return False
             self._put(arrival)
             return True
@@ -58,7 +64,7 @@ class FrameQueue:
     def put(self, arrival: Arrival, stop: threading.Event) -> bool:
         """Put a frame, waiting for room; False if `stop` was set before there was any."""
         with self._changed:
-            while len(self._items) >= self._capacity:
+            while self._is_full_for(arrival):
                 if stop.is_set():
                     return False
                 self._changed.wait(_LOOK_S)
@@ -78,9 +84,20 @@ class FrameQueue:
             if not self._items:
                 return None
             item = self._items.popleft()
+            self._bytes -= _size_bytes(item)
             self._changed.notify_all()
             return item
 
+    def _is_full_for(self, arrival: Arrival) -> bool:
+        if not self._items:
+            return False
+        return len(self._items) >= self._capacity or self._bytes + _size_bytes(arrival) > self._capacity_bytes
+
     def _put(self, item: Arrival | Ended) -> None:
         self._items.append(item)
+        self._bytes += _size_bytes(item)
         self._changed.notify_all()
+
+
+def _size_bytes(item: Arrival | Ended) -> int:
+    return len(item.frame.jpeg) if isinstance(item, Arrival) else 0

@@ -10,9 +10,9 @@ from recorder.frame_queue import Arrival, Ended, FrameQueue
 AT = ClockReading(0, 0)
 
 
-def arrival(sequence: int) -> Arrival:
-    """A frame without content."""
-    return Arrival(Frame(sequence, 0, b"", "", HostTimes(AT, AT, AT)), AT)
+def arrival(sequence: int, jpeg: bytes = b"") -> Arrival:
+    """A frame."""
+    return Arrival(Frame(sequence, 0, jpeg, "", HostTimes(AT, AT, AT)), AT)
 
 
 def test_full_queue_refuses_the_newest() -> None:
@@ -55,3 +55,13 @@ def test_patient_producer_gives_up_when_told_to_stop() -> None:
     stop.set()
 
     assert queue.put(arrival(1), stop) is False
+
+
+def test_large_pictures_fill_it_by_their_bytes() -> None:
+    """Memory is what counts; but one picture always fits, however large it is."""
+    queue = FrameQueue(capacity=10, capacity_bytes=100)
+
+    assert queue.offer(arrival(0, bytes(500)))
+    assert not queue.offer(arrival(1, b"x"))
+    queue.take(0)
+    assert [queue.offer(arrival(number, bytes(50))) for number in range(3)] == [True, True, False]

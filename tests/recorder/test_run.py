@@ -179,12 +179,12 @@ def test_drops_of_a_live_camera_are_counted_and_visible(
         return write(file, data)
 
     monkeypatch.setattr(DurableFile, "write", slow_write)
-    with_camera(ScriptedCamera(30, lambda _stop: release.set(), size=100_000))
+    with_camera(ScriptedCamera(100, lambda _stop: release.set(), size=100_000))
     outcome = run(configure())
     (path,) = outcome.paths
 
-    assert outcome.dropped >= 30 - 8 - 2
-    assert outcome.stored == 30 - outcome.dropped
+    assert outcome.dropped >= 100 - 64 - 2
+    assert outcome.stored == 100 - outcome.dropped
     assert messages(path, "/recorder/health")[-1]["dropped"] == outcome.dropped
     assert messages(path, "/recorder/health")[-1]["drops_by_reason"] == {
         "the disk is slower than the camera": outcome.dropped
