@@ -11,6 +11,8 @@ from mcap.writer import CompressionType, IndexType, Writer
 from flight_file import codec
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
+from flight_file.scan import scan_file
+from flight_file.segment import opened
 from flight_file.topics import FRAME_TOPIC, IMAGE_TOPIC, TOPICS
 
 
@@ -97,3 +99,60 @@ def test_our_files_pass_the_mcap_package_with_crcs_on(flight: Path, frames: list
     assert {schema.name for schema in summary.schemas.values()} >= {"foxglove.CompressedImage", "foxglove.Log"}
     assert sum(channel.topic == IMAGE_TOPIC for _, channel, _ in messages) == len(frames)
     assert set(attachments) == {"panel.yaml", "panel.jpg"}
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_flipped_byte_in_a_compressed_chunk_costs_that_chunk(
+    tmp_path: Path, frames: list[Frame], compression: CompressionType
+) -> None:
+    """Whether the decompressor or the CRC notices it, the damage is a loss, and the other chunks are delivered."""
+    path = tmp_path / "packed.mcap"
+    write_foreign(path, frames, compression=compression, chunk_size=1000)
+    data = path.read_bytes()
+    with opened(path) as source:
+        places = scan_file(path, source).chunks
+    for offset in range(places[2].offset, places[2].offset + places[2].length):
+        path.write_bytes(data[:offset] + bytes([data[offset] ^ 0x10]) + data[offset + 1 :])
+        flight = open_flight([path])
+        found = list(flight.frames())
+
+        assert all(frame == frames[frame.sequence] for frame in found)
+        assert len(found) >= len(frames) - 2
+        assert len(found) == len(frames) or flight.losses
+
+
+@pytest.mark.parametrize("topic", [FRAME_TOPIC, IMAGE_TOPIC])
+@pytest.mark.parametrize("data", [b"\xff\xff\xff", b"[]", b"{}", b'{"sequence": "x"}', b"[" * 100_000])
+def test_message_that_is_not_what_its_topic_promises_is_a_loss(tmp_path: Path, topic: str, data: bytes) -> None:
+    """Whole bytes of the wrong sort are reported, nothing is raised."""
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_message(writer.register_channel(topic, "json", 0), 0, data, 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+    flight = open_flight([path])
+
+    assert list(flight.frames()) == []
+    assert list(flight.sample_frames(1)) == []
+    assert [loss.kind.value for loss in flight.losses] == ["damaged"]
+
+
+def test_record_without_its_picture_is_a_loss(tmp_path: Path, frames: list[Frame]) -> None:
+    """One half of a frame is no frame: which half is there is said, and the whole frames are delivered."""
+    path = tmp_path / "halves.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1)
+        writer.start()
+        image, record = (writer.register_channel(topic, "any", 0) for topic in (IMAGE_TOPIC, FRAME_TOPIC))
+        for frame in frames:
+            if frame.sequence != 1:
+                writer.add_message(image, 0, codec.encode_image(frame), 0)
+            if frame.sequence != 3:
+                writer.add_message(record, 0, codec.encode_frame(frame), 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+    flight = open_flight([path])
+
+    assert [frame.sequence for frame in flight.frames()] == [0, 2, 4, 5]
+    assert any("the picture of frame 1 is lost" in loss.reason for loss in flight.losses)
+    assert any("the record of the picture" in loss.reason for loss in flight.losses)
