@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from flight_file.errors import FlightNotWrittenError
-from flight_file.frame import ClockReading
 from flight_file.reports import CameraStatus
-from flight_file.segments import FlightWriter, Plan, free_recording_name
-from flight_file.session import Session
+from flight_file.segments import FlightWriter, Plan
 from recorder.attachments import gather_attachments
 from recorder.capture import Capture, Drops
 from recorder.config import RecorderConfig
@@ -19,13 +16,12 @@ from recorder.errors import RecorderError
 from recorder.frame_queue import Arrival, Ended, FrameQueue
 from recorder.host import Host
 from recorder.journal import Journal
+from recorder.plan import clock_name, plan_recording
 from recorder.recording import Gauges, Recording
 from recorder.stop import Stop
 
 IDLE_S = 1.0  # how long the writer waits for a frame before it looks at its clock
 PATIENCE_S = 3.0  # how long a camera may take to notice that it shall stop
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +52,7 @@ def record(
     stop: Stop | None = None,
     journal: Journal | None = None,
     configuration: bytes = b"",
+    name: str | None = None,
 ) -> Outcome:
     """Record until the camera has no more pictures or somebody asks to stop.
 
@@ -76,6 +73,8 @@ def record(
         Where the log goes; stderr if not given.
     configuration
         Bytes of recorder.yaml, carried as an attachment; empty for none.
+    name
+        Of the recording; its start time if not given. A name that is taken gets a number.
 
     Raises
     ------
@@ -92,19 +91,14 @@ def record(
     journal = journal or Journal()
     attachments = gather_attachments(config.attach, configuration)
     wiring = wire(config, host)
-    if config.attach.panel is None and config.attach.camera is None:
-        attachments = {**wiring.attachments, **attachments}
-    started = wiring.clock.read()
-    plan = _plan(config, host, wiring, attachments, started)
-    identity = wiring.camera.identity
-    status = CameraStatus("connected", f"{identity.driver}: {identity.note}" if identity.note else identity.driver)
+    plan = plan_recording(config, host, wiring, attachments=attachments, name=name)
     drops, queue = Drops(), FrameQueue()
     recording = Recording(
-        FlightWriter(plan, status=status, at=started),
+        FlightWriter(plan, status=_first_status(wiring), at=plan.session.started),
         gauges=_gauges(plan, host, wiring, queue),
         drops=drops,
         journal=journal,
-        at=started,
+        at=plan.session.started,
     )
     journal.log.info("recording_started", recording=plan.session.recording, directory=str(plan.directory))
     capture = Capture(wiring, queue, drops, stop)
@@ -113,47 +107,25 @@ def record(
     capture.join(IDLE_S)  # lets a crashed thread print its traceback first; one that hangs is left behind
     dropped = sum(drops.by_reason().values())
     journal.log.info("recording_finished", reason=ended.reason, stored=recording.stored, dropped=dropped)
+    _raise_failure(ended)
+    return Outcome(plan.session.recording, ended.reason, tuple(paths), recording.stored, dropped)
+
+
+def _first_status(wiring: Wiring) -> CameraStatus:
+    identity = wiring.camera.identity
+    return CameraStatus("connected", f"{identity.driver}: {identity.note}" if identity.note else identity.driver)
+
+
+def _raise_failure(ended: Ended) -> None:
     if ended.error is not None:
         raise ended.error
     if ended.crashed:
         raise RecorderError("The camera's thread crashed; its traceback is above, please report it.")
-    return Outcome(plan.session.recording, ended.reason, tuple(paths), recording.stored, dropped)
-
-
-def recording_name(start: ClockReading) -> str:
-    """A name that sorts by time: `20180504T120000Z`."""
-    return f"{_EPOCH + timedelta(microseconds=start.realtime_ns // 1000):%Y%m%dT%H%M%SZ}"
-
-
-def _plan(config: RecorderConfig, host: Host, wiring: Wiring, attachments: dict[str, bytes], at: ClockReading) -> Plan:
-    directory = config.storage.directory
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = f"cannot be made ({error.strerror}); check storage.directory"
-        raise FlightNotWrittenError(directory, reason=reason) from error
-    identity = wiring.camera.identity
-    session = Session(
-        recording=free_recording_name(directory, recording_name(at)),
-        started=at,
-        clock=_clock_name(wiring),
-        boot_id=host.boot_id,
-        host=host.name,
-        camera_driver=identity.driver,
-        camera_model=identity.model,
-        camera_serial=identity.serial,
-        versions=host.versions,
-    )
-    return Plan(directory, session, attachments, round(config.storage.segment_s * 1e9))
-
-
-def _clock_name(wiring: Wiring) -> str:
-    return "system" if wiring.live else "simulated"
 
 
 def _gauges(plan: Plan, host: Host, wiring: Wiring, queue: FrameQueue) -> Gauges:
     return Gauges(
-        clock_name=_clock_name(wiring),
+        clock_name=clock_name(wiring),
         free_bytes=lambda: host.free_bytes(plan.directory),
         temperatures_c=lambda: dict(host.temperatures_c()),
         # A camera that waits for the disk fills the queue as the threads happen to run; that is no news about the

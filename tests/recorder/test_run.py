@@ -118,6 +118,16 @@ def test_second_recording_does_not_touch_the_first(configure: Configure) -> None
     assert not set(first.paths) & set(second.paths)
 
 
+def test_recording_can_be_named(configure: Configure) -> None:
+    """A fixture has a name of its own, in the file's name and inside."""
+    outcome = record(
+        configure(), host=fixed_host(ManualClock(NOW_NS)), journal=Journal(io.StringIO()), name="thesis_a1"
+    )
+
+    assert [path.name for path in outcome.paths] == ["thesis_a1_0000.mcap"]
+    assert open_flight(outcome.paths).recording == "thesis_a1"
+
+
 def test_replayed_flight_is_the_same_flight(tmp_path: Path, configure: Configure) -> None:
     """Frames of a recorded flight come out of a second recording unchanged, and its panel with them."""
     panel = tmp_path / "panel.yaml"
