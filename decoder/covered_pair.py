@@ -22,19 +22,28 @@ from decoder.needle_layer import shown_below
 SHOWN_PART = 0.2
 # What shows must be worth this many original pixels, or it may be anything.
 MIN_SHOWN_PIXELS = 1.0
+SURELY_SHOWN_PIXELS = 3.0
+# A place for the lower needle must leave this much less unexplained than hiding it wholly, or any on the other side.
+MUCH_BETTER = 0.8
+# A sliver is believed only where everything else is explained: a glare's edge beside a needle looks like one.
+MIN_PAIR_CORRELATION = 0.98
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """The matches of two needles, the lower one's score being that of what shows of it."""
+    """The matches of two needles, the lower one's score being that of what shows of it.
+
+    `correlation` is the NCC of the whole window with both needles over the face.
+    """
 
     upper: Match
     lower: Match
+    correlation: float
 
 
 def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) -> Pair:
     """The best pair near the upper needle's match; `gauge` is (R, C) float32, unwrapped."""
-    reach = math.ceil((upper.half_width_rows + lower.half_width_rows) / 2) + 2
+    reach = pair_reach_rows(upper, lower)
     middle = round(upper_match.row)
     tried = [
         upper.again(gauge, upper_match, lower.template, float(middle + offset)) for offset in range(-reach, reach + 1)
@@ -42,17 +51,45 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) 
     noise = np.array([settled.fit.noise for settled in tried])
     best = int(noise.argmin())
     if not np.isfinite(noise[best]):
-        return Pair(upper_match, Match(upper_match.row, math.inf, 0.0))
+        return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
     place = middle - reach + parabola_peak(-noise, best)
     settled = upper.again(gauge, upper_match, lower.template, place)
-    return Pair(settled.match, Match(place, _spread_rows(noise, best, upper), _score(upper, lower, place, settled)))
+    elsewhere = noise[reach - 1 :] if best < reach else noise[: reach + 2]  # hidden wholly, or on the other side
+    is_better = noise[best] <= MUCH_BETTER * elsewhere.min() if abs(best - reach) > 1 else False
+    score = _score(upper, lower, place, settled) if is_better else 0.0
+    match = Match(place, _spread_rows(noise, best, upper), score)
+    return Pair(settled.match, match, settled.fit.correlation)
+
+
+def pair_reach_rows(upper: Matcher, lower: Matcher) -> int:
+    """How far apart two needles' axes are tried."""
+    return math.ceil((upper.half_width_rows + lower.half_width_rows) / 2) + 2
+
+
+def hidden_reach_rows(upper: Matcher, lower: Matcher) -> float:
+    """How far apart two needles' axes can be with too little of the lower one showing to tell."""
+    for rows in range(upper.axis):
+        if any(
+            _shown_pixels(upper, shown_below(upper.template, lower.template, float(upper.axis + side))[0])
+            >= SURELY_SHOWN_PIXELS
+            for side in (-rows, rows)
+        ):
+            return float(rows)
+    return float(upper.axis)
+
+
+def _shown_pixels(upper: Matcher, shown: Floats) -> float:
+    """What shows of a needle, in original pixels."""
+    return float(shown[shown > SHOWN_PART].sum()) * upper.pixels_per_sample
 
 
 def _score(upper: Matcher, lower: Matcher, place: float, settled: Settled) -> float:
     """How well what shows of the lower needle explains what the upper one and the face leave there, as a correlation."""
     shown, light = shown_below(upper.template, lower.template, place - (settled.row - upper.axis))
     where = shown > SHOWN_PART
-    if float(shown[where].sum()) * upper.pixels_per_sample < MIN_SHOWN_PIXELS or not settled.fit.unexplained.size:
+    if settled.fit.correlation < MIN_PAIR_CORRELATION:
+        return 0.0
+    if _shown_pixels(upper, shown) < MIN_SHOWN_PIXELS or not settled.fit.unexplained.size:
         return 0.0
     added = settled.fit.gain * (light - upper.face_around(settled.row) * shown)[where]
     left = settled.fit.unexplained.reshape(where.shape)[where]

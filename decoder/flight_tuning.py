@@ -122,16 +122,17 @@ class _GaugeTuner:
         found them. The given template, read with the learned needle over the face behind it, shows that error; the
         cuts are moved by it.
         """
-        learned = layered(*self._cuts(clear, before, face, 0.0), before)
+        learned = layered(*self._cuts(name, clear, before, face, 0.0), before)
         behind = face_behind(face, self._grid, self._needles[name], before.rows)
         matcher = Matcher(learned, self._grid.pixels_per_sample, face)
         off_rows = matcher.fraction(self._given[name].pixels, behind).fraction
         if not abs(off_rows) < before.rows / 8:
             return learned
-        return layered(*self._cuts(clear, learned, face, -off_rows), learned)
+        return layered(*self._cuts(name, clear, learned, face, -off_rows), learned)
 
     def _cuts(
         self,
+        name: str,
         clear: Sequence[tuple[UnwrappedGauge, float]],
         before: NeedleTemplate,
         face: UnwrappedGauge,
@@ -143,6 +144,9 @@ class _GaugeTuner:
             in_local_light(rows_at(strip, window), before, behind)
             for (strip, _), window, behind in zip(clear, windows, faces, strict=True)
         ]
+        if self._needles[name].template.at is not None:  # one more view, over another part of the face
+            given = face_behind(face, self._grid, self._needles[name], before.rows)
+            return np.stack([*cuts, self._given[name].pixels]), np.concatenate([faces, given[None]])
         return np.stack(cuts), faces
 
     @staticmethod

@@ -12,43 +12,67 @@ from dataclasses import replace
 
 import numpy as np
 
-from decoder.arrays import Floats
+from decoder.arrays import Floats, Mask
 from decoder.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.reading import Status
 
+# From a place where it is seen whole, a needle is soon under another one: about two needles' width.
+COVERED_REACH_DEG = 6.0
 READ_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 
 def fill_gaps(data: FlightData) -> FlightData:
-    """The flight data with doubtful hidden readings flagged and flagged readings interpolated."""
+    """The flight data with doubtful covered readings flagged and flagged readings interpolated."""
     by_name = {series.needle.name: series for series in data.series}
-    believed = [_without_doubtful_hidden(series, by_name.get(series.needle.covered_by or "")) for series in data.series]
+    believed = []
+    for series in data.series:
+        cover = by_name.get(series.needle.covered_by or "")
+        if cover is not None:
+            pace_deg = _pace_deg(series, cover)
+            series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
+            series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
+        believed.append(series)
     return replace(data, series=tuple(_interpolated(series, data.time_s) for series in believed))
 
 
-def _without_doubtful_hidden(series: NeedleSeries, cover: NeedleSeries | None) -> NeedleSeries:
-    """Hidden readings stand only where the needle went under the covering one, or came out from under it.
+def _without_doubtful(
+    series: NeedleSeries, doubted: tuple[Status, ...], trusted: tuple[Status, ...], pace_deg: float
+) -> NeedleSeries:
+    """Covered readings stand only where the needle went under the covering one, or came out from under it.
 
-    A glare over the needle somewhere else on the dial looks just like a needle that is hidden. So at each end of a
-    run of hidden frames the nearest frame in which the needle was seen must show it near the covering needle.
+    A glare over the needle somewhere else on the dial looks just like a needle that is hidden, and its edge beside the
+    covering needle like one that peeps out. So at each end of a run of doubted frames the nearest trusted frame must show
+    the needle about where the run has it; a needle that is never seen so is not known to be covered.
     """
-    hidden = series.has(Status.HIDDEN)
-    if cover is None or not hidden.any():
-        return series
-    seen = np.flatnonzero(series.has(Status.READ, Status.EDGE))
-    reach_deg = (series.needle.template.span or 0.0) / 2 + (cover.needle.template.span or 0.0) / 2
-    doubtful = np.zeros_like(hidden)
-    for first, last in spans(hidden):
-        before, after = seen[seen < first][-1:], seen[seen > last][:1]
-        ends = [(before, first), (after, last)]
-        if any(abs(series.angle_deg[at[0]] - cover.angle_deg[end]) > reach_deg for at, end in ends if at.size):
-            doubtful[first : last + 1] = True
+    covered, seen = series.has(*doubted), np.flatnonzero(series.has(*trusted))
+    doubtful = np.zeros_like(covered)
+    for first, last in spans(covered):
+        ends = [
+            (at[0], end) for at, end in ((seen[seen < first][-1:], first), (seen[seen > last][:1], last)) if at.size
+        ]
+        doubtful[first : last + 1] = not ends or any(
+            abs(series.angle_deg[at] - series.angle_deg[end]) > COVERED_REACH_DEG + pace_deg * abs(int(at) - end)
+            for at, end in ends
+        )
     return replace(
         series,
         status=np.where(doubtful, CODE[Status.MISSING], series.status).astype(np.uint8),
         value=np.where(doubtful, NOWHERE, series.value),
         sigma=np.where(doubtful, NOWHERE, series.sigma),
     )
+
+
+def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:
+    """How far needles on this dial go in a frame, degrees: what nineteen of twenty steps between readings stay below."""
+    steps = [np.abs(np.diff(one.angle_deg))[_in_sequence(one)] for one in (series, cover)]
+    together = np.concatenate(steps)
+    return float(np.quantile(together, 0.95)) if together.size else 0.0
+
+
+def _in_sequence(series: NeedleSeries) -> Mask:
+    """(N - 1,): where a frame and the next one both show the whole needle."""
+    read = series.has(Status.READ)
+    return read[1:] & read[:-1]
 
 
 def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:

@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+import cv2
 import numpy as np
 
-from decoder.covered_pair import fit_pair
+from decoder.arrays import Floats
+from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
 from decoder.faces import needle_place
 from decoder.gauge_grid import rows_in_sweep
 from decoder.matching import Match, Matcher
@@ -20,6 +22,10 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # Found by trial in the thesis (3.2.3), and by others for infrared targets.
 SCORE_THRESHOLD = 0.8
+# A place at which another needle of the gauge matches better is that needle's.
+RIVAL_REACH_DEG = 3.0
+# A needle is hidden only if what covers it is seen clearly; under a glare it may be anywhere.
+MIN_HIDDEN_CORRELATION = 0.98
 
 
 class Method(StrEnum):
@@ -64,6 +70,11 @@ class GaugeReader:
         self._matchers = {name: Matcher(template, grid.pixels_per_sample, face) for name, template in templates.items()}
         self._covers = {needle.name: needle.covered_by for needle in gauge.needles}
         self._order = _covering_first(self._covers)
+        self._hidden_reach_rows = {
+            name: hidden_reach_rows(self._matchers[cover], self._matchers[name])
+            for name, cover in self._covers.items()
+            if cover is not None
+        }
         self._allowed = rows_in_sweep(gauge, grid)
         self._method = method
 
@@ -73,28 +84,40 @@ class GaugeReader:
         for name in self._order:
             cover = self._covers[name]
             if cover is None or found[cover].status is Status.MISSING or self._method is Method.XCORR:
-                found[name] = self._read_free(unwrapped, self._matchers[name])
+                found[name] = self._read_free(unwrapped, name)
             else:
                 found |= self._read_pair(unwrapped, name, cover, found[cover])
         return {name: self._reading(found[name]) for name in self._covers}
 
-    def _read_free(self, unwrapped: UnwrappedGauge, matcher: Matcher) -> _Found:
+    def _read_free(self, unwrapped: UnwrappedGauge, name: str) -> _Found:
+        """A needle on its own, wherever no other needle of the gauge matches better."""
+        matcher = self._matchers[name]
         scores = matcher.scores(unwrapped)
         curve = scores if self._method is Method.NORMXCORR else matcher.products(unwrapped)
-        match = matcher.best(unwrapped, np.where(self._allowed, curve, -np.inf), scores)
+        allowed = self._allowed.copy()
+        for other, rival in self._matchers.items():
+            if other != name:
+                allowed &= scores >= self._nearby_best(rival.scores(unwrapped))
+        match = matcher.best(unwrapped, curve, allowed, scores)
         return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
+
+    def _nearby_best(self, scores: Floats) -> Floats:
+        """The best score within `RIVAL_REACH_DEG` of each row."""
+        reach_rows = round(RIVAL_REACH_DEG / self._grid.step_deg)
+        best: Floats = np.asarray(
+            cv2.dilate(scores[:, None], np.ones((2 * reach_rows + 1, 1), np.uint8))[:, 0], np.float32
+        )
+        return best
 
     def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found) -> _Found:
         """The cascade for a needle whose covering needle has been read."""
         matcher, upper = self._matchers[name], self._matchers[cover]
         mask = _without(unwrapped, upper, above.match.row)
         seen = matcher.uncovered(unwrapped, mask)
-        for status, visible in ((Status.READ, WHOLE_VISIBLE), (Status.EDGE, MIN_VISIBLE)):
-            curve = np.where((seen.visible >= visible) & self._allowed, seen.scores, -np.inf)
-            match = matcher.best(unwrapped, curve, seen.scores, mask)
-            if match.score >= SCORE_THRESHOLD:
-                return _Found(match, status)
-        return self._hidden(matcher, above, upper)
+        match = matcher.best(unwrapped, seen.scores, self._allowed & (seen.visible >= MIN_VISIBLE), seen.scores, mask)
+        if match.score < SCORE_THRESHOLD:
+            return self._hidden(name, above)
+        return _Found(match, Status.READ if seen.visible[round(match.row)] >= WHOLE_VISIBLE else Status.EDGE)
 
     def _read_pair(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found) -> dict[str, _Found]:
         """A needle below another; where they touch, both are read together, or each with what is known of the other."""
@@ -103,18 +126,20 @@ class GaugeReader:
         apart_rows = abs(below.match.row - above.match.row)
         if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
             return {name: below, cover: above}
-        if apart_rows > lower.half_width_rows:
+        if below.status is not Status.HIDDEN and apart_rows > pair_reach_rows(upper, lower):
             above = _Found(upper.again(unwrapped, above.match, lower.template, below.match.row).match, above.status)
             return {name: self._read_below(unwrapped, name, cover, above), cover: above}
         pair = fit_pair(unwrapped, upper, above.match, lower)
+        above = _Found(pair.upper, above.status)
         if pair.lower.score >= SCORE_THRESHOLD:
-            return {name: _Found(pair.lower, Status.EDGE), cover: _Found(pair.upper, above.status)}
-        return {name: self._hidden(lower, above, upper), cover: _Found(pair.upper, above.status)}
+            return {name: _Found(pair.lower, Status.EDGE), cover: above}
+        if pair.correlation < MIN_HIDDEN_CORRELATION:
+            return {name: _Found(below.match, Status.MISSING), cover: above}
+        return {name: self._hidden(name, above), cover: above}
 
-    def _hidden(self, matcher: Matcher, above: _Found, upper: Matcher) -> _Found:
-        """At the covering needle's place, give or take what its outline can hide."""
-        slack_rows = max(upper.half_width_rows - matcher.half_width_rows, 0.0) + 1.0
-        sigma_rows = float(np.hypot(above.match.sigma_rows, slack_rows / np.sqrt(3.0)))
+    def _hidden(self, name: str, above: _Found) -> _Found:
+        """At the covering needle's place, give or take how far from it the needle could be without being seen."""
+        sigma_rows = float(np.hypot(above.match.sigma_rows, self._hidden_reach_rows[name] / np.sqrt(3.0)))
         return _Found(Match(above.match.row, sigma_rows, above.match.score), Status.HIDDEN)
 
     def _reading(self, found: _Found) -> Reading:

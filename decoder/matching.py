@@ -6,11 +6,12 @@ between rows), and what it leaves unexplained gives the uncertainty.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats
+from decoder.arrays import Floats, Mask
 from decoder.correlation import parabola_peak, xcorr
 from decoder.needle_layer import face_with_lower
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
@@ -46,6 +47,8 @@ class Fit:
         How many rows below the window's middle the needle lies, and the spread of that; NaN where none fits.
     noise
         The mean square that stays unexplained, grey levels squared.
+    correlation
+        Of the window with the needle over the face, the thesis's NCC for this one place.
     gain
         The needle's contrast in units of the template's.
     unexplained
@@ -55,6 +58,7 @@ class Fit:
     fraction: float
     sigma_rows: float
     noise: float
+    correlation: float
     gain: float
     unexplained: Floats
 
@@ -114,14 +118,19 @@ class Matcher:
         """Plain cross-correlation with the template's axis on each row of (R, C): (R,) float32."""
         return self._padded(xcorr(gauge, self.template.pixels), gauge.shape[0])
 
-    def best(self, gauge: Floats, curve: Floats, scores: Floats, mask: Floats | None = None) -> Match:
-        """The match at the maximum of `curve`, its score taken from `scores`; both (R,).
+    def best(self, gauge: Floats, curve: Floats, allowed: Mask, scores: Floats, mask: Floats | None = None) -> Match:
+        """The match at the highest peak of `curve` on an allowed row, its score taken from `scores`; all (R,).
 
-        Where `mask`, (R, C), is 0 the gauge's pixels are left out of the least squares.
+        A highest row whose neighbour is higher but not allowed is no peak: what is there lies elsewhere. Where `mask`,
+        (R, C), is 0 the gauge's pixels are left out of the least squares.
         """
-        row = int(curve.argmax())
-        if not self.axis <= row < gauge.shape[0] - self.axis or not np.isfinite(curve[row]):
+        peaks = allowed.copy()
+        peaks[1:] &= curve[1:] >= curve[:-1]
+        peaks[:-1] &= curve[:-1] >= curve[1:]
+        peaks[: self.axis] = peaks[len(curve) - self.axis :] = False
+        if not peaks.any():
             return NO_MATCH
+        row = int(np.where(peaks, curve, -np.inf).argmax())
         rows = slice(row - self.axis, row + self.axis + 1)
         fit = self.fraction(gauge[rows], self._face[rows], None if mask is None else mask[rows])
         if not abs(fit.fraction) <= MAX_FRACTION_ROWS:
@@ -171,8 +180,11 @@ class Matcher:
             return _no_fit()
         unexplained = observed - np.array([gain, light, shift], np.float32) @ columns
         noise = float(weights @ (unexplained * unexplained)) / max(float(weights.sum()), 1.0)
+        mean = float(weights @ observed) / max(float(weights.sum()), 1.0)
+        variance = float(weights @ (observed - mean) ** 2) / max(float(weights.sum()), 1.0)
+        correlation = math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0
         sigma_rows = np.sqrt(noise * max(covariance[2, 2], 0.0) / self.pixels_per_sample) / gain
-        return Fit(float(shift / gain), float(sigma_rows), noise, float(gain), unexplained)
+        return Fit(float(shift / gain), float(sigma_rows), noise, correlation, float(gain), unexplained)
 
     def _padded(self, inner: Floats, rows: int) -> Floats:
         scores = np.zeros(rows, np.float32)
@@ -181,4 +193,4 @@ class Matcher:
 
 
 def _no_fit() -> Fit:
-    return Fit(float("nan"), float("inf"), float("inf"), 0.0, np.empty(0, np.float32))
+    return Fit(float("nan"), float("inf"), float("inf"), 0.0, 0.0, np.empty(0, np.float32))

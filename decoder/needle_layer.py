@@ -7,10 +7,12 @@ leans on what the contrast suggests.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from decoder.arrays import Floats
-from decoder.needle_template import NeedleTemplate
+from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.unwrapping import rows_at
 
 # Spread of a pixel over the frames that is plain sensor and JPEG noise, grey levels.
@@ -46,7 +48,15 @@ def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplat
         weights = (np.abs(unexplained) <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
     pixels = np.median(cuts, axis=0).astype(np.float32)
     clutter = MAD_TO_SIGMA * np.median(np.abs(cuts - pixels), axis=0)
-    return NeedleTemplate(pixels, _trust(clutter), light, transparency, _trust(spread), prior.step_deg)
+    learned = NeedleTemplate(pixels, _trust(clutter), light, transparency, _trust(spread), prior.step_deg)
+    return beside_transparent(learned)
+
+
+def beside_transparent(template: NeedleTemplate) -> NeedleTemplate:
+    """The template with nothing but the face beside the needle, where a fit can only pick up accidents."""
+    touched = template.place(TOUCH_LEVEL)
+    light = np.where(touched, template.light, 0.0).astype(np.float32)
+    return replace(template, light=light, transparency=np.where(touched, template.transparency, 1.0).astype(np.float32))
 
 
 def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
