@@ -1,9 +1,9 @@
 """Two needles that nearly coincide, read together: the upper one over the lower one over the face.
 
-Too little of the lower needle shows for a search of its own, but what shows still pulls at the upper one. So the lower is
-tried at every place where it touches the upper, the upper is settled over it, and the pair that leaves least unexplained is
-taken. The lower needle's score is that of what shows of it: how much of the pixels that upper needle and face do not explain
-it does.
+Too little of the lower needle shows for a search of its own, but what shows still pulls at the upper one. So the
+lower is tried at every place where it touches the upper, the upper is settled over it, and the pair that leaves least
+unexplained is taken. The lower needle's score is that of what shows of it: how much of the pixels that upper needle
+and face do not explain it does.
 """
 
 from __future__ import annotations
@@ -48,12 +48,14 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) 
     tried = [
         upper.again(gauge, upper_match, lower.template, float(middle + offset)) for offset in range(-reach, reach + 1)
     ]
-    noise = np.array([settled.fit.noise for settled in tried])
+    noise = np.array([np.inf if settled is None else settled.fit.noise for settled in tried])
     best = int(noise.argmin())
     if not np.isfinite(noise[best]):
         return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
     place = middle - reach + parabola_peak(-noise, best)
-    settled = upper.again(gauge, upper_match, lower.template, place)
+    settled = upper.again(gauge, upper_match, lower.template, place) or tried[best]
+    if settled is None:
+        return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
     elsewhere = noise[reach - 1 :] if best < reach else noise[: reach + 2]  # hidden wholly, or on the other side
     is_better = noise[best] <= MUCH_BETTER * elsewhere.min() if abs(best - reach) > 1 else False
     score = _score(upper, lower, place, settled) if is_better else 0.0
@@ -84,15 +86,15 @@ def _shown_pixels(upper: Matcher, shown: Floats) -> float:
 
 
 def _score(upper: Matcher, lower: Matcher, place: float, settled: Settled) -> float:
-    """How well what shows of the lower needle explains what the upper one and the face leave there, as a correlation."""
+    """How well what shows of the lower needle explains what upper needle and face leave there, as a correlation."""
     shown, light = shown_below(upper.template, lower.template, place - (settled.row - upper.axis))
     where = shown > SHOWN_PART
     if settled.fit.correlation < MIN_PAIR_CORRELATION:
         return 0.0
-    if _shown_pixels(upper, shown) < MIN_SHOWN_PIXELS or not settled.fit.unexplained.size:
+    if _shown_pixels(upper, shown) < MIN_SHOWN_PIXELS:
         return 0.0
     added = settled.fit.gain * (light - upper.face_around(settled.row) * shown)[where]
-    left = settled.fit.unexplained.reshape(where.shape)[where]
+    left = settled.fit.unexplained[where]
     without = left + added
     return math.sqrt(max(1.0 - float((left**2).sum()) / max(float((without**2).sum()), 1e-9), 0.0))
 

@@ -1,4 +1,4 @@
-"""Faces: what an unwrapped dial shows where no needle is, learned from many frames with the needles in different places."""
+"""Faces: what an unwrapped dial shows where no needle is, learned from frames with the needles in many places."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MIN_GAIN = 0.2
 
 
 def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
-    """An unwrapped gauge brought to the light of a reference picture of the same gauge; None if they have nothing in common.
+    """An unwrapped gauge in the light of a reference picture of it; None if they have nothing in common.
 
     Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
     differ.
@@ -64,7 +64,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
 
 
 def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
-    """A dial's face from one picture: (R, C), the pixels where needles lie replaced by their column's median elsewhere."""
+    """A dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
     face = strip.copy()
     for column in range(strip.shape[1]):
         there = place[:, column]
@@ -74,7 +74,7 @@ def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
 
 
 def needle_place(shape: tuple[int, int], touched: NDArray[np.bool_], axis_row: float) -> NDArray[np.bool_]:
-    """(R, C): all pixels that a needle with its axis on a row touches; `touched` (H, C) says which of its template those are."""
+    """(R, C): all pixels that a needle with its axis on a row touches; `touched` (H, C) are those of its template."""
     place = np.zeros(shape, bool)
     rows = len(touched)
     top = axis_row - (rows - 1) / 2

@@ -16,7 +16,7 @@ from decoder.alignment import IDENTITY, Alignment
 from decoder.arrays import Floats
 from decoder.errors import PictureError
 from decoder.faces import in_light_of, learn_face, needle_place
-from decoder.matching import Matcher
+from decoder.fitting import Fitter
 from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.panel import Gauge
@@ -124,8 +124,9 @@ class _GaugeTuner:
         """
         learned = layered(*self._cuts(name, clear, before, face, 0.0), before)
         behind = face_behind(face, self._grid, self._needles[name], before.rows)
-        matcher = Matcher(learned, self._grid.pixels_per_sample, face)
-        off_rows = matcher.fraction(self._given[name].pixels, behind).fraction
+        off_rows = (
+            Fitter(learned, self._grid.pixels_per_sample).fit(self._given[name].pixels, lambda _: behind).fraction
+        )
         if not abs(off_rows) < before.rows / 8:
             return learned
         return layered(*self._cuts(name, clear, learned, face, -off_rows), learned)

@@ -40,9 +40,9 @@ def _without_doubtful(
 ) -> NeedleSeries:
     """Covered readings stand only where the needle went under the covering one, or came out from under it.
 
-    A glare over the needle somewhere else on the dial looks just like a needle that is hidden, and its edge beside the
-    covering needle like one that peeps out. So at each end of a run of doubted frames the nearest trusted frame must show
-    the needle about where the run has it; a needle that is never seen so is not known to be covered.
+    A glare over the needle somewhere else on the dial looks just like a needle that is hidden, and its edge beside
+    the covering needle like one that peeps out. So at each end of a run of doubted frames the nearest trusted frame
+    must show the needle about where the run has it; a needle that is never seen so is not known to be covered.
     """
     covered, seen = series.has(*doubted), np.flatnonzero(series.has(*trusted))
     doubtful = np.zeros_like(covered)
@@ -63,7 +63,7 @@ def _without_doubtful(
 
 
 def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:
-    """How far needles on this dial go in a frame, degrees: what nineteen of twenty steps between readings stay below."""
+    """How far needles on this dial go in a frame, degrees: nineteen of twenty steps between readings are shorter."""
     steps = [np.abs(np.diff(one.angle_deg))[_in_sequence(one)] for one in (series, cover)]
     together = np.concatenate(steps)
     return float(np.quantile(together, 0.95)) if together.size else 0.0

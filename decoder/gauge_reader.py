@@ -127,7 +127,8 @@ class GaugeReader:
         if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
             return {name: below, cover: above}
         if below.status is not Status.HIDDEN and apart_rows > pair_reach_rows(upper, lower):
-            above = _Found(upper.again(unwrapped, above.match, lower.template, below.match.row).match, above.status)
+            settled = upper.again(unwrapped, above.match, lower.template, below.match.row)
+            above = above if settled is None else _Found(settled.match, above.status)
             return {name: self._read_below(unwrapped, name, cover, above), cover: above}
         pair = fit_pair(unwrapped, upper, above.match, lower)
         above = _Found(pair.upper, above.status)

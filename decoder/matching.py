@@ -6,19 +6,21 @@ between rows), and what it leaves unexplained gives the uncertainty.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from decoder.arrays import Floats, Mask
 from decoder.correlation import parabola_peak, xcorr
+from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
 from decoder.needle_layer import face_with_lower
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import face_moments, partial_normxcorr
 
-MAX_FRACTION_ROWS = 1.0
+# The best row of a blurred needle may be one beside its true place.
+MAX_PEAK_ROWS = 1.5
 MAX_STEPS = 4
 
 
@@ -31,36 +33,7 @@ class Match:
     score: float
 
 
-# A needle with less than a twentieth of the template's contrast is none.
-MIN_GAIN = 0.05
-
 NO_MATCH = Match(0.0, float("inf"), 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """Least squares in one window.
-
-    Attributes
-    ----------
-    fraction, sigma_rows
-        How many rows below the window's middle the needle lies, and the spread of that; NaN where none fits.
-    noise
-        The mean square that stays unexplained, grey levels squared.
-    correlation
-        Of the window with the needle over the face, the thesis's NCC for this one place.
-    gain
-        The needle's contrast in units of the template's.
-    unexplained
-        (N,) float32: what stays of each pixel.
-    """
-
-    fraction: float
-    sigma_rows: float
-    noise: float
-    correlation: float
-    gain: float
-    unexplained: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +64,7 @@ class Matcher:
         self._face = face
         self._moments = face_moments(face, template)
         self.axis = (template.rows - 1) // 2
-        self._light_slope = -np.gradient(template.light, axis=0)
-        self._transparency_slope = -np.gradient(template.transparency, axis=0)
+        self.fitter = Fitter(template, pixels_per_sample)
         self.pixels_per_sample = pixels_per_sample
         self.touched = template.place(TOUCH_LEVEL)
         self.half_width_rows = template.half_width_deg / template.step_deg
@@ -103,7 +75,7 @@ class Matcher:
         return float(self.template.trust.sum()) * self.pixels_per_sample
 
     def scores(self, gauge: Floats) -> Floats:
-        """NCC of needle and gauge, what the face explains taken out, with the template's axis on each row: (R,) float32.
+        """NCC of needle and gauge, what the face explains taken out, by the row of the needle's axis: (R,) float32.
 
         Rows too near an end of the gauge (R, C) score 0.
         """
@@ -132,8 +104,9 @@ class Matcher:
             return NO_MATCH
         row = int(np.where(peaks, curve, -np.inf).argmax())
         rows = slice(row - self.axis, row + self.axis + 1)
-        fit = self.fraction(gauge[rows], self._face[rows], None if mask is None else mask[rows])
-        if not abs(fit.fraction) <= MAX_FRACTION_ROWS:
+        face = self._face[rows]
+        fit = self.fitter.fit(gauge[rows], lambda _: face, None if mask is None else mask[rows])
+        if not abs(fit.fraction) <= MAX_PEAK_ROWS:
             return Match(parabola_peak(curve, row), fit.sigma_rows, float(scores[row]))
         return Match(row + fit.fraction, fit.sigma_rows, float(scores[row]))
 
@@ -141,16 +114,18 @@ class Matcher:
         """(H, C): the face in the window around a row."""
         return self._face[row - self.axis : row + self.axis + 1]
 
-    def again(self, gauge: Floats, match: Match, below: NeedleTemplate, below_row: float) -> Settled:
-        """A match settled anew over a face on which another needle, the one below, lies with its axis on a row."""
-        row = round(match.row)
-        settled = Settled(match, row, _no_fit())
+    def again(self, gauge: Floats, match: Match, below: NeedleTemplate, below_row: float) -> Settled | None:
+        """A match settled anew over a face on which another needle, the one below, lies with its axis on a row.
+
+        None where no needle fits over that one.
+        """
+        row, settled = round(match.row), None
         for _ in range(MAX_STEPS):
-            rows = slice(row - self.axis, row + self.axis + 1)
             if not self.axis <= row < len(gauge) - self.axis:
                 break
-            behind = face_with_lower(self._face[rows], self.template, below, below_row - rows.start)
-            fit = self.fraction(gauge[rows], behind)
+            rows = slice(row - self.axis, row + self.axis + 1)
+            behind = partial(_with_lower, self._face[rows], below, below_row - rows.start)
+            fit = self.fitter.fit(gauge[rows], behind)
             if not abs(fit.fraction) <= self.axis:
                 break
             settled = Settled(Match(row + fit.fraction, fit.sigma_rows, match.score), row, fit)
@@ -159,38 +134,11 @@ class Matcher:
             row += round(fit.fraction)
         return settled
 
-    def fraction(self, window: Floats, face: Floats, mask: Floats | None = None) -> Fit:
-        """How far below the middle the needle in a window (H, C) lies.
-
-        One step of least squares for gain, offset and shift of the needle over the face behind it.
-        """
-        template = self.template
-        model = template.light + template.transparency * face
-        slope = self._light_slope + self._transparency_slope * face
-        weights = (template.trust if mask is None else template.trust * mask).ravel()
-        columns = np.stack([model.ravel(), np.ones(model.size, np.float32), slope.ravel()])
-        weighted = columns * weights
-        observed = window.ravel()
-        try:
-            covariance = np.linalg.inv((weighted @ columns.T).astype(np.float64))
-        except np.linalg.LinAlgError:
-            return _no_fit()
-        gain, light, shift = covariance @ (weighted @ observed)
-        if gain < MIN_GAIN:
-            return _no_fit()
-        unexplained = observed - np.array([gain, light, shift], np.float32) @ columns
-        noise = float(weights @ (unexplained * unexplained)) / max(float(weights.sum()), 1.0)
-        mean = float(weights @ observed) / max(float(weights.sum()), 1.0)
-        variance = float(weights @ (observed - mean) ** 2) / max(float(weights.sum()), 1.0)
-        correlation = math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0
-        sigma_rows = np.sqrt(noise * max(covariance[2, 2], 0.0) / self.pixels_per_sample) / gain
-        return Fit(float(shift / gain), float(sigma_rows), noise, correlation, float(gain), unexplained)
-
     def _padded(self, inner: Floats, rows: int) -> Floats:
         scores = np.zeros(rows, np.float32)
         scores[self.axis : self.axis + len(inner)] = inner
         return scores
 
 
-def _no_fit() -> Fit:
-    return Fit(float("nan"), float("inf"), float("inf"), 0.0, 0.0, np.empty(0, np.float32))
+def _with_lower(face: Floats, below: NeedleTemplate, below_row: float, upper: NeedleTemplate) -> Floats:
+    return face_with_lower(face, upper, below, below_row)

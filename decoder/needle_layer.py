@@ -81,9 +81,9 @@ def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) 
 def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
     """How much of each pixel a needle shows beside one that lies over it, and the light that adds.
 
-    Where the edges of two needles run along each other, coverage does not multiply: on the far side of the lower needle's
-    axis the upper's edge lies within the lower's body, so what shows of the lower is the difference of both coverages; on
-    the near side they lie side by side, and both show as long as there is room.
+    Where the edges of two needles run along each other, coverage does not multiply: on the far side of the lower
+    needle's axis the upper's edge lies within the lower's body, so what shows of the lower is the difference of both
+    coverages; on the near side they lie side by side, and both show as long as there is room.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _lines(cuts: Floats, faces: Floats, weights: Floats, expected: Floats) -> tu
 
 
 def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
-    """1 where the needle's picture is like the plain dial, 0 where it has its contrast, of which shading may take a part."""
+    """1 where the needle's picture is like the plain dial, 0 where it has its contrast but for some shading."""
     difference = np.abs(pixels - plain)
     contrast = np.maximum(difference.max(axis=0), NOISE_LEVELS)
     expected: Floats = np.clip(1.0 - difference / (OPAQUE_PART * contrast), 0.0, 1.0).astype(np.float32)

@@ -20,7 +20,9 @@ TOUCH_LEVEL = 0.1
 
 @dataclass(frozen=True, slots=True)
 class NeedleTemplate:
-    """An unwrapped needle; all arrays (H, C) float32, H odd: rows of angle, the axis in the middle one, by columns of radius.
+    """An unwrapped needle.
+
+    All arrays are (H, C) float32, H odd: rows of angle, the axis in the middle one, by columns of radius.
 
     Attributes
     ----------

@@ -69,7 +69,7 @@ def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[
 
 
 def face_behind(face: Floats, grid: PolarGrid, needle: Needle, rows: int) -> Floats:
-    """(rows, C): the face behind a needle's template where it was cut; of a cropped picture, what the dial mostly shows."""
+    """(rows, C): the face where a needle's template was cut; for a cropped picture, what the dial mostly shows."""
     if needle.template.at is None:
         return np.broadcast_to(np.median(face, axis=0), (rows, face.shape[1])).astype(np.float32)
     return rows_at(face, row_of_angle(grid, needle.template.at) + np.arange(rows) - (rows - 1) / 2)
