@@ -1,4 +1,4 @@
-"""`RECORDING.csv`: one header row, one row for each frame; empty fields where there is no value."""
+"""`NAME.csv`: one header row, one row for each frame; empty fields where there is no value."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
         else:
             builder.add(frame.sequence, frame.captured_ns, readings)
     if sum(reasons.values()) == frames:
-        raise FlightUnreadable(_why(flight.recording, frames, reasons))
+        raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
     return fill_gaps(builder.build(tuned.systematic_deg))
 
 
@@ -60,8 +60,8 @@ def _sample(flight: Flight) -> Iterator[GreyPicture]:
             continue  # reported when the flight is read
 
 
-def _why(recording: str, frames: int, reasons: Counter[str]) -> str:
+def _why(name: str, frames: int, reasons: Counter[str]) -> str:
     if not frames:
-        return f"{recording}: holds no frames"
+        return f"{name}: holds no frames"
     reason, _ = reasons.most_common(1)[0]
-    return f"{recording}: none of its {frames} frames fits this panel: {reason}; is it the panel of this cockpit?"
+    return f"{name}: none of its {frames} frames fits this panel: {reason}; is it the panel of this cockpit?"

@@ -1,4 +1,4 @@
-"""`RECORDING.json`: what the flight data are made of, where they have gaps, and why."""
+"""`NAME.json`: what the flight data are made of, where they have gaps, and why."""
 
 from __future__ import annotations
 

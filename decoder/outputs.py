@@ -1,4 +1,4 @@
-"""Writing flight data: `RECORDING.csv` and `RECORDING.json`, whole or not at all.
+"""Writing flight data: `NAME.csv` and `NAME.json`, whole or not at all.
 
 Every file is made beside its final name and put in place only when all of them are complete, so that a decode that is
 broken off leaves nothing half-written. The same flight data always give the same bytes.

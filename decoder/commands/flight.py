@@ -26,6 +26,7 @@ from decoder.panel_reader import PanelReader
 from decoder.summary import summary_table
 from flight_file.frame import Frame
 from flight_file.reader import Flight, open_flight
+from flight_file.segments import parse_segment_name
 
 EXIT_LOSS = 3
 MAX_LISTED = 10
@@ -55,18 +56,22 @@ Examples:
     show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
 )  # fmt: skip
 def command(flights: tuple[Path, ...], directory: Path, panel_file: Path | None, method: str) -> None:
-    """Decode FLIGHT, one flight file or the segments of one recording, into RECORDING.csv and RECORDING.json."""
+    """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
+
+    NAME is the recording's; a single file that was given another name keeps that one.
+    """
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
     with threadpool_limits(1):
         flight = open_flight(flights)
         source = _panel(flight, panel_file)
         data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), _progress)
         provenance = _provenance(flight, source, panel_file, method)
+        name = _output_name(flight)
         written = write_all(
             directory,
             {
-                f"{flight.recording}.csv": partial(write_csv, data),
-                f"{flight.recording}.json": partial(write_json, data, provenance),
+                f"{name}.csv": partial(write_csv, data),
+                f"{name}.json": partial(write_json, data, provenance),
             },
         )
     _report(data, provenance, written)
@@ -74,12 +79,19 @@ def command(flights: tuple[Path, ...], directory: Path, panel_file: Path | None,
         sys.exit(EXIT_LOSS)
 
 
+def _output_name(flight: Flight) -> str:
+    """The recording's name; of a single file that somebody named otherwise, that name."""
+    if len(flight.paths) > 1 or parse_segment_name(flight.paths[0]) is not None:
+        return flight.recording
+    return flight.paths[0].name.removesuffix(".part").removesuffix(".mcap")
+
+
 def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
     if panel_file is not None:
         return panel_from_file(panel_file)
     if PANEL_FILE not in flight.attachments:
-        raise PanelMissing(flight.recording)
-    return panel_from_attachments(flight.attachments, flight=flight.recording)
+        raise PanelMissing(str(flight.paths[0]))
+    return panel_from_attachments(flight.attachments, flight=flight.paths[0].name)
 
 
 def _provenance(flight: Flight, source: PanelPictures, panel_file: Path | None, method: str) -> Provenance:
