@@ -165,7 +165,9 @@ def source_of() -> Callable[..., PanelPictures]:
 def reader_of(source_of: Callable[..., PanelPictures]) -> Callable[..., PanelReader]:
     """A reader of the drawn cockpit, its panel changed by a function."""
 
-    def make(change: Callable[[dict[str, Any]], object] | None = None, method: Method = Method.NORMXCORR) -> PanelReader:
+    def make(
+        change: Callable[[dict[str, Any]], object] | None = None, method: Method = Method.NORMXCORR
+    ) -> PanelReader:
         content = copy.deepcopy(DOCUMENT)
         if change is not None:
             change(content)

@@ -163,7 +163,7 @@ def test_template_longer_than_the_gauge_is_refused() -> None:
 
 
 def test_plain_correlation_prefers_light_to_likeness() -> None:
-    """xcorr is highest on a bright patch that normxcorr does not mistake for the target."""
+    """Plain correlation is highest on a bright patch that normxcorr does not mistake for the target."""
     template, image = random_image(19, rows=9), random_image(20)
     image[10:19], image[40:49] = template, 255.0
 
@@ -181,7 +181,13 @@ def test_peak_of_a_parabola_is_exact(top: float, bend: float, height: float) -> 
 
 @pytest.mark.parametrize(
     ("scores", "index"),
-    [([3.0, 2.0, 1.0], 0), ([1.0, 2.0, 3.0], 2), ([-np.inf, 3.0, 1.0], 1), ([1.0, 1.0, 1.0], 1), ([np.nan, 1.0, 0.0], 1)],
+    [
+        ([3.0, 2.0, 1.0], 0),
+        ([1.0, 2.0, 3.0], 2),
+        ([-np.inf, 3.0, 1.0], 1),
+        ([1.0, 1.0, 1.0], 1),
+        ([np.nan, 1.0, 0.0], 1),
+    ],
     ids=["first", "last", "beside a ruled-out row", "flat", "beside a NaN"],
 )
 def test_peak_without_two_lower_neighbours_stays_on_its_row(scores: list[float], index: int) -> None:
