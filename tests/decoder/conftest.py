@@ -1,7 +1,7 @@
 """A cockpit drawn from formulas, and flights made of readings: what the decoder's tests hold it against.
 
-Every picture is a smooth function of the panel's own coordinates, sampled at the pixels of a camera that may be shifted,
-rolled, brighter or noisier. Nothing of the decoder's geometry is used to draw it.
+Every picture is a smooth function of the panel's own coordinates, sampled at the pixels of a camera that may be
+shifted, rolled, brighter or noisier. Nothing of the decoder's geometry is used to draw it.
 """
 
 from __future__ import annotations
@@ -195,6 +195,7 @@ def reading() -> Callable[..., Reading]:
 @pytest.fixture(scope="session")
 def fly() -> Callable[..., FlightData]:
     """Flight data of a row of frames, half a second apart unless times are given; a text stands for a missing frame."""
+    own = parse_panel(yaml.safe_dump(DOCUMENT))
 
     def make(
         frames: Sequence[Mapping[str, Reading] | str],
@@ -203,7 +204,7 @@ def fly() -> Callable[..., FlightData]:
         times_s: Sequence[float] | None = None,
         systematic_deg: float = 0.0,
     ) -> FlightData:
-        panel = parse_panel(yaml.safe_dump(content or DOCUMENT))
+        panel = own if content is None else parse_panel(yaml.safe_dump(content))
         builder = FlightDataBuilder(panel)
         still = {needle.name: Reading(Status.READ, 200.0, 0.02, 0.99) for needle in panel.needles}
         for index, frame in enumerate(frames):

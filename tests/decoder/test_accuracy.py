@@ -1,0 +1,218 @@
+"""Accuracy: known errors give known tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from decoder.accuracy import NeedleAccuracy, Table, compare, read_table
+from decoder.errors import AccuracyError
+
+TwoTables = Callable[..., list[NeedleAccuracy]]
+FLIGHT = {
+    "frame": [0, 1, 2, 3],
+    "time_s": [0.0, 1.0, 2.0, 3.0],
+    "n1": [10.1, 20.0, 29.7, 40.8],
+    "n1_status": ["read", "read", "edge", "interpolated"],
+    "n1_score": [0.9, 0.9, 0.9, 0.5],
+    "n1_sigma": [0.1, 0.1, 0.1, 0.1],
+}
+TRUTH = {"frame": [0, 1, 2, 3], "n1": [10.0, 20.0, 30.0, 40.0]}
+
+
+def table(columns: Mapping[str, Sequence[object]], path: Path = Path("table.csv")) -> Table:
+    """A table of anything."""
+    return Table(path, {name: tuple(str(value) for value in values) for name, values in columns.items()})
+
+
+def compared(flight: Mapping[str, Sequence[object]], truth: Mapping[str, Sequence[object]]) -> NeedleAccuracy:
+    """The accuracy of the only needle."""
+    (result,) = compare(table(flight), table(truth))
+    return result
+
+
+def test_known_errors_give_known_numbers() -> None:
+    """Errors of +1, 0, -1 and +2 percent: means, signed means and maxima are theirs."""
+    errors = compared(FLIGHT, TRUTH).by_status["all"]
+
+    assert errors.frames == 4
+    assert errors.mean_abs == pytest.approx(0.3)
+    assert errors.mean_signed == pytest.approx(0.15)
+    assert errors.max_abs == pytest.approx(0.8)
+    assert errors.mean_abs_pct == pytest.approx(1.0)
+    assert errors.mean_signed_pct == pytest.approx(0.5)
+    assert errors.max_abs_pct == pytest.approx(2.0)
+    assert errors.mean_abs_pct_fs is None
+
+
+def test_errors_are_told_by_status() -> None:
+    """Each status that occurs has its own errors, the others none."""
+    by_status = compared(FLIGHT, TRUTH).by_status
+
+    assert {kind: errors.frames for kind, errors in by_status.items()} == {
+        "all": 4,
+        "read": 2,
+        "edge": 1,
+        "interpolated": 1,
+    }
+    assert by_status["edge"].mean_signed_pct == pytest.approx(-1.0)
+
+
+def test_part_within_sigma_is_counted() -> None:
+    """Errors of 0.1, 0, 0.3 and 0.8 at a sigma of 0.1: two of four are within 1.96 sigma."""
+    assert compared(FLIGHT, TRUTH).by_status["all"].within_95 == 0.5
+
+
+def test_percent_of_reading_leaves_out_a_truth_of_zero() -> None:
+    """Where the truth is 0 no percentage exists; the error in units still counts."""
+    errors = compared(FLIGHT, TRUTH | {"n1": [0.0, 20.0, 30.0, 40.0]}).by_status["all"]
+
+    assert errors.frames == 4
+    assert errors.mean_abs_pct == pytest.approx((0.0 + 1.0 + 2.0) / 3)
+    assert errors.max_abs == pytest.approx(10.1)
+
+
+def test_truth_of_zero_alone_has_no_percentage() -> None:
+    """A needle that never leaves 0 has errors in units only."""
+    errors = compared(FLIGHT, TRUTH | {"n1": [0, 0, 0, 0]}).by_status["all"]
+
+    assert (errors.mean_abs_pct, errors.mean_signed_pct, errors.max_abs_pct) == (None, None, None)
+
+
+def test_negative_truth_keeps_the_size_of_its_percentage() -> None:
+    """Absolute percentages are positive for negative readings too."""
+    flight = FLIGHT | {"n1": [-10.1, -20.2, -29.7, -40.0]}
+    errors = compared(flight, TRUTH | {"n1": [-10, -20, -30, -40]}).by_status["all"]
+
+    assert errors.mean_abs_pct == pytest.approx(0.75)
+    assert errors.max_abs_pct == pytest.approx(1.0)
+
+
+def test_frames_without_value_do_not_count() -> None:
+    """Missing readings are compared frames without an error."""
+    flight = FLIGHT | {"n1": ["", 20.0, 29.7, 40.8], "n1_status": ["missing", "read", "edge", "interpolated"]}
+    result = compared(flight, TRUTH)
+
+    assert (result.frames_compared, result.by_status["all"].frames) == (4, 3)
+    assert "missing" not in result.by_status
+
+
+def test_frames_without_truth_do_not_count() -> None:
+    """Where the truth has no row or no number nothing is compared."""
+    assert compared(FLIGHT, {"frame": [1, 2, 9], "n1": [20.0, "", 7.0]}).frames_compared == 1
+
+
+def test_rows_are_joined_by_frame_before_time() -> None:
+    """With a frame number in both tables their times do not matter, nor does the order of rows."""
+    truth = {"frame": [3, 2, 1, 0], "time_s": [0.0, 1.0, 2.0, 3.0], "n1": [40.0, 30.0, 20.0, 10.0]}
+
+    assert compared(FLIGHT, truth).by_status["all"].mean_abs == pytest.approx(0.3)
+
+
+def test_truth_at_other_times_is_interpolated() -> None:
+    """Without frame numbers the truth is the line between its rows."""
+    result = compared(FLIGHT, {"time_s": [-1.0, 0.5, 4.0], "n1": [0.0, 15.0, 50.0]})
+
+    assert result.frames_compared == 4
+    assert result.by_status["all"].mean_abs == pytest.approx(0.3)
+
+
+def test_truth_is_not_extrapolated() -> None:
+    """Frames before the first and after the last row of the truth are not compared."""
+    assert compared(FLIGHT, {"time_s": [0.9, 2.1], "n1": [19.0, 31.0]}).frames_compared == 2
+
+
+def test_full_scale_comes_from_the_json_beside(tmp_path: Path) -> None:
+    """With the JSON of the flight data beside it, errors are told in percent of full scale too."""
+    needle = {"unit": "%", "scale_min": -10.0, "scale_max": 110.0}
+    (tmp_path / "flight.json").write_text(json.dumps({"needles": {"n1": needle}}))
+    (result,) = compare(table(FLIGHT, tmp_path / "flight.csv"), table(TRUTH))
+
+    assert (result.unit, result.full_scale) == ("%", 120.0)
+    assert result.by_status["all"].mean_abs_pct_fs == pytest.approx(0.25)
+    assert result.by_status["all"].max_abs_pct_fs == pytest.approx(0.8 / 1.2)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "null", '{"needles": []}', '{"needles": {"n1": {}}}', '{"needles": {"n1": 7}}']
+)
+def test_json_that_is_something_else_is_left_aside(tmp_path: Path, text: str) -> None:
+    """A JSON beside the flight data that is not its description only costs the percentages of full scale."""
+    (tmp_path / "flight.json").write_text(text)
+    (result,) = compare(table(FLIGHT, tmp_path / "flight.csv"), table(TRUTH))
+
+    assert (result.full_scale, result.by_status["all"].mean_abs_pct_fs) == (None, None)
+
+
+def test_table_is_read_by_column(tmp_path: Path) -> None:
+    """Columns keep their text; numbers are read where asked for, anything else is NaN."""
+    (tmp_path / "flight.csv").write_text("frame,n1\n0,1.5\n\n1,\n2,many\n")
+    read = read_table(tmp_path / "flight.csv")
+
+    assert read.columns == {"frame": ("0", "1", "2"), "n1": ("1.5", "", "many")}
+    assert str(read.numbers("n1").tolist()) == "[1.5, nan, nan]"
+
+
+def test_byte_order_mark_is_no_part_of_the_first_column(tmp_path: Path) -> None:
+    """A truth that a spreadsheet saved as UTF-8 has the columns it shows."""
+    (tmp_path / "truth.csv").write_bytes(b"\xef\xbb\xbfframe,n1\r\n0,1.5\r\n")
+
+    assert list(read_table(tmp_path / "truth.csv").columns) == ["frame", "n1"]
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (None, "cannot be read as CSV"),
+        (b"", "has no rows"),
+        (b"frame,n1\n", "has no rows"),
+        (b"frame,n1\n0\n", "its rows are not all as long as its header"),
+        (b"frame,n1\n0,1,2\n", "its rows are not all as long as its header"),
+        (b"\xff\xfe\x00frame", "cannot be read as CSV"),
+    ],
+    ids=["no file", "empty", "header alone", "short row", "long row", "not text"],
+)
+def test_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes | None, problem: str) -> None:
+    """One sentence names the file and what is wrong with it."""
+    path = tmp_path / "truth.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(AccuracyError) as refused:
+        read_table(path)
+
+    assert str(refused.value).startswith(f"{path}: ")
+    assert problem in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("flight", "truth", "problem"),
+    [
+        (TRUTH, TRUTH, "is no flight data"),
+        (FLIGHT, {"frame": [0], "n2": [1]}, "has none of the needles n1"),
+        (FLIGHT, {"frame": [7, 8], "n1": [1, 2]}, "none of its rows belongs to a frame"),
+        (FLIGHT, {"time_s": [7.0, 8.0], "n1": [1, 2]}, "none of its rows belongs to a frame"),
+        (FLIGHT, {"second": [0], "n1": [1]}, "has neither a `frame` nor a `time_s` column"),
+        (FLIGHT, {"time_s": [1.0, 1.0], "n1": [1, 2]}, "`time_s` must rise"),
+        (FLIGHT, {"time_s": [2.0, 1.0], "n1": [1, 2]}, "`time_s` must rise"),
+        (FLIGHT, {"time_s": ["", "x"], "n1": [1, 2]}, "`time_s` must rise"),
+    ],
+    ids=[
+        "not flight data",
+        "no needle",
+        "no frame",
+        "no time",
+        "no join",
+        "standing time",
+        "falling time",
+        "no number",
+    ],
+)
+def test_tables_that_do_not_fit_are_refused(
+    flight: Mapping[str, Sequence[object]], truth: Mapping[str, Sequence[object]], problem: str
+) -> None:
+    """Flight data and truth that cannot be compared say why."""
+    with pytest.raises(AccuracyError, match=problem):
+        compare(table(flight), table(truth))

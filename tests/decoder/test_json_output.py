@@ -1,0 +1,129 @@
+"""`RECORDING.json`: what the flight data are made of and where they have gaps."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+
+from decoder.flight_data import FlightData
+from decoder.gaps import fill_gaps
+from decoder.json_output import Provenance, SourceFile, describe, lowest_score, write_json
+from decoder.reading import Reading, Status
+
+Fly = Callable[..., FlightData]
+GOOD = Reading(Status.READ, 200.0, 0.02, 0.98765)
+BAD = Reading(Status.MISSING, 333.0, 0.5, 0.41234)
+PROVENANCE = Provenance(
+    recording="flight",
+    software="image-flight-recorder 0.1.0",
+    method="normxcorr",
+    flight_files=(SourceFile("flight.mcap", "a" * 64),),
+    panel=SourceFile("panel.yaml", "b" * 64),
+    camera=None,
+    losses=("flight.mcap: cut short",),
+)
+
+
+def described(fly: Fly, frames: list[Mapping[str, Reading] | str]) -> dict[str, Any]:
+    """The JSON of a flight, read again."""
+    stream = io.StringIO()
+    write_json(fill_gaps(fly(frames)), PROVENANCE, stream)
+    content: dict[str, Any] = json.loads(stream.getvalue())
+    return content
+
+
+def test_sources_are_named_with_their_digests(fly: Fly) -> None:
+    """Software, method, flight files, panel, camera and losses are as they were given."""
+    content = described(fly, [{}, {}])
+
+    assert content["software"] == "image-flight-recorder 0.1.0"
+    assert content["flight_files"] == [{"name": "flight.mcap", "sha256": "a" * 64}]
+    assert content["panel"] == {"name": "panel.yaml", "sha256": "b" * 64}
+    assert content["camera"] is None
+    assert content["losses"] == ["flight.mcap: cut short"]
+
+
+def test_times_and_frames_are_told(fly: Fly) -> None:
+    """Start, end, duration and number of frames."""
+    content = described(fly, [{}, {}, {}])
+
+    assert (content["frames"], content["duration_s"]) == (3, 1.0)
+    assert (content["start_utc"], content["end_utc"]) == ("2018-05-04T12:00:00.000000Z", "2018-05-04T12:00:01.000000Z")
+
+
+def test_needles_have_unit_scale_counts_and_lowest_score(fly: Fly) -> None:
+    """Each needle tells its gauge, unit, ends of scale, frames by status and lowest score."""
+    needle = described(fly, [{"al_lb": GOOD}, {"al_lb": BAD}, {"al_lb": GOOD}])["needles"]["al_lb"]
+
+    assert needle == {
+        "gauge": "fuel",
+        "unit": "lb",
+        "scale_min": 0.0,
+        "scale_max": 3000.0,
+        "frames": {"read": 2, "edge": 0, "hidden": 0, "interpolated": 1, "missing": 0},
+        "lowest_score": 0.4123,
+    }
+
+
+def test_scale_ends_are_the_right_way_round_on_a_falling_scale(fly: Fly, document: dict[str, Any]) -> None:
+    """The smallest value is the minimum wherever on the dial it stands."""
+    document["gauges"][0]["scale"] = [[120, 1000], [420, -5]]
+    needle = describe(fly([{}], content=document), PROVENANCE)["needles"]["speed_kt"]
+
+    assert (needle["scale_min"], needle["scale_max"]) == (-5.0, 1000.0)
+
+
+def test_gaps_name_needle_frames_and_status(fly: Fly) -> None:
+    """Each run of flagged frames is one gap with its lowest score."""
+    worse = Reading(Status.MISSING, 333.0, 0.5, 0.2)
+    content = described(fly, [{"speed_kt": reading} for reading in (GOOD, BAD, worse, GOOD, BAD)])
+
+    assert content["gaps"] == [
+        {"needle": "speed_kt", "status": "interpolated", "first_frame": 1, "last_frame": 2, "lowest_score": 0.2},
+        {"needle": "speed_kt", "status": "missing", "first_frame": 4, "last_frame": 4, "lowest_score": 0.4123},
+    ]
+
+
+def test_frames_without_panel_are_told_once_not_as_gaps(fly: Fly) -> None:
+    """Neighbouring frames with one reason are one run, whatever their scores; another reason starts another."""
+    lost = ["anchor knob not found (score 0.12)", "anchor knob not found (score 0.33)"]
+    content = described(fly, [{}, *lost, "the picture is damaged", {}, lost[0]])
+
+    assert content["missing_frames"] == [
+        {"first_frame": 1, "last_frame": 2, "reason": lost[0]},
+        {"first_frame": 3, "last_frame": 3, "reason": "the picture is damaged"},
+        {"first_frame": 5, "last_frame": 5, "reason": lost[0]},
+    ]
+    assert content["gaps"] == []
+
+
+def test_flight_without_frames_is_valid_json(fly: Fly) -> None:
+    """Nothing recorded is described as nothing, without NaN."""
+    content = described(fly, [])
+
+    assert (content["frames"], content["start_utc"], content["duration_s"]) == (0, None, 0.0)
+    assert content["needles"]["speed_kt"]["lowest_score"] is None
+
+
+def test_lowest_score_leaves_out_frames_without_panel(fly: Fly) -> None:
+    """A frame in which the panel was not found has no score to be the lowest."""
+    data = fly([{"speed_kt": GOOD}, "lost", {"speed_kt": BAD}])
+
+    assert lowest_score(data.series[0]) == pytest.approx(0.4123)
+
+
+def test_same_flight_gives_the_same_bytes(fly: Fly) -> None:
+    """Writing twice gives the same text, which ends with a line feed."""
+    data = fly([{}, "lost", {"speed_kt": BAD}])
+    texts = []
+    for _ in range(2):
+        stream = io.StringIO()
+        write_json(data, PROVENANCE, stream)
+        texts.append(stream.getvalue())
+
+    assert texts[0] == texts[1]
+    assert texts[0].endswith("}\n")
