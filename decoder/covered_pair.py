@@ -18,6 +18,8 @@ from decoder.correlation import parabola_peak
 from decoder.matching import Match, Matcher, Settled
 from decoder.needle_layer import shown_below
 
+# The lower needle is tried this far apart at first, then row by row around the best.
+COARSE_ROWS = 3
 # A pixel shows the lower needle if that covers this much of it.
 SHOWN_PART = 0.2
 # What shows must be worth this many original pixels, or it may be anything.
@@ -45,15 +47,21 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) 
     """The best pair near the upper needle's match; `gauge` is (R, C) float32, unwrapped."""
     reach = pair_reach_rows(upper, lower)
     middle = round(upper_match.row)
-    tried = [
-        upper.again(gauge, upper_match, lower.template, float(middle + offset)) for offset in range(-reach, reach + 1)
-    ]
-    noise = np.array([np.inf if settled is None else settled.fit.noise for settled in tried])
+    noise = np.full(2 * reach + 1, np.inf)
+
+    def look(index: int) -> None:
+        settled = upper.again(gauge, upper_match, lower.template, float(middle - reach + index))
+        noise[index] = np.inf if settled is None else settled.fit.noise
+
+    for index in range(reach % COARSE_ROWS, len(noise), COARSE_ROWS):
+        look(index)
+    coarse = int(noise.argmin())
+    for index in range(max(coarse - COARSE_ROWS + 1, 0), min(coarse + COARSE_ROWS, len(noise))):
+        if index != coarse:
+            look(index)
     best = int(noise.argmin())
-    if not np.isfinite(noise[best]):
-        return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
     place = middle - reach + parabola_peak(-noise, best)
-    settled = upper.again(gauge, upper_match, lower.template, place) or tried[best]
+    settled = upper.again(gauge, upper_match, lower.template, place)
     if settled is None:
         return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
     elsewhere = noise[reach - 1 :] if best < reach else noise[: reach + 2]  # hidden wholly, or on the other side

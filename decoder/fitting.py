@@ -39,8 +39,6 @@ class Fit:
         Of the window with the needle over the face, the thesis's NCC for this one place.
     gain
         The needle's contrast in units of the template's.
-    unexplained
-        (H, C) float32: what stays of each pixel.
     """
 
     fraction: float
@@ -48,7 +46,15 @@ class Fit:
     noise: float
     correlation: float
     gain: float
-    unexplained: Floats
+    _rows: Floats
+    _solution: Floats
+    _shape: tuple[int, ...]
+
+    @property
+    def unexplained(self) -> Floats:
+        """(H, C) float32: what stays of each pixel."""
+        left: Floats = self._rows[3] - self._solution.astype(np.float32) @ self._rows[:3]
+        return left.reshape(self._shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,30 +89,40 @@ class Fitter:
     def _step(self, window: Floats, phase: _Phase, behind: Behind, mask: Floats | None) -> Fit:
         template = phase.template
         face = behind(template)
-        model = template.light + template.transparency * face
-        slope = phase.light_slope + phase.transparency_slope * face
-        weights = (template.trust if mask is None else template.trust * mask).ravel()
-        total = max(float(weights.sum()), 1.0)
-        columns = np.stack([model.ravel(), np.ones(model.size, np.float32), slope.ravel()])
-        weighted, observed = columns * weights, window.ravel()
+        rows = np.empty((4, window.size), np.float32)  # needle over face, 1, its slope, what is seen
+        shaped = rows.reshape(4, *window.shape)
+        np.multiply(template.transparency, face, out=shaped[0])
+        shaped[0] += template.light
+        shaped[1] = 1.0
+        np.multiply(phase.transparency_slope, face, out=shaped[2])
+        shaped[2] += phase.light_slope
+        np.subtract(window, window.mean(), out=shaped[3])  # keeps the sums of squares small enough for float32
+        weights = template.trust if mask is None else template.trust * mask
+        moments = (rows * weights.ravel()) @ rows.T
+        return self._solved(phase, rows, moments.astype(np.float64), window.shape)
+
+    def _solved(self, phase: _Phase, rows: Floats, moments: Floats, shape: tuple[int, ...]) -> Fit:
+        normal, right, total = moments[:3, :3], moments[:3, 3], float(moments[1, 1])
         try:
-            covariance = np.linalg.inv((weighted @ columns.T).astype(np.float64))
+            covariance = np.linalg.inv(normal)
         except np.linalg.LinAlgError:
-            return _no_fit(window)
-        solution = covariance @ (weighted @ observed)
-        gain, _, shift = (float(value) for value in solution)
-        if gain < MIN_GAIN:
-            return _no_fit(window)
-        unexplained = observed - solution.astype(np.float32) @ columns
-        noise = float(weights @ (unexplained * unexplained)) / total
-        variance = float(weights @ (observed - float(weights @ observed) / total) ** 2) / total
+            return _no_fit(shape)
+        solution = covariance @ right
+        gain, _, shift = solution.tolist()
+        if gain < MIN_GAIN or total <= 0:
+            return _no_fit(shape)
+        variance = (float(moments[3, 3]) - float(right[1]) ** 2 / total) / total
+        noise = max(float(moments[3, 3] - solution @ right) / total, 0.0)
+        spread = math.sqrt(noise * max(float(covariance[2, 2]), 0.0) / self._pixels_per_sample)
         return Fit(
             fraction=phase.shift_rows + shift / gain,
-            sigma_rows=math.sqrt(noise * max(float(covariance[2, 2]), 0.0) / self._pixels_per_sample) / gain,
+            sigma_rows=spread / gain,
             noise=noise,
             correlation=math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0,
             gain=gain,
-            unexplained=unexplained.reshape(window.shape),
+            _rows=rows,
+            _solution=solution,
+            _shape=shape,
         )
 
 
@@ -117,5 +133,5 @@ def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
     return _Phase(shift_rows, moved, -np.gradient(moved.light, axis=0), -np.gradient(moved.transparency, axis=0))
 
 
-def _no_fit(window: Floats) -> Fit:
-    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, np.zeros_like(window))
+def _no_fit(shape: tuple[int, ...]) -> Fit:
+    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, np.zeros((4, math.prod(shape)), np.float32), np.zeros(3), shape)

@@ -81,24 +81,24 @@ class GaugeReader:
     def read(self, unwrapped: UnwrappedGauge) -> dict[str, Reading]:
         """The readings by needle; `unwrapped` is (rows, columns) float32 of the gauge's grid."""
         found: dict[str, _Found] = {}
+        scores = {name: matcher.scores(unwrapped) for name, matcher in self._matchers.items()}
         for name in self._order:
             cover = self._covers[name]
             if cover is None or found[cover].status is Status.MISSING or self._method is Method.XCORR:
-                found[name] = self._read_free(unwrapped, name)
+                found[name] = self._read_free(unwrapped, name, scores)
             else:
-                found |= self._read_pair(unwrapped, name, cover, found[cover])
+                found |= self._read_pair(unwrapped, name, cover, found[cover], scores[name])
         return {name: self._reading(found[name]) for name in self._covers}
 
-    def _read_free(self, unwrapped: UnwrappedGauge, name: str) -> _Found:
+    def _read_free(self, unwrapped: UnwrappedGauge, name: str, scores: Mapping[str, Floats]) -> _Found:
         """A needle on its own, wherever no other needle of the gauge matches better."""
-        matcher = self._matchers[name]
-        scores = matcher.scores(unwrapped)
-        curve = scores if self._method is Method.NORMXCORR else matcher.products(unwrapped)
+        matcher, own = self._matchers[name], scores[name]
+        curve = own if self._method is Method.NORMXCORR else matcher.products(unwrapped)
         allowed = self._allowed.copy()
-        for other, rival in self._matchers.items():
+        for other, rival in scores.items():
             if other != name:
-                allowed &= scores >= self._nearby_best(rival.scores(unwrapped))
-        match = matcher.best(unwrapped, curve, allowed, scores)
+                allowed &= own >= self._nearby_best(rival)
+        match = matcher.best(unwrapped, curve, allowed, own)
         return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
 
     def _nearby_best(self, scores: Floats) -> Floats:
@@ -109,19 +109,21 @@ class GaugeReader:
         )
         return best
 
-    def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found) -> _Found:
-        """The cascade for a needle whose covering needle has been read."""
+    def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats) -> _Found:
+        """The cascade for a needle whose covering needle has been read; `scores` (R,) are those of all its pixels."""
         matcher, upper = self._matchers[name], self._matchers[cover]
-        mask = _without(unwrapped, upper, above.match.row)
-        seen = matcher.uncovered(unwrapped, mask)
+        mask = (~needle_place(unwrapped.shape, upper.touched, above.match.row)).astype(np.float32)
+        seen = matcher.uncovered(unwrapped, mask, scores, above.match.row, upper.axis)
         match = matcher.best(unwrapped, seen.scores, self._allowed & (seen.visible >= MIN_VISIBLE), seen.scores, mask)
         if match.score < SCORE_THRESHOLD:
             return self._hidden(name, above)
         return _Found(match, Status.READ if seen.visible[round(match.row)] >= WHOLE_VISIBLE else Status.EDGE)
 
-    def _read_pair(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found) -> dict[str, _Found]:
+    def _read_pair(
+        self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats
+    ) -> dict[str, _Found]:
         """A needle below another; where they touch, both are read together, or each with what is known of the other."""
-        below = self._read_below(unwrapped, name, cover, above)
+        below = self._read_below(unwrapped, name, cover, above, scores)
         lower, upper = self._matchers[name], self._matchers[cover]
         apart_rows = abs(below.match.row - above.match.row)
         if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
@@ -129,7 +131,7 @@ class GaugeReader:
         if below.status is not Status.HIDDEN and apart_rows > pair_reach_rows(upper, lower):
             settled = upper.again(unwrapped, above.match, lower.template, below.match.row)
             above = above if settled is None else _Found(settled.match, above.status)
-            return {name: self._read_below(unwrapped, name, cover, above), cover: above}
+            return {name: self._read_below(unwrapped, name, cover, above, scores), cover: above}
         pair = fit_pair(unwrapped, upper, above.match, lower)
         above = _Found(pair.upper, above.status)
         if pair.lower.score >= SCORE_THRESHOLD:
@@ -148,11 +150,6 @@ class GaugeReader:
         return Reading(
             found.status, self._grid.angle_deg(match.row), match.sigma_rows * self._grid.step_deg, match.score
         )
-
-
-def _without(unwrapped: UnwrappedGauge, upper: Matcher, axis_row: float) -> UnwrappedGauge:
-    """(rows, columns) float32: 0 where a covering needle lies, 1 elsewhere."""
-    return (~needle_place(unwrapped.shape, upper.touched, axis_row)).astype(np.float32)
 
 
 def _covering_first(covers: Mapping[str, str | None]) -> Sequence[str]:

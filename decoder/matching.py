@@ -81,10 +81,22 @@ class Matcher:
         """
         return self._padded(partial_normxcorr(gauge, self._face, self.template, self._moments), gauge.shape[0])
 
-    def uncovered(self, gauge: Floats, mask: Floats) -> Visibility:
-        """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,)."""
-        seen = uncovered_scores(gauge, self._face, mask, self.template, self._moments)
-        return Visibility(self._padded(seen.scores, len(gauge)), self._padded(seen.visible, len(gauge)))
+    def uncovered(self, gauge: Floats, mask: Floats, scores: Floats, cover_row: float, cover_axis: int) -> Visibility:
+        """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,).
+
+        Away from the covering needle, whose axis lies on `cover_row` in a template that reaches `cover_axis` rows to
+        either side, these are the `scores` (R,) of all pixels.
+        """
+        left = Visibility(scores.copy(), np.ones_like(scores))
+        left.visible[: self.axis] = left.visible[len(gauge) - self.axis :] = 0.0
+        reach = cover_axis + self.axis + 1
+        first, last = max(round(cover_row) - reach, self.axis), min(round(cover_row) + reach, len(gauge) - self.axis)
+        if first < last:
+            rows = slice(first - self.axis, last + self.axis)
+            inner = slice(first, last)
+            near = uncovered_scores(gauge[rows], self._face[rows], mask[rows], self.template)
+            left.scores[inner], left.visible[inner] = near.scores, near.visible
+        return left
 
     def products(self, gauge: Floats) -> Floats:
         """Plain cross-correlation with the template's axis on each row of (R, C): (R,) float32."""

@@ -100,7 +100,7 @@ def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) 
     """
     rows = np.arange(upper.rows) - lower_row + (lower.rows - 1) / 2
     inside = ((rows >= 0) & (rows <= lower.rows - 1))[:, None]
-    cover = np.where(inside, 1.0 - rows_at(lower.transparency, rows), 0.0)
+    cover = (1.0 - rows_at(lower.transparency, rows)) * inside
     far = ((np.arange(upper.rows) - lower_row) * np.sign(lower_row - (upper.rows - 1) / 2) >= 0)[:, None]
     nested = np.maximum(cover - (1.0 - upper.transparency), 0.0)
     shown = np.where(far, nested, np.minimum(cover, upper.transparency)).astype(np.float32)

@@ -24,6 +24,7 @@ UnwrappedGauge = Floats
 MIN_ROWS_PER_DEG = 2
 MAX_ROWS_PER_DEG = 4
 MAX_COLUMNS = 64
+_TAPS = np.array([[-1], [0], [1], [2]])
 _MAP_WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
 
 
@@ -111,13 +112,21 @@ class Unwrapper:
 def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     """An unwrapped gauge at fractional rows, by cubic interpolation: (len(rows), C); beyond its ends, its end rows."""
     first = np.floor(rows).astype(np.intp)
-    part = (rows - first).astype(np.float32)[:, None]
-    taps = [strip[np.clip(first + shift, 0, len(strip) - 1)] for shift in (-1, 0, 1, 2)]
-    before, here, after, beyond = taps
-    straight = after - before
-    bend = 2 * before - 5 * here + 4 * after - beyond
-    twist = 3 * (here - after) + beyond - before
-    interpolated: UnwrappedGauge = here + 0.5 * part * (straight + part * (bend + part * twist))
+    index = np.minimum(np.maximum(first + _TAPS, 0), len(strip) - 1)
+    part = rows - first
+    if not part.any():
+        whole: UnwrappedGauge = strip[index[1]]
+        return whole
+    square = part * part
+    weights = np.stack(  # Catmull and Rom's
+        [
+            -0.5 * part + square - 0.5 * square * part,
+            1.0 - 2.5 * square + 1.5 * square * part,
+            0.5 * part + 2.0 * square - 1.5 * square * part,
+            0.5 * square * (part - 1.0),
+        ]
+    ).astype(np.float32)
+    interpolated: UnwrappedGauge = np.einsum("kr,krc->rc", weights, strip[index])
     return interpolated
 
 
