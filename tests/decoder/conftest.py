@@ -38,7 +38,7 @@ FRAME_NS = 500_000_000
 HANDS = {
     "speed_kt": (SPEED_CENTRE, 48.0, 2.6, 1.0, 225.0),
     "al_lb": (FUEL_CENTRE, 49.0, 2.6, 1.0, 225.0),
-    "fr_lb": (FUEL_CENTRE, 49.0, 3.2, 2.2, 150.0),
+    "fr_lb": (FUEL_CENTRE, 49.0, 3.2, 2.2, 225.0),
 }
 PANEL_ANGLES_DEG = {"speed_kt": 214.0, "al_lb": 200.0, "fr_lb": 330.0}
 
@@ -94,15 +94,15 @@ def _hand(name: str, angle_deg: float, x: Field, y: Field) -> Field:
     return _inside(np.abs(across) - half) * _inside(-along) * _inside(along - tip)
 
 
-def _scene(x: Field, y: Field, hands: Sequence[tuple[str, float]]) -> Field:
-    """Grey levels of the panel at points, the hands drawn one over the other."""
+def _scene(x: Field, y: Field, hands: Sequence[tuple[str, float]], levels: Mapping[str, float]) -> Field:
+    """Grey levels of the panel at points, the hands drawn one over the other, some of them in levels of their own."""
     light = 60.0 + _inside(x - 330.0) * 70.0
     for cx, cy in (SPEED_CENTRE, FUEL_CENTRE):
         light = light + (40.0 - light) * _inside(np.hypot(x - cx, y - cy) - DIAL_RADIUS_PX)
     knob = _inside(np.hypot(x - 160.0, y - 32.0) - 19.0)
     light = light + (110.0 + _texture(x, y) - light) * knob
     for name, angle_deg in hands:
-        light = light + (HANDS[name][4] - light) * _hand(name, angle_deg, x, y)
+        light = light + (levels.get(name, HANDS[name][4]) - light) * _hand(name, angle_deg, x, y)
     return light
 
 
@@ -115,12 +115,13 @@ def _draw(
     offset: float = 0.0,
     noise: float = 0.0,
     seed: int = 0,
+    levels: Mapping[str, float] | None = None,
 ) -> GreyPicture:
     """A frame: the panel rolled about its corner, then shifted; `hands` from the lowest to the uppermost."""
     y, x = np.mgrid[0:HEIGHT_PX, 0:WIDTH_PX].astype(np.float64)
     x, y = x - shift_px[0], y - shift_px[1]
     cos, sin = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
-    light = gain * _scene(cos * x + sin * y, cos * y - sin * x, tuple(hands.items())) + offset
+    light = gain * _scene(cos * x + sin * y, cos * y - sin * x, tuple(hands.items()), levels or {}) + offset
     if noise:
         light = light + np.random.default_rng(seed).normal(0.0, noise, light.shape)
     return np.clip(np.rint(light), 0, 255).astype(np.uint8)
@@ -166,12 +167,14 @@ def reader_of(source_of: Callable[..., PanelPictures]) -> Callable[..., PanelRea
     """A reader of the drawn cockpit, its panel changed by a function."""
 
     def make(
-        change: Callable[[dict[str, Any]], object] | None = None, method: Method = Method.NORMXCORR
+        change: Callable[[dict[str, Any]], object] | None = None,
+        method: Method = Method.NORMXCORR,
+        **pictures: GreyPicture,
     ) -> PanelReader:
         content = copy.deepcopy(DOCUMENT)
         if change is not None:
             change(content)
-        return PanelReader.from_panel(source_of(content), method)
+        return PanelReader.from_panel(source_of(content, **pictures), method)
 
     return make
 

