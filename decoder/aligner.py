@@ -41,6 +41,7 @@ class Aligner:
         ]
         self._anchors = [anchor_feature(anchor.name, picture, anchor.box) for anchor in panel.anchors]
         self._level = self._level_of(panel, picture)
+        self._features = [*self._anchors, *([self._level] if self._level else [])]
         self._levels = [LevelFinder(self._level, finder.centre_px) for finder in self._finders] if self._level else []
         self._registrations: dict[tuple[str, ...], Registration] = {}
         self.usual = usual
@@ -66,22 +67,22 @@ class Aligner:
             Naming what was not found and its score.
         """
         guess = self._first_guess(frame)
-        near = self._matching(frame, guess, MIN_GUESS_SCORE)
-        settled = self._settled(frame, guess, near)
-        good = self._matching(frame, settled, MIN_FEATURE_SCORE)
-        if good and len(good) < len(near):  # a hand or a glare covers some of them: do without
+        settled = self._settled(frame, guess, self._features)
+        scores = self._scores(frame, settled)
+        if min(scores.values()) < MIN_FEATURE_SCORE:  # a hand or a glare covers some of them: do without
+            first = self._scores(frame, guess)
+            settled = self._settled(frame, guess, [f for f in self._features if first[f.name] >= MIN_GUESS_SCORE])
+            scores = self._scores(frame, settled)
+            good = [feature for feature in self._features if scores[feature.name] >= MIN_FEATURE_SCORE]
             settled = self._settled(frame, settled, good)
-        return self._checked(frame, settled)
+            scores = self._scores(frame, settled)
+        return self._checked(settled, scores)
 
-    def _matching(self, frame: GreyPicture, alignment: Alignment, min_score: float) -> list[Feature]:
-        return [feature for feature in self._features if feature.score(feature.sample(frame, alignment)) >= min_score]
+    def _scores(self, frame: GreyPicture, alignment: Alignment) -> dict[str, float]:
+        return {feature.name: feature.score(feature.sample(frame, alignment)) for feature in self._features}
 
     def _settled(self, frame: GreyPicture, guess: Alignment, features: list[Feature]) -> Alignment:
         return self._registration(features).refine(frame, guess) if features else guess
-
-    @property
-    def _features(self) -> list[Feature]:
-        return [*self._anchors, *([self._level] if self._level else [])]
 
     def _first_guess(self, frame: GreyPicture) -> Alignment:
         hits = [finder.find(frame, self._usual_offset_px(finder)) for finder in self._finders]
@@ -113,8 +114,7 @@ class Aligner:
             self._registrations[names] = Registration(features, rolls=len(features) > 1)
         return self._registrations[names]
 
-    def _checked(self, frame: GreyPicture, alignment: Alignment) -> Alignment:
-        scores = {feature.name: feature.score(feature.sample(frame, alignment)) for feature in self._features}
+    def _checked(self, alignment: Alignment, scores: dict[str, float]) -> Alignment:
         anchors = {name: score for name, score in scores.items() if name != "level"}
         name, best = max(anchors.items(), key=lambda item: item[1])
         if best < MIN_FEATURE_SCORE:

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.arrays import Floats
+from decoder.correlation import MIN_SPREAD_LEVELS
 from decoder.needle_template import NeedleTemplate
+from decoder.over_face import FACE_NOISE_LEVELS
 from decoder.unwrapping import rows_at
 
 PHASES_PER_ROW = 4
@@ -37,6 +39,8 @@ class Fit:
         The mean square that stays unexplained, grey levels squared.
     correlation
         Of the window with the needle over the face, the thesis's NCC for this one place.
+    score
+        The same with what the face explains taken out, as in `over_face`: in [-1, 1].
     gain
         The needle's contrast in units of the template's.
     """
@@ -45,6 +49,7 @@ class Fit:
     sigma_rows: float
     noise: float
     correlation: float
+    score: float
     gain: float
     _rows: Floats
     _solution: Floats
@@ -89,14 +94,15 @@ class Fitter:
     def _step(self, window: Floats, phase: _Phase, behind: Behind, mask: Floats | None) -> Fit:
         template = phase.template
         face = behind(template)
-        rows = np.empty((4, window.size), np.float32)  # needle over face, 1, its slope, what is seen
-        shaped = rows.reshape(4, *window.shape)
+        rows = np.empty((5, window.size), np.float32)  # needle over face, 1, its slope, what is seen, the face alone
+        shaped = rows.reshape(5, *window.shape)
         np.multiply(template.transparency, face, out=shaped[0])
         shaped[0] += template.light
         shaped[1] = 1.0
         np.multiply(phase.transparency_slope, face, out=shaped[2])
         shaped[2] += phase.light_slope
         np.subtract(window, window.mean(), out=shaped[3])  # keeps the sums of squares small enough for float32
+        shaped[4] = face
         weights = template.trust if mask is None else template.trust * mask
         moments = (rows * weights.ravel()) @ rows.T
         return self._solved(phase, rows, moments.astype(np.float64), window.shape)
@@ -119,11 +125,29 @@ class Fitter:
             sigma_rows=spread / gain,
             noise=noise,
             correlation=math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0,
+            score=_partial_correlation(moments),
             gain=gain,
             _rows=rows,
             _solution=solution,
             _shape=shape,
         )
+
+
+def _partial_correlation(moments: Floats) -> float:
+    """Of needle and gauge, given the face; from the weighted moments of needle over face, 1, slope, gauge and face."""
+    needle, one, _, seen, face = range(5)
+    total = max(float(moments[one, one]), 1e-9)
+
+    def shared(first: int, second: int) -> float:
+        return float(moments[first, second] - moments[first, one] * moments[second, one] / total)
+
+    of_face = shared(face, face) + total * FACE_NOISE_LEVELS**2
+    needle_left = shared(needle, needle) - shared(needle, face) ** 2 / of_face
+    seen_left = shared(seen, seen) - shared(seen, face) ** 2 / of_face
+    if min(needle_left, seen_left) <= total * MIN_SPREAD_LEVELS**2:
+        return 0.0
+    both = shared(needle, seen) - shared(needle, face) * shared(seen, face) / of_face
+    return min(max(both / math.sqrt(needle_left * seen_left), -1.0), 1.0)
 
 
 def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
@@ -134,4 +158,6 @@ def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
 
 
 def _no_fit(shape: tuple[int, ...]) -> Fit:
-    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, np.zeros((4, math.prod(shape)), np.float32), np.zeros(3), shape)
+    return Fit(
+        math.nan, math.inf, math.inf, 0.0, 0.0, 0.0, np.zeros((5, math.prod(shape)), np.float32), np.zeros(3), shape
+    )

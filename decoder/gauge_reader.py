@@ -112,6 +112,10 @@ class GaugeReader:
     def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats) -> _Found:
         """The cascade for a needle whose covering needle has been read; `scores` (R,) are those of all its pixels."""
         matcher, upper = self._matchers[name], self._matchers[cover]
+        far = np.abs(np.arange(len(scores)) - above.match.row) > upper.axis + matcher.axis + 1
+        match = matcher.best(unwrapped, scores, self._allowed & far, scores)
+        if match.score >= SCORE_THRESHOLD:
+            return _Found(match, Status.READ)
         mask = (~needle_place(unwrapped.shape, upper.touched, above.match.row)).astype(np.float32)
         seen = matcher.uncovered(unwrapped, mask, scores, above.match.row, upper.axis)
         match = matcher.best(unwrapped, seen.scores, self._allowed & (seen.visible >= MIN_VISIBLE), seen.scores, mask)

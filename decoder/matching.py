@@ -17,10 +17,12 @@ from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
 from decoder.needle_layer import face_with_lower
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
-from decoder.over_face import face_moments, partial_normxcorr
+from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
 
 # The best row of a blurred needle may be one beside its true place.
-MAX_PEAK_ROWS = 1.5
+MAX_PEAK_ROWS = 3.0
+# Scores are searched on every second row; a needle is wider than that.
+COARSE_STEP = 2
 MAX_STEPS = 4
 
 
@@ -62,8 +64,11 @@ class Matcher:
     def __init__(self, template: NeedleTemplate, pixels_per_sample: float, face: Floats) -> None:
         self.template = template
         self._face = face
-        self._moments = face_moments(face, template)
         self.axis = (template.rows - 1) // 2
+        self._coarse = _thinned(template, self.axis)
+        self._coarse_face = np.ascontiguousarray(face[::COARSE_STEP])
+        self._coarse_moments = face_moments(self._coarse_face, self._coarse)
+        self._moments: FaceMoments | None = None
         self.fitter = Fitter(template, pixels_per_sample)
         self.pixels_per_sample = pixels_per_sample
         self.touched = template.place(TOUCH_LEVEL)
@@ -77,9 +82,16 @@ class Matcher:
     def scores(self, gauge: Floats) -> Floats:
         """NCC of needle and gauge, what the face explains taken out, by the row of the needle's axis: (R,) float32.
 
-        Rows too near an end of the gauge (R, C) score 0.
+        Found on every other row, on the rows between their mean. Rows too near an end of the gauge (R, C) score 0.
         """
-        return self._padded(partial_normxcorr(gauge, self._face, self.template, self._moments), gauge.shape[0])
+        coarse = partial_normxcorr(gauge[::COARSE_STEP], self._coarse_face, self._coarse, self._coarse_moments)
+        scores = np.zeros(len(gauge), np.float32)
+        first = COARSE_STEP * ((self._coarse.rows - 1) // 2)
+        rows = slice(first, first + COARSE_STEP * len(coarse), COARSE_STEP)
+        scores[rows] = coarse
+        scores[first + 1 : rows.stop - COARSE_STEP : COARSE_STEP] = (coarse[1:] + coarse[:-1]) / 2
+        scores[: self.axis] = scores[len(gauge) - self.axis :] = 0.0
+        return scores
 
     def uncovered(self, gauge: Floats, mask: Floats, scores: Floats, cover_row: float, cover_axis: int) -> Visibility:
         """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,).
@@ -94,7 +106,7 @@ class Matcher:
         if first < last:
             rows = slice(first - self.axis, last + self.axis)
             inner = slice(first, last)
-            near = uncovered_scores(gauge[rows], self._face[rows], mask[rows], self.template)
+            near = uncovered_scores(gauge[rows], self._face[rows], mask[rows], self.template, self._whole(rows))
             left.scores[inner], left.visible[inner] = near.scores, near.visible
         return left
 
@@ -114,13 +126,18 @@ class Matcher:
         peaks[: self.axis] = peaks[len(curve) - self.axis :] = False
         if not peaks.any():
             return NO_MATCH
-        row = int(np.where(peaks, curve, -np.inf).argmax())
-        rows = slice(row - self.axis, row + self.axis + 1)
-        face = self._face[rows]
-        fit = self.fitter.fit(gauge[rows], lambda _: face, None if mask is None else mask[rows])
-        if not abs(fit.fraction) <= MAX_PEAK_ROWS:
-            return Match(parabola_peak(curve, row), fit.sigma_rows, float(scores[row]))
-        return Match(row + fit.fraction, fit.sigma_rows, float(scores[row]))
+        top = int(np.where(peaks, curve, -np.inf).argmax())
+        row = top
+        for _ in range(MAX_STEPS):
+            rows = slice(row - self.axis, row + self.axis + 1)
+            behind = partial(_bare, self._face[rows])
+            fit = self.fitter.fit(gauge[rows], behind, None if mask is None else mask[rows])
+            if abs(fit.fraction) <= MAX_FRACTION_ROWS:
+                return Match(row + fit.fraction, fit.sigma_rows, fit.score)
+            if not abs(row + fit.fraction - top) <= MAX_PEAK_ROWS:
+                break
+            row = min(max(row + round(fit.fraction), self.axis), len(gauge) - self.axis - 1)
+        return Match(parabola_peak(curve, top), fit.sigma_rows, float(scores[top]))
 
     def face_around(self, row: int) -> Floats:
         """(H, C): the face in the window around a row."""
@@ -146,10 +163,27 @@ class Matcher:
             row += round(fit.fraction)
         return settled
 
+    def _whole(self, rows: slice) -> FaceMoments:
+        """The moments of needle and whole face for the gauge's rows."""
+        if self._moments is None:
+            self._moments = face_moments(self._face, self.template)
+        return self._moments.part(slice(rows.start, rows.stop - 2 * self.axis))
+
     def _padded(self, inner: Floats, rows: int) -> Floats:
         scores = np.zeros(rows, np.float32)
         scores[self.axis : self.axis + len(inner)] = inner
         return scores
+
+
+def _thinned(template: NeedleTemplate, axis: int) -> NeedleTemplate:
+    """Every second row of a template, its axis among them."""
+    rows = slice(axis % COARSE_STEP, template.rows - axis % COARSE_STEP, COARSE_STEP)
+    layers = {name: getattr(template, name)[rows] for name in ("pixels", "weights", "light", "transparency", "trust")}
+    return NeedleTemplate(**layers, step_deg=template.step_deg * COARSE_STEP)
+
+
+def _bare(face: Floats, _: NeedleTemplate) -> Floats:
+    return face
 
 
 def _with_lower(face: Floats, below: NeedleTemplate, below_row: float, upper: NeedleTemplate) -> Floats:

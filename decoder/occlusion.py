@@ -14,7 +14,7 @@ import numpy as np
 
 from decoder.arrays import Floats
 from decoder.needle_template import NeedleTemplate
-from decoder.over_face import face_moments, partial_normxcorr
+from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
 
 WHOLE_VISIBLE = 0.97
 # With less of its contrast in sight than this, a template matches too many things.
@@ -29,7 +29,9 @@ class Visibility:
     visible: Floats
 
 
-def uncovered_scores(gauge: Floats, face: Floats, mask: Floats, template: NeedleTemplate) -> Visibility:
+def uncovered_scores(
+    gauge: Floats, face: Floats, mask: Floats, template: NeedleTemplate, whole: FaceMoments
+) -> Visibility:
     """Scores along the rows with the pixels alone that `mask` leaves.
 
     Parameters
@@ -38,8 +40,9 @@ def uncovered_scores(gauge: Floats, face: Floats, mask: Floats, template: Needle
         The mask is 0 where the covering needle lies.
     template
         (H, C), H <= R.
+    whole
+        The moments of the same face without the mask.
     """
-    whole = face_moments(face, template)
     moments = face_moments(face, template, mask)
     scores = partial_normxcorr(gauge, face, template, moments, mask)
     visible = moments.needle_contrast / np.maximum(whole.needle_contrast, 1e-6)

@@ -10,7 +10,7 @@ All sums slide along the rows, see `decoder.correlation`; arrays over rows are b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -32,6 +32,10 @@ class FaceMoments:
     needle_mean: Floats
     needle_face: Floats
     needle_variance: Floats
+
+    def part(self, rows: slice) -> FaceMoments:
+        """The moments of some of the rows."""
+        return FaceMoments(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @property
     def needle_contrast(self) -> Floats:
