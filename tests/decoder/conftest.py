@@ -94,11 +94,22 @@ def _hand(name: str, angle_deg: float, x: Field, y: Field) -> Field:
     return _inside(np.abs(across) - half) * _inside(-along) * _inside(along - tip)
 
 
-def _scene(x: Field, y: Field, hands: Sequence[tuple[str, float]], levels: Mapping[str, float]) -> Field:
+def _ticks(x: Field, y: Field) -> Field:
+    """How much of each point of a dial about the origin tick marks cover: one every thirty degrees, at the rim."""
+    away = (np.degrees(np.arctan2(y, x)) + 15.0) % 30.0 - 15.0
+    radius = np.hypot(x, y)
+    return _inside(np.abs(np.radians(away) * radius) - 1.2) * _inside(43.0 - radius) * _inside(radius - 53.0)
+
+
+def _scene(
+    x: Field, y: Field, hands: Sequence[tuple[str, float]], levels: Mapping[str, float], *, ticks: bool
+) -> Field:
     """Grey levels of the panel at points, the hands drawn one over the other, some of them in levels of their own."""
     light = 60.0 + _inside(x - 330.0) * 70.0
     for cx, cy in (SPEED_CENTRE, FUEL_CENTRE):
         light = light + (40.0 - light) * _inside(np.hypot(x - cx, y - cy) - DIAL_RADIUS_PX)
+        if ticks:
+            light = light + (180.0 - light) * _ticks(x - cx, y - cy)
     knob = _inside(np.hypot(x - 160.0, y - 32.0) - 19.0)
     light = light + (110.0 + _texture(x, y) - light) * knob
     for name, angle_deg in hands:
@@ -116,12 +127,15 @@ def _draw(
     noise: float = 0.0,
     seed: int = 0,
     levels: Mapping[str, float] | None = None,
+    ticks: bool = False,
 ) -> GreyPicture:
     """A frame: the panel rolled about its corner, then shifted; `hands` from the lowest to the uppermost."""
     y, x = np.mgrid[0:HEIGHT_PX, 0:WIDTH_PX].astype(np.float64)
     x, y = x - shift_px[0], y - shift_px[1]
     cos, sin = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
-    light = gain * _scene(cos * x + sin * y, cos * y - sin * x, tuple(hands.items()), levels or {}) + offset
+    light = (
+        gain * _scene(cos * x + sin * y, cos * y - sin * x, tuple(hands.items()), levels or {}, ticks=ticks) + offset
+    )
     if noise:
         light = light + np.random.default_rng(seed).normal(0.0, noise, light.shape)
     return np.clip(np.rint(light), 0, 255).astype(np.uint8)
