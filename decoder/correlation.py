@@ -8,7 +8,6 @@ the search is in angle only. A window or a template without variance scores 0, n
 from __future__ import annotations
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 
 from decoder.arrays import Floats
 
@@ -30,8 +29,9 @@ def sliding_sums(image: Floats, kernel: Floats) -> Floats:
     """
     products = image @ kernel.T  # one matrix product; the sums that are wanted lie on its diagonals
     row, column = products.strides
-    count = image.shape[0] - kernel.shape[0] + 1
-    sums: Floats = as_strided(products, (count, kernel.shape[0]), (row, row + column), writeable=False).sum(axis=1)
+    shape = (image.shape[0] - kernel.shape[0] + 1, kernel.shape[0])
+    diagonals: Floats = np.ndarray(shape, products.dtype, products, strides=(row, row + column))
+    sums: Floats = np.add.reduce(diagonals, axis=1)
     return sums
 
 

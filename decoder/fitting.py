@@ -22,6 +22,12 @@ PHASES_PER_ROW = 4
 MAX_FRACTION_ROWS = 0.75
 # A needle with less than a twentieth of the template's contrast is none.
 MIN_GAIN = 0.05
+MIDDLE_GREY = 128.0
+TINY = 1e-9
+
+# Rows of the moment matrix: the needle over the face, 1, how that changes down the rows, the gauge, and the face alone.
+NEEDLE, ONE, SLOPE, SEEN, FACE = range(5)
+Moments = list[list[float]]
 
 Behind = Callable[[NeedleTemplate], Floats]
 """Gives what lies behind a needle, (H, C) float32, for the needle moved by a part of a row."""
@@ -52,13 +58,13 @@ class Fit:
     score: float
     gain: float
     _rows: Floats
-    _solution: Floats
+    _solution: tuple[float, float, float]
     _shape: tuple[int, ...]
 
     @property
     def unexplained(self) -> Floats:
         """(H, C) float32: what stays of each pixel."""
-        left: Floats = self._rows[3] - self._solution.astype(np.float32) @ self._rows[:3]
+        left: Floats = self._rows[3] - np.array(self._solution, np.float32) @ self._rows[:3]
         return left.reshape(self._shape)
 
 
@@ -94,35 +100,32 @@ class Fitter:
     def _step(self, window: Floats, phase: _Phase, behind: Behind, mask: Floats | None) -> Fit:
         template = phase.template
         face = behind(template)
-        rows = np.empty((5, window.size), np.float32)  # needle over face, 1, its slope, what is seen, the face alone
+        rows = np.empty((5, window.size), np.float32)
         shaped = rows.reshape(5, *window.shape)
         np.multiply(template.transparency, face, out=shaped[0])
         shaped[0] += template.light
         shaped[1] = 1.0
         np.multiply(phase.transparency_slope, face, out=shaped[2])
         shaped[2] += phase.light_slope
-        np.subtract(window, window.mean(), out=shaped[3])  # keeps the sums of squares small enough for float32
+        np.subtract(window, MIDDLE_GREY, out=shaped[3])  # keeps the sums of squares small enough for float32
         shaped[4] = face
         weights = template.trust if mask is None else template.trust * mask
         moments = (rows * weights.ravel()) @ rows.T
-        return self._solved(phase, rows, moments.astype(np.float64), window.shape)
+        return self._solved(phase, rows, moments.tolist(), window.shape)
 
-    def _solved(self, phase: _Phase, rows: Floats, moments: Floats, shape: tuple[int, ...]) -> Fit:
-        normal, right, total = moments[:3, :3], moments[:3, 3], float(moments[1, 1])
-        try:
-            covariance = np.linalg.inv(normal)
-        except np.linalg.LinAlgError:
-            return _no_fit(shape)
-        solution = covariance @ right
-        gain, _, shift = solution.tolist()
+    def _solved(self, phase: _Phase, rows: Floats, moments: Moments, shape: tuple[int, ...]) -> Fit:
+        total = moments[ONE][ONE]
+        solution, shift_variance = _solution(moments)
+        gain, _, shift = solution
         if gain < MIN_GAIN or total <= 0:
             return _no_fit(shape)
-        variance = (float(moments[3, 3]) - float(right[1]) ** 2 / total) / total
-        noise = max(float(moments[3, 3] - solution @ right) / total, 0.0)
-        spread = math.sqrt(noise * max(float(covariance[2, 2]), 0.0) / self._pixels_per_sample)
+        right = [moments[row][SEEN] for row in (NEEDLE, ONE, SLOPE)]
+        variance = (moments[SEEN][SEEN] - right[ONE] ** 2 / total) / total
+        explained = sum(part * share for part, share in zip(solution, right, strict=True))
+        noise = max((moments[SEEN][SEEN] - explained) / total, 0.0)
         return Fit(
             fraction=phase.shift_rows + shift / gain,
-            sigma_rows=spread / gain,
+            sigma_rows=math.sqrt(noise * max(shift_variance, 0.0) / self._pixels_per_sample) / gain,
             noise=noise,
             correlation=math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0,
             score=_partial_correlation(moments),
@@ -133,20 +136,37 @@ class Fitter:
         )
 
 
-def _partial_correlation(moments: Floats) -> float:
-    """Of needle and gauge, given the face; from the weighted moments of needle over face, 1, slope, gauge and face."""
-    needle, one, _, seen, face = range(5)
-    total = max(float(moments[one, one]), 1e-9)
+def _solution(moments: Moments) -> tuple[tuple[float, float, float], float]:
+    """Gain, offset and shift by Cramer's rule, and the shift's variance for unit noise; a gain of 0 if there is none.
+
+    Three unknowns and plain numbers: a general solver's call costs more than the arithmetic.
+    """
+    (a, b, c, x), (_, d, e, y), (_, _, f, z) = (moments[row][:4] for row in (NEEDLE, ONE, SLOPE))
+    aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * aa + b * bb + c * cc
+    if determinant <= TINY * a * d * f:
+        return (0.0, 0.0, 0.0), math.inf
+    dd, ee, ff = a * f - c * c, b * c - a * e, a * d - b * b
+    gain = (aa * x + bb * y + cc * z) / determinant
+    offset = (bb * x + dd * y + ee * z) / determinant
+    shift = (cc * x + ee * y + ff * z) / determinant
+    return (gain, offset, shift), ff / determinant
+
+
+def _partial_correlation(moments: Moments) -> float:
+    """Of needle and gauge, given the face."""
+    total = max(moments[ONE][ONE], 1e-9)
 
     def shared(first: int, second: int) -> float:
-        return float(moments[first, second] - moments[first, one] * moments[second, one] / total)
+        return moments[first][second] - moments[first][ONE] * moments[second][ONE] / total
 
-    of_face = shared(face, face) + total * FACE_NOISE_LEVELS**2
-    needle_left = shared(needle, needle) - shared(needle, face) ** 2 / of_face
-    seen_left = shared(seen, seen) - shared(seen, face) ** 2 / of_face
+    of_face = shared(FACE, FACE) + total * FACE_NOISE_LEVELS**2
+    needle_face, seen_face = shared(NEEDLE, FACE), shared(SEEN, FACE)
+    needle_left = shared(NEEDLE, NEEDLE) - needle_face**2 / of_face
+    seen_left = shared(SEEN, SEEN) - seen_face**2 / of_face
     if min(needle_left, seen_left) <= total * MIN_SPREAD_LEVELS**2:
         return 0.0
-    both = shared(needle, seen) - shared(needle, face) * shared(seen, face) / of_face
+    both = shared(NEEDLE, SEEN) - needle_face * seen_face / of_face
     return min(max(both / math.sqrt(needle_left * seen_left), -1.0), 1.0)
 
 

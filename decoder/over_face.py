@@ -30,8 +30,10 @@ class FaceMoments:
     face_mean: Floats
     face_variance: Floats
     needle_mean: Floats
-    needle_face: Floats
-    needle_variance: Floats
+    needle_per_face: Floats
+    """How much of the needle goes along with the face."""
+    needle_left: Floats
+    """The needle's variance that the face does not explain."""
 
     def part(self, rows: slice) -> FaceMoments:
         """The moments of some of the rows."""
@@ -40,7 +42,7 @@ class FaceMoments:
     @property
     def needle_contrast(self) -> Floats:
         """The needle's variance that the face does not explain, times the weights it was seen with."""
-        contrast: Floats = (self.needle_variance - self.needle_face**2 / self.face_variance) * self.total
+        contrast: Floats = self.needle_left * self.total
         return contrast
 
 
@@ -59,13 +61,16 @@ def face_moments(face: Floats, template: NeedleTemplate, mask: Floats | None = N
         + 2 * sliding_sums(face_seen, weights * light * cover)
         + sliding_sums(face_square, weights * cover * cover)
     ) / total
+    face_variance = np.maximum(face_variance, 0.0) + FACE_NOISE_LEVELS**2
+    needle_per_face = (needle_face - needle_mean * face_mean) / face_variance
+    needle_variance = np.maximum(needle_square - needle_mean**2, 0.0)
     return FaceMoments(
         total=total,
         face_mean=face_mean,
-        face_variance=np.maximum(face_variance, 0.0) + FACE_NOISE_LEVELS**2,
+        face_variance=face_variance,
         needle_mean=needle_mean,
-        needle_face=needle_face - needle_mean * face_mean,
-        needle_variance=np.maximum(needle_square - needle_mean**2, 0.0),
+        needle_per_face=needle_per_face,
+        needle_left=np.maximum(needle_variance - needle_per_face**2 * face_variance, 0.0),
     )
 
 
@@ -97,10 +102,9 @@ def partial_normxcorr(
     with_face = sliding_sums(seen_face, weights) / moments.total - mean * moments.face_mean
     with_needle = sliding_sums(seen, weights * template.light) + sliding_sums(seen_face, weights * cover)
     with_needle = with_needle / moments.total - mean * moments.needle_mean
-    left = variance - with_face**2 / moments.face_variance
-    needle_left = moments.needle_variance - moments.needle_face**2 / moments.face_variance
-    shared = with_needle - with_face * moments.needle_face / moments.face_variance
-    usable = (left > MIN_SPREAD_LEVELS**2) & (needle_left > MIN_SPREAD_LEVELS**2)
-    spread = np.sqrt(np.maximum(left * needle_left, 0.0))
-    scores: Floats = np.clip(np.divide(shared, spread, out=np.zeros_like(spread), where=usable), -1.0, 1.0)
-    return scores
+    left = np.maximum(variance - with_face**2 / moments.face_variance, 0.0)
+    shared = with_needle - with_face * moments.needle_per_face
+    usable = (left > MIN_SPREAD_LEVELS**2) & (moments.needle_left > MIN_SPREAD_LEVELS**2)
+    spread = np.sqrt(left * moments.needle_left)
+    scores: Floats = np.divide(shared, spread, out=np.zeros_like(spread), where=usable)
+    return np.minimum(np.maximum(scores, -1.0), 1.0)

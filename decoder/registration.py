@@ -18,7 +18,7 @@ from decoder.features import Feature
 from decoder.pictures import GreyPicture
 
 ITERATIONS = 3
-SETTLED_PX = 0.005
+SETTLED_PX = 0.02
 MAX_STEP_PX = 3.0
 
 
