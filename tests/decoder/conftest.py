@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from hypothesis import settings
 from numpy.typing import NDArray
 
 from decoder.alignment import IDENTITY
@@ -24,6 +25,9 @@ from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import FrameReadings, PanelReader
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading, Status
+
+settings.register_profile("patient", deadline=None)  # a busy machine is no failure
+settings.load_profile("patient")
 
 Field = NDArray[np.float64]
 

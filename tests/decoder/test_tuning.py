@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,14 @@ from decoder.unwrapping import Unwrapper
 Draw = Callable[..., GreyPicture]
 MakeReader = Callable[..., PanelReader]
 NEEDLES = ("speed_kt", "al_lb", "fr_lb")
+PANEL_HANDS = {"speed_kt": 225.0, "al_lb": 195.0, "fr_lb": 345.0}  # midway between marks
+
+
+def between_marks(content: dict[str, Any]) -> None:
+    """The panel of a picture whose needles lie midway between tick marks."""
+    for gauge in content["gauges"]:
+        for needle in gauge["needles"]:
+            needle["template"]["at"] = PANEL_HANDS[needle["name"]]
 
 
 @pytest.fixture(scope="module", name="draw")
@@ -29,7 +38,7 @@ def draw_with_ticks(draw: Draw) -> Draw:
 @pytest.fixture(scope="module", name="reader")
 def reader_with_ticks(reader_of: MakeReader, draw: Draw) -> PanelReader:
     """A reader of dials with tick marks."""
-    return reader_of(panel=draw({"speed_kt": 214.0, "al_lb": 200.0, "fr_lb": 330.0}))
+    return reader_of(between_marks, panel=draw(PANEL_HANDS))
 
 
 def angles_of(seed: int) -> dict[str, float]:
@@ -41,8 +50,8 @@ def angles_of(seed: int) -> dict[str, float]:
 @pytest.fixture(scope="module")
 def noisy_reader(reader_of: MakeReader, draw: Draw) -> PanelReader:
     """A reader whose templates are cut from a noisy panel picture."""
-    picture = draw({"speed_kt": 214.0, "al_lb": 200.0, "fr_lb": 330.0}, noise=6.0, seed=81)
-    return reader_of(panel=picture)
+    picture = draw(PANEL_HANDS, noise=6.0, seed=81)
+    return reader_of(between_marks, panel=picture)
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +74,11 @@ def errors_deg(reader: PanelReader, draw: Draw) -> np.ndarray:
 
 
 def test_tuned_templates_read_no_worse(noisy_reader: PanelReader, tuned: PanelReader, draw: Draw) -> None:
-    """The noise of a single template averages out: the spread of the errors falls."""
-    assert errors_deg(tuned, draw).std() < errors_deg(noisy_reader, draw).std()
+    """The noise of a single template averages out: each needle's errors spread no wider than before."""
+    before, after = (errors_deg(each, draw).std(axis=0) for each in (noisy_reader, tuned))
+
+    assert after.mean() < before.mean()
+    assert (after < before + 0.01).all()
 
 
 def test_tuned_reader_keeps_the_needles_zero(noisy_reader: PanelReader, tuned: PanelReader, draw: Draw) -> None:
@@ -81,7 +93,7 @@ def test_tuned_templates_are_less_noisy(noisy_reader: PanelReader, tuned: PanelR
     for name in NEEDLES:
         outline = reader.tuning.templates[name].outline
         clean, cut, learned = (each.tuning.templates[name].pixels[outline] for each in (reader, noisy_reader, tuned))
-        assert np.abs(learned - clean).mean() < np.abs(cut - clean).mean() / 1.5
+        assert (learned - clean).std() < (cut - clean).std()
 
 
 def test_usual_alignment_is_where_the_camera_was(tuned: PanelReader) -> None:
