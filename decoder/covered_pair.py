@@ -50,8 +50,7 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) 
     noise = np.full(2 * reach + 1, np.inf)
 
     def look(index: int) -> None:
-        settled = upper.again(gauge, upper_match, lower.template, float(middle - reach + index))
-        noise[index] = np.inf if settled is None else settled.fit.noise
+        noise[index] = upper.noise_over(gauge, middle, lower.template, float(middle - reach + index))
 
     for index in range(reach % COARSE_ROWS, len(noise), COARSE_ROWS):
         look(index)

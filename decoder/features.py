@@ -19,7 +19,7 @@ from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
 
 LEVEL_HALF_WIDTH_PX = 6
-LEVEL_STATIONS = 64
+LEVEL_STATIONS = 32
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Fitting: least squares of a needle over its face in one window, for gain, offset and shift.
 
 Its solution is the NCC's maximum between rows. The fit is linear in the shift, so it is made twice: once with the
-needle on the window's middle row, once with the needle moved to the quarter of a row that the first found.
+needle on the window's middle row, once with the needle moved to the half row nearest to what the first found.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from decoder.needle_template import NeedleTemplate
 from decoder.over_face import FACE_NOISE_LEVELS
 from decoder.unwrapping import rows_at
 
-PHASES_PER_ROW = 4
+PHASES_PER_ROW = 2
 MAX_FRACTION_ROWS = 0.75
 # A needle with less than a twentieth of the template's contrast is none.
 MIN_GAIN = 0.05
@@ -85,6 +85,10 @@ class Fitter:
         self._pixels_per_sample = pixels_per_sample
         reach = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
         self._phases = {step: _phase(template, step / PHASES_PER_ROW) for step in range(-reach, reach + 1)}
+
+    def first(self, window: Floats, behind: Behind) -> Fit:
+        """One step of least squares from the window's middle row: good to a tenth of a row when it is less than one."""
+        return self._step(window, self._phases[0], behind, None)
 
     def fit(self, window: Floats, behind: Behind, mask: Floats | None = None) -> Fit:
         """The needle in a window (H, C); where `mask` (H, C) is 0 pixels are left out.

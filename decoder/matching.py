@@ -6,6 +6,7 @@ between rows), and what it leaves unexplained gives the uncertainty.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -21,7 +22,7 @@ from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
 
 # The best row of a blurred needle may be one beside its true place.
 MAX_PEAK_ROWS = 3.0
-# Scores are searched on every second row; a needle is wider than that.
+# Scores are searched on every second row and column; a needle is wider than that.
 COARSE_STEP = 2
 MAX_STEPS = 4
 
@@ -66,7 +67,7 @@ class Matcher:
         self._face = face
         self.axis = (template.rows - 1) // 2
         self._coarse = _thinned(template, self.axis)
-        self._coarse_face = np.ascontiguousarray(face[::COARSE_STEP])
+        self._coarse_face = np.ascontiguousarray(face[::COARSE_STEP, ::COARSE_STEP])
         self._coarse_moments = face_moments(self._coarse_face, self._coarse)
         self._moments: FaceMoments | None = None
         self.fitter = Fitter(template, pixels_per_sample)
@@ -82,9 +83,11 @@ class Matcher:
     def scores(self, gauge: Floats) -> Floats:
         """NCC of needle and gauge, what the face explains taken out, by the row of the needle's axis: (R,) float32.
 
-        Found on every other row, on the rows between their mean. Rows too near an end of the gauge (R, C) score 0.
+        Found on every second row, on the rows between their mean. Rows too near an end of the gauge (R, C) score 0.
         """
-        coarse = partial_normxcorr(gauge[::COARSE_STEP], self._coarse_face, self._coarse, self._coarse_moments)
+        coarse = partial_normxcorr(
+            gauge[::COARSE_STEP, ::COARSE_STEP], self._coarse_face, self._coarse, self._coarse_moments
+        )
         scores = np.zeros(len(gauge), np.float32)
         first = COARSE_STEP * ((self._coarse.rows - 1) // 2)
         rows = slice(first, first + COARSE_STEP * len(coarse), COARSE_STEP)
@@ -163,6 +166,18 @@ class Matcher:
             row += round(fit.fraction)
         return settled
 
+    def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: float) -> float:
+        """The mean square that stays unexplained with this needle near `row` over another one; a rough `again`."""
+        for _ in range(2):
+            rows = slice(row - self.axis, row + self.axis + 1)
+            if not self.axis <= row < len(gauge) - self.axis:
+                break
+            fit = self.fitter.first(gauge[rows], partial(_with_lower, self._face[rows], below, below_row - rows.start))
+            if not MAX_FRACTION_ROWS < abs(fit.fraction) <= self.axis:
+                return fit.noise
+            row += round(fit.fraction)
+        return math.inf
+
     def _whole(self, rows: slice) -> FaceMoments:
         """The moments of needle and whole face for the gauge's rows."""
         if self._moments is None:
@@ -176,9 +191,12 @@ class Matcher:
 
 
 def _thinned(template: NeedleTemplate, axis: int) -> NeedleTemplate:
-    """Every second row of a template, its axis among them."""
+    """Every second row and column of a template, its axis among the rows."""
     rows = slice(axis % COARSE_STEP, template.rows - axis % COARSE_STEP, COARSE_STEP)
-    layers = {name: getattr(template, name)[rows] for name in ("pixels", "weights", "light", "transparency", "trust")}
+    layers = {
+        name: getattr(template, name)[rows, ::COARSE_STEP]
+        for name in ("pixels", "weights", "light", "transparency", "trust")
+    }
     return NeedleTemplate(**layers, step_deg=template.step_deg * COARSE_STEP)
 
 
