@@ -182,6 +182,5 @@ def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
 
 
 def _no_fit(shape: tuple[int, ...]) -> Fit:
-    return Fit(
-        math.nan, math.inf, math.inf, 0.0, 0.0, 0.0, np.zeros((5, math.prod(shape)), np.float32), np.zeros(3), shape
-    )
+    nothing = np.zeros((5, math.prod(shape)), np.float32)
+    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, 0.0, nothing, (0.0, 0.0, 0.0), shape)

@@ -22,6 +22,8 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # Found by trial in the thesis (3.2.3), and by others for infrared targets.
 SCORE_THRESHOLD = 0.8
+# The sliver of a needle that nearly coincides with another is few pixels: it must match better than a whole needle.
+SLIVER_THRESHOLD = 0.85
 # A place at which another needle of the gauge matches better is that needle's.
 RIVAL_REACH_DEG = 3.0
 # A needle is hidden only if what covers it is seen clearly; under a glare it may be anywhere.
@@ -138,7 +140,7 @@ class GaugeReader:
             return {name: self._read_below(unwrapped, name, cover, above, scores), cover: above}
         pair = fit_pair(unwrapped, upper, above.match, lower)
         above = _Found(pair.upper, above.status)
-        if pair.lower.score >= SCORE_THRESHOLD:
+        if pair.lower.score >= SLIVER_THRESHOLD:
             return {name: _Found(pair.lower, Status.EDGE), cover: above}
         if pair.correlation < MIN_HIDDEN_CORRELATION:
             return {name: _Found(below.match, Status.MISSING), cover: above}
