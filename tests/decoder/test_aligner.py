@@ -160,6 +160,22 @@ def test_two_anchors_give_the_roll_too(draw: Draw, parse: Parse, document: dict[
     assert found.to_frame(FAR) == pytest.approx(Alignment(roll_deg, (1.7, 2.2), 1.0).to_frame(FAR), abs=0.1)
 
 
+@pytest.mark.parametrize("roll_deg", [-2.0, 1.5, 3.0])
+def test_roll_is_not_guessed_when_one_of_two_anchors_is_covered(
+    draw: Draw, parse: Parse, document: dict[str, Any], roll_deg: float
+) -> None:
+    """Without a level edge one anchor alone cannot tell the roll: the frame is right or lost, never taken as level."""
+    aligner = Aligner(parse(with_second_anchor(document)), draw(HANDS))
+    frame = draw(HANDS, roll_deg=roll_deg)
+    frame[35:95, 5:95] = 60
+    try:
+        found = aligner.align(frame)
+    except AlignmentLost:
+        return
+
+    assert found.roll_deg == pytest.approx(roll_deg, abs=0.1)
+
+
 def test_level_edge_outside_the_picture_is_refused(draw: Draw, parse: Parse, document: dict[str, Any]) -> None:
     """A level edge that leaves the panel picture is a mistake in the panel."""
     document["level"] = [[330, 20], [330, 500]]

@@ -193,6 +193,26 @@ def test_needle_never_seen_whole_is_not_known_to_be_covered(fly: Fly) -> None:
     assert statuses(data, 1) == "mmmm"
 
 
+@pytest.mark.parametrize(
+    "times_s", [(0.0, 100.0, 1.0, 2.0), (0.0, -100.0, 1.0, 2.0)], ids=["leaps ahead", "falls back"]
+)
+def test_clock_that_jumps_gives_no_value_beyond_its_ends(fly: Fly, times_s: tuple[float, ...]) -> None:
+    """Where the clock was set in mid-flight, a flagged frame still lies between its neighbours or is missing."""
+    data = speeds(fly, [seen(200.0), BAD, seen(210.0), seen(300.0)], times_s=times_s)
+    low, high = data.series[0].value[[0, 2]]
+
+    assert statuses(data) in {"rirr", "rmrr"}
+    assert statuses(data) == "rmrr" or low <= data.series[0].value[1] <= high
+
+
+def test_frames_of_one_moment_have_a_finite_spread(fly: Fly) -> None:
+    """Frames with the same time give numbers, and no spread wider than the dial."""
+    data = speeds(fly, [seen(200.0), BAD, seen(202.0), seen(204.0)], times_s=[1.0, 1.0, 1.0, 2.0])
+
+    assert np.isfinite(data.series[0].value).all()
+    assert data.series[0].sigma.max() < 1000.0
+
+
 def test_flight_without_frames_has_no_gaps(fly: Fly) -> None:
     """Nothing stays nothing."""
     assert fill_gaps(fly([])).frame.size == 0

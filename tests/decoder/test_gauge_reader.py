@@ -303,6 +303,18 @@ def test_no_reading_is_sure_and_wrong(pairs: list[Pair]) -> None:
     assert wrong == []
 
 
+def test_no_reading_is_without_uncertainty(pairs: list[Pair]) -> None:
+    """Nothing that has a value says that it is exact: a thousandth of a degree is finer than any pixel."""
+    exact = [
+        (pair.apart_deg, reading.status.value, reading.sigma_deg)
+        for pair in pairs
+        for reading in (pair.lower, pair.upper)
+        if reading.status is not Status.MISSING and not 0.001 < reading.sigma_deg < np.inf
+    ]
+
+    assert exact == []
+
+
 def test_glare_over_the_covered_needle_does_not_hide_it_under_the_other(reader: PanelReader, draw: Draw) -> None:
     """With its own place overexposed and the cover in sight, the needle has no value that is sure and wrong."""
     frame = draw(hands(214.0, 160.0, 300.0)).astype(np.float64)
