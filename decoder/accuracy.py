@@ -76,7 +76,7 @@ def read_table(path: Path) -> Table:
         If it cannot be read or has no rows.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
             header, *rows = [row for row in csv.reader(stream) if row] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise AccuracyError(f"{path}: cannot be read as CSV: {error}") from error
@@ -173,7 +173,7 @@ def _units(flight_csv: Path) -> dict[str, tuple[str, float]]:
             name: (needle["unit"], needle["scale_max"] - needle["scale_min"])
             for name, needle in described["needles"].items()
         }
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 
 

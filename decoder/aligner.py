@@ -66,7 +66,13 @@ class Aligner:
         AlignmentLost
             Naming what was not found and its score.
         """
-        guess = self._first_guess(frame)
+        try:
+            return self._aligned(frame, [finder.find(frame, self._usual_offset_px(finder)) for finder in self._finders])
+        except AlignmentLost:
+            return self._aligned(frame, [finder.find_anywhere(frame) for finder in self._finders])
+
+    def _aligned(self, frame: GreyPicture, hits: list[AnchorHit]) -> Alignment:
+        guess = self._first_guess(frame, hits)
         settled = self._settled(frame, guess, self._features)
         scores = self._scores(frame, settled)
         if min(scores.values()) < MIN_FEATURE_SCORE:  # a hand or a glare covers some of them: do without
@@ -79,13 +85,16 @@ class Aligner:
         return self._checked(settled, scores)
 
     def _scores(self, frame: GreyPicture, alignment: Alignment) -> dict[str, float]:
-        return {feature.name: feature.score(feature.sample(frame, alignment)) for feature in self._features}
+        return {
+            feature.name: feature.score(feature.sample(frame, alignment), feature.within(frame, alignment))
+            for feature in self._features
+        }
 
     def _settled(self, frame: GreyPicture, guess: Alignment, features: list[Feature]) -> Alignment:
-        return self._registration(features).refine(frame, guess) if features else guess
+        """The guess settled on the features, or as it was where that does not work; the scores will tell."""
+        return (self._registration(features).refine(frame, guess) or guess) if features else guess
 
-    def _first_guess(self, frame: GreyPicture) -> Alignment:
-        hits = [finder.find(frame, self._usual_offset_px(finder)) for finder in self._finders]
+    def _first_guess(self, frame: GreyPicture, hits: list[AnchorHit]) -> Alignment:
         best = max(range(len(hits)), key=lambda index: hits[index].score)
         hit, finder = hits[best], self._finders[best]
         if self._levels:
@@ -119,6 +128,8 @@ class Aligner:
         name, best = max(anchors.items(), key=lambda item: item[1])
         if best < MIN_FEATURE_SCORE:
             raise AlignmentLost(f"anchor {name} not found (score {best:.2f})")
+        if not self._level and len(anchors) > 1 and sorted(anchors.values())[-2] < MIN_FEATURE_SCORE:
+            raise AlignmentLost(f"only anchor {name} found, and the roll is unknown without another")
         if self._level and scores["level"] < MIN_FEATURE_SCORE:
             raise AlignmentLost(f"level edge not found (score {scores['level']:.2f})")
         return replace(alignment, score=min(best, scores.get("level", 1.0)))

@@ -50,11 +50,13 @@ class AnchorFinder:
         return self.corner_px[0] + (width - 1) / 2, self.corner_px[1] + (height - 1) / 2
 
     def find(self, frame: GreyPicture, usual_offset_px: tuple[float, float]) -> AnchorHit:
-        """The best match near the usual place, or in the whole frame if there is none near it."""
+        """The best match around the usual place, or in the whole frame if there is nothing like it there."""
         near = self._search_near(frame, usual_offset_px)
-        if near.score >= MIN_FIRST_SCORE:
-            return near
-        return max(near, self._search(frame, 0, 0), key=lambda hit: hit.score)
+        return near if near.score >= MIN_FIRST_SCORE else self.find_anywhere(frame)
+
+    def find_anywhere(self, frame: GreyPicture) -> AnchorHit:
+        """The best match in the whole frame."""
+        return self._search(frame, 0, 0)
 
     def _search_near(self, frame: GreyPicture, usual_offset_px: tuple[float, float]) -> AnchorHit:
         height, width = self._template.shape

@@ -9,7 +9,8 @@ and face do not explain it does.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,31 +44,51 @@ class Pair:
     correlation: float
 
 
-def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher) -> Pair:
-    """The best pair near the upper needle's match; `gauge` is (R, C) float32, unwrapped."""
-    reach = pair_reach_rows(upper, lower)
+def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher, reach: int) -> Pair:
+    """The best pair near the upper needle's match.
+
+    Parameters
+    ----------
+    gauge
+        (R, C) float32, unwrapped.
+    upper_match
+        Where the upper needle was found, about.
+    reach
+        How many rows apart the two axes are tried.
+    """
     middle = round(upper_match.row)
     noise = np.full(2 * reach + 1, np.inf)
+    upper_rows = np.full(len(noise), np.nan)
+    seen: set[int] = set()
 
-    def look(index: int) -> None:
-        noise[index] = upper.noise_over(gauge, middle, lower.template, float(middle - reach + index))
+    def look(indices: Iterable[int]) -> None:
+        for index in set(indices) - seen:
+            if 0 <= index < len(noise):
+                noise[index], upper_rows[index] = upper.noise_over(
+                    gauge, middle, lower.template, float(middle - reach + index)
+                )
+                seen.add(index)
 
-    for index in range(reach % COARSE_ROWS, len(noise), COARSE_ROWS):
-        look(index)
-    coarse = int(noise.argmin())
-    for index in range(max(coarse - COARSE_ROWS + 1, 0), min(coarse + COARSE_ROWS, len(noise))):
-        if index != coarse:
-            look(index)
-    best = int(noise.argmin())
+    look(range(reach % COARSE_ROWS, len(noise), COARSE_ROWS))
+    best = -1
+    while best != (best := int(noise.argmin())):  # until the best row's neighbours are no better
+        look(range(best - COARSE_ROWS + 1, best + COARSE_ROWS))
+    if not np.isfinite(noise[best]):
+        return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
     place = middle - reach + parabola_peak(-noise, best)
     settled = upper.again(gauge, upper_match, lower.template, place)
     if settled is None:
         return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
-    elsewhere = noise[reach - 1 :] if best < reach else noise[: reach + 2]  # hidden wholly, or on the other side
-    is_better = noise[best] <= MUCH_BETTER * elsewhere.min() if abs(best - reach) > 1 else False
+    apart = middle - reach + np.arange(len(noise)) - settled.match.row
+    side = np.sign(place - settled.match.row)
+    elsewhere = noise[apart * side < 1.5]  # hidden wholly, or on the other side
+    is_better = abs(place - settled.match.row) > 1 and noise[best] <= MUCH_BETTER * elsewhere.min(initial=np.inf)
     score = _score(upper, lower, place, settled) if is_better else 0.0
     match = Match(place, _spread_rows(noise, best, upper), score)
-    return Pair(settled.match, match, settled.fit.correlation)
+    rivals = upper_rows[noise * MUCH_BETTER <= noise[best]]  # places of the upper needle that explain nearly as much
+    doubt_rows = float(np.nanmax(np.abs(rivals - settled.match.row), initial=0.0))
+    sigma_rows = math.hypot(settled.match.sigma_rows, doubt_rows / 2)
+    return Pair(replace(settled.match, sigma_rows=sigma_rows), match, settled.fit.correlation)
 
 
 def pair_reach_rows(upper: Matcher, lower: Matcher) -> int:
@@ -108,7 +129,7 @@ def _score(upper: Matcher, lower: Matcher, place: float, settled: Settled) -> fl
 
 def _spread_rows(noise: Floats, best: int, upper: Matcher) -> float:
     """The spread of the lower needle's place from the bend of what is left unexplained."""
-    if not 0 < best < len(noise) - 1:
+    if not 0 < best < len(noise) - 1 or not np.isfinite(noise[best - 1 : best + 2]).all():
         return 1.0
     bend = float(noise[best - 1] - 2 * noise[best] + noise[best + 1])
     return math.sqrt(2 * float(noise[best]) / max(bend * upper.independent_pixels, 1e-9))

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.alignment import Alignment
-from decoder.arrays import Floats
+from decoder.arrays import Floats, Mask
 from decoder.pictures import GreyPicture
 
 LEVEL_HALF_WIDTH_PX = 6
 LEVEL_STATIONS = 32
+MIN_WITHIN = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +45,24 @@ class Feature:
     gradient: Floats
 
     def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
-        """(N,) float32: the frame where the alignment puts the points."""
+        """(N,) float32: the frame where the alignment puts the points; outside the frame, its border."""
         matrix = alignment.matrix
         x, y = matrix[:, :2] @ self.points + matrix[:, 2:]
         return sample(frame, x, y)
 
-    def score(self, samples: Floats) -> float:
-        """NCC of samples with the panel picture's pixels; 0 where either is flat."""
-        return float(correlation_of_rows(samples[None, :], self.pixels)[0])
+    def within(self, frame: GreyPicture, alignment: Alignment) -> Mask:
+        """(N,): which of the points lie in the frame."""
+        matrix = alignment.matrix
+        x, y = matrix[:, :2] @ self.points + matrix[:, 2:]
+        height, width = frame.shape
+        within: Mask = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
+        return within
+
+    def score(self, samples: Floats, within: Mask) -> float:
+        """NCC of samples with the panel picture's pixels; 0 where either is flat or half of them not in the frame."""
+        if within.mean() < MIN_WITHIN:
+            return 0.0
+        return float(correlation_of_rows(samples[None, within], self.pixels[within])[0])
 
 
 def sample(frame: GreyPicture, x: Floats, y: Floats) -> Floats:

@@ -79,7 +79,9 @@ def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
     known = np.flatnonzero(series.has(*READ_STATUSES))
     flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score))
     if known.size:
-        flagged = flagged[(flagged > known[0]) & (flagged < known[-1])]
+        known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
+        between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])
+        flagged = flagged[between & (flagged > known[0]) & (flagged < known[-1])]
     if not known.size or not flagged.size:
         return series
     status, value, sigma = series.status.copy(), series.value.copy(), series.sigma.copy()
@@ -90,11 +92,19 @@ def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
     return replace(series, status=status, value=value, sigma=sigma)
 
 
+def _rising(time_s: Floats) -> Mask:
+    """(N,): where a time is later than all before it."""
+    latest = np.maximum.accumulate(time_s)
+    return np.concatenate([[True], time_s[1:] > latest[:-1]])
+
+
 def _bridge_sigma(values: Floats, known_s: Floats, wanted_s: Floats) -> Floats:
     """Standard deviation at `wanted_s` of a random walk through the known values, at the pace of their own steps."""
     steps_s = np.maximum(np.diff(known_s), 1e-9)
     pace = float(np.mean(np.diff(values) ** 2 / steps_s)) if steps_s.size else 0.0
-    after = np.searchsorted(known_s, wanted_s)
+    after = np.clip(np.searchsorted(known_s, wanted_s), 1, max(len(known_s) - 1, 1))
+    if len(known_s) < 2:  # noqa: PLR2004 - all known frames are of one moment
+        return np.zeros_like(wanted_s)
     since_s, until_s = wanted_s - known_s[after - 1], known_s[after] - wanted_s
-    bridge: Floats = np.sqrt(np.maximum(pace * since_s * until_s / (since_s + until_s), 0.0))
+    bridge: Floats = np.sqrt(np.maximum(pace * since_s * until_s / np.maximum(since_s + until_s, 1e-9), 0.0))
     return bridge

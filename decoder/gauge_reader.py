@@ -28,6 +28,10 @@ SLIVER_THRESHOLD = 0.85
 RIVAL_REACH_DEG = 3.0
 # A needle is hidden only if what covers it is seen clearly; under a glare it may be anywhere.
 MIN_HIDDEN_CORRELATION = 0.98
+# Where two needles touch, a reading that leaves more than this unexplained has taken one for part of the other.
+MIN_TOUCHING_CORRELATION = 0.97
+# What a covering needle matches at least with another one beside it.
+MIN_BESIDE_SCORE = 0.4
 
 
 class Method(StrEnum):
@@ -86,7 +90,12 @@ class GaugeReader:
         scores = {name: matcher.scores(unwrapped) for name, matcher in self._matchers.items()}
         for name in self._order:
             cover = self._covers[name]
-            if cover is None or found[cover].status is Status.MISSING or self._method is Method.XCORR:
+            if cover is None or self._method is Method.XCORR:
+                found[name] = self._read_free(unwrapped, name, scores)
+                continue
+            if found[cover].status is Status.MISSING:
+                found[cover] = self._read_over(unwrapped, name, cover, scores)
+            if found[cover].status is Status.MISSING:
                 found[name] = self._read_free(unwrapped, name, scores)
             else:
                 found |= self._read_pair(unwrapped, name, cover, found[cover], scores[name])
@@ -110,6 +119,18 @@ class GaugeReader:
             cv2.dilate(scores[:, None], np.ones((2 * reach_rows + 1, 1), np.uint8))[:, 0], np.float32
         )
         return best
+
+    def _read_over(self, unwrapped: UnwrappedGauge, name: str, cover: str, scores: Mapping[str, Floats]) -> _Found:
+        """A covering needle that does not match alone, because the one below shows beside it: both together."""
+        upper, lower = self._matchers[cover], self._matchers[name]
+        alone = upper.best(unwrapped, scores[cover], self._allowed, scores[cover])
+        if alone.score < MIN_BESIDE_SCORE:
+            return _Found(alone, Status.MISSING)
+        pair = fit_pair(unwrapped, upper, alone, lower, upper.axis + lower.axis // 2)
+        explained = pair.correlation >= MIN_HIDDEN_CORRELATION and pair.lower.score >= SLIVER_THRESHOLD
+        if explained and pair.upper.score >= SCORE_THRESHOLD:
+            return _Found(pair.upper, Status.READ)
+        return _Found(alone, Status.MISSING)
 
     def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats) -> _Found:
         """The cascade for a needle whose covering needle has been read; `scores` (R,) are those of all its pixels."""
@@ -136,9 +157,13 @@ class GaugeReader:
             return {name: below, cover: above}
         if below.status is not Status.HIDDEN and apart_rows > pair_reach_rows(upper, lower):
             settled = upper.again(unwrapped, above.match, lower.template, below.match.row)
-            above = above if settled is None else _Found(settled.match, above.status)
+            if settled is None or settled.fit.correlation < MIN_TOUCHING_CORRELATION:
+                return {name: below, cover: _Found(above.match, Status.MISSING)}
+            above = _Found(settled.match, above.status)
             return {name: self._read_below(unwrapped, name, cover, above, scores), cover: above}
-        pair = fit_pair(unwrapped, upper, above.match, lower)
+        pair = fit_pair(unwrapped, upper, above.match, lower, pair_reach_rows(upper, lower))
+        if pair.correlation < MIN_TOUCHING_CORRELATION:
+            return {name: _Found(below.match, Status.MISSING), cover: _Found(above.match, Status.MISSING)}
         above = _Found(pair.upper, above.status)
         if pair.lower.score >= SLIVER_THRESHOLD:
             return {name: _Found(pair.lower, Status.EDGE), cover: above}

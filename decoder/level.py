@@ -26,7 +26,7 @@ class LevelFinder:
     def find(self, frame: GreyPicture, pivot_px: tuple[float, float], usual_roll_deg: float) -> float:
         """The roll in degrees, to a pixel at the edge's far end; `pivot_px` is the known point in the frame."""
         score, roll_deg = self._best(frame, pivot_px, usual_roll_deg, NEAR_ROLL_DEG)
-        if score < GOOD_SCORE:
+        if score < GOOD_SCORE or abs(roll_deg - usual_roll_deg) > NEAR_ROLL_DEG - self._step_deg:
             _, roll_deg = max((score, roll_deg), self._best(frame, pivot_px, usual_roll_deg, MAX_ROLL_DEG))
         return roll_deg
 

@@ -160,23 +160,23 @@ class Matcher:
             fit = self.fitter.fit(gauge[rows], behind)
             if not abs(fit.fraction) <= self.axis:
                 break
-            settled = Settled(Match(row + fit.fraction, fit.sigma_rows, match.score), row, fit)
+            settled = Settled(Match(row + fit.fraction, fit.sigma_rows, fit.score), row, fit)
             if abs(fit.fraction) <= MAX_FRACTION_ROWS:
                 break
             row += round(fit.fraction)
         return settled
 
-    def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: float) -> float:
-        """The mean square that stays unexplained with this needle near `row` over another one; a rough `again`."""
-        for _ in range(2):
+    def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: float) -> tuple[float, float]:
+        """What stays unexplained, a mean square, with this needle near `row` over another one, and its row: a rough `again`."""
+        for _ in range(MAX_STEPS):
             rows = slice(row - self.axis, row + self.axis + 1)
             if not self.axis <= row < len(gauge) - self.axis:
                 break
             fit = self.fitter.first(gauge[rows], partial(_with_lower, self._face[rows], below, below_row - rows.start))
             if not MAX_FRACTION_ROWS < abs(fit.fraction) <= self.axis:
-                return fit.noise
+                return fit.noise, row + fit.fraction
             row += round(fit.fraction)
-        return math.inf
+        return math.inf, math.nan
 
     def _whole(self, rows: slice) -> FaceMoments:
         """The moments of needle and whole face for the gauge's rows."""

@@ -28,6 +28,9 @@ def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
     finals = [directory / name for name in writers]
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        for final in finals:
+            if final.is_dir():
+                raise IsADirectoryError(0, f"{final.name} is a folder")
         with _parts(finals) as parts:
             for part, write in zip(parts, writers.values(), strict=True):
                 with part.open("w", encoding="utf-8", newline="") as stream:

@@ -197,7 +197,10 @@ def parse_panel(text: bytes | str, *, source: str = "panel.yaml") -> Panel:
 
 
 def _first_problem(error: ValidationError, source: str) -> PanelError:
-    problems = error.errors(include_url=False)
+    problems = [problem for problem in error.errors(include_url=False) if problem["type"] != "too_short"]
+    problems = problems or error.errors(
+        include_url=False
+    )  # a list too short only because its items are wrong is no news
     first = problems[0]
     path = ""
     for part in first["loc"]:

@@ -17,9 +17,10 @@ from decoder.arrays import Floats
 from decoder.features import Feature
 from decoder.pictures import GreyPicture
 
-ITERATIONS = 3
+ITERATIONS = 8
 SETTLED_PX = 0.02
-MAX_STEP_PX = 3.0
+NEARLY_SETTLED_PX = 0.1
+MAX_STEP_PX = 6.0
 
 
 class Registration:
@@ -33,18 +34,30 @@ class Registration:
         self._rolls = rolls
         self._solvers = [self._columns(feature) for feature in features]
 
-    def refine(self, frame: GreyPicture, alignment: Alignment) -> Alignment:
-        """The alignment at which the features match best in least squares, starting within about three pixels of it."""
+    def refine(self, frame: GreyPicture, alignment: Alignment) -> Alignment | None:
+        """The alignment at which the features match best in least squares, starting within some pixels of it.
+
+        None where it does not settle.
+        """
         for _ in range(ITERATIONS):
-            samples = [feature.sample(frame, alignment) for feature in self._features]
+            samples = [self._samples(feature, frame, alignment) for feature in self._features]
             shift_x, shift_y, roll = self._step(samples)
             reach_px = math.hypot(shift_x, shift_y) + abs(roll) * self._lever_px
             if reach_px > MAX_STEP_PX:
-                return alignment
+                return None
             alignment = self._moved(alignment, shift_x, shift_y, roll)
             if reach_px < SETTLED_PX:
-                break
-        return alignment
+                return alignment
+        return alignment if reach_px < NEARLY_SETTLED_PX else None
+
+    @staticmethod
+    def _samples(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Floats:
+        """The feature's pixels in the frame; where they are not in it, as the others make one expect them."""
+        samples, within = feature.sample(frame, alignment), feature.within(frame, alignment)
+        if within.all() or not within.any() or float(feature.pixels[within].std()) < 1.0:
+            return samples
+        gain, offset = np.polyfit(feature.pixels[within], samples[within], 1)
+        return np.where(within, samples, gain * feature.pixels + offset)
 
     def _columns(self, feature: Feature) -> tuple[Floats, Floats]:
         """The feature's motion columns with gain and offset projected out, and the normal matrix they make."""

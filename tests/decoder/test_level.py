@@ -45,7 +45,7 @@ def test_edge_matches_itself(level: Feature, draw: Draw) -> None:
     """In the panel picture the edge scores 1, whatever the light."""
     identity = Alignment(0.0, (0.0, 0.0), 1.0)
 
-    assert level.score(level.sample(draw(HANDS), identity)) == pytest.approx(1.0, abs=1e-5)
+    assert level.score(level.sample(draw(HANDS), identity), level.within(draw(HANDS), identity)) == pytest.approx(1.0, abs=1e-5)
     assert level.score(level.sample(draw(HANDS, gain=0.5, offset=40.0), identity)) > 0.999
 
 
@@ -54,7 +54,9 @@ def test_flat_frame_scores_zero(level: Feature, grey: int) -> None:
     """Where there is no edge, the edge scores 0."""
     flat = np.full((220, 360), grey, np.uint8)
 
-    assert level.score(level.sample(flat, Alignment(0.0, (0.0, 0.0), 1.0))) == 0.0
+    identity = Alignment(0.0, (0.0, 0.0), 1.0)
+
+    assert level.score(level.sample(flat, identity), level.within(flat, identity)) == 0.0
 
 
 def test_edge_of_any_direction_can_be_level(draw: Draw) -> None:

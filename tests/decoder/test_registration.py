@@ -82,13 +82,13 @@ def test_without_roll_the_roll_is_kept(texture: Texture) -> None:
     assert found.to_frame(MIDDLE) == pytest.approx((80.5, 79.5), abs=0.02)
 
 
-def test_too_long_a_step_leaves_the_guess(texture: Texture) -> None:
-    """A frame that has nothing to do with the panel does not throw the alignment far away."""
+def test_what_does_not_settle_is_no_alignment(texture: Texture) -> None:
+    """A frame that has nothing to do with the panel gives no alignment, or one that is not far away."""
     registration = Registration(features_of(seen(texture, IDENTITY)), rolls=True)
     unrelated = np.random.default_rng(32).integers(0, 255, (SIZE_PX, SIZE_PX)).astype(np.uint8)
     found = registration.refine(unrelated, IDENTITY)
 
-    assert math.dist(found.to_frame(MIDDLE), MIDDLE) < 10
+    assert found is None or math.dist(found.to_frame(MIDDLE), MIDDLE) < 10
 
 
 def test_flat_frame_leaves_the_guess(texture: Texture) -> None:
