@@ -91,8 +91,13 @@ class Aligner:
         }
 
     def _settled(self, frame: GreyPicture, guess: Alignment, features: list[Feature]) -> Alignment:
-        """The guess settled on the features, or as it was where that does not work; the scores will tell."""
-        return (self._registration(features).refine(frame, guess) or guess) if features else guess
+        if not features:
+            return guess  # the scores will tell what is missing
+        settled = self._registration(features).refine(frame, guess)
+        if settled is None:
+            self._checked(guess, self._scores(frame, guess))  # says what is missing, if that is why
+            raise AlignmentLost("the panel's features do not settle on one place")
+        return settled
 
     def _first_guess(self, frame: GreyPicture, hits: list[AnchorHit]) -> Alignment:
         best = max(range(len(hits)), key=lambda index: hits[index].score)

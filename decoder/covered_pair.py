@@ -26,8 +26,11 @@ SHOWN_PART = 0.2
 # What shows must be worth this many original pixels, or it may be anything.
 MIN_SHOWN_PIXELS = 1.0
 SURELY_SHOWN_PIXELS = 3.0
-# A place for the lower needle must leave this much less unexplained than hiding it wholly, or any on the other side.
+# A place for the lower needle must leave this much less unexplained than hiding it wholly, and than a mirrored pair.
 MUCH_BETTER = 0.8
+MIRROR_BETTER = 0.6
+DIP = 0.9
+HIDDEN_ROWS = 1.5
 # A sliver is believed only where everything else is explained: a glare's edge beside a needle looks like one.
 MIN_PAIR_CORRELATION = 0.98
 
@@ -79,16 +82,26 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher, 
     settled = upper.again(gauge, upper_match, lower.template, place)
     if settled is None:
         return Pair(upper_match, Match(upper_match.row, math.inf, 0.0), 0.0)
-    apart = middle - reach + np.arange(len(noise)) - settled.match.row
-    side = np.sign(place - settled.match.row)
-    elsewhere = noise[apart * side < 1.5]  # hidden wholly, or on the other side
-    is_better = abs(place - settled.match.row) > 1 and noise[best] <= MUCH_BETTER * elsewhere.min(initial=np.inf)
+    apart = (middle - reach + np.arange(len(noise)) - settled.match.row) * np.sign(place - settled.match.row)
+    is_better = noise[best] <= _noise_to_beat(noise, apart)
     score = _score(upper, lower, place, settled) if is_better else 0.0
     match = Match(place, _spread_rows(noise, best, upper), score)
-    rivals = upper_rows[noise * MUCH_BETTER <= noise[best]]  # places of the upper needle that explain nearly as much
+    rivals = upper_rows[noise * MIRROR_BETTER <= noise[best]]  # where else the upper needle may be
     doubt_rows = float(np.nanmax(np.abs(rivals - settled.match.row), initial=0.0))
-    sigma_rows = math.hypot(settled.match.sigma_rows, doubt_rows / 2)
+    sigma_rows = math.hypot(settled.match.sigma_rows, doubt_rows)
     return Pair(replace(settled.match, sigma_rows=sigma_rows), match, settled.fit.correlation)
+
+
+def _noise_to_beat(noise: Floats, apart: Floats) -> float:
+    """What a place of the lower needle may leave unexplained to be believed.
+
+    `apart` is how far each tried place lies from the upper needle, positive on the side in question. Hiding the
+    needle wholly must explain clearly less; a place on the other side that explains more than that is a mirrored
+    pair, and must be beaten by far.
+    """
+    hidden = noise[np.abs(apart) <= HIDDEN_ROWS].min(initial=np.inf)
+    mirrored = noise[apart < -HIDDEN_ROWS].min(initial=np.inf)
+    return float(min(MUCH_BETTER * hidden, (MIRROR_BETTER if mirrored < DIP * hidden else MUCH_BETTER) * mirrored))
 
 
 def pair_reach_rows(upper: Matcher, lower: Matcher) -> int:

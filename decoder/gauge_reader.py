@@ -155,21 +155,27 @@ class GaugeReader:
         apart_rows = abs(below.match.row - above.match.row)
         if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
             return {name: below, cover: above}
-        if below.status is not Status.HIDDEN and apart_rows > pair_reach_rows(upper, lower):
-            settled = upper.again(unwrapped, above.match, lower.template, below.match.row)
-            if settled is None or settled.fit.correlation < MIN_TOUCHING_CORRELATION:
-                return {name: below, cover: _Found(above.match, Status.MISSING)}
-            above = _Found(settled.match, above.status)
-            return {name: self._read_below(unwrapped, name, cover, above, scores), cover: above}
+        if below.status is Status.HIDDEN or apart_rows <= pair_reach_rows(upper, lower):
+            return self._read_coinciding(unwrapped, name, cover, above, below)
+        settled = upper.again(unwrapped, above.match, lower.template, below.match.row)
+        if settled is None or settled.fit.correlation < MIN_TOUCHING_CORRELATION:
+            return {name: below, cover: _Found(above.match, Status.MISSING)}
+        above = _Found(settled.match, above.status)
+        return {name: self._read_below(unwrapped, name, cover, above, scores), cover: above}
+
+    def _read_coinciding(
+        self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, below: _Found
+    ) -> dict[str, _Found]:
+        """Two needles with too little room between them to be read one after the other."""
+        lower, upper = self._matchers[name], self._matchers[cover]
         pair = fit_pair(unwrapped, upper, above.match, lower, pair_reach_rows(upper, lower))
+        lost = _Found(below.match, Status.MISSING)
         if pair.correlation < MIN_TOUCHING_CORRELATION:
-            return {name: _Found(below.match, Status.MISSING), cover: _Found(above.match, Status.MISSING)}
+            return {name: lost, cover: _Found(above.match, Status.MISSING)}
         above = _Found(pair.upper, above.status)
         if pair.lower.score >= SLIVER_THRESHOLD:
             return {name: _Found(pair.lower, Status.EDGE), cover: above}
-        if pair.correlation < MIN_HIDDEN_CORRELATION:
-            return {name: _Found(below.match, Status.MISSING), cover: above}
-        return {name: self._hidden(name, above), cover: above}
+        return {name: lost if pair.correlation < MIN_HIDDEN_CORRELATION else self._hidden(name, above), cover: above}
 
     def _hidden(self, name: str, above: _Found) -> _Found:
         """At the covering needle's place, give or take how far from it the needle could be without being seen."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
@@ -130,17 +131,20 @@ class Matcher:
         if not peaks.any():
             return NO_MATCH
         top = int(np.where(peaks, curve, -np.inf).argmax())
-        row = top
+        row, settled = top, []
         for _ in range(MAX_STEPS):
             rows = slice(row - self.axis, row + self.axis + 1)
-            behind = partial(_bare, self._face[rows])
-            fit = self.fitter.fit(gauge[rows], behind, None if mask is None else mask[rows])
-            if abs(fit.fraction) <= MAX_FRACTION_ROWS:
-                return Match(row + fit.fraction, fit.sigma_rows, fit.score)
+            fit = self.fitter.fit(gauge[rows], partial(_bare, self._face[rows]), None if mask is None else mask[rows])
             if not abs(row + fit.fraction - top) <= MAX_PEAK_ROWS:
                 break
+            settled.append((abs(fit.fraction), row, fit))
+            if abs(fit.fraction) <= MAX_FRACTION_ROWS:
+                break
             row = min(max(row + round(fit.fraction), self.axis), len(gauge) - self.axis - 1)
-        return Match(parabola_peak(curve, top), fit.sigma_rows, float(scores[top]))
+        if not settled:
+            return Match(parabola_peak(curve, top), NO_MATCH.sigma_rows, float(scores[top]))
+        _, row, fit = min(settled, key=itemgetter(0))
+        return Match(row + fit.fraction, fit.sigma_rows, fit.score)
 
     def face_around(self, row: int) -> Floats:
         """(H, C): the face in the window around a row."""
@@ -167,7 +171,7 @@ class Matcher:
         return settled
 
     def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: float) -> tuple[float, float]:
-        """What stays unexplained, a mean square, with this needle near `row` over another one, and its row: a rough `again`."""
+        """The mean square that this needle near `row` over another one leaves unexplained, and its row; roughly."""
         for _ in range(MAX_STEPS):
             rows = slice(row - self.axis, row + self.axis + 1)
             if not self.axis <= row < len(gauge) - self.axis:

@@ -17,7 +17,8 @@ from decoder.arrays import Floats
 from decoder.features import Feature
 from decoder.pictures import GreyPicture
 
-ITERATIONS = 8
+ITERATIONS = 10
+FULL_STEPS = 3
 SETTLED_PX = 0.02
 NEARLY_SETTLED_PX = 0.1
 MAX_STEP_PX = 6.0
@@ -39,9 +40,11 @@ class Registration:
 
         None where it does not settle.
         """
-        for _ in range(ITERATIONS):
+        for iteration in range(ITERATIONS):
             samples = [self._samples(feature, frame, alignment) for feature in self._features]
-            shift_x, shift_y, roll = self._step(samples)
+            # OpenCV samples at 32nds of a pixel: full steps may go to and fro between two of them for ever.
+            part = 1.0 if iteration < FULL_STEPS else 0.5
+            shift_x, shift_y, roll = (part * step for step in self._step(samples))
             reach_px = math.hypot(shift_x, shift_y) + abs(roll) * self._lever_px
             if reach_px > MAX_STEP_PX:
                 return None

@@ -45,8 +45,11 @@ def test_edge_matches_itself(level: Feature, draw: Draw) -> None:
     """In the panel picture the edge scores 1, whatever the light."""
     identity = Alignment(0.0, (0.0, 0.0), 1.0)
 
-    assert level.score(level.sample(draw(HANDS), identity), level.within(draw(HANDS), identity)) == pytest.approx(1.0, abs=1e-5)
-    assert level.score(level.sample(draw(HANDS, gain=0.5, offset=40.0), identity)) > 0.999
+    same, darker = draw(HANDS), draw(HANDS, gain=0.5, offset=40.0)
+    within = level.within(same, identity)
+
+    assert level.score(level.sample(same, identity), within) == pytest.approx(1.0, abs=1e-5)
+    assert level.score(level.sample(darker, identity), within) > 0.999
 
 
 @pytest.mark.parametrize("grey", [0, 200])
