@@ -1,0 +1,116 @@
+"""The programs as their users run them, and flights to run them on."""
+
+from __future__ import annotations
+
+import csv
+import io
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import yaml
+from PIL import Image, ImageDraw
+
+from flight_file.reader import open_flight
+from recorder.clock import SimulatedClock
+from recorder.config import parse_config
+from recorder.journal import Journal
+from recorder.run import record
+from recorder.testing import fixed_host
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+PROGRAMS = Path(sys.executable).parent
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+MakeFlight = Callable[..., Path]
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What `decode` left in a folder."""
+
+    rows: list[dict[str, str]]
+    csv_file: Path
+    json_file: Path
+
+
+@pytest.fixture
+def run() -> Run:
+    """Runs a program of ours to its end."""
+
+    def run_program(program: str, *words: object) -> subprocess.CompletedProcess[str]:
+        command = [str(PROGRAMS / program), *map(str, words)]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+    return run_program
+
+
+@pytest.fixture(scope="session")
+def pictures() -> list[bytes]:
+    """The JPEGs of a committed flight."""
+    return [frame.jpeg for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).frames()]
+
+
+@pytest.fixture
+def make_flight(tmp_path: Path) -> MakeFlight:
+    """Records JPEGs into a flight file, by default with the animation's panel."""
+
+    def make(jpegs: Iterable[bytes], *, panel: Path | None = FIXTURES / "panel.yaml", name: str = "flight") -> Path:
+        camera = tmp_path / f"{name}_camera"
+        camera.mkdir()
+        for number, jpeg in enumerate(jpegs):
+            (camera / f"{number:05d}.jpg").write_bytes(jpeg)
+        document = {
+            "camera": {"driver": "replay", "path": str(camera), "rate_hz": 4, "pace": "fastest"},
+            "storage": {"directory": str(tmp_path / f"{name}_storage"), "segment_s": 3600, "keep_free_gib": 0},
+        }
+        if panel is not None:
+            document["attach"] = {"panel": str(panel)}
+        outcome = record(
+            parse_config(document), host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()), name=name
+        )
+        (segment,) = outcome.paths
+        target = tmp_path / f"{name}.mcap"
+        target.write_bytes(segment.read_bytes())
+        return target
+
+    return make
+
+
+def decoded(folder: Path) -> Decoded:
+    """The flight data in a folder that holds one set of them."""
+    (csv_file,) = folder.glob("*.csv")
+    with csv_file.open(encoding="utf-8", newline="") as stream:
+        return Decoded(list(csv.DictReader(stream)), csv_file, csv_file.with_suffix(".json"))
+
+
+@pytest.fixture
+def read_decoded() -> Callable[[Path], Decoded]:
+    """Reads what `decode` left in a folder."""
+    return decoded
+
+
+def without_knob(jpeg: bytes) -> bytes:
+    """A frame of the animation with its anchor painted over."""
+    picture = Image.open(io.BytesIO(jpeg))
+    left, top, width, height = anchor_box()
+    ImageDraw.Draw(picture).rectangle([left - 30, top - 30, left + width + 30, top + height + 30], fill=(60, 60, 60))
+    painted = io.BytesIO()
+    picture.save(painted, "JPEG", quality=90)
+    return painted.getvalue()
+
+
+def anchor_box() -> tuple[int, int, int, int]:
+    """The box of the animation panel's only anchor."""
+    panel = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    left, top, width, height = panel["anchors"][0]["box"]
+    return left, top, width, height
+
+
+@pytest.fixture
+def cover_knob() -> Callable[[bytes], bytes]:
+    """Paints the anchor over in a frame of the animation."""
+    return without_knob
