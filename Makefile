@@ -25,7 +25,7 @@ demo: $(READY)  ## Record a fixture flight, decode it, and show how right it is
 	$(BIN)/decode accuracy demo/*.csv fixtures/thesis_a1_truth.csv
 
 test: $(READY)  ## Run all tests
-	$(BIN)/pytest -n $(JOBS) --cov --cov-report=term:skip-covered
+	$(BIN)/pytest -n $(JOBS) --dist loadgroup --cov --cov-report=term:skip-covered
 
 lint: $(READY)  ## Check style, types and import contracts
 	$(BIN)/ruff check
@@ -44,7 +44,7 @@ fixtures: $(READY)  ## Render the cockpit animation and record its flights
 	$(BIN)/python -m fixtures.make
 
 refs: $(READY)  ## Renew the reference flight data knowingly, and print what moved
-	$(BIN)/python -m tests.references
+	$(BIN)/python tests/references/renew.py
 
 docs: $(READY)  ## Check that the documents' commands and files are there
 	$(BIN)/pytest -q tests/docs
