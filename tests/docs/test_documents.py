@@ -1,0 +1,67 @@
+"""The documents say what is: links lead somewhere, commands exist, examples are accepted."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from decoder.panel import parse_panel
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "fixtures" / "README.md",
+    *(ROOT / "docs").glob("*.md"),
+]
+
+
+def blocks(document: Path, language: str = "") -> list[str]:
+    """The fenced code blocks of a document in one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", document.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_to_files(document: Path) -> None:
+    """Every relative link names a file that is there."""
+    links = re.findall(r"\]\((?!https?:)([^)#]+)", document.read_text(encoding="utf-8"))
+
+    assert [link for link in links if not (document.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_targets_are_in_the_makefile(document: Path) -> None:
+    """Every `make` command of a document is a target."""
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    text = document.read_text(encoding="utf-8")
+
+    assert set(re.findall(r"`make ([a-z]+)`", text)) | set(re.findall(r"^make ([a-z]+)", text, re.MULTILINE)) <= targets
+
+
+def test_readme_names_the_two_commands() -> None:
+    """The README's first command runs the demo, its second the tests."""
+    commands = [line for block in blocks(ROOT / "README.md") for line in block.splitlines() if line.startswith("make ")]
+
+    assert commands[:2] == ["make demo", "make test"]
+
+
+def test_panel_example_is_a_panel() -> None:
+    """The panel in docs/panel.md is one that the decoder takes."""
+    (example,) = blocks(ROOT / "docs" / "panel.md", "yaml")
+
+    assert parse_panel(example).gauges[0].needles[0].covered_by == "fuel_fr_lb"
+
+
+@pytest.mark.parametrize("words", [["recorder", "run"], ["recorder", "info"], ["decode"], ["decode", "accuracy"]])
+def test_commands_of_the_readme_exist(words: list[str]) -> None:
+    """Every command that the README shows answers --help with examples."""
+    program = Path(sys.executable).parent / words[0]
+    done = subprocess.run([str(program), *words[1:], "--help"], capture_output=True, text=True, check=False)
+
+    assert " ".join(words) in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert done.returncode == 0
+    assert "Examples:" in done.stdout
