@@ -63,7 +63,7 @@ def test_needle_is_read_where_it_was_drawn(either: PanelReader, draw: Draw, seed
     roll_deg=st.floats(-0.7, 0.7),
 )
 @settings(max_examples=40)
-def test_light_and_camera_do_not_turn_the_needle(  # noqa: PLR0917 - what is drawn, then the fixtures
+def test_light_and_camera_do_not_turn_the_needle(
     reader: PanelReader,
     draw: Draw,
     angle_deg: float,

@@ -86,7 +86,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("where", "value", "path", "problem"), WRONG, ids=lambda part: str(part)[:40])
-def test_wrong_value_is_named_with_its_path(  # noqa: PLR0917 - the case, then its fixtures
+def test_wrong_value_is_named_with_its_path(
     parse: Parse, document: dict[str, Any], where: str, value: object, path: str, problem: str
 ) -> None:
     """One sentence says which file, which value and what is wrong with it."""
