@@ -7,14 +7,27 @@ broken off leaves nothing half-written. The same flight data always give the sam
 from __future__ import annotations
 
 import contextlib
+import io
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
 from decoder.errors import OutputError
 
-Write = Callable[[IO[str]], None]
+Write = Callable[[IO[bytes]], None]
 PART = ".part"
+
+
+def as_text(write: Callable[[IO[str]], None]) -> Write:
+    """A writer of text as one of bytes: UTF-8, line ends as they are written."""
+
+    def write_bytes(stream: IO[bytes]) -> None:
+        text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
+        write(text)
+        text.flush()
+        text.detach()
+
+    return write_bytes
 
 
 def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
@@ -33,7 +46,7 @@ def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
                 raise IsADirectoryError(0, f"{final.name} is a folder")
         with _parts(finals) as parts:
             for part, write in zip(parts, writers.values(), strict=True):
-                with part.open("w", encoding="utf-8", newline="") as stream:
+                with part.open("wb") as stream:
                     write(stream)
             for part, final in zip(parts, finals, strict=True):
                 part.replace(final)

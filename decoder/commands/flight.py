@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -20,7 +21,7 @@ from decoder.flight_data import FlightData
 from decoder.flight_decoder import decode_flight
 from decoder.gauge_reader import Method
 from decoder.json_output import Provenance, SourceFile, write_json
-from decoder.outputs import write_all
+from decoder.outputs import Write, as_text, write_all
 from decoder.panel_pictures import PANEL_FILE, PanelPictures, panel_from_attachments, panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.summary import summary_table
@@ -41,6 +42,29 @@ Examples:
 """
 
 
+def _csv(data: FlightData) -> Write:
+    return as_text(partial(write_csv, data))
+
+
+def _parquet(data: FlightData) -> Write:
+    from decoder.parquet_output import write_parquet  # noqa: PLC0415 - half a second that only this format needs
+
+    return partial(write_parquet, data)
+
+
+WRITERS: dict[str, Callable[[FlightData], Write]] = {"csv": _csv, "parquet": _parquet}
+
+
+def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:
+    formats = tuple(dict.fromkeys(value.split(",")))
+    unknown = [name for name in formats if name not in WRITERS]
+    if unknown:
+        raise click.BadParameter(f"{unknown[0]!r} is none of {', '.join(WRITERS)}")
+    if "parquet" in formats and find_spec("pyarrow") is None:
+        raise click.BadParameter("parquet needs pyarrow: pip install 'image-flight-recorder[parquet]'")
+    return formats
+
+
 @click.command("flight", epilog=EPILOG)
 @click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT...")
 @click.option(
@@ -55,7 +79,13 @@ Examples:
     "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
     show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
 )  # fmt: skip
-def command(flights: tuple[Path, ...], directory: Path, panel_file: Path | None, method: str) -> None:
+@click.option(
+    "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
+    help="csv, parquet (needs the extra `parquet`), or both; the description is always NAME.json.",
+)  # fmt: skip
+def command(
+    flights: tuple[Path, ...], directory: Path, panel_file: Path | None, method: str, formats: tuple[str, ...]
+) -> None:
     """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
 
     NAME is the recording's; a single file that was given another name keeps that one.
@@ -67,13 +97,9 @@ def command(flights: tuple[Path, ...], directory: Path, panel_file: Path | None,
         data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), _progress)
         provenance = _provenance(flight, source, panel_file, method)
         name = _output_name(flight)
-        written = write_all(
-            directory,
-            {
-                f"{name}.csv": partial(write_csv, data),
-                f"{name}.json": partial(write_json, data, provenance),
-            },
-        )
+        writers = {f"{name}.{suffix}": WRITERS[suffix](data) for suffix in formats}
+        writers[f"{name}.json"] = as_text(partial(write_json, data, provenance))
+        written = write_all(directory, writers)
     _report(data, provenance, written)
     if provenance.losses:
         sys.exit(EXIT_LOSS)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet
 import pytest
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
@@ -129,3 +130,16 @@ def test_lost_anchor_costs_only_its_frames(
         assert (row["n1_pct"] == "") is (number in (4, 5))
     (gap,) = json.loads(flight.json_file.read_text())["missing_frames"]
     assert (gap["first_frame"], gap["last_frame"]) == (4, 5)
+
+
+def test_parquet_holds_what_the_csv_does(run: Run, read_decoded: ReadDecoded, tmp_path: Path) -> None:
+    """`--format csv,parquet` writes both, with the same columns and values."""
+    done = run("decode", A1, "-o", tmp_path, "--format", "csv,parquet")
+    rows = read_decoded(tmp_path).rows
+    table = pyarrow.parquet.read_table(tmp_path / "thesis_a1.parquet").to_pydict()
+
+    assert done.returncode == 0
+    assert list(table) == list(rows[0])
+    assert table["ftit_c_status"] == [row["ftit_c_status"] for row in rows]
+    assert table["ftit_c"] == pytest.approx([float(row["ftit_c"]) for row in rows], abs=0.01)
+    assert table["time_utc"][0].isoformat() == "2018-05-04T12:00:00+00:00"

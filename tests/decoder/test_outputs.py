@@ -12,20 +12,20 @@ from decoder.errors import OutputError
 from decoder.outputs import write_all
 
 
-def says(text: str) -> Callable[[IO[str]], None]:
+def says(text: str) -> Callable[[IO[bytes]], None]:
     """A writer of a text."""
 
-    def write(stream: IO[str]) -> None:
-        stream.write(text)
+    def write(stream: IO[bytes]) -> None:
+        stream.write(text.encode())
 
     return write
 
 
-def fails(error: BaseException) -> Callable[[IO[str]], None]:
+def fails(error: BaseException) -> Callable[[IO[bytes]], None]:
     """A writer that breaks off after some bytes."""
 
-    def write(stream: IO[str]) -> None:
-        stream.write("half")
+    def write(stream: IO[bytes]) -> None:
+        stream.write(b"half")
         raise error
 
     return write
