@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
 import shutil
 import subprocess
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -29,17 +31,19 @@ def reader_folder(pytestconfig: pytest.Config) -> Path:
     lock = (HERE / "package-lock.json").read_bytes()
     cache = pytestconfig.cache
     assert cache is not None
-    folder = Path(cache.mkdir(f"independent_reader_{hashlib.sha256(lock).hexdigest()[:12]}"))
-    for name in ("package.json", "package-lock.json", ".npmrc", "read.mjs"):
-        shutil.copyfile(HERE / name, folder / name)
-    if not (folder / "installed").exists():
-        done = subprocess.run(
-            ["npm", "ci", "--ignore-scripts"], cwd=folder, capture_output=True, text=True, check=False
-        )
-        if "ENOTFOUND" in done.stderr or "EAI_AGAIN" in done.stderr:
-            pytest.skip("the npm registry cannot be reached")
-        assert done.returncode == 0, done.stderr
-        (folder / "installed").touch()
+    folder = Path(cache.mkdir("independent_reader")) / hashlib.sha256(lock).hexdigest()[:12]
+    if not folder.exists():  # installed aside and moved into place: another run may do the same at this moment
+        with TemporaryDirectory(dir=folder.parent) as aside:
+            work = Path(aside) / "work"
+            shutil.copytree(HERE, work, ignore=shutil.ignore_patterns("node_modules", "__pycache__"))
+            install = ["npm", "ci", "--ignore-scripts"]
+            done = subprocess.run(install, cwd=work, capture_output=True, text=True, check=False)
+            if "ENOTFOUND" in done.stderr or "EAI_AGAIN" in done.stderr:
+                pytest.skip("the npm registry cannot be reached")
+            assert done.returncode == 0, done.stderr
+            with contextlib.suppress(OSError):
+                work.rename(folder)
+    shutil.copyfile(HERE / "read.mjs", folder / "read.mjs")
     return folder
 
 
