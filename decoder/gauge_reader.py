@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -100,6 +101,10 @@ class GaugeReader:
             else:
                 found |= self._read_pair(unwrapped, name, cover, found[cover], scores[name])
         return {name: self._reading(found[name]) for name in self._covers}
+
+    def unread(self) -> dict[str, Reading]:
+        """What is to be said of the needles of a gauge that does not lie in the frame."""
+        return {name: Reading(Status.MISSING, math.nan, math.inf, 0.0) for name in self._covers}
 
     def _read_free(self, unwrapped: UnwrappedGauge, name: str, scores: Mapping[str, Floats]) -> _Found:
         """A needle on its own, wherever no other needle of the gauge matches better."""

@@ -17,17 +17,21 @@ from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading
 from decoder.tuning import Tuning
-from decoder.unwrapping import UnwrappedGauge, Unwrapper
+from decoder.unwrapping import UnwrappedGauge, Unwrapper, inside
 
 PANEL_PRECISION_PX = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class UnwrappedFrame:
-    """One frame's alignment, and its unwrapped gauges in the panel's order."""
+    """One frame's alignment, and its unwrapped gauges in the panel's order.
+
+    `whole` tells for each gauge whether all of it lies in the frame.
+    """
 
     alignment: Alignment
     gauges: Sequence[UnwrappedGauge]
+    whole: Sequence[bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,7 @@ class PanelReader:
         self.grids = [gauge_grid(gauge) for gauge in source.panel.gauges]
         self.aligner = Aligner(source.panel, source.picture, tuning.usual)
         self._unwrapper = Unwrapper(self.grids)
+        self._rims = [grid.rim() for grid in self.grids]
         self._gauges = [
             GaugeReader(
                 gauge,
@@ -98,7 +103,9 @@ class PanelReader:
             (height, width), (panel_height, panel_width) = frame.shape, self.source.picture.shape
             raise PictureError(f"the picture is {width} x {height}, the panel's {panel_width} x {panel_height}")
         alignment = self.aligner.align(frame)
-        return UnwrappedFrame(alignment, self._unwrapper.unwrap(frame, alignment))
+        height, width = frame.shape
+        whole = [inside(rim, alignment, width, height) for rim in self._rims]
+        return UnwrappedFrame(alignment, self._unwrapper.unwrap(frame, alignment), whole)
 
     def read(self, frame: GreyPicture) -> FrameReadings:
         """The readings of one frame.
@@ -113,6 +120,6 @@ class PanelReader:
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""
         readings: dict[str, Reading] = {}
-        for gauge, image in zip(self._gauges, unwrapped.gauges, strict=True):
-            readings.update(gauge.read(image))
+        for gauge, image, whole in zip(self._gauges, unwrapped.gauges, unwrapped.whole, strict=True):
+            readings.update(gauge.read(image) if whole else gauge.unread())
         return FrameReadings(unwrapped.alignment, readings)

@@ -112,5 +112,5 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, path:
 
 def _check_inside(grid: PolarGrid, picture: GreyPicture, path: str) -> None:
     height, width = picture.shape
-    if not inside(grid, IDENTITY, width, height):
+    if not inside(grid.rim(), IDENTITY, width, height):
         raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")

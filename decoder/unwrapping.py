@@ -24,6 +24,7 @@ UnwrappedGauge = Floats
 MIN_ROWS_PER_DEG = 2
 MAX_ROWS_PER_DEG = 4
 MAX_COLUMNS = 64
+RIM_POINTS = 25
 _TAPS = np.array([[-1], [0], [1], [2]])
 _MAP_WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
 
@@ -51,6 +52,12 @@ class PolarGrid:
         x = self.centre[0] + np.cos(angles) * radii
         y = self.centre[1] + np.sin(angles) * radii
         return np.stack([x, y]).astype(np.float32)
+
+    def rim(self) -> Floats:
+        """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
+        points = self.points()
+        some = np.unique(np.linspace(0, self.rows - 1, RIM_POINTS).round().astype(int))
+        return np.concatenate([points[:, some, -1], points[:, some, 0]], axis=1)
 
     def at(self, angle_deg: float, rows: int) -> PolarGrid:
         """The same dial around one angle: an odd number of rows with `angle_deg` in the middle one."""
@@ -130,10 +137,10 @@ def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     return interpolated
 
 
-def inside(grid: PolarGrid, alignment: Alignment, width_px: int, height_px: int) -> bool:
-    """Whether every sample of a grid lies within the frame."""
+def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:
+    """Whether all points (2, M) of the panel picture lie within the frame."""
     matrix = alignment.matrix
-    x, y = matrix[:, :2] @ grid.points().reshape(2, -1) + matrix[:, 2:]
+    x, y = matrix[:, :2] @ points + matrix[:, 2:]
     return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
 
 

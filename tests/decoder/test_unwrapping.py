@@ -77,7 +77,7 @@ def test_samples_outside_the_frame_repeat_its_border() -> None:
     (unwrapped,) = Unwrapper([grid]).unwrap(ramp(2, 0), IDENTITY)
 
     assert unwrapped.tolist() == np.zeros_like(unwrapped).tolist()
-    assert not inside(grid, IDENTITY, 120, 100)
+    assert not inside(grid.rim(), IDENTITY, 120, 100)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_inside_counts_the_outermost_pixel_centres(shift: tuple[float, float], *
     """A gauge is inside as long as all samples lie between the centres of the first and the last pixels."""
     grid = polar_grid(CENTRE, (5.0, 40.0), 0.0, 360.0)
 
-    assert inside(grid, Alignment(0.0, shift, 1.0), 120, 100) is expected
+    assert inside(grid.rim(), Alignment(0.0, shift, 1.0), 120, 100) is expected
 
 
 @given(angle_deg=ANGLES, rows=st.integers(1, 40))
