@@ -21,6 +21,8 @@ from decoder.pictures import GreyPicture
 LEVEL_HALF_WIDTH_PX = 6
 LEVEL_STATIONS = 32
 MIN_WITHIN = 0.5
+# More points hold a frame no better: they share their noise, and the registration's model is not that good.
+ANCHOR_POINTS_ACROSS = 44
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +48,22 @@ class Feature:
 
     def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
         """(N,) float32: the frame where the alignment puts the points; outside the frame, its border."""
-        matrix = alignment.matrix
-        x, y = matrix[:, :2] @ self.points + matrix[:, 2:]
+        x, y = self._places(alignment)
         return sample(frame, x, y)
 
     def within(self, frame: GreyPicture, alignment: Alignment) -> Mask:
         """(N,): which of the points lie in the frame."""
-        matrix = alignment.matrix
-        x, y = matrix[:, :2] @ self.points + matrix[:, 2:]
+        x, y = self._places(alignment)
         height, width = frame.shape
+        if x.min() >= 0 and y.min() >= 0 and x.max() <= width - 1 and y.max() <= height - 1:
+            return np.ones(x.shape, bool)
         within: Mask = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
         return within
+
+    def _places(self, alignment: Alignment) -> Floats:
+        matrix = alignment.matrix
+        places: Floats = matrix[:, :2] @ self.points + matrix[:, 2:]
+        return places
 
     def score(self, samples: Floats, within: Mask) -> float:
         """NCC of samples with the panel picture's pixels; 0 where either is flat or half of them not in the frame."""
@@ -84,9 +91,10 @@ def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
 
 
 def anchor_feature(name: str, picture: GreyPicture, box: tuple[float, float, float, float]) -> Feature:
-    """The pixels of an anchor's box (left, top, width, height)."""
+    """Pixels of an anchor's box (left, top, width, height), at most forty or so across."""
     left, top, width, height = (round(edge) for edge in box)
-    x, y = np.meshgrid(np.arange(left, left + width), np.arange(top, top + height))
+    stride = max(1, min(width, height) // ANCHOR_POINTS_ACROSS)
+    x, y = np.meshgrid(np.arange(left, left + width, stride), np.arange(top, top + height, stride))
     return _feature(name, picture, x.ravel(), y.ravel())
 
 

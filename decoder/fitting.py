@@ -45,8 +45,6 @@ class Fit:
         The mean square that stays unexplained, grey levels squared.
     correlation
         Of the window with the needle over the face, the thesis's NCC for this one place.
-    score
-        The same with what the face explains taken out, as in `over_face`: in [-1, 1].
     gain
         The needle's contrast in units of the template's.
     """
@@ -55,11 +53,16 @@ class Fit:
     sigma_rows: float
     noise: float
     correlation: float
-    score: float
     gain: float
     _rows: Floats
     _solution: tuple[float, float, float]
     _shape: tuple[int, ...]
+    _moments: Moments
+
+    @property
+    def score(self) -> float:
+        """The correlation with what the face explains taken out, as in `over_face`: in [-1, 1]."""
+        return _partial_correlation(self._moments)
 
     @property
     def unexplained(self) -> Floats:
@@ -132,11 +135,11 @@ class Fitter:
             sigma_rows=math.sqrt(noise * max(shift_variance, 0.0) / self._pixels_per_sample) / gain,
             noise=noise,
             correlation=math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0,
-            score=_partial_correlation(moments),
             gain=gain,
             _rows=rows,
             _solution=solution,
             _shape=shape,
+            _moments=moments,
         )
 
 
@@ -183,4 +186,4 @@ def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
 
 def _no_fit(shape: tuple[int, ...]) -> Fit:
     nothing = np.zeros((5, math.prod(shape)), np.float32)
-    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, 0.0, nothing, (0.0, 0.0, 0.0), shape)
+    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, nothing, (0.0, 0.0, 0.0), shape, [[0.0] * 5] * 5)

@@ -27,7 +27,7 @@ from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
-SAMPLE_FRAMES = 24
+SAMPLE_FRAMES = 16
 ROUNDS = 2
 MIN_CUTS = 5
 

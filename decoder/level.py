@@ -10,7 +10,7 @@ from decoder.features import Feature, correlation_of_rows, sample
 from decoder.pictures import GreyPicture
 
 MAX_ROLL_DEG = 8.0
-NEAR_ROLL_DEG = 0.75
+NEAR_ROLL_DEG = 0.5
 GOOD_SCORE = 0.8
 
 

@@ -85,7 +85,7 @@ class Registration:
                 continue
             normal += own
             right += columns.T @ values.astype(np.float64) / gain
-        step = np.linalg.lstsq(normal, right, rcond=1e-9)[0]
+        step = np.linalg.solve(normal + np.eye(size) * (1e-9 * normal.trace() + 1e-9), right)
         return float(step[0]), float(step[1]), float(step[2]) if self._rolls else 0.0
 
     def _moved(self, alignment: Alignment, shift_x: float, shift_y: float, roll: float) -> Alignment:

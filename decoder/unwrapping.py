@@ -23,6 +23,9 @@ UnwrappedGauge = Floats
 # larger dials keep that density of about two rows a pixel until the rows become a cost of their own.
 MIN_ROWS_PER_DEG = 2
 MAX_ROWS_PER_DEG = 4
+# Columns closer than this share their pixels.
+COLUMN_PX = 1.5
+MIN_COLUMNS = 3
 MAX_COLUMNS = 64
 RIM_POINTS = 25
 _TAPS = np.array([[-1], [0], [1], [2]])
@@ -81,7 +84,7 @@ def polar_grid(
     """The grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size."""
     rows_per_deg = min(max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1]))), MAX_ROWS_PER_DEG)
     length_px = radius_px[1] - radius_px[0]
-    columns = min(math.floor(length_px) + 1, MAX_COLUMNS)
+    columns = min(max(math.floor(length_px / COLUMN_PX) + 1, MIN_COLUMNS), MAX_COLUMNS)
     rows = round((end_deg - start_deg) * rows_per_deg) + 1
     return PolarGrid(centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], length_px / (columns - 1), columns)
 
