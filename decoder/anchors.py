@@ -15,7 +15,7 @@ from decoder.errors import PanelError
 from decoder.panel import Anchor
 from decoder.pictures import GreyPicture
 
-SEARCH_MARGIN_PX = 24
+SEARCH_MARGIN_PX = 16
 # A rolled or slightly blurred anchor still scores this much before the roll is known; what the
 # alignment rests on in the end is held to the same 0.8 as the needles.
 MIN_FIRST_SCORE = 0.5

@@ -35,6 +35,18 @@ def sliding_sums(image: Floats, kernel: Floats) -> Floats:
     return sums
 
 
+def sliding_sums_of(image: Floats, kernels: Floats) -> Floats:
+    """`sliding_sums` of one image with K kernels, (K, H, C), at once: (K, R - H + 1)."""
+    count, height, width = kernels.shape
+    products = image @ kernels.reshape(count * height, width).T
+    row, column = products.strides
+    shape = (image.shape[0] - height + 1, count, height)
+    strides = (row, height * column, row + column)
+    diagonals: Floats = np.ndarray(shape, products.dtype, products, strides=strides)
+    sums: Floats = np.add.reduce(diagonals, axis=2).T
+    return sums
+
+
 def normxcorr(image: Floats, template: Floats, weights: Floats) -> Floats:
     """Weighted normalized cross-correlation along the rows.
 

@@ -28,7 +28,7 @@ from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
 SAMPLE_FRAMES = 16
-ROUNDS = 2
+ROUNDS = 1
 MIN_CUTS = 5
 
 Readings = Mapping[str, Reading]

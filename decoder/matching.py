@@ -23,8 +23,8 @@ from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
 
 # The best row of a blurred needle may be one beside its true place.
 MAX_PEAK_ROWS = 3.0
-# Scores are searched on every second row and column; a needle is wider than that.
-COARSE_STEP = 2
+# Scores are searched on every third row and column; a needle is wider than that.
+COARSE_STEP = 3
 MAX_STEPS = 4
 
 
@@ -71,6 +71,7 @@ class Matcher:
         self._coarse_face = np.ascontiguousarray(face[::COARSE_STEP, ::COARSE_STEP])
         self._coarse_moments = face_moments(self._coarse_face, self._coarse)
         self._moments: FaceMoments | None = None
+        self._rows = np.arange(len(face))
         self.fitter = Fitter(template, pixels_per_sample)
         self.pixels_per_sample = pixels_per_sample
         self.touched = template.place(TOUCH_LEVEL)
@@ -84,16 +85,12 @@ class Matcher:
     def scores(self, gauge: Floats) -> Floats:
         """NCC of needle and gauge, what the face explains taken out, by the row of the needle's axis: (R,) float32.
 
-        Found on every second row, on the rows between their mean. Rows too near an end of the gauge (R, C) score 0.
+        Found on every third row, on the rows between on the line. Rows too near an end of the gauge (R, C) score 0.
         """
-        coarse = partial_normxcorr(
-            gauge[::COARSE_STEP, ::COARSE_STEP], self._coarse_face, self._coarse, self._coarse_moments
-        )
-        scores = np.zeros(len(gauge), np.float32)
-        first = COARSE_STEP * ((self._coarse.rows - 1) // 2)
-        rows = slice(first, first + COARSE_STEP * len(coarse), COARSE_STEP)
-        scores[rows] = coarse
-        scores[first + 1 : rows.stop - COARSE_STEP : COARSE_STEP] = (coarse[1:] + coarse[:-1]) / 2
+        thinned = gauge[::COARSE_STEP, ::COARSE_STEP]
+        coarse = partial_normxcorr(thinned, self._coarse_face, self._coarse_moments)
+        found = COARSE_STEP * ((self._coarse.rows - 1) // 2 + np.arange(len(coarse)))
+        scores = np.interp(self._rows, found, coarse).astype(np.float32)
         scores[: self.axis] = scores[len(gauge) - self.axis :] = 0.0
         return scores
 
@@ -131,7 +128,10 @@ class Matcher:
         if not peaks.any():
             return NO_MATCH
         top = int(np.where(peaks, curve, -np.inf).argmax())
-        row, settled = top, []
+        # The rows between those that were searched lie on straight lines: the peak is that of the searched ones.
+        row = round(parabola_peak(curve[top % COARSE_STEP :: COARSE_STEP], top // COARSE_STEP) * COARSE_STEP)
+        row = min(max(row + top % COARSE_STEP, self.axis), len(gauge) - self.axis - 1)
+        settled = []
         for _ in range(MAX_STEPS):
             rows = slice(row - self.axis, row + self.axis + 1)
             fit = self.fitter.fit(gauge[rows], partial(_bare, self._face[rows]), None if mask is None else mask[rows])
@@ -195,7 +195,7 @@ class Matcher:
 
 
 def _thinned(template: NeedleTemplate, axis: int) -> NeedleTemplate:
-    """Every second row and column of a template, its axis among the rows."""
+    """Every third row and column of a template, its axis among the rows."""
     rows = slice(axis % COARSE_STEP, template.rows - axis % COARSE_STEP, COARSE_STEP)
     layers = {
         name: getattr(template, name)[rows, ::COARSE_STEP]

@@ -44,6 +44,6 @@ def uncovered_scores(
         The moments of the same face without the mask.
     """
     moments = face_moments(face, template, mask)
-    scores = partial_normxcorr(gauge, face, template, moments, mask)
+    scores = partial_normxcorr(gauge, face, moments, mask)
     visible = moments.needle_contrast / np.maximum(whole.needle_contrast, 1e-6)
     return Visibility(scores, np.clip(visible, 0.0, 1.0))

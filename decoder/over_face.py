@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from decoder.arrays import Floats
-from decoder.correlation import MIN_SPREAD_LEVELS, sliding_sums
+from decoder.correlation import MIN_SPREAD_LEVELS, sliding_sums, sliding_sums_of
 from decoder.needle_template import NeedleTemplate
 
 # A face with less spread than this explains nothing but noise.
@@ -26,6 +26,8 @@ FACE_NOISE_LEVELS = 1.0
 class FaceMoments:
     """Weighted moments of face and needle under the template, each (R - H + 1,): all that a frame does not change."""
 
+    kernels: Floats
+    """(3, H, C): the weights, and by them the needle's light and how it covers the face."""
     total: Floats
     face_mean: Floats
     face_variance: Floats
@@ -37,7 +39,8 @@ class FaceMoments:
 
     def part(self, rows: slice) -> FaceMoments:
         """The moments of some of the rows."""
-        return FaceMoments(*(getattr(self, field.name)[rows] for field in fields(self)))
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
+        return FaceMoments(**{name: array if name == "kernels" else array[rows] for name, array in own.items()})
 
     @property
     def needle_contrast(self) -> Floats:
@@ -65,6 +68,7 @@ def face_moments(face: Floats, template: NeedleTemplate, mask: Floats | None = N
     needle_per_face = (needle_face - needle_mean * face_mean) / face_variance
     needle_variance = np.maximum(needle_square - needle_mean**2, 0.0)
     return FaceMoments(
+        kernels=np.stack([weights, weights * light, weights * cover]),
         total=total,
         face_mean=face_mean,
         face_variance=face_variance,
@@ -74,18 +78,14 @@ def face_moments(face: Floats, template: NeedleTemplate, mask: Floats | None = N
     )
 
 
-def partial_normxcorr(
-    gauge: Floats, face: Floats, template: NeedleTemplate, moments: FaceMoments, mask: Floats | None = None
-) -> Floats:
+def partial_normxcorr(gauge: Floats, face: Floats, moments: FaceMoments, mask: Floats | None = None) -> Floats:
     """The partial correlation of a gauge with a needle, given the face.
 
     Parameters
     ----------
     gauge, face : (R, C) float32
-    template
-        (H, C), H <= R.
     moments
-        Of this face, template and mask.
+        Of this face, a template and this mask.
     mask : (R, C) float32
         0 where pixels are left out.
 
@@ -94,14 +94,13 @@ def partial_normxcorr(
     (R - H + 1,) float32, in [-1, 1]
         0 where face and gauge, or face and needle, leave nothing to correlate.
     """
-    weights, cover = template.trust, template.transparency - 1
+    weights = moments.kernels[0]
     seen = gauge if mask is None else gauge * mask
-    seen_face = seen * face
-    mean = sliding_sums(seen, weights) / moments.total
+    mean, with_light = sliding_sums_of(seen, moments.kernels[:2]) / moments.total
+    with_face, with_cover = sliding_sums_of(seen * face, moments.kernels[::2]) / moments.total
     variance = sliding_sums(seen * gauge, weights) / moments.total - mean * mean
-    with_face = sliding_sums(seen_face, weights) / moments.total - mean * moments.face_mean
-    with_needle = sliding_sums(seen, weights * template.light) + sliding_sums(seen_face, weights * cover)
-    with_needle = with_needle / moments.total - mean * moments.needle_mean
+    with_face = with_face - mean * moments.face_mean
+    with_needle = with_light + with_cover - mean * moments.needle_mean
     left = np.maximum(variance - with_face**2 / moments.face_variance, 0.0)
     shared = with_needle - with_face * moments.needle_per_face
     usable = (left > MIN_SPREAD_LEVELS**2) & (moments.needle_left > MIN_SPREAD_LEVELS**2)

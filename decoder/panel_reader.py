@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment
 from decoder.errors import PictureError
@@ -53,6 +55,7 @@ class PanelReader:
         self.aligner = Aligner(source.panel, source.picture, tuning.usual)
         self._unwrapper = Unwrapper(self.grids)
         self._rims = [grid.rim() for grid in self.grids]
+        self._all_rims = np.concatenate(self._rims, axis=1)
         self._gauges = [
             GaugeReader(
                 gauge,
@@ -104,7 +107,9 @@ class PanelReader:
             raise PictureError(f"the picture is {width} x {height}, the panel's {panel_width} x {panel_height}")
         alignment = self.aligner.align(frame)
         height, width = frame.shape
-        whole = [inside(rim, alignment, width, height) for rim in self._rims]
+        whole = [True] * len(self._rims)
+        if not inside(self._all_rims, alignment, width, height):
+            whole = [inside(rim, alignment, width, height) for rim in self._rims]
         return UnwrappedFrame(alignment, self._unwrapper.unwrap(frame, alignment), whole)
 
     def read(self, frame: GreyPicture) -> FrameReadings:

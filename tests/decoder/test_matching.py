@@ -33,9 +33,8 @@ def unwrapped(reader: PanelReader, frame: GreyPicture) -> list[UnwrappedGauge]:
 
 def speed(reader: PanelReader, frame: GreyPicture) -> Reading:
     """The speed in a frame that is known to lie exactly where the panel picture does."""
-    return reader.read_unwrapped(
-        UnwrappedFrame(IDENTITY, unwrapped(reader, frame), [True] * len(reader.grids))
-    ).readings["speed_kt"]
+    seen = UnwrappedFrame(IDENTITY, unwrapped(reader, frame), [True] * len(reader.grids))
+    return reader.read_unwrapped(seen).readings["speed_kt"]
 
 
 @pytest.mark.parametrize("noise", [4.0, 8.0, 16.0])

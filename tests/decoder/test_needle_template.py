@@ -35,10 +35,10 @@ def test_outline_is_the_needle(template: NeedleTemplate) -> None:
     outline = template.outline
     axis = template.rows // 2
 
-    assert outline[axis, :26].all()
-    assert not outline[:, 31:].any()
+    assert outline[axis, :17].all()
+    assert not outline[:, 21:].any()
     assert np.abs(outline.astype(int) - outline[::-1].astype(int)).sum() <= 4
-    assert outline[:, 0].sum() > outline[:, 20].sum()
+    assert outline[:, 0].sum() > outline[:, 13].sum()
 
 
 def test_touched_place_holds_the_outline(template: NeedleTemplate) -> None:
