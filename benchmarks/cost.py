@@ -1,0 +1,93 @@
+"""What a decode costs: processor time beside bare decompression in the same run, and peak memory."""
+
+from __future__ import annotations
+
+import io
+import os
+import statistics
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+from threadpoolctl import threadpool_limits
+
+from benchmarks.programs import RENDERED, decode
+from decoder.flight_decoder import decode_flight
+from decoder.gauge_reader import Method
+from decoder.panel_pictures import panel_from_attachments
+from decoder.panel_reader import PanelReader
+from decoder.pictures import grey_picture
+from flight_file.reader import open_flight
+from recorder.clock import SimulatedClock
+from recorder.config import parse_config
+from recorder.journal import Journal
+from recorder.run import record
+from recorder.testing import fixed_host
+
+ROUNDS = 7
+COPIES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """Medians of several rounds: milliseconds of processor time a frame, and the ratio of decode to decompression."""
+
+    frames: int
+    decompress_ms: float
+    decode_ms: float
+    ratio: float
+    program_s: float
+
+
+def speed() -> Speed:
+    """Decoding the 400 plain frames beside merely decompressing them in grey, one thread, back to back."""
+    cv2.setNumThreads(1)
+    bare, whole = [], []
+    with threadpool_limits(1), TemporaryDirectory() as folder:
+        flight = open_flight([RENDERED / "plain.mcap"])
+        jpegs = [frame.jpeg for frame in flight.frames()]
+        panel = panel_from_attachments(flight.attachments, flight="plain.mcap")
+        for _ in range(ROUNDS):
+            start = time.process_time()
+            for jpeg in jpegs:
+                grey_picture(jpeg)
+            middle = time.process_time()
+            decode_flight(flight, PanelReader.from_panel(panel, Method.NORMXCORR), iter)
+            bare.append(middle - start)
+            whole.append(time.process_time() - middle)
+        program_s = decode(RENDERED / "plain.mcap", Path(folder)).cpu_s
+    ratios = [long / short for long, short in zip(whole, bare, strict=True)]
+    per_frame = 1000 / len(jpegs)
+    return Speed(
+        len(jpegs),
+        statistics.median(bare) * per_frame,
+        statistics.median(whole) * per_frame,
+        statistics.median(ratios),
+        program_s,
+    )
+
+
+def memory() -> dict[int, float]:
+    """Peak resident memory of `decode` in MiB, by the number of frames: the plain flight, and ten times that."""
+    pictures = sorted((RENDERED / "plain").glob("*.jpg"))
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        camera = folder / "camera"
+        camera.mkdir()
+        for number in range(len(pictures) * COPIES):
+            os.link(pictures[number % len(pictures)], camera / f"{number:05d}.jpg")
+        config = parse_config(
+            {
+                "camera": {"driver": "replay", "path": str(camera), "rate_hz": 4, "pace": "fastest"},
+                "storage": {"directory": str(folder / "long"), "segment_s": 36000, "keep_free_gib": 0},
+                "attach": {"panel": str(RENDERED.parent / "panel.yaml")},
+            }
+        )
+        outcome = record(config, host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()), name="long")
+        (long,) = outcome.paths
+        return {
+            len(pictures): decode(RENDERED / "plain.mcap", folder / "out").peak_mib,
+            len(pictures) * COPIES: decode(long, folder / "out").peak_mib,
+        }
