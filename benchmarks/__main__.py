@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--write]`: prints the numbers; with --write also into docs/accuracy.md and docs/performance.md."""
+"""`python -m benchmarks [--write]`: prints the numbers; --write puts them into docs/accuracy.md and performance.md."""
 
 from __future__ import annotations
 
