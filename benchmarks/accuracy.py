@@ -1,142 +1,95 @@
-"""Accuracy on the rendered flights, where the truth is known, beside what the thesis published."""
+"""Accuracy on the fixture flights beside the thesis's tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
 from dataclasses import dataclass
+from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
+from benchmarks.programs import FIXTURES, RENDERED, decode
+from decoder.accuracy import ALL_VALUED, NeedleAccuracy, Table, compare, read_table
 
-from benchmarks.flights import Decoded, DecodedFlights
-from benchmarks.published import Published
-from benchmarks.tables import markdown, number
-from decoder.accuracy import ALL_VALUED, Errors, compare
-from decoder.reading import Status
-
-COVERED = 0.8  # part of a needle's contrast that is gone; nobody can read what is left
-CLEAR, CLEAR_GLARE, CLEAR_HIDDEN = 0.05, 2.0, 0.05  # as fixtures/README.md has it; and no other needle above it
-SEEN = (Status.READ.value, Status.EDGE.value)
-
-# Flight, method, and the tables of the thesis that stand beside it: errors row by row, and averages.
-ROW_TABLES = {("thesis_a1", "xcorr"): "A.1", ("thesis_a1", "normxcorr"): "A.1", ("thesis_a2", "normxcorr"): "A.2"}
-AVERAGE_TABLES = {("plain", "normxcorr"): "3.1", ("reflections", "normxcorr"): "3.3"}
-MEASURED = (*ROW_TABLES, *AVERAGE_TABLES)
+PUBLISHED = Path(__file__).with_name("published.csv")
+REALLY_COVERED = 0.8
+CLEAR_COVERED, CLEAR_GLARE = 0.05, 2.0
+FLAGGED = ("interpolated", "missing")
+TABLE_3_2 = range(265, 269)
+"""Sequence numbers of the thesis's frames 266 to 269."""
 
 
 @dataclass(frozen=True, slots=True)
-class Flagged:
-    """How many frames of a needle are flagged, of those in which it is really covered, and of those where it is clear.
+class Run:
+    """One decode that is held against a table of the thesis."""
 
-    Flagged is what has another status than `read` or `edge`.
-    """
+    title: str
+    flight: Path
+    truth: Path
+    method: str
+    table: str
 
-    covered: int
-    covered_flagged: int
-    clear: int
-    clear_flagged: int
+
+RUNS = (
+    Run("table A.1, xcorr", FIXTURES / "thesis_a1.mcap", FIXTURES / "thesis_a1_truth.csv", "xcorr", "A.1"),
+    Run("table A.1, normxcorr", FIXTURES / "thesis_a1.mcap", FIXTURES / "thesis_a1_truth.csv", "normxcorr", "A.1"),
+    Run("table A.2, normxcorr", FIXTURES / "thesis_a2.mcap", FIXTURES / "thesis_a2_truth.csv", "normxcorr", "A.2"),
+    Run("400 frames, plain", RENDERED / "plain.mcap", RENDERED / "plain_truth.csv", "normxcorr", "3.1"),
+    Run(
+        "400 frames, reflections", RENDERED / "reflections.mcap", RENDERED / "reflections_truth.csv", "normxcorr", "3.3"
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True)
-class NeedleResult:
-    """One needle of one flight; `every` is over all frames that have a value, `read` over those with that status."""
+class Measured:
+    """A run's errors by needle, and for each how many frames of a kind were flagged, as (flagged, all)."""
 
-    needle: str
-    every: Errors
-    read: Errors
-    frames: int
-    flagged: Flagged
+    run: Run
+    needles: list[NeedleAccuracy]
+    covered: dict[str, tuple[int, int]]
+    clear: dict[str, tuple[int, int]]
 
 
-def measure(decoded: Decoded) -> list[NeedleResult]:
-    """All needles of a flight."""
+def measure(run: Run, folder: Path) -> Measured:
+    """Decodes a run's flight and compares it with its truth."""
+    decode(run.flight, folder, "--method", run.method)
+    flight, truth = read_table(folder / f"{run.flight.stem}.csv"), read_table(run.truth)
+    needles = compare(flight, truth)
+    names = [needle.needle for needle in needles]
+    return Measured(
+        run,
+        needles,
+        {name: _flagged(flight, truth, name, covered=True) for name in names},
+        {name: _flagged(flight, truth, name, covered=False) for name in names},
+    )
+
+
+def published(table: str, needle: str) -> float:
+    """The thesis's mean error of a needle in percent: of its rows, or 100 less its average accuracy."""
+    with PUBLISHED.open(encoding="utf-8", newline="") as stream:
+        rows = {(row["table"], row["needle"], row["measure"]): float(row["value"]) for row in csv.DictReader(stream)}
+    if (table, needle, "mean_error_pct") in rows:
+        return rows[table, needle, "mean_error_pct"]
+    return 100.0 - rows[table, needle, "average_accuracy_pct"]
+
+
+def table_3_2(folder: Path, method: str) -> list[tuple[float, str, float]]:
+    """AL's truth, status and error in percent in the thesis's four frames; NaN where it was not read."""
+    decode(RENDERED / "table_3_2.mcap", folder, "--method", method)
+    flight, truth = read_table(folder / "table_3_2.csv"), read_table(RENDERED / "table_3_2_truth.csv")
+    wanted, found = truth.numbers("fuel_al_lb"), flight.numbers("fuel_al_lb")
+    statuses = flight.columns["fuel_al_lb_status"]
     return [
-        NeedleResult(
-            result.needle,
-            result.by_status[ALL_VALUED],
-            result.by_status[Status.READ.value],
-            result.frames_compared,
-            flagged(decoded, result.needle),
-        )
-        for result in compare(decoded.data, decoded.truth)
+        (float(wanted[row]), statuses[row], float((found[row] - wanted[row]) / wanted[row] * 100)) for row in TABLE_3_2
     ]
 
 
-def flagged(decoded: Decoded, needle: str) -> Flagged:
-    """Counts a needle's flags against what could be seen of it."""
-    truth = decoded.truth
-    covered = truth.numbers(f"{needle}_covered")
-    hidden = truth.numbers(f"{needle}_hidden") if f"{needle}_hidden" in truth.columns else np.zeros_like(covered)
-    flags = ~np.isin(decoded.data.columns[f"{needle}_status"], SEEN)
-    gone = covered >= COVERED
-    clear = (covered <= CLEAR) & (truth.numbers(f"{needle}_glare") <= CLEAR_GLARE) & (hidden <= CLEAR_HIDDEN)
-    return Flagged(_count(gone), _count(gone & flags), _count(clear), _count(clear & flags))
+def mean_error(needle: NeedleAccuracy) -> float:
+    """A needle's mean absolute error in percent of the truth over all frames with a value."""
+    return needle.by_status[ALL_VALUED].mean_abs_pct or 0.0
 
 
-def _count(where: NDArray[np.bool_]) -> int:
-    return int(where.sum())
-
-
-def row_table(results: Sequence[NeedleResult], table: str, thesis: Published) -> str:
-    """Errors in percent of the reading over all frames, beside table A.1 or A.2."""
-    header = ["needle", "mean %", "thesis", "ratio", "max %", "thesis", "signed %", "mean %FS", "max %FS", "in 95 %"]
-    rows = []
-    for result in results:
-        mean, largest = (thesis[table, result.needle, f"{kind}_error_pct"] for kind in ("mean", "max"))
-        ours = result.every.mean_abs_pct or 0.0
-        rows.append(
-            [
-                result.needle,
-                number(ours),
-                number(mean, 3),
-                f"1/{mean / ours:.0f}",
-                number(result.every.max_abs_pct),
-                number(largest, 3),
-                number(result.every.mean_signed_pct, sign=True),
-                number(result.every.mean_abs_pct_fs),
-                number(result.every.max_abs_pct_fs),
-                f"{result.every.within_95:.0%}",
-            ]
-        )
-    return markdown(header, rows)
-
-
-def average_table(results: Sequence[NeedleResult], table: str, thesis: Published) -> str:
-    """Errors over 400 frames, beside table 3.1 or 3.3, and whether flags are where they belong."""
-    header = [
-        "needle",
-        "read",
-        "%FS read",
-        "max",
-        "signed %",
-        "thesis",
-        "mean %",
-        "max %",
-        "in 95 %",
-        "covered",
-        "clear",
-    ]
-    rows = []
-    for result in results:
-        flags, every, read = result.flagged, result.every, result.read
-        rows.append(
-            [
-                result.needle,
-                f"{read.frames}/{result.frames}",
-                number(read.mean_abs_pct_fs),
-                number(read.max_abs_pct_fs, 3),
-                number(every.mean_signed_pct, sign=True),
-                number(100 - thesis[table, result.needle, "average_accuracy_pct"], 2),
-                number(every.mean_abs_pct),
-                number(every.max_abs_pct, 2),
-                f"{read.within_95:.0%}",
-                f"{flags.covered_flagged}/{flags.covered}",
-                f"{flags.clear_flagged}/{flags.clear}",
-            ]
-        )
-    return markdown(header, rows)
-
-
-def all_results(flights: DecodedFlights) -> dict[tuple[str, str], list[NeedleResult]]:
-    """Every flight and method that the thesis has numbers for."""
-    return {key: measure(flights.get(*key)) for key in MEASURED}
+def _flagged(flight: Table, truth: Table, name: str, *, covered: bool) -> tuple[int, int]:
+    part, glare = truth.numbers(f"{name}_covered"), truth.numbers(f"{name}_glare")
+    where = part >= REALLY_COVERED if covered else (part <= CLEAR_COVERED) & (glare <= CLEAR_GLARE)
+    statuses = [status for status, kind in zip(flight.columns[f"{name}_status"], where, strict=True) if kind]
+    return sum(status in FLAGGED for status in statuses), len(statuses)

@@ -1,50 +1,39 @@
-"""Our own programs as processes, and what they cost."""
+"""Running `decode` as its users do, and what that costs."""
 
 from __future__ import annotations
 
-import resource
+import os
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
-PROGRAMS = Path(sys.executable).parent
-_CHILD = """
-import sys
-from decoder.cli import main
-try:
-    main()
-except SystemExit as done:
-    if done.code:
-        raise
-with open("/proc/self/status", encoding="ascii") as status:
-    print(next(line for line in status if line.startswith("VmHWM")))
-"""
+FIXTURES = Path(__file__).parents[1] / "fixtures"
+RENDERED = FIXTURES / "rendered"
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What a process took: CPU time of user and system together, and time on the wall."""
+    """What one run of a program took: processor seconds, and peak resident memory in MiB."""
 
     cpu_s: float
-    wall_s: float
+    peak_mib: float
 
 
-def run(program: str, *words: object) -> Cost:
-    """Runs a program to its end; it must succeed."""
-    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run([str(PROGRAMS / program), *map(str, words)], check=True, capture_output=True)
-    wall_s, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
-    return Cost(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall_s)
+def decode(flight: Path, folder: Path, *words: str) -> Cost:
+    """Decodes a flight into a folder.
 
-
-def peak_memory_mib(*words: object) -> float:
-    """The most memory that `decode` held at once.
-
-    The process says it itself (VmHWM), since what the system reports of a child includes the parent that started it.
+    Raises
+    ------
+    SystemExit
+        If the flight is not there, or `decode` fails.
     """
-    command = [sys.executable, "-c", _CHILD, *map(str, words)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    (line,) = (line for line in done.stdout.splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) / 1024
+    if not flight.exists():
+        raise SystemExit(f"{flight} is not there; make it with: make fixtures")
+    command = [str(Path(sys.executable).parent / "decode"), str(flight), "-o", str(folder), *words]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as running:
+        _, status, usage = os.wait4(running.pid, 0)
+        running.returncode = os.waitstatus_to_exitcode(status)
+    if running.returncode != 0:
+        raise SystemExit(f"decode {flight} ended with {running.returncode}")
+    return Cost(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
