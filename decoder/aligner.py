@@ -21,8 +21,6 @@ from decoder.registration import Registration
 
 # Published work and the thesis agree on 0.8 for "found"; the same holds for the features of the panel.
 MIN_FEATURE_SCORE = 0.8
-# What matches like this without a search is nothing else.
-UNMISTAKABLE_SCORE = 0.95
 # Before the last pixel is settled a good feature may match much worse.
 MIN_GUESS_SCORE = 0.3
 
@@ -68,23 +66,10 @@ class Aligner:
         AlignmentLost
             Naming what was not found and its score.
         """
-        as_usual = self._where_it_usually_is(frame)
-        if as_usual is not None:
-            return as_usual
         try:
             return self._aligned(frame, [finder.find(frame, self._usual_offset_px(finder)) for finder in self._finders])
         except AlignmentLost:
             return self._aligned(frame, [finder.find_anywhere(frame) for finder in self._finders])
-
-    def _where_it_usually_is(self, frame: GreyPicture) -> Alignment | None:
-        """The alignment if the camera has hardly moved from where it mostly was: no search is needed then."""
-        if self.usual is IDENTITY:
-            return None
-        settled = self._registration(self._features).refine(frame, self.usual)
-        if settled is None:
-            return None
-        score = min(self._scores(frame, settled).values())
-        return replace(settled, score=score) if score >= UNMISTAKABLE_SCORE else None
 
     def _aligned(self, frame: GreyPicture, hits: list[AnchorHit]) -> Alignment:
         guess = self._first_guess(frame, hits)

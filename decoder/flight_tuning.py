@@ -27,7 +27,7 @@ from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
-SAMPLE_FRAMES = 12
+SAMPLE_FRAMES = 16
 ROUNDS = 1
 MIN_CUTS = 5
 
