@@ -11,7 +11,7 @@ from decoder.accuracy import ALL_VALUED, NeedleAccuracy, Table, compare, read_ta
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 REALLY_COVERED = 0.8
-CLEAR_COVERED, CLEAR_GLARE = 0.05, 2.0
+CLEAR_COVERED, CLEAR_GLARE = 0.05, 2.0  # whether another needle is above it or not: `edge` and `hidden` are no flags
 FLAGGED = ("interpolated", "missing")
 TABLE_3_2 = range(265, 269)
 """Sequence numbers of the thesis's frames 266 to 269."""
@@ -63,13 +63,17 @@ def measure(run: Run, folder: Path) -> Measured:
     )
 
 
-def published(table: str, needle: str) -> float:
-    """The thesis's mean error of a needle in percent: of its rows, or 100 less its average accuracy."""
+def published(table: str, needle: str, measure: str) -> float | None:
+    """What the thesis printed, or None where it did not."""
     with PUBLISHED.open(encoding="utf-8", newline="") as stream:
         rows = {(row["table"], row["needle"], row["measure"]): float(row["value"]) for row in csv.DictReader(stream)}
-    if (table, needle, "mean_error_pct") in rows:
-        return rows[table, needle, "mean_error_pct"]
-    return 100.0 - rows[table, needle, "average_accuracy_pct"]
+    return rows.get((table, needle, measure))
+
+
+def thesis_mean(table: str, needle: str) -> float:
+    """The thesis's mean error of a needle in percent: of its rows, or 100 less its average accuracy."""
+    mean = published(table, needle, "mean_error_pct")
+    return mean if mean is not None else 100.0 - (published(table, needle, "average_accuracy_pct") or 0.0)
 
 
 def table_3_2(folder: Path, method: str) -> list[tuple[float, str, float]]:

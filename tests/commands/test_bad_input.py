@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
+import pty
 import signal
 import subprocess
 import sys
-import time
+import termios
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from PIL import Image
+from PIL import Image, ImageDraw
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 A1 = FIXTURES / "thesis_a1.mcap"
@@ -155,7 +158,8 @@ def test_damaged_jpeg_costs_its_own_frame(
     rows = read_decoded(tmp_path / "out").rows
 
     assert done.returncode == 0
-    assert "frame 3 missing: the picture is damaged" in done.stderr
+    assert done.stderr.startswith("frame 3 missing: the picture is damaged")
+    assert len(done.stderr.splitlines()) == 1
     assert [row["n1_pct_status"] for row in rows] == ["read"] * 3 + ["missing"] + ["read"] * 4
     assert rows[3]["n1_pct"] == rows[3]["n1_pct_sigma"] == ""
 
@@ -186,18 +190,60 @@ def test_wrong_usage(run: Run, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_interrupt_leaves_nothing_half_written(make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path) -> None:
-    """Ctrl-C in mid-flight stops the program at once, with a sentence, and leaves no file."""
-    flight = make_flight(pictures * 20)
-    command = [str(Path(sys.executable).parent / "decode"), str(flight), "-o", str(tmp_path / "out")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
-        time.sleep(1.5)
-        running.send_signal(signal.SIGINT)
-        _, stderr = running.communicate(timeout=20)
+def interrupt_in_mid_flight(*words: object) -> tuple[int, str]:
+    """Runs `decode` on a terminal of its own, presses Ctrl-C when its progress bar shows frames; exit code and text."""
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(ours, (24, 100))
+    command = [str(Path(sys.executable).parent / "decode"), *map(str, words)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs) as running:
+        os.close(theirs)
+        shown = ""
+        with contextlib.suppress(OSError):  # a terminal whose program has ended
+            while chunk := os.read(ours, 1024):
+                before, shown = shown, shown + chunk.decode()
+                if " frames" in shown and " frames" not in before:
+                    running.send_signal(signal.SIGINT)
+        os.close(ours)
+        return running.wait(timeout=20), shown
 
-    assert running.returncode == 1
-    assert stderr.splitlines()[-1] == "decode: interrupted; nothing was written"
-    assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
+
+def test_interrupt_leaves_nothing_half_written(make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path) -> None:
+    """Ctrl-C in mid-flight ends with a sentence and 1; no file is made, and those of an earlier decode stay."""
+    flight = make_flight(pictures * 20)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "flight.csv").write_text("from an earlier decode")
+    code, shown = interrupt_in_mid_flight(flight, "-o", tmp_path / "out")
+
+    assert code == 1, shown
+    assert "Traceback" not in shown
+    assert shown.rstrip().endswith("decode: interrupted; nothing was written")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["flight.csv"]
+    assert (tmp_path / "out" / "flight.csv").read_text() == "from an earlier decode"
+
+
+def test_folder_instead_of_a_flight(run: Run, tmp_path: Path) -> None:
+    """A folder is no flight file."""
+    says(run("decode", tmp_path, "-o", tmp_path / "out"), tmp_path.name)
+
+
+def test_flights_of_two_recordings(run: Run, tmp_path: Path) -> None:
+    """Files of two recordings are not one flight; both are named."""
+    done = run("decode", A1, FIXTURES / "thesis_a2.mcap", "-o", tmp_path / "out")
+    says(done, "thesis_a1.mcap", "thesis_a2.mcap", "different recordings")
+
+
+def test_panel_of_another_cockpit(run: Run, panel_with: PanelWith, tmp_path: Path) -> None:
+    """A panel that is found in no frame at all is an error, not a table of gaps."""
+    panel = panel_with(lambda _: None)
+    left, top, width, height = yaml.safe_load(panel.read_text(encoding="utf-8"))["anchors"][0]["box"]
+    with Image.open(FIXTURES / "panel.jpg") as picture:
+        draw = ImageDraw.Draw(picture)
+        draw.rectangle([left, top, left + width, top + height], fill=(20, 20, 20))
+        for step in range(0, width, 8):
+            draw.line([left, top + step, left + width, top], fill=(230, 230, 230), width=3)
+        picture.save(panel.parent / "panel.jpg", quality=95)
+    says(run("decode", A1, "--panel", panel, "-o", tmp_path / "out"), "thesis_a1.mcap", "none of its 20 frames", "knob")
+    assert not (tmp_path / "out").exists()
 
 
 def test_truth_that_fits_nothing(run: Run, tmp_path: Path) -> None:

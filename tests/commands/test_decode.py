@@ -110,6 +110,19 @@ def test_panel_on_the_command_line_goes_first(
     assert {row["n1_pct_status"] for row in read_decoded(tmp_path / "out").rows} == {"read"}
 
 
+def test_panel_on_the_command_line_overrides_the_flights(run: Run, read_decoded: ReadDecoded, tmp_path: Path) -> None:
+    """A flight that carries a panel is read with another one, if --panel names it."""
+    text = (FIXTURES / "panel.yaml").read_text(encoding="utf-8")
+    (tmp_path / "panel.yaml").write_text(text.replace("n1_pct", "fan_speed_pct"), encoding="utf-8")
+    (tmp_path / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
+    done = run("decode", A1, "--panel", tmp_path / "panel.yaml", "-o", tmp_path / "out")
+    columns = read_decoded(tmp_path / "out").rows[0]
+
+    assert done.returncode == 0
+    assert "fan_speed_pct" in columns
+    assert "n1_pct" not in columns
+
+
 def test_lost_anchor_costs_only_its_frames(
     run: Run,
     read_decoded: ReadDecoded,

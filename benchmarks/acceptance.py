@@ -1,0 +1,133 @@
+"""What the first release had to show, line by line: what was measured, what was asked, and whether it holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from benchmarks.accuracy import Measured, mean_error, published, thesis_mean
+from benchmarks.cost import Speed
+from decoder.accuracy import ALL_VALUED, NeedleAccuracy
+
+ROW_TABLES = ("A.1", "A.2")
+PART_OF_THESIS = 1 / 3
+MAX_PCT_FS = 0.05
+MAX_CLEAR_FLAGGED = 0.01
+MAX_COVERED_PCT = 0.15
+MAX_RATIO = 3.0
+MAX_GROWTH = 1.05  # of peak memory from 400 frames to 4000: the table itself is a megabyte
+
+Row = list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One requirement; `measured` is of the needle that is worst off, which is named."""
+
+    what: str
+    measured: float
+    required: float
+    worst: str = ""
+    at_least: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is met."""
+        return self.measured >= self.required if self.at_least else self.measured <= self.required
+
+    @property
+    def row(self) -> Row:
+        """For a table."""
+        limit = f"{'>=' if self.at_least else '<='} {self.required:.3g}"
+        return [self.what, f"{self.measured:.3g}", limit, self.worst, "yes" if self.holds else "NO"]
+
+
+def accuracy_lines(runs: Sequence[Measured]) -> list[Line]:
+    """The lines about the flights that the thesis has tables for."""
+    lines = []
+    for measured in runs:
+        lines += _row_lines(measured) if measured.run.table in ROW_TABLES else _long_flight_lines(measured)
+    return lines
+
+
+def _row_lines(measured: Measured) -> list[Line]:
+    table = measured.run.table
+    return [
+        _worst(
+            f"{measured.run.title}: mean error, part of the thesis's",
+            measured,
+            lambda needle: mean_error(needle) / thesis_mean(table, needle.needle),
+            PART_OF_THESIS,
+        ),
+        _worst(
+            f"{measured.run.title}: worst row, part of the thesis's worst",
+            measured,
+            lambda needle: (
+                (needle.by_status[ALL_VALUED].max_abs_pct or 0.0)
+                / (published(table, needle.needle, "max_error_pct") or math.nan)
+            ),
+            1.0,
+        ),
+    ]
+
+
+def _long_flight_lines(measured: Measured) -> list[Line]:
+    def signed(status: str) -> Callable[[NeedleAccuracy], float]:
+        return lambda needle: (
+            abs(needle.by_status[status].mean_signed_pct or 0.0) / thesis_mean(measured.run.table, needle.needle)
+        )
+
+    title, table = measured.run.title, measured.run.table
+    covered = [sum(counts) for counts in zip(*measured.covered.values(), strict=True)]
+    lines = [
+        _worst(
+            f"{title}: mean error on `read`, % of full scale",
+            measured,
+            lambda needle: needle.by_status["read"].mean_abs_pct_fs or math.nan,
+            MAX_PCT_FS,
+        ),
+        _worst(f"{title}: signed error on `read`, part of table {table}'s", measured, signed("read"), 1.0),
+        _worst(f"{title}: signed error on all frames, part of table {table}'s", measured, signed(ALL_VALUED), 1.0),
+        _worst(
+            f"{title}: clear needles that are flagged, part",
+            measured,
+            lambda needle: _part(measured.clear[needle.needle]),
+            MAX_CLEAR_FLAGGED,
+        ),
+    ]
+    if covered[1]:
+        lines.append(Line(f"{title}: covered needles that are flagged", covered[0], covered[1], at_least=True))
+    return lines
+
+
+def _worst(what: str, measured: Measured, number: Callable[[NeedleAccuracy], float], required: float) -> Line:
+    numbers = {needle.needle: number(needle) for needle in measured.needles}
+    worst = max(numbers, key=lambda name: math.inf if math.isnan(numbers[name]) else numbers[name])
+    return Line(what, numbers[worst], required, worst)
+
+
+def _part(counts: tuple[int, int]) -> float:
+    return counts[0] / counts[1] if counts[1] else 0.0
+
+
+def covered_lines(
+    plain: Sequence[tuple[float, str, float]], normalized: Sequence[tuple[float, str, float]]
+) -> list[Line]:
+    """The lines about table 3.2's frames: status and error in percent of the AL needle by either method."""
+    lost = sum(status not in ("read", "edge") or abs(error) > 1.0 for _, status, error in plain)
+    largest = max((math.inf if math.isnan(error) else abs(error)) for _, _, error in normalized)
+    return [
+        Line("table 3.2: frames in which xcorr loses AL", lost, len(plain), at_least=True),
+        Line("table 3.2: largest error of normxcorr, %", largest, MAX_COVERED_PCT, "fuel_al_lb"),
+    ]
+
+
+def cost_lines(took: Speed, peak: dict[int, float]) -> list[Line]:
+    """The lines about processor time and memory."""
+    short, long = min(peak), max(peak)
+    return [
+        Line("400 frames: decode, times bare decompression", took.decode_ratio, MAX_RATIO),
+        Line("400 frames: the same with the program's start", took.program_ratio, MAX_RATIO),
+        Line(f"peak memory, {long} frames by {short}", peak[long] / peak[short], MAX_GROWTH),
+    ]

@@ -1,0 +1,113 @@
+"""The measured tables as Markdown, which reads well on a terminal too."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from benchmarks.acceptance import Line
+from benchmarks.accuracy import TABLE_3_2, Measured, mean_error, published, thesis_mean
+from benchmarks.cost import Speed
+from decoder.accuracy import ALL_VALUED, NeedleAccuracy
+
+LIBRARIES = ("numpy", "opencv-python-headless", "mcap")
+PROCESSORS = Path("/proc/cpuinfo")
+Row = list[str]
+Sights = Sequence[tuple[float, str, float]]
+
+LEGEND = """\
+Errors are in percent of the true value, over all frames that have a value, interpolated ones too; `%FS` is percent of
+full scale on frames with status `read`. Beside them the thesis's own: mean and worst of its printed rows (tables A.1
+and A.2), or 100 less its average accuracy (tables 3.1, of the plain flight, and 3.3), which is presumably a mean of
+signed errors. `in 95 %`: frames whose error is within 1.96 sigma. `covered`, `clear`: frames that are flagged
+(`interpolated` or `missing`) of those in which reflections took the needle, and of those in which none are on it.
+"""
+COST_LEGEND = """\
+Times are of the processor, medians of rounds in which all three are measured back to back; ratios are medians of the
+rounds' own. Hold on to the ratios: milliseconds are this machine's.
+"""
+
+
+def markdown(header: Row, rows: Sequence[Row]) -> str:
+    """A table; the first column to the left, the others to the right."""
+    widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
+    dashes = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
+    lines = (
+        [row[0].ljust(widths[0]), *(f"{field:>{width}}" for field, width in zip(row[1:], widths[1:], strict=True))]
+        for row in [header, dashes, *rows]
+    )
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def machine() -> str:
+    """What the numbers were measured on, and when."""
+    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
+    lines = PROCESSORS.read_text(encoding="utf-8").splitlines() if PROCESSORS.exists() else []
+    model = next((line.partition(": ")[2] for line in lines if line.startswith("model name")), platform.machine())
+    python, today = platform.python_version(), datetime.now(UTC)
+    return f"Python {python}, {libraries}; {model}, {os.cpu_count()} cores; {today:%Y-%m-%d}."
+
+
+def accuracy_page(runs: Sequence[Measured], plain: Sights, normalized: Sights, lines: Sequence[Line]) -> str:
+    """All accuracy tables."""
+    parts = [LEGEND, *map(_run_section, runs)]
+    header = ["frame", "AL, lb", "thesis %", "normxcorr %", "status", "xcorr %", "status"]
+    rows = []
+    for sequence, (truth, better, error), (_, worse, plain_error) in zip(TABLE_3_2, normalized, plain, strict=True):
+        theirs = published("3.2", "fuel_al_lb", f"error_pct_frame_{sequence + 1}")
+        rows.append(
+            [str(sequence + 1), f"{truth:.1f}", f"{theirs:+.2f}", f"{error:+.3f}", better, f"{plain_error:+.3f}", worse]
+        )
+    parts += [f"## Table 3.2: AL slips behind FR\n\n{markdown(header, rows)}\n", _required_section(lines)]
+    return "\n".join(parts)
+
+
+def _run_section(measured: Measured) -> str:
+    header = ["needle", "mean %", "thesis", "part", "signed %", "max %", "thesis", "%FS", "in 95 %", "covered", "clear"]
+    rows = [_needle_row(measured, needle) for needle in measured.needles]
+    title = measured.run.title
+    return f"## {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n"
+
+
+def _needle_row(measured: Measured, needle: NeedleAccuracy) -> Row:
+    every, read = needle.by_status[ALL_VALUED], needle.by_status.get("read")
+    thesis = thesis_mean(measured.run.table, needle.needle)
+    worst = published(measured.run.table, needle.needle, "max_error_pct")
+    return [
+        needle.needle,
+        f"{every.mean_abs_pct:.4f}",
+        f"{thesis:.3f}",
+        f"{mean_error(needle) / thesis:.2f}",
+        f"{every.mean_signed_pct:+.4f}",
+        f"{every.max_abs_pct:.3f}",
+        "-" if worst is None else f"{worst:.3f}",
+        "-" if read is None else f"{read.mean_abs_pct_fs:.4f}",
+        f"{every.within_95:.1%}",
+        "{} of {}".format(*measured.covered[needle.needle]),
+        "{} of {}".format(*measured.clear[needle.needle]),
+    ]
+
+
+def cost_page(took: Speed, peak: Mapping[int, float], lines: Sequence[Line]) -> str:
+    """Speed and memory."""
+    rows = [
+        ["decompression in grey", f"{took.decompress_ms:.2f}", "1"],
+        ["decode, in a running process", f"{took.decode_ms:.2f}", f"{took.decode_ratio:.2f}"],
+        ["decode, from start to written files", f"{took.program_ms:.2f}", f"{took.program_ratio:.2f}"],
+    ]
+    sizes = [[str(frames), f"{mib:.1f}"] for frames, mib in peak.items()]
+    header = ["one thread", "ms a frame", "ratio"]
+    return (
+        f"{COST_LEGEND}\n"
+        f"## Processor time, {took.frames} frames of 1024 x 768, seven needles\n\n{markdown(header, rows)}\n\n"
+        f"## Peak resident memory of `decode`\n\n{markdown(['frames', 'MiB'], sizes)}\n\n{_required_section(lines)}"
+    )
+
+
+def _required_section(lines: Sequence[Line]) -> str:
+    header = ["what", "measured", "required", "worst needle", "holds"]
+    return f"## What was required\n\n{markdown(header, [line.row for line in lines])}\n"
