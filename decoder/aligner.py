@@ -1,5 +1,6 @@
 """The aligner: from a frame to its alignment with the panel picture, or the reason why there is none.
 
+Where all features match well at once around the flight's usual place, that is it. Otherwise the frame is searched.
 First guess: the best anchor by NCC, then the roll by the level edge (or by the direction from one anchor to another).
 Then all features that are visible settle it to sub-pixel. An alignment whose features do not match is refused: a
 frame that cannot be aligned is missing, never read somewhere else.
@@ -8,6 +9,7 @@ frame that cannot be aligned is missing, never read somewhere else.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from decoder.alignment import IDENTITY, Alignment
@@ -23,6 +25,8 @@ from decoder.registration import Registration
 MIN_FEATURE_SCORE = 0.8
 # Before the last pixel is settled a good feature may match much worse.
 MIN_GUESS_SCORE = 0.3
+# Features that all match this well in the usual place need not be searched for.
+UNMISTAKABLE_SCORE = 0.9
 
 
 class AlignmentLost(PictureError):
@@ -66,6 +70,9 @@ class Aligner:
         AlignmentLost
             Naming what was not found and its score.
         """
+        as_usual = self._registration(self._features).refine(frame, self.usual)
+        if as_usual is not None and min(as_usual.scores.values()) >= UNMISTAKABLE_SCORE:
+            return self._checked(as_usual.alignment, as_usual.scores)
         try:
             return self._aligned(frame, [finder.find(frame, self._usual_offset_px(finder)) for finder in self._finders])
         except AlignmentLost:
@@ -73,31 +80,32 @@ class Aligner:
 
     def _aligned(self, frame: GreyPicture, hits: list[AnchorHit]) -> Alignment:
         guess = self._first_guess(frame, hits)
-        settled = self._settled(frame, guess, self._features)
-        scores = self._scores(frame, settled)
+        settled, scores = self._settled(frame, guess, self._features)
         if min(scores.values()) < MIN_FEATURE_SCORE:  # a hand or a glare covers some of them: do without
             first = self._scores(frame, guess)
-            settled = self._settled(frame, guess, [f for f in self._features if first[f.name] >= MIN_GUESS_SCORE])
-            scores = self._scores(frame, settled)
+            settled, scores = self._settled(
+                frame, guess, [f for f in self._features if first[f.name] >= MIN_GUESS_SCORE]
+            )
             good = [feature for feature in self._features if scores[feature.name] >= MIN_FEATURE_SCORE]
-            settled = self._settled(frame, settled, good)
-            scores = self._scores(frame, settled)
+            settled, scores = self._settled(frame, settled, good)
         return self._checked(settled, scores)
 
     def _scores(self, frame: GreyPicture, alignment: Alignment) -> dict[str, float]:
-        return {
-            feature.name: feature.score(feature.sample(frame, alignment), feature.within(frame, alignment))
-            for feature in self._features
-        }
+        return {feature.name: feature.score(frame, alignment) for feature in self._features}
 
-    def _settled(self, frame: GreyPicture, guess: Alignment, features: list[Feature]) -> Alignment:
+    def _settled(
+        self, frame: GreyPicture, guess: Alignment, features: list[Feature]
+    ) -> tuple[Alignment, Mapping[str, float]]:
+        """The alignment on some features, and the scores of all."""
         if not features:
-            return guess  # the scores will tell what is missing
+            return guess, self._scores(frame, guess)  # the scores will tell what is missing
         settled = self._registration(features).refine(frame, guess)
         if settled is None:
             self._checked(guess, self._scores(frame, guess))  # says what is missing, if that is why
             raise AlignmentLost("the panel's features do not settle on one place")
-        return settled
+        if len(features) < len(self._features):
+            return settled.alignment, self._scores(frame, settled.alignment)
+        return settled.alignment, settled.scores
 
     def _first_guess(self, frame: GreyPicture, hits: list[AnchorHit]) -> Alignment:
         best = max(range(len(hits)), key=lambda index: hits[index].score)
@@ -128,7 +136,7 @@ class Aligner:
             self._registrations[names] = Registration(features, rolls=len(features) > 1)
         return self._registrations[names]
 
-    def _checked(self, alignment: Alignment, scores: dict[str, float]) -> Alignment:
+    def _checked(self, alignment: Alignment, scores: Mapping[str, float]) -> Alignment:
         anchors = {name: score for name, score in scores.items() if name != "level"}
         name, best = max(anchors.items(), key=lambda item: item[1])
         if best < MIN_FEATURE_SCORE:

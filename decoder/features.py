@@ -21,6 +21,8 @@ from decoder.pictures import GreyPicture
 LEVEL_HALF_WIDTH_PX = 6
 LEVEL_STATIONS = 32
 MIN_WITHIN = 0.5
+# With less spread than this there is nothing to correlate with but rounding.
+FLAT_LEVELS = 0.2
 # More points hold a frame no better: they share their noise, and the registration's model is not that good.
 ANCHOR_POINTS_ACROSS = 44
 
@@ -65,10 +67,12 @@ class Feature:
         places: Floats = matrix[:, :2] @ self.points + matrix[:, 2:]
         return places
 
-    def score(self, samples: Floats, within: Mask) -> float:
-        """NCC of samples with the panel picture's pixels; 0 where either is flat or half of them not in the frame."""
+    def score(self, frame: GreyPicture, alignment: Alignment) -> float:
+        """NCC of frame and panel picture at the points; 0 where either is flat or half of them not in the frame."""
+        within = self.within(frame, alignment)
         if within.mean() < MIN_WITHIN:
             return 0.0
+        samples = self.sample(frame, alignment)
         return float(correlation_of_rows(samples[None, within], self.pixels[within])[0])
 
 
@@ -85,7 +89,7 @@ def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
     rows = rows - rows.mean(axis=1, keepdims=True)
     pixels = pixels - pixels.mean()
     norms = np.sqrt((rows * rows).sum(axis=1) * float((pixels * pixels).sum()))
-    scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * 0.04)
+    scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * FLAT_LEVELS**2)
     clipped: Floats = np.clip(scores, -1.0, 1.0)
     return clipped
 
@@ -93,7 +97,7 @@ def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
 def anchor_feature(name: str, picture: GreyPicture, box: tuple[float, float, float, float]) -> Feature:
     """Pixels of an anchor's box (left, top, width, height), at most forty or so across."""
     left, top, width, height = (round(edge) for edge in box)
-    stride = max(1, min(width, height) // ANCHOR_POINTS_ACROSS)
+    stride = max(1, round(math.sqrt(width * height)) // ANCHOR_POINTS_ACROSS)
     x, y = np.meshgrid(np.arange(left, left + width, stride), np.arange(top, top + height, stride))
     return _feature(name, picture, x.ravel(), y.ravel())
 

@@ -18,8 +18,9 @@ from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading
+from decoder.resampling import inside
 from decoder.tuning import Tuning
-from decoder.unwrapping import UnwrappedGauge, Unwrapper, inside
+from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
 PANEL_PRECISION_PX = 0.1
 

@@ -21,8 +21,9 @@ from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
 from decoder.panel import Gauge, Needle
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
+from decoder.resampling import inside
 from decoder.tuning import Tuning
-from decoder.unwrapping import PolarGrid, Unwrapper, inside, rows_at
+from decoder.unwrapping import PolarGrid, Unwrapper, rows_at
 
 MIN_CONTRAST_LEVELS = 4.0
 FOUND_SCORE = 0.8

@@ -8,20 +8,47 @@ two small products.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
-from decoder.features import Feature
+from decoder.features import FLAT_LEVELS, Feature
 from decoder.pictures import GreyPicture
+from decoder.resampling import Patch, PointMap
 
-ITERATIONS = 10
-FULL_STEPS = 3
-SETTLED_PX = 0.02
+ITERATIONS = 12
+FULL_STEPS = 4
+SETTLED_PX = 0.01
 NEARLY_SETTLED_PX = 0.1
 MAX_STEP_PX = 6.0
+PATCH_MARGIN_PX = 8
+# Steps that shrink by less than this are no sign of more to come, but of noise.
+MAX_SHRINKAGE = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Registered:
+    """Where the features match best, and the NCC of each of them there, by its name."""
+
+    alignment: Alignment
+    scores: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Solver:
+    """What the panel picture alone says of one feature.
+
+    `columns` (N, 2 or 3) are how its pixels change with shift and roll, gain and offset projected out; `normal` is the
+    matrix they make; `centred` (N,) are its pixels without their mean, `energy` the sum of their squares.
+    """
+
+    columns: Floats
+    normal: Floats
+    centred: Floats
+    energy: float
 
 
 class Registration:
@@ -29,41 +56,59 @@ class Registration:
 
     def __init__(self, features: Sequence[Feature], *, rolls: bool) -> None:
         self._features = tuple(features)
+        self._maps = [PointMap.of([feature.points]) for feature in features]
         points = np.concatenate([feature.points for feature in features], axis=1).astype(np.float64)
         self._middle = points.mean(axis=1)
         self._lever_px = float(np.hypot(*(points - self._middle[:, None])).max())
         self._rolls = rolls
-        self._solvers = [self._columns(feature) for feature in features]
+        self._solvers = [self._solver(feature) for feature in features]
 
-    def refine(self, frame: GreyPicture, alignment: Alignment) -> Alignment | None:
+    def refine(self, frame: GreyPicture, alignment: Alignment) -> Registered | None:
         """The alignment at which the features match best in least squares, starting within some pixels of it.
 
-        None where it does not settle.
+        None where it does not settle. A noisy panel picture makes each step fall short, the more so the noisier it is:
+        it has settled when what all further steps will add, by how these shrink, is less than `SETTLED_PX`.
         """
+        before_px, margin_px = math.inf, 0.0
+        patches: list[Patch | None] = []
         for iteration in range(ITERATIONS):
-            samples = [self._samples(feature, frame, alignment) for feature in self._features]
-            # OpenCV samples at 32nds of a pixel: full steps may go to and fro between two of them for ever.
+            if margin_px <= 0:
+                patches = [points.patch(frame, alignment, PATCH_MARGIN_PX) for points in self._maps]
+                margin_px = PATCH_MARGIN_PX
+            samples = self._samples(frame, alignment, patches)
+            # Full steps may go to and fro between two places for ever.
             part = 1.0 if iteration < FULL_STEPS else 0.5
             shift_x, shift_y, roll = (part * step for step in self._step(samples))
             reach_px = math.hypot(shift_x, shift_y) + abs(roll) * self._lever_px
             if reach_px > MAX_STEP_PX:
                 return None
             alignment = self._moved(alignment, shift_x, shift_y, roll)
-            if reach_px < SETTLED_PX:
-                return alignment
-        return alignment if reach_px < NEARLY_SETTLED_PX else None
+            margin_px -= reach_px
+            shrinkage = min(reach_px / before_px, MAX_SHRINKAGE) if before_px > 0 else 0.0
+            if iteration and reach_px * shrinkage / (1.0 - shrinkage) < SETTLED_PX:
+                break
+            before_px = reach_px
+        else:
+            if reach_px >= NEARLY_SETTLED_PX:
+                return None
+        return Registered(alignment, self._scores(frame, alignment, samples, patches))
 
-    @staticmethod
-    def _samples(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Floats:
-        """The feature's pixels in the frame; where they are not in it, as the others make one expect them."""
-        samples, within = feature.sample(frame, alignment), feature.within(frame, alignment)
-        if within.all() or not within.any() or float(feature.pixels[within].std()) < 1.0:
-            return samples
-        gain, offset = np.polyfit(feature.pixels[within], samples[within], 1)
-        return np.where(within, samples, gain * feature.pixels + offset)
+    def _samples(self, frame: GreyPicture, alignment: Alignment, patches: Sequence[Patch | None]) -> list[Floats]:
+        """Each feature's pixels in the frame; where they are not in it, as the others make one expect them."""
+        return [
+            _extended(feature, frame, alignment) if patch is None else points.sample_patch(patch, alignment)
+            for feature, points, patch in zip(self._features, self._maps, patches, strict=True)
+        ]
 
-    def _columns(self, feature: Feature) -> tuple[Floats, Floats]:
-        """The feature's motion columns with gain and offset projected out, and the normal matrix they make."""
+    def _scores(
+        self, frame: GreyPicture, alignment: Alignment, samples: Sequence[Floats], patches: Sequence[Patch | None]
+    ) -> dict[str, float]:
+        return {
+            feature.name: feature.score(frame, alignment) if patch is None else _correlation(values, solver)
+            for feature, values, solver, patch in zip(self._features, samples, self._solvers, patches, strict=True)
+        }
+
+    def _solver(self, feature: Feature) -> _Solver:
         gradient_x, gradient_y = feature.gradient.astype(np.float64)
         x, y = feature.points.astype(np.float64) - self._middle[:, None]
         motion = [gradient_x, gradient_y]
@@ -73,18 +118,19 @@ class Registration:
         basis, _ = np.linalg.qr(light)
         columns = np.stack(motion, axis=1)
         columns -= basis @ (basis.T @ columns)
-        return columns, columns.T @ columns
+        centred = feature.pixels - feature.pixels.mean()
+        energy = max(float(centred @ centred), 1e-9)
+        return _Solver(columns.T.astype(np.float32).copy(), columns.T @ columns, centred, energy)
 
     def _step(self, samples: Sequence[Floats]) -> tuple[float, float, float]:
         size = 3 if self._rolls else 2
         normal, right = np.zeros((size, size)), np.zeros(size)
-        for feature, values, (columns, own) in zip(self._features, samples, self._solvers, strict=True):
-            centred = feature.pixels - feature.pixels.mean()
-            gain = float(centred @ values) / max(float(centred @ centred), 1e-9)
+        for values, solver in zip(samples, self._solvers, strict=True):
+            gain = float(solver.centred @ values) / solver.energy
             if gain <= 0:
                 continue
-            normal += own
-            right += columns.T @ values.astype(np.float64) / gain
+            normal += solver.normal
+            right += solver.columns @ values / gain
         step = np.linalg.solve(normal + np.eye(size) * (1e-9 * normal.trace() + 1e-9), right)
         return float(step[0]), float(step[1]), float(step[2]) if self._rolls else 0.0
 
@@ -93,3 +139,19 @@ class Registration:
         x, y = float(self._middle[0]), float(self._middle[1])
         target = alignment.to_frame((x - shift_x, y - shift_y))
         return Alignment.pinned((x, y), target, alignment.roll_deg - math.degrees(roll), alignment.score)
+
+
+def _extended(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Floats:
+    samples, within = feature.sample(frame, alignment), feature.within(frame, alignment)
+    if within.all() or not within.any() or float(feature.pixels[within].std()) < 1.0:
+        return samples
+    gain, offset = np.polyfit(feature.pixels[within], samples[within], 1)
+    return np.where(within, samples, gain * feature.pixels + offset).astype(np.float32)
+
+
+def _correlation(values: Floats, solver: _Solver) -> float:
+    centred = values - values.mean()
+    energy = float(centred @ centred)
+    if min(energy, solver.energy) <= FLAT_LEVELS**2 * len(values):
+        return 0.0
+    return float(solver.centred @ centred) / math.sqrt(energy * solver.energy)

@@ -10,12 +10,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
+from decoder.resampling import PointMap
 
 UnwrappedGauge = Floats
 
@@ -29,7 +29,6 @@ MIN_COLUMNS = 3
 MAX_COLUMNS = 64
 RIM_POINTS = 25
 _TAPS = np.array([[-1], [0], [1], [2]])
-_MAP_WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,32 +89,20 @@ def polar_grid(
 
 
 class Unwrapper:
-    """Samples several grids from a frame at once.
-
-    The panel points of all grids are kept in one folded map; a frame costs one transformation of that map and one
-    `cv2.remap`.
-    """
+    """Samples several grids from a frame at once."""
 
     def __init__(self, grids: Sequence[PolarGrid]) -> None:
         self.grids = tuple(grids)
-        points = [grid.points().reshape(2, -1) for grid in self.grids]
-        self._slices = _consecutive_slices([part.shape[1] for part in points])
-        flat = np.concatenate(points, axis=1)
-        padding = -flat.shape[1] % _MAP_WIDTH
-        self._x, self._y = np.pad(flat, ((0, 0), (0, padding)), mode="edge").reshape(2, -1, _MAP_WIDTH)
+        self._map = PointMap.of([grid.points().reshape(2, -1) for grid in self.grids])
 
     def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
         """One (rows, columns) float32 array for each grid, in their order.
 
         Samples outside the frame repeat its border; `inside` tells whether there are any.
         """
-        ((xx, xy, x0), (yx, yy, y0)) = alignment.matrix
-        map_x = xx * self._x + xy * self._y + x0
-        map_y = yx * self._x + yy * self._y + y0
-        samples = cv2.remap(frame, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        flat = samples.reshape(-1).astype(np.float32)
+        flat = self._map.sample(frame, alignment)
         return [
-            flat[part].reshape(grid.rows, grid.columns) for part, grid in zip(self._slices, self.grids, strict=True)
+            flat[part].reshape(grid.rows, grid.columns) for part, grid in zip(self._map.slices, self.grids, strict=True)
         ]
 
 
@@ -138,15 +125,3 @@ def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     ).astype(np.float32)
     interpolated: UnwrappedGauge = np.einsum("kr,krc->rc", weights, strip[index])
     return interpolated
-
-
-def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:
-    """Whether all points (2, M) of the panel picture lie within the frame."""
-    matrix = alignment.matrix
-    x, y = matrix[:, :2] @ points + matrix[:, 2:]
-    return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
-
-
-def _consecutive_slices(lengths: Sequence[int]) -> list[slice]:
-    ends = np.cumsum(lengths).tolist()
-    return [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]

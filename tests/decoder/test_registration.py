@@ -44,7 +44,7 @@ def test_known_shift_and_roll_are_recovered(texture: Texture, shift: tuple[float
     """From the identity, shift comes out to 0.02 pixels and roll to 0.005 degrees."""
     truth = Alignment.pinned(MIDDLE, (MIDDLE[0] + shift[0], MIDDLE[1] + shift[1]), roll_deg, 1.0)
     registration = Registration(features_of(seen(texture, IDENTITY)), rolls=True)
-    found = registration.refine(seen(texture, truth), IDENTITY)
+    found = registration.refine(seen(texture, truth), IDENTITY).alignment
 
     assert found.roll_deg == pytest.approx(roll_deg, abs=0.005)
     assert found.to_frame(MIDDLE) == pytest.approx(truth.to_frame(MIDDLE), abs=0.02)
@@ -55,7 +55,7 @@ def test_light_does_not_move_the_alignment(texture: Texture, gain: float, offset
     """Each feature has its own gain and offset, so a darker or brighter frame lies in the same place."""
     truth = Alignment.pinned(MIDDLE, (80.42, 79.35), 0.3, 1.0)
     registration = Registration(features_of(seen(texture, IDENTITY)), rolls=True)
-    found = registration.refine(seen(texture, truth, gain=gain, offset=offset), IDENTITY)
+    found = registration.refine(seen(texture, truth, gain=gain, offset=offset), IDENTITY).alignment
 
     assert found.roll_deg == pytest.approx(0.3, abs=0.005)
     assert found.to_frame(MIDDLE) == pytest.approx((80.42, 79.35), abs=0.02)
@@ -65,7 +65,7 @@ def test_noise_averages_out(texture: Texture) -> None:
     """Four grey levels of noise leave a few hundredths of a pixel."""
     truth = Alignment.pinned(MIDDLE, (80.42, 79.35), 0.3, 1.0)
     registration = Registration(features_of(seen(texture, IDENTITY)), rolls=True)
-    found = registration.refine(seen(texture, truth, noise=4.0), IDENTITY)
+    found = registration.refine(seen(texture, truth, noise=4.0), IDENTITY).alignment
 
     assert found.roll_deg == pytest.approx(0.3, abs=0.03)
     assert found.to_frame(MIDDLE) == pytest.approx((80.42, 79.35), abs=0.05)
@@ -76,7 +76,7 @@ def test_without_roll_the_roll_is_kept(texture: Texture) -> None:
     truth = Alignment.pinned(MIDDLE, (80.5, 79.5), 0.3, 1.0)
     registration = Registration(features_of(seen(texture, IDENTITY))[:1], rolls=False)
     guess = Alignment.pinned(MIDDLE, MIDDLE, 0.3, 1.0)
-    found = registration.refine(seen(texture, truth), guess)
+    found = registration.refine(seen(texture, truth), guess).alignment
 
     assert found.roll_deg == pytest.approx(0.3, abs=1e-9)
     assert found.to_frame(MIDDLE) == pytest.approx((80.5, 79.5), abs=0.02)
@@ -88,13 +88,13 @@ def test_what_does_not_settle_is_no_alignment(texture: Texture) -> None:
     unrelated = np.random.default_rng(32).integers(0, 255, (SIZE_PX, SIZE_PX)).astype(np.uint8)
     found = registration.refine(unrelated, IDENTITY)
 
-    assert found is None or math.dist(found.to_frame(MIDDLE), MIDDLE) < 10
+    assert found is None or math.dist(found.alignment.to_frame(MIDDLE), MIDDLE) < 10
 
 
 def test_flat_frame_leaves_the_guess(texture: Texture) -> None:
     """A black frame gives no step, and no NaN."""
     registration = Registration(features_of(seen(texture, IDENTITY)), rolls=True)
 
-    found = registration.refine(np.zeros((SIZE_PX, SIZE_PX), np.uint8), IDENTITY)
+    found = registration.refine(np.zeros((SIZE_PX, SIZE_PX), np.uint8), IDENTITY).alignment
 
     assert found.to_frame(MIDDLE) == pytest.approx(MIDDLE, abs=1e-4)

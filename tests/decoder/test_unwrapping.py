@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from decoder.alignment import IDENTITY, Alignment
 from decoder.pictures import GreyPicture
-from decoder.unwrapping import PolarGrid, Unwrapper, inside, polar_grid, rows_at
+from decoder.resampling import inside
+from decoder.unwrapping import PolarGrid, Unwrapper, polar_grid, rows_at
 
 CENTRE = (60.25, 50.75)
 ANGLES = st.floats(-400.0, 800.0)

@@ -1,0 +1,93 @@
+"""Resampling: a frame's grey levels at any points of the panel, in one pass over its original pixels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.alignment import Alignment
+from decoder.arrays import Floats
+from decoder.pictures import GreyPicture
+
+_NO_SECOND_MAP = np.empty(0, np.float32)  # the first holds x and y
+_WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A part of a frame in float32, and where in the frame its first pixel lies."""
+
+    pixels: Floats
+    left: int
+    top: int
+
+
+@dataclass(frozen=True, slots=True)
+class PointMap:
+    """Points of the panel picture, in several parts, laid out as OpenCV moves and samples them fastest.
+
+    Attributes
+    ----------
+    slices
+        Where each part lies in the flattened samples.
+    """
+
+    slices: tuple[slice, ...]
+    _folded: Floats
+    _corners: Floats
+
+    @classmethod
+    def of(cls, parts: Sequence[Floats]) -> PointMap:
+        """The map of parts that are (2, N) each: x and y in the panel picture."""
+        flat = np.concatenate(parts, axis=1).astype(np.float32)
+        padding = -flat.shape[1] % _WIDTH
+        folded = np.pad(flat, ((0, 0), (0, padding)), mode="edge").T.reshape(-1, _WIDTH, 2)
+        (left, top), (right, bottom) = flat.min(axis=1), flat.max(axis=1)
+        corners = np.array([[left, right, left, right], [top, top, bottom, bottom]], np.float64)
+        return cls(_consecutive([part.shape[1] for part in parts]), np.ascontiguousarray(folded), corners)
+
+    def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
+        """(N,) float32: all parts one after the other, bilinear; outside the frame its border is repeated."""
+        samples = _sampled(frame, cv2.transform(self._folded, alignment.matrix))
+        flat: Floats = samples[: self.slices[-1].stop].astype(np.float32)
+        return flat
+
+    def patch(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> Patch | None:
+        """The part of the frame with all points and a margin around them; None if that leaves the frame."""
+        matrix = alignment.matrix
+        x, y = matrix[:, :2] @ self._corners + matrix[:, 2:]
+        left, top = math.floor(x.min()) - margin_px, math.floor(y.min()) - margin_px
+        right, bottom = math.ceil(x.max()) + margin_px + 1, math.ceil(y.max()) + margin_px + 1
+        if left < 0 or top < 0 or right > frame.shape[1] or bottom > frame.shape[0]:
+            return None
+        return Patch(frame[top:bottom, left:right].astype(np.float32), left, top)
+
+    def sample_patch(self, patch: Patch, alignment: Alignment) -> Floats:
+        """As `sample`, without rounding to whole grey levels; the points must lie in the patch."""
+        matrix = alignment.matrix
+        matrix[:, 2] -= (patch.left, patch.top)
+        samples: Floats = _sampled(patch.pixels, cv2.transform(self._folded, matrix))
+        return samples[: self.slices[-1].stop]
+
+
+def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:
+    """Whether all points (2, M) of the panel picture lie within the frame."""
+    matrix = alignment.matrix
+    x, y = matrix[:, :2] @ points + matrix[:, 2:]
+    return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
+
+
+def _sampled(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
+    """Grey levels at places (rows, columns, 2), flattened, of the pixels' own type: whole levels stay whole."""
+    return cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1)
+
+
+def _consecutive(lengths: Sequence[int]) -> tuple[slice, ...]:
+    ends = np.cumsum(lengths).tolist()
+    return tuple(slice(end - length, end) for end, length in zip(ends, lengths, strict=True))
