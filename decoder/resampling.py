@@ -15,7 +15,7 @@ from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
 
-_NO_SECOND_MAP = np.empty(0, np.float32)  # the first holds x and y
+_NO_SECOND_MAP: Any = None  # the first holds x and y; OpenCV's type hints ask for both, its code does not
 _WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
 
 
