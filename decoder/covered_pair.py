@@ -68,7 +68,7 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher, 
         for index in set(indices) - seen:
             if 0 <= index < len(noise):
                 noise[index], upper_rows[index] = upper.noise_over(
-                    gauge, middle, lower.template, float(middle - reach + index)
+                    gauge, middle, lower.template, middle - reach + index
                 )
                 seen.add(index)
 

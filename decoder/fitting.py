@@ -25,8 +25,8 @@ MIN_GAIN = 0.05
 MIDDLE_GREY = 128.0
 TINY = 1e-9
 
-# Rows of the moment matrix: the needle over the face, 1, how that changes down the rows, the gauge, and the face alone.
-NEEDLE, ONE, SLOPE, SEEN, FACE = range(5)
+# Rows of the moment matrix: the needle over the face, how that changes down the rows, 1, the gauge, and the face alone.
+NEEDLE, SLOPE, ONE, SEEN, FACE = range(5)
 Moments = list[list[float]]
 
 Behind = Callable[[NeedleTemplate], Floats]
@@ -43,8 +43,6 @@ class Fit:
         How many rows below the window's middle the needle lies, and the spread of that; NaN where none fits.
     noise
         The mean square that stays unexplained, grey levels squared.
-    correlation
-        Of the window with the needle over the face, the thesis's NCC for this one place.
     gain
         The needle's contrast in units of the template's.
     """
@@ -52,12 +50,18 @@ class Fit:
     fraction: float
     sigma_rows: float
     noise: float
-    correlation: float
     gain: float
-    _rows: Floats
-    _solution: tuple[float, float, float]
-    _shape: tuple[int, ...]
+    _variance: float
+    _offset: float
+    _shift: float
     _moments: Moments
+    _window: Floats
+    _layers: Floats
+
+    @property
+    def correlation(self) -> float:
+        """Of the window with the needle over the face, the thesis's NCC for this one place."""
+        return math.sqrt(max(1.0 - self.noise / self._variance, 0.0)) if self._variance > 0 else 0.0
 
     @property
     def score(self) -> float:
@@ -67,18 +71,22 @@ class Fit:
     @property
     def unexplained(self) -> Floats:
         """(H, C) float32: what stays of each pixel."""
-        left: Floats = self._rows[3] - np.array(self._solution, np.float32) @ self._rows[:3]
-        return left.reshape(self._shape)
+        needle, slope = self._layers
+        left: Floats = self._window - (MIDDLE_GREY + self._offset) - self.gain * needle - self._shift * slope
+        return left.astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
 class _Phase:
-    """The template moved down by a part of a row, and how its layers change when it moves on."""
+    """The template moved down by a part of a row.
+
+    `light` and `transparency`, (2, H, C) each, are its layers and how these change when it moves on.
+    """
 
     shift_rows: float
     template: NeedleTemplate
-    light_slope: Floats
-    transparency_slope: Floats
+    light: Floats
+    transparency: Floats
 
 
 class Fitter:
@@ -88,59 +96,49 @@ class Fitter:
         self._pixels_per_sample = pixels_per_sample
         reach = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
         self._phases = {step: _phase(template, step / PHASES_PER_ROW) for step in range(-reach, reach + 1)}
+        self._trust = template.trust.ravel()
 
     def first(self, window: Floats, behind: Behind) -> Fit:
         """One step of least squares from the window's middle row: good to a tenth of a row when it is less than one."""
-        return self._step(window, self._phases[0], behind, None)
+        return self._step(window, self._phases[0], behind, self._trust)
 
-    def fit(self, window: Floats, behind: Behind, mask: Floats | None = None) -> Fit:
-        """The needle in a window (H, C); where `mask` (H, C) is 0 pixels are left out.
+    def fit(self, window: Floats, behind: Behind, mask: Floats | None = None, *, guess_rows: float = 0.0) -> Fit:
+        """The needle in a window (H, C), expected `guess_rows` below its middle; where `mask` (H, C) is 0 not at all.
 
         A first step of more than three quarters of a row is returned as it is: the window lies elsewhere.
         """
-        first = self._step(window, self._phases[0], behind, mask)
+        weights = self._trust if mask is None else self._trust * mask.ravel()
+        guess = round(guess_rows * PHASES_PER_ROW)
+        first = self._step(window, self._phases[guess], behind, weights)
         if not abs(first.fraction) <= MAX_FRACTION_ROWS:
             return first
-        phase = self._phases[round(first.fraction * PHASES_PER_ROW)]
-        return first if phase.shift_rows == 0 else self._step(window, phase, behind, mask)
+        nearest = round(first.fraction * PHASES_PER_ROW)
+        return first if nearest == guess else self._step(window, self._phases[nearest], behind, weights)
 
-    def _step(self, window: Floats, phase: _Phase, behind: Behind, mask: Floats | None) -> Fit:
-        template = phase.template
-        face = behind(template)
-        rows = np.empty((5, window.size), np.float32)
-        shaped = rows.reshape(5, *window.shape)
-        np.multiply(template.transparency, face, out=shaped[0])
-        shaped[0] += template.light
-        shaped[1] = 1.0
-        np.multiply(phase.transparency_slope, face, out=shaped[2])
-        shaped[2] += phase.light_slope
-        np.subtract(window, MIDDLE_GREY, out=shaped[3])  # keeps the sums of squares small enough for float32
-        shaped[4] = face
-        weights = template.trust if mask is None else template.trust * mask
-        moments = (rows * weights.ravel()) @ rows.T
-        return self._solved(phase, rows, moments.tolist(), window.shape)
+    def _step(self, window: Floats, phase: _Phase, behind: Behind, weights: Floats) -> Fit:
+        face = behind(phase.template)
+        rows = np.empty((5, *window.shape), np.float32)
+        layers = rows[:ONE]
+        np.multiply(phase.transparency, face, out=layers)
+        layers += phase.light
+        rows[ONE] = 1.0
+        np.subtract(window, MIDDLE_GREY, out=rows[SEEN])  # keeps the sums of squares small enough for float32
+        rows[FACE] = face
+        flat = rows.reshape(5, -1)
+        moments = (flat * weights) @ flat.T
+        return self._solved(phase, layers, moments.tolist(), window)
 
-    def _solved(self, phase: _Phase, rows: Floats, moments: Moments, shape: tuple[int, ...]) -> Fit:
+    def _solved(self, phase: _Phase, layers: Floats, moments: Moments, window: Floats) -> Fit:
         total = moments[ONE][ONE]
-        solution, shift_variance = _solution(moments)
-        gain, _, shift = solution
+        (gain, offset, shift), shift_variance = _solution(moments)
         if gain < MIN_GAIN or total <= 0:
-            return _no_fit(shape)
-        right = [moments[row][SEEN] for row in (NEEDLE, ONE, SLOPE)]
-        variance = (moments[SEEN][SEEN] - right[ONE] ** 2 / total) / total
-        explained = sum(part * share for part, share in zip(solution, right, strict=True))
-        noise = max((moments[SEEN][SEEN] - explained) / total, 0.0)
-        return Fit(
-            fraction=phase.shift_rows + shift / gain,
-            sigma_rows=math.sqrt(noise * max(shift_variance, 0.0) / self._pixels_per_sample) / gain,
-            noise=noise,
-            correlation=math.sqrt(max(1.0 - noise / variance, 0.0)) if variance > 0 else 0.0,
-            gain=gain,
-            _rows=rows,
-            _solution=solution,
-            _shape=shape,
-            _moments=moments,
-        )
+            return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, _NO_MOMENTS, window, np.zeros_like(layers))
+        seen = moments[SEEN]
+        variance = (seen[SEEN] - seen[ONE] ** 2 / total) / total
+        noise = max((seen[SEEN] - gain * seen[NEEDLE] - offset * seen[ONE] - shift * seen[SLOPE]) / total, 0.0)
+        sigma_rows = math.sqrt(noise * max(shift_variance, 0.0) / self._pixels_per_sample) / gain
+        fraction = phase.shift_rows + shift / gain
+        return Fit(fraction, sigma_rows, noise, gain, variance, offset, shift, moments, window, layers)
 
 
 def _solution(moments: Moments) -> tuple[tuple[float, float, float], float]:
@@ -148,7 +146,7 @@ def _solution(moments: Moments) -> tuple[tuple[float, float, float], float]:
 
     Three unknowns and plain numbers: a general solver's call costs more than the arithmetic.
     """
-    (a, b, c, x), (_, d, e, y), (_, _, f, z) = (moments[row][:4] for row in (NEEDLE, ONE, SLOPE))
+    (a, c, b, x, _), (_, f, e, z, _), (_, _, d, y, _), _, _ = moments  # in the order needle, slope, one, seen
     aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * aa + b * bb + c * cc
     if determinant <= TINY * a * d * f:
@@ -181,9 +179,12 @@ def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
     rows = np.arange(template.rows) - shift_rows
     light, transparency = rows_at(template.light, rows), rows_at(template.transparency, rows)
     moved = replace(template, light=light.astype(np.float32), transparency=transparency.astype(np.float32))
-    return _Phase(shift_rows, moved, -np.gradient(moved.light, axis=0), -np.gradient(moved.transparency, axis=0))
+    return _Phase(
+        shift_rows,
+        moved,
+        np.stack([moved.light, -np.gradient(moved.light, axis=0)]),
+        np.stack([moved.transparency, -np.gradient(moved.transparency, axis=0)]),
+    )
 
 
-def _no_fit(shape: tuple[int, ...]) -> Fit:
-    nothing = np.zeros((5, math.prod(shape)), np.float32)
-    return Fit(math.nan, math.inf, math.inf, 0.0, 0.0, nothing, (0.0, 0.0, 0.0), shape, [[0.0] * 5] * 5)
+_NO_MOMENTS: Moments = [[0.0] * 5] * 5

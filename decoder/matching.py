@@ -16,7 +16,7 @@ import numpy as np
 from decoder.arrays import Floats, Mask
 from decoder.correlation import parabola_peak, xcorr
 from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
-from decoder.needle_layer import face_with_lower
+from decoder.needle_layer import through_upper
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
@@ -49,6 +49,14 @@ class Settled:
     fit: Fit
 
 
+@dataclass(frozen=True, slots=True)
+class _LayersThrough:
+    """What lies behind a needle with another one below it, by the row of that one's axis in the window."""
+
+    below: NeedleTemplate
+    by_row: dict[int, tuple[Floats, Floats]]
+
+
 class Matcher:
     """One template, with all that depends on it alone worked out once.
 
@@ -73,6 +81,7 @@ class Matcher:
         self._moments: FaceMoments | None = None
         self._rows = np.arange(len(face))
         self.fitter = Fitter(template, pixels_per_sample)
+        self._layers_through: dict[int, _LayersThrough] = {}
         self.pixels_per_sample = pixels_per_sample
         self.touched = template.place(TOUCH_LEVEL)
         self.half_width_rows = template.half_width_deg / template.step_deg
@@ -129,22 +138,29 @@ class Matcher:
             return NO_MATCH
         top = int(np.where(peaks, curve, -np.inf).argmax())
         # The rows between those that were searched lie on straight lines: the peak is that of the searched ones.
-        row = round(parabola_peak(curve[top % COARSE_STEP :: COARSE_STEP], top // COARSE_STEP) * COARSE_STEP)
-        row = min(max(row + top % COARSE_STEP, self.axis), len(gauge) - self.axis - 1)
+        phase = top % COARSE_STEP
+        place = parabola_peak(curve[phase::COARSE_STEP], top // COARSE_STEP) * COARSE_STEP + phase
+        row = self._within(round(place), len(gauge))
+        guess_rows = min(max(place - row, -0.5), 0.5)
         settled = []
         for _ in range(MAX_STEPS):
             rows = slice(row - self.axis, row + self.axis + 1)
-            fit = self.fitter.fit(gauge[rows], partial(_bare, self._face[rows]), None if mask is None else mask[rows])
+            behind = partial(_bare, self._face[rows])
+            fit = self.fitter.fit(gauge[rows], behind, None if mask is None else mask[rows], guess_rows=guess_rows)
             if not abs(row + fit.fraction - top) <= MAX_PEAK_ROWS:
                 break
             settled.append((abs(fit.fraction), row, fit))
             if abs(fit.fraction) <= MAX_FRACTION_ROWS:
                 break
-            row = min(max(row + round(fit.fraction), self.axis), len(gauge) - self.axis - 1)
+            row, guess_rows = self._within(row + round(fit.fraction), len(gauge)), 0.0
         if not settled:
             return Match(parabola_peak(curve, top), NO_MATCH.sigma_rows, float(scores[top]))
         _, row, fit = min(settled, key=itemgetter(0))
         return Match(row + fit.fraction, fit.sigma_rows, fit.score)
+
+    def _within(self, row: int, rows: int) -> int:
+        """The row nearest to this one around which the template lies on the gauge."""
+        return min(max(row, self.axis), rows - self.axis - 1)
 
     def face_around(self, row: int) -> Floats:
         """(H, C): the face in the window around a row."""
@@ -170,17 +186,27 @@ class Matcher:
             row += round(fit.fraction)
         return settled
 
-    def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: float) -> tuple[float, float]:
+    def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: int) -> tuple[float, float]:
         """The mean square that this needle near `row` over another one leaves unexplained, and its row; roughly."""
         for _ in range(MAX_STEPS):
-            rows = slice(row - self.axis, row + self.axis + 1)
             if not self.axis <= row < len(gauge) - self.axis:
                 break
-            fit = self.fitter.first(gauge[rows], partial(_with_lower, self._face[rows], below, below_row - rows.start))
+            rows = slice(row - self.axis, row + self.axis + 1)
+            light, part = self._through(below, below_row - rows.start)
+            fit = self.fitter.first(gauge[rows], partial(_bare, light + part * self._face[rows]))
             if not MAX_FRACTION_ROWS < abs(fit.fraction) <= self.axis:
                 return fit.noise, row + fit.fraction
             row += round(fit.fraction)
         return math.inf, math.nan
+
+    def _through(self, below: NeedleTemplate, below_row: int) -> tuple[Floats, Floats]:
+        """What lies behind this needle with the one below on a row of the window; the same in every frame."""
+        known = self._layers_through.setdefault(
+            id(below), _LayersThrough(below, {})
+        )  # keeps it, so the id stays its own
+        if below_row not in known.by_row:
+            known.by_row[below_row] = through_upper(self.template, below, float(below_row))
+        return known.by_row[below_row]
 
     def _whole(self, rows: slice) -> FaceMoments:
         """The moments of needle and whole face for the gauge's rows."""
@@ -209,4 +235,6 @@ def _bare(face: Floats, _: NeedleTemplate) -> Floats:
 
 
 def _with_lower(face: Floats, below: NeedleTemplate, below_row: float, upper: NeedleTemplate) -> Floats:
-    return face_with_lower(face, upper, below, below_row)
+    light, part = through_upper(upper, below, below_row)
+    behind: Floats = light + part * face
+    return behind

@@ -108,12 +108,16 @@ def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) 
     return shown, light
 
 
-def face_with_lower(face: Floats, upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> Floats:
-    """The face (H, C) behind an upper needle when a lower needle lies on it; the rest as for `shown_below`."""
+def through_upper(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
+    """What lies behind an upper needle when a lower needle lies on the face: `light + part * face`, (H, C) each.
+
+    The rest as for `shown_below`.
+    """
     shown, light = shown_below(upper, lower, lower_row)
-    behind = light + face * np.maximum(upper.transparency - shown, 0.0)
-    through: Floats = np.where(upper.transparency > MIN_COVER, behind / np.maximum(upper.transparency, MIN_COVER), face)
-    return through
+    through = upper.transparency > MIN_COVER
+    transparency = np.maximum(upper.transparency, MIN_COVER)
+    part = np.where(through, np.maximum(upper.transparency - shown, 0.0) / transparency, 1.0)
+    return np.where(through, light / transparency, 0.0).astype(np.float32), part.astype(np.float32)
 
 
 def in_local_light(cut: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
