@@ -85,10 +85,17 @@ class GaugeReader:
         self._allowed = rows_in_sweep(gauge, grid)
         self._method = method
 
-    def read(self, unwrapped: UnwrappedGauge) -> dict[str, Reading]:
-        """The readings by needle; `unwrapped` is (rows, columns) float32 of the gauge's grid."""
+    def read(self, unwrapped: UnwrappedGauge, scores: Mapping[str, Floats]) -> dict[str, Reading]:
+        """The readings by needle.
+
+        Parameters
+        ----------
+        unwrapped
+            (R, C) float32 of the gauge's grid.
+        scores
+            (R,) each, by needle, from `searching`.
+        """
         found: dict[str, _Found] = {}
-        scores = {name: matcher.scores(unwrapped) for name, matcher in self._matchers.items()}
         for name in self._order:
             cover = self._covers[name]
             if cover is None or self._method is Method.XCORR:
@@ -111,9 +118,9 @@ class GaugeReader:
         matcher, own = self._matchers[name], scores[name]
         curve = own if self._method is Method.NORMXCORR else matcher.products(unwrapped)
         allowed = self._allowed.copy()
-        for other, rival in scores.items():
+        for other in self._matchers:
             if other != name:
-                allowed &= own >= self._nearby_best(rival)
+                allowed &= own >= self._nearby_best(scores[other])
         match = matcher.best(unwrapped, curve, allowed, own)
         return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
 

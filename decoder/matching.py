@@ -19,12 +19,11 @@ from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
 from decoder.needle_layer import through_upper
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
-from decoder.over_face import FaceMoments, face_moments, partial_normxcorr
+from decoder.over_face import FaceMoments, face_moments
+from decoder.searching import COARSE_STEP
 
 # The best row of a blurred needle may be one beside its true place.
 MAX_PEAK_ROWS = 3.0
-# Scores are searched on every third row and column; a needle is wider than that.
-COARSE_STEP = 3
 MAX_STEPS = 4
 
 
@@ -75,11 +74,7 @@ class Matcher:
         self.template = template
         self._face = face
         self.axis = (template.rows - 1) // 2
-        self._coarse = _thinned(template, self.axis)
-        self._coarse_face = np.ascontiguousarray(face[::COARSE_STEP, ::COARSE_STEP])
-        self._coarse_moments = face_moments(self._coarse_face, self._coarse)
         self._moments: FaceMoments | None = None
-        self._rows = np.arange(len(face))
         self.fitter = Fitter(template, pixels_per_sample)
         self._layers_through: dict[int, _LayersThrough] = {}
         self.pixels_per_sample = pixels_per_sample
@@ -90,18 +85,6 @@ class Matcher:
     def independent_pixels(self) -> float:
         """How many original pixels the template's trusted samples are worth."""
         return float(self.template.trust.sum()) * self.pixels_per_sample
-
-    def scores(self, gauge: Floats) -> Floats:
-        """NCC of needle and gauge, what the face explains taken out, by the row of the needle's axis: (R,) float32.
-
-        Found on every third row, on the rows between on the line. Rows too near an end of the gauge (R, C) score 0.
-        """
-        thinned = gauge[::COARSE_STEP, ::COARSE_STEP]
-        coarse = partial_normxcorr(thinned, self._coarse_face, self._coarse_moments)
-        found = COARSE_STEP * ((self._coarse.rows - 1) // 2 + np.arange(len(coarse)))
-        scores = np.interp(self._rows, found, coarse).astype(np.float32)
-        scores[: self.axis] = scores[len(gauge) - self.axis :] = 0.0
-        return scores
 
     def uncovered(self, gauge: Floats, mask: Floats, scores: Floats, cover_row: float, cover_axis: int) -> Visibility:
         """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,).
@@ -218,16 +201,6 @@ class Matcher:
         scores = np.zeros(rows, np.float32)
         scores[self.axis : self.axis + len(inner)] = inner
         return scores
-
-
-def _thinned(template: NeedleTemplate, axis: int) -> NeedleTemplate:
-    """Every third row and column of a template, its axis among the rows."""
-    rows = slice(axis % COARSE_STEP, template.rows - axis % COARSE_STEP, COARSE_STEP)
-    layers = {
-        name: getattr(template, name)[rows, ::COARSE_STEP]
-        for name in ("pixels", "weights", "light", "transparency", "trust")
-    }
-    return NeedleTemplate(**layers, step_deg=template.step_deg * COARSE_STEP)
 
 
 def _bare(face: Floats, _: NeedleTemplate) -> Floats:

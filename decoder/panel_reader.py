@@ -19,6 +19,7 @@ from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading
 from decoder.resampling import inside
+from decoder.searching import Search, Sought
 from decoder.tuning import Tuning
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
@@ -67,6 +68,14 @@ class PanelReader:
             )
             for gauge, grid, face in zip(source.panel.gauges, self.grids, tuning.faces, strict=True)
         ]
+
+        sought = [
+            (needle.name, Sought(tuning.templates[needle.name], face, index))
+            for index, (gauge, face) in enumerate(zip(source.panel.gauges, tuning.faces, strict=True))
+            for needle in gauge.needles
+        ]
+        self._names = [name for name, _ in sought]
+        self._search = Search([each for _, each in sought])
 
     @classmethod
     def from_panel(cls, source: PanelPictures, method: Method) -> Self:
@@ -126,6 +135,7 @@ class PanelReader:
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""
         readings: dict[str, Reading] = {}
+        scores = dict(zip(self._names, self._search.scores(unwrapped.gauges), strict=True))
         for gauge, image, whole in zip(self._gauges, unwrapped.gauges, unwrapped.whole, strict=True):
-            readings.update(gauge.read(image) if whole else gauge.unread())
+            readings.update(gauge.read(image, scores) if whole else gauge.unread())
         return FrameReadings(unwrapped.alignment, readings)
