@@ -7,6 +7,8 @@ the search is in angle only. A window or a template without variance scores 0, n
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from decoder.arrays import Floats
@@ -90,8 +92,8 @@ def parabola_peak(scores: Floats, index: int) -> float:
 
     At either end, or beside a row that was ruled out, the index itself.
     """
-    if not 0 < index < len(scores) - 1 or not np.isfinite(scores[index - 1 : index + 2]).all():
+    if not 0 < index < len(scores) - 1:
         return float(index)
-    before, here, after = (float(score) for score in scores[index - 1 : index + 2])
+    before, here, after = scores[index - 1 : index + 2].tolist()
     bend = before - 2 * here + after
-    return float(index) if bend >= 0 else index + 0.5 * (before - after) / bend
+    return index + 0.5 * (before - after) / bend if math.isfinite(bend) and bend < 0 else float(index)

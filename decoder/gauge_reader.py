@@ -117,10 +117,10 @@ class GaugeReader:
         """A needle on its own, wherever no other needle of the gauge matches better."""
         matcher, own = self._matchers[name], scores[name]
         curve = own if self._method is Method.NORMXCORR else matcher.products(unwrapped)
-        allowed = self._allowed.copy()
+        allowed = self._allowed
         for other in self._matchers:
             if other != name:
-                allowed &= own >= self._nearby_best(scores[other])
+                allowed = allowed & (own >= self._nearby_best(scores[other]))
         match = matcher.best(unwrapped, curve, allowed, own)
         return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
 

@@ -25,6 +25,8 @@ SETTLED_PX = 0.01
 NEARLY_SETTLED_PX = 0.1
 MAX_STEP_PX = 6.0
 PATCH_MARGIN_PX = 8
+# What a first step leaves with a rather noisy panel picture.
+EXPECTED_SHRINKAGE = 0.3
 # Steps that shrink by less than this are no sign of more to come, but of noise.
 MAX_SHRINKAGE = 0.9
 
@@ -69,7 +71,8 @@ class Registration:
         None where it does not settle. A noisy panel picture makes each step fall short, the more so the noisier it is:
         it has settled when what all further steps will add, by how these shrink, is less than `SETTLED_PX`.
         """
-        before_px, margin_px = math.inf, 0.0
+        margin_px, shrinkage = 0.0, EXPECTED_SHRINKAGE
+        before_px = 0.0
         patches: list[Patch | None] = []
         for iteration in range(ITERATIONS):
             if margin_px <= 0:
@@ -84,8 +87,9 @@ class Registration:
                 return None
             alignment = self._moved(alignment, shift_x, shift_y, roll)
             margin_px -= reach_px
-            shrinkage = min(reach_px / before_px, MAX_SHRINKAGE) if before_px > 0 else 0.0
-            if iteration and reach_px * shrinkage / (1.0 - shrinkage) < SETTLED_PX:
+            if before_px > 0:
+                shrinkage = min(reach_px / before_px, MAX_SHRINKAGE)
+            if reach_px * shrinkage / (1.0 - shrinkage) < SETTLED_PX:
                 break
             before_px = reach_px
         else:
