@@ -100,11 +100,12 @@ def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) 
     """
     rows = np.arange(upper.rows) - lower_row + (lower.rows - 1) / 2
     inside = ((rows >= 0) & (rows <= lower.rows - 1))[:, None]
-    cover = (1.0 - rows_at(lower.transparency, rows)) * inside
+    light_there, transparency = np.hsplit(rows_at(np.hstack([lower.light, lower.transparency]), rows), 2)
+    cover = (1.0 - transparency) * inside
     far = ((np.arange(upper.rows) - lower_row) * np.sign(lower_row - (upper.rows - 1) / 2) >= 0)[:, None]
     nested = np.maximum(cover - (1.0 - upper.transparency), 0.0)
     shown = np.where(far, nested, np.minimum(cover, upper.transparency)).astype(np.float32)
-    light: Floats = (rows_at(lower.light, rows) / np.maximum(cover, MIN_COVER) * shown).astype(np.float32)
+    light: Floats = (light_there / np.maximum(cover, MIN_COVER) * shown).astype(np.float32)
     return shown, light
 
 

@@ -64,6 +64,7 @@ class Registration:
         self._lever_px = float(np.hypot(*(points - self._middle[:, None])).max())
         self._rolls = rolls
         self._solvers = [self._solver(feature) for feature in features]
+        self._inverse = _inverse_normal(self._solvers, 3 if rolls else 2)
 
     def refine(self, frame: GreyPicture, alignment: Alignment) -> Registered | None:
         """The alignment at which the features match best in least squares, starting within some pixels of it.
@@ -127,22 +128,29 @@ class Registration:
         return _Solver(columns.T.astype(np.float32).copy(), columns.T @ columns, centred, energy)
 
     def _step(self, samples: Sequence[Floats]) -> tuple[float, float, float]:
-        size = 3 if self._rolls else 2
-        normal, right = np.zeros((size, size)), np.zeros(size)
+        right = np.zeros(len(self._inverse))
+        used = []
         for values, solver in zip(samples, self._solvers, strict=True):
             gain = float(solver.centred @ values) / solver.energy
-            if gain <= 0:
-                continue
-            normal += solver.normal
-            right += solver.columns @ values / gain
-        step = np.linalg.solve(normal + np.eye(size) * (1e-9 * normal.trace() + 1e-9), right)
-        return float(step[0]), float(step[1]), float(step[2]) if self._rolls else 0.0
+            if gain > 0:
+                right += solver.columns @ values / gain
+                used.append(solver)
+        inverse = self._inverse if len(used) == len(self._solvers) else _inverse_normal(used, len(right))
+        step = (inverse @ right).tolist()
+        return step[0], step[1], step[2] if self._rolls else 0.0
 
     def _moved(self, alignment: Alignment, shift_x: float, shift_y: float, roll: float) -> Alignment:
         """Where the alignment expected panel point p the frame shows p + step: shift back, in the panel's axes."""
         x, y = float(self._middle[0]), float(self._middle[1])
         target = alignment.to_frame((x - shift_x, y - shift_y))
         return Alignment.pinned((x, y), target, alignment.roll_deg - math.degrees(roll), alignment.score)
+
+
+def _inverse_normal(solvers: Sequence[_Solver], size: int) -> Floats:
+    """Of the normal matrix of some features together; of next to nothing where they say nothing."""
+    normal = sum((solver.normal for solver in solvers), start=np.zeros((size, size)))
+    inverse: Floats = np.linalg.inv(normal + np.eye(size) * (1e-9 * normal.trace() + 1e-9))
+    return inverse
 
 
 def _extended(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Floats:
