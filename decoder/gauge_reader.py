@@ -14,6 +14,7 @@ from decoder.arrays import Floats
 from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
 from decoder.faces import needle_place
 from decoder.gauge_grid import rows_in_sweep
+from decoder.glare import ThroughGlare
 from decoder.matching import Match, Matcher
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
@@ -25,6 +26,8 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge
 SCORE_THRESHOLD = 0.8
 # The sliver of a needle that nearly coincides with another is few pixels: it must match better than a whole needle.
 SLIVER_THRESHOLD = 0.85
+# A needle that matches less well than this may stand in a light that changes over the dial, which moves its reading.
+EVENLY_LIT_SCORE = 0.97
 # A place at which another needle of the gauge matches better is that needle's.
 RIVAL_REACH_DEG = 3.0
 # A needle is hidden only if what covers it is seen clearly; under a glare it may be anywhere.
@@ -83,6 +86,11 @@ class GaugeReader:
             if cover is not None
         }
         self._allowed = rows_in_sweep(gauge, grid)
+        alone = method is Method.NORMXCORR and len(templates) == 1
+        self._through_glare = {
+            name: ThroughGlare(template, grid.pixels_per_sample, face)
+            for name, template in (templates if alone else {}).items()
+        }
         self._method = method
 
     def read(self, unwrapped: UnwrappedGauge, scores: Mapping[str, Floats]) -> dict[str, Reading]:
@@ -122,7 +130,14 @@ class GaugeReader:
             if other != name:
                 allowed = allowed & (own >= self._nearby_best(scores[other]))
         match = matcher.best(unwrapped, curve, allowed, own)
-        return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
+        plain = _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
+        if match.score >= EVENLY_LIT_SCORE or name not in self._through_glare:
+            return plain
+        seen = self._through_glare[name].find(unwrapped, self._allowed)
+        if seen.score < max(SCORE_THRESHOLD, match.score):
+            return plain
+        match = Match(seen.row, seen.sigma_rows, seen.score)
+        return _Found(match, Status.READ if seen.visible >= WHOLE_VISIBLE else Status.EDGE)
 
     def _nearby_best(self, scores: Floats) -> Floats:
         """The best score within `RIVAL_REACH_DEG` of each row."""

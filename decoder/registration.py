@@ -1,6 +1,6 @@
 """Registration: brings a first guess of the alignment to sub-pixel by least squares on the features' own pixels.
 
-Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain and offset, so
+Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain, offset and slope of light, so
 light may change; shift and roll are common. All that depends on the panel picture alone is solved once, a frame costs
 two small products.
 """
@@ -43,7 +43,7 @@ class Registered:
 class _Solver:
     """What the panel picture alone says of one feature.
 
-    `columns` (N, 2 or 3) are how its pixels change with shift and roll, gain and offset projected out; `normal` is the
+    `columns` (2 or 3, N) are how its pixels change with shift and roll, what light can do to them projected out; `normal` is the
     matrix they make; `centred` (N,) are its pixels without their mean, `energy` the sum of their squares.
     """
 
@@ -119,7 +119,7 @@ class Registration:
         motion = [gradient_x, gradient_y]
         if self._rolls:
             motion.append(gradient_y * x - gradient_x * y)
-        light = np.stack([feature.pixels.astype(np.float64), np.ones(feature.pixels.size)], axis=1)
+        light = np.stack([feature.pixels.astype(np.float64), np.ones(feature.pixels.size), x, y], axis=1)
         basis, _ = np.linalg.qr(light)
         columns = np.stack(motion, axis=1)
         columns -= basis @ (basis.T @ columns)

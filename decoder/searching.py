@@ -84,13 +84,13 @@ class _Batch:
     """Searches K needles; each gauge is padded to the longest, (R, C), and each template, (H, C), likewise."""
 
     def __init__(self, sought: Sequence[Sought]) -> None:
-        thinned = [_thinned(each.template) for each in sought]
+        coarse = [thinned(each.template) for each in sought]
         faces = [each.face[::COARSE_STEP, ::COARSE_STEP] for each in sought]
-        height = max(template.rows for template in thinned)
+        height = max(template.rows for template in coarse)
         (columns,) = {face.shape[1] for face in faces}
         self._places = [
             _place(each, template.rows, face.shape, height)
-            for each, template, face in zip(sought, thinned, faces, strict=True)
+            for each, template, face in zip(sought, coarse, faces, strict=True)
         ]
         padded_rows = max(place.top + place.rows for place in self._places) + height // 2
         count = padded_rows - height + 1
@@ -100,7 +100,7 @@ class _Batch:
         self._kernels = [np.zeros((needles, columns, parts, height), np.float32) for parts in (2, 2, 1)]
         self._moments = np.zeros((6, needles, count), np.float32)
         self._moments[[TOTAL, FACE_VARIANCE]] = 1.0
-        for index, (template, face, place) in enumerate(zip(thinned, faces, self._places, strict=True)):
+        for index, (template, face, place) in enumerate(zip(coarse, faces, self._places, strict=True)):
             self._prepare(index, template, face, place)
         self._usable = self._moments[NEEDLE_LEFT] > MIN_SPREAD_LEVELS**2
 
@@ -190,7 +190,7 @@ def _place(sought: Sought, height: int, shape: tuple[int, ...], padded_height: i
     )
 
 
-def _thinned(template: NeedleTemplate) -> NeedleTemplate:
+def thinned(template: NeedleTemplate) -> NeedleTemplate:
     """Every third row and column of a template, its axis among the rows."""
     skip = (template.rows - 1) // 2 % COARSE_STEP
     rows = slice(skip, template.rows - skip, COARSE_STEP)

@@ -50,6 +50,18 @@ def test_known_shift_and_roll_are_recovered(texture: Texture, shift: tuple[float
     assert found.to_frame(MIDDLE) == pytest.approx(truth.to_frame(MIDDLE), abs=0.02)
 
 
+@pytest.mark.parametrize("slope", [(0.5, 0.0), (0.0, -0.8), (0.6, 0.6)])
+def test_light_that_falls_off_does_not_move_the_alignment(texture: Texture, slope: tuple[float, float]) -> None:
+    """A reflection that grows over the picture, by so many grey levels a pixel, pulls nothing with it."""
+    registration = Registration(features_of(seen(texture, IDENTITY)), rolls=True)
+    v, u = np.mgrid[0:SIZE_PX, 0:SIZE_PX] - SIZE_PX / 2
+    lit = seen(texture, IDENTITY) + slope[0] * u + slope[1] * v
+    found = registration.refine(np.clip(np.rint(lit), 0, 255).astype(np.uint8), IDENTITY).alignment
+
+    assert found.to_frame(MIDDLE) == pytest.approx(MIDDLE, abs=0.03)
+    assert found.roll_deg == pytest.approx(0.0, abs=0.01)
+
+
 @pytest.mark.parametrize(("gain", "offset"), [(0.6, 20.0), (0.6, 90.0), (1.2, -20.0)])
 def test_light_does_not_move_the_alignment(texture: Texture, gain: float, offset: float) -> None:
     """Each feature has its own gain and offset, so a darker or brighter frame lies in the same place."""
