@@ -128,6 +128,5 @@ def cost_lines(took: Speed, peak: dict[int, float]) -> list[Line]:
     short, long = min(peak), max(peak)
     return [
         Line("400 frames: decode, times bare decompression", took.decode_ratio, MAX_RATIO),
-        Line("400 frames: the same with the program's start", took.program_ratio, MAX_RATIO),
         Line(f"peak memory, {long} frames by {short}", peak[long] / peak[short], MAX_GROWTH),
     ]

@@ -30,6 +30,8 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 SAMPLE_FRAMES = 16
 ROUNDS = 1
 MIN_CUTS = 5
+# Learned needles over learned faces score 0.99 as a rule.
+EVENLY_LIT_SCORE = 0.97
 
 Readings = Mapping[str, Reading]
 Templates = Mapping[str, NeedleTemplate]
@@ -55,7 +57,7 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture]) -> PanelReader:
         faces = [tuner.face(found, templates) for tuner in tuners]
         for tuner, face in zip(tuners, faces, strict=True):
             templates |= tuner.templates(found, templates, face)
-        reader = reader.tuned(Tuning(templates, tuple(faces), usual))
+        reader = reader.tuned(Tuning(templates, tuple(faces), usual, EVENLY_LIT_SCORE))
     return reader
 
 

@@ -26,8 +26,6 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge
 SCORE_THRESHOLD = 0.8
 # The sliver of a needle that nearly coincides with another is few pixels: it must match better than a whole needle.
 SLIVER_THRESHOLD = 0.85
-# A needle that matches less well than this may stand in a light that changes over the dial, which moves its reading.
-EVENLY_LIT_SCORE = 0.97
 # A place at which another needle of the gauge matches better is that needle's.
 RIVAL_REACH_DEG = 3.0
 # A needle is hidden only if what covers it is seen clearly; under a glare it may be anywhere.
@@ -66,6 +64,8 @@ class GaugeReader:
         One for each needle of the gauge, by name.
     face
         (rows, columns) float32: the unwrapped dial without needles.
+    evenly_lit_score
+        See `Tuning`.
     """
 
     def __init__(
@@ -75,7 +75,10 @@ class GaugeReader:
         templates: Mapping[str, NeedleTemplate],
         face: UnwrappedGauge,
         method: Method,
+        *,
+        evenly_lit_score: float,
     ) -> None:
+        self._evenly_lit_score = evenly_lit_score
         self._grid = grid
         self._matchers = {name: Matcher(template, grid.pixels_per_sample, face) for name, template in templates.items()}
         self._covers = {needle.name: needle.covered_by for needle in gauge.needles}
@@ -131,7 +134,7 @@ class GaugeReader:
                 allowed = allowed & (own >= self._nearby_best(scores[other]))
         match = matcher.best(unwrapped, curve, allowed, own)
         plain = _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
-        if match.score >= EVENLY_LIT_SCORE or name not in self._through_glare:
+        if match.score >= self._evenly_lit_score or name not in self._through_glare:
             return plain
         seen = self._through_glare[name].find(unwrapped, self._allowed)
         if seen.score < max(SCORE_THRESHOLD, match.score):

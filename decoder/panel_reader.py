@@ -65,6 +65,7 @@ class PanelReader:
                 {needle.name: tuning.templates[needle.name] for needle in gauge.needles},
                 face,
                 method,
+                evenly_lit_score=tuning.evenly_lit_score,
             )
             for gauge, grid, face in zip(source.panel.gauges, self.grids, tuning.faces, strict=True)
         ]

@@ -26,6 +26,7 @@ from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, Unwrapper, rows_at
 
 MIN_CONTRAST_LEVELS = 4.0
+# A needle cut from one picture need not match others better than this, whatever the light.
 FOUND_SCORE = 0.8
 
 
@@ -43,7 +44,7 @@ def tuning_from_panel(source: PanelPictures) -> Tuning:
         own, face = _gauge_tuning(source, gauge, f"gauges[{index}]")
         templates |= own
         faces.append(face)
-    return Tuning(templates, tuple(faces), IDENTITY)
+    return Tuning(templates, tuple(faces), IDENTITY, evenly_lit_score=FOUND_SCORE)
 
 
 def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[str, NeedleTemplate], Floats]:

@@ -1,8 +1,8 @@
 """Registration: brings a first guess of the alignment to sub-pixel by least squares on the features' own pixels.
 
-Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain, offset and slope of light, so
-light may change; shift and roll are common. All that depends on the panel picture alone is solved once, a frame costs
-two small products.
+Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain, offset and slope
+of light, so light may change; shift and roll are common. All that depends on the panel picture alone is solved once, a
+frame costs two small products.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ class Registered:
 class _Solver:
     """What the panel picture alone says of one feature.
 
-    `columns` (2 or 3, N) are how its pixels change with shift and roll, what light can do to them projected out; `normal` is the
-    matrix they make; `centred` (N,) are its pixels without their mean, `energy` the sum of their squares.
+    `columns` (2 or 3, N) are how its pixels change with shift and roll, what light can do to them projected out;
+    `normal` is the matrix they make; `centred` (N,) are its pixels without their mean, `energy` the sum of their
+    squares.
     """
 
     columns: Floats

@@ -22,8 +22,12 @@ class Tuning:
         For each gauge in the panel's order, the unwrapped dial without needles, (rows, columns) float32.
     usual
         Where the camera mostly was.
+    evenly_lit_score
+        What a needle in even light scores at least. One that matches less well may stand in a light that changes over
+        the dial, which moves its reading.
     """
 
     templates: Mapping[str, NeedleTemplate]
     faces: tuple[UnwrappedGauge, ...]
     usual: Alignment
+    evenly_lit_score: float
