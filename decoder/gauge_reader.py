@@ -15,7 +15,7 @@ from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
 from decoder.faces import needle_place
 from decoder.gauge_grid import rows_in_sweep
 from decoder.glare import ThroughGlare
-from decoder.matching import Match, Matcher
+from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel import Gauge
@@ -133,14 +133,15 @@ class GaugeReader:
             if other != name:
                 allowed = allowed & (own >= self._nearby_best(scores[other]))
         match = matcher.best(unwrapped, curve, allowed, own)
-        plain = _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
         if match.score >= self._evenly_lit_score or name not in self._through_glare:
-            return plain
+            return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
         seen = self._through_glare[name].find(unwrapped, self._allowed)
-        if seen.score < max(SCORE_THRESHOLD, match.score):
-            return plain
-        match = Match(seen.row, seen.sigma_rows, seen.score)
-        return _Found(match, Status.READ if seen.visible >= WHOLE_VISIBLE else Status.EDGE)
+        if seen.score >= match.score:
+            match = Match(seen.row, seen.sigma_rows, seen.score)
+        if match.score < SCORE_THRESHOLD:
+            return _Found(match, Status.MISSING)
+        drowned = abs(seen.row - match.row) <= MAX_PEAK_ROWS and seen.visible < WHOLE_VISIBLE
+        return _Found(match, Status.EDGE if drowned else Status.READ)
 
     def _nearby_best(self, scores: Floats) -> Floats:
         """The best score within `RIVAL_REACH_DEG` of each row."""
