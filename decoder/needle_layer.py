@@ -100,7 +100,8 @@ def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) 
     """
     rows = np.arange(upper.rows) - lower_row + (lower.rows - 1) / 2
     inside = ((rows >= 0) & (rows <= lower.rows - 1))[:, None]
-    light_there, transparency = np.hsplit(rows_at(np.hstack([lower.light, lower.transparency]), rows), 2)
+    layers = rows_at(np.concatenate([lower.light, lower.transparency], axis=1), rows)
+    light_there, transparency = layers[:, : layers.shape[1] // 2], layers[:, layers.shape[1] // 2 :]
     cover = (1.0 - transparency) * inside
     far = ((np.arange(upper.rows) - lower_row) * np.sign(lower_row - (upper.rows - 1) / 2) >= 0)[:, None]
     nested = np.maximum(cover - (1.0 - upper.transparency), 0.0)
