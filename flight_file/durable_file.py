@@ -7,7 +7,10 @@ thrown away.
 from __future__ import annotations
 
 import errno
+import fcntl
+import hashlib
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from flight_file.errors import FlightNotWrittenError
@@ -26,7 +29,12 @@ _ADVICE = {
 
 
 class DurableFile:
-    """A new file in work, as the stream that an MCAP writer expects.
+    """A new file in work, as the stream that an MCAP writer expects; locked until it is closed (see `locks`).
+
+    Parameters
+    ----------
+    digested
+        Whether `sha256` will be asked for.
 
     Raises
     ------
@@ -34,7 +42,7 @@ class DurableFile:
         From every method that touches the disk.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, digested: bool = False) -> None:
         self.path = path
         self.synced_bytes = 0
         self._written_bytes = 0
@@ -42,6 +50,18 @@ class DurableFile:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, FILE_MODE)
         except OSError as error:
             raise _not_written(path, error) from error
+        self._digest = hashlib.sha256() if digested else None
+        # Where a file system has no locks the recording matters more. Somebody who looks whether the file is in work
+        # holds the lock for a moment only.
+        with suppress(OSError):
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of everything written so far, hexadecimal; only of a file that was opened as `digested`."""
+        if self._digest is None:
+            raise ValueError(self.path)
+        return self._digest.hexdigest()
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
         """Write all of it."""
@@ -54,6 +74,8 @@ class DurableFile:
             raise _not_written(self.path, error) from error
         finally:
             self._written_bytes += done
+            if self._digest is not None:
+                self._digest.update(view[:done])
         return done
 
     def tell(self) -> int:
@@ -92,15 +114,39 @@ def sync_directory(directory: Path) -> None:
         raise _not_written(directory, error) from error
 
 
-def rename_durably(source: Path, target: Path) -> None:
-    """Give a file its final name for good; refuses to replace another file."""
+def refuse_existing(target: Path) -> None:
+    """Raise FlightNotWrittenError if there is something under this name."""
     if target.exists():
         raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
+
+
+def rename_durably(source: Path, target: Path) -> None:
+    """Give a file its final name for good; refuses to replace another file."""
+    refuse_existing(target)
     try:
         source.rename(target)
     except OSError as error:
         raise _not_written(target, error) from error
     sync_directory(target.parent)
+
+
+def replace_durably(path: Path, content: bytes) -> None:
+    """Write a small file whole, over an older one if there is one; after a power cut it is the old one or the new."""
+    aside = path.with_name(path.name + ".new")
+    try:
+        aside.unlink(missing_ok=True)
+    except OSError as error:
+        raise _not_written(aside, error) from error
+    file = DurableFile(aside)
+    try:
+        file.write(content)
+        file.sync()
+        aside.replace(path)
+    except OSError as error:
+        raise _not_written(path, error) from error
+    finally:
+        file.close()
+    sync_directory(path.parent)
 
 
 def _not_written(path: Path, error: OSError) -> FlightNotWrittenError:

@@ -4,7 +4,8 @@
     ├── FlightNotReadableError     no such file, a directory, no permission, a read error
     ├── NotAFlightError            not MCAP, empty, or cut before anything was recorded
     ├── MixedFlightsError          the files given are not the segments of one recording
-    └── FlightNotWrittenError      no permission, disk full, or the name is taken
+    ├── FlightNotWrittenError      no permission, disk full, or the name is taken
+    └── KeyFileError               a file that should hold a key does not, or cannot be made
 
 Each message is one sentence that says what to do. Damage *inside* a file is no error: it is a `Loss` that the reader
 reports.
@@ -42,3 +43,7 @@ class MixedFlightsError(FlightFileError):
 
 class FlightNotWrittenError(_PathError):
     """The operating system does not let us write the file; what was synced before stays."""
+
+
+class KeyFileError(_PathError):
+    """A key cannot be read from its file, or not be written to it."""

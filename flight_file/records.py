@@ -79,6 +79,7 @@ class Message:
     channel_id: int
     sequence: int
     log_ns: int
+    publish_ns: int
     data: memoryview
 
 
@@ -155,8 +156,8 @@ def parse_channel(content: memoryview) -> Channel:
 def parse_message(content: memoryview) -> Message:
     """A message record."""
     fields = Fields(content)
-    channel_id, sequence, log_ns, _ = _MESSAGE.unpack(fields.take(_MESSAGE.size))
-    return Message(channel_id, sequence, log_ns, content[fields.position :])
+    channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack(fields.take(_MESSAGE.size))
+    return Message(channel_id, sequence, log_ns, publish_ns, content[fields.position :])
 
 
 def parse_message_index(content: memoryview) -> tuple[int, int]:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from flight_file.chain import start_of_segment
 from flight_file.chunks import ByteSource, ChunkPlace, FileSource
 from flight_file.errors import FlightNotReadableError
 from flight_file.losses import Loss, LossKind
@@ -46,6 +47,8 @@ class Segment:
         Of the file when it was opened.
     losses
         What was lost outside of the chunks.
+    start_of_chain
+        Value of the chain before the first frame; empty where there is no chain, or a record it starts from is lost.
     """
 
     path: Path
@@ -55,6 +58,7 @@ class Segment:
     size_bytes: int
     chunks: tuple[ChunkPlace, ...]
     losses: tuple[Loss, ...]
+    start_of_chain: str = ""
 
 
 @contextmanager
@@ -89,12 +93,33 @@ def open_segment(path: Path) -> tuple[Segment, dict[str, bytes]]:
         If the file cannot be read, or is no MCAP.
     """
     with opened(path) as source:
-        scan = scan_file(path, source)
+        return understood(scan_file(path, source))
+
+
+def understood(scan: FileScan) -> tuple[Segment, dict[str, bytes]]:
+    """The segment that a walk over its file found, and its attachments that are whole."""
     losses = list(scan.losses)
     session = _session(scan, losses)
     end = _end(scan, losses)
     attachments = _attachments(scan, losses)
-    return Segment(path, session, end, scan.finished, scan.size_bytes, tuple(scan.chunks), tuple(losses)), attachments
+    segment = Segment(
+        path=scan.path,
+        session=session,
+        end=end,
+        finished=scan.finished,
+        size_bytes=scan.size_bytes,
+        chunks=tuple(scan.chunks),
+        losses=tuple(losses),
+        start_of_chain=_start_of_chain(scan, session),
+    )
+    return segment, attachments
+
+
+def _start_of_chain(scan: FileScan, session: Session) -> str:
+    records = [scan.metadata.get(name, {}) for name in (SESSION_RECORD, ATTACHMENTS_RECORD)]
+    if not session.chain or not all(map(is_sound, records)):
+        return ""
+    return start_of_segment(session.chain, *(record[DIGEST_KEY] for record in records))
 
 
 def digest_of(source: ByteSource) -> str:

@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flight_file import moments
+from flight_file.durable_file import refuse_existing
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading, Frame
 from flight_file.reports import CameraStatus, Health, LogLine
 from flight_file.session import Session
+from flight_file.signature import Signer
 from flight_file.writer import SegmentWriter
 
 SEGMENT_SUFFIX = ".mcap"
@@ -56,17 +58,21 @@ class Plan:
     directory
         Where the segments lie; it exists.
     session
-        As for the first segment; number and start are filled in for each segment.
+        As for the first segment; number, start and chain are filled in for each segment. One that goes on with a
+        recording begun by another writer says so by its `segment` and `chain`.
     attachments
         Content by name; carried inside every segment.
     segment_ns
         How long a segment may become, ns.
+    signer
+        Signs each finished segment; None for no signatures.
     """
 
     directory: Path
     session: Session
     attachments: Mapping[str, bytes]
     segment_ns: int = 60 * moments.NS_PER_S
+    signer: Signer | None = None
 
 
 class FlightWriter:
@@ -84,7 +90,12 @@ class FlightWriter:
         self.finished: list[Path] = []
         self._dropped = status.dropped
         self._stored = 0
-        self._segment = self._open(plan.session.segment, at)
+        self._segment = self._open(plan.session.segment, at, plan.session.chain)
+
+    @property
+    def chain(self) -> str:
+        """Value of the chain after the last frame."""
+        return self._segment.chain
 
     @property
     def stored(self) -> int:
@@ -130,14 +141,16 @@ class FlightWriter:
         session = self._segment.session
         if at.monotonic_ns - session.started.monotonic_ns >= self._plan.segment_ns:
             self._close(NEXT_SEGMENT, at)
-            self._segment = self._open(session.segment + 1, at)
+            self._segment = self._open(session.segment + 1, at, self.chain)
 
-    def _open(self, segment: int, at: ClockReading) -> SegmentWriter:
-        session = replace(self._plan.session, segment=segment, started=at)
+    def _open(self, segment: int, at: ClockReading, chain: str) -> SegmentWriter:
+        session = replace(self._plan.session, segment=segment, started=at, chain=chain)
         path = segment_path(self._plan.directory, session.recording, segment)
-        if path.exists():
-            raise FlightNotWrittenError(path, reason="exists already; give the recording another name")
-        return SegmentWriter(path, session=session, status=self._status, attachments=self._plan.attachments)
+        refuse_existing(path)
+        plan = self._plan
+        return SegmentWriter(
+            path, session=session, status=self._status, attachments=plan.attachments, signer=plan.signer
+        )
 
     def _close(self, reason: str, at: ClockReading) -> None:
         self.finished.append(self._segment.finish(reason, dropped=self._dropped, at=at))

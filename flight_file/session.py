@@ -19,6 +19,7 @@ END_RECORD = "end"
 
 DIGEST_KEY = "sha256"
 _VERSION_PREFIX = "version."
+_LOST_BEFORE_KEY = "recovered_lost_before"
 UNKNOWN_TIME = ClockReading(realtime_ns=0, monotonic_ns=0)
 
 
@@ -42,6 +43,8 @@ class Session:
         Empty where unknown when the segment was opened.
     versions
         Version by name of software.
+    chain
+        Value that the chain goes on from (see `chain`); empty in a file without a chain.
     """
 
     recording: str
@@ -54,6 +57,7 @@ class Session:
     camera_model: str = ""
     camera_serial: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
+    chain: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +74,21 @@ class EndRecord:
         Frames of the recording that were taken but not stored, up to here.
     ended
         The clocks when it was written.
+    chain
+        Value of the chain after the last frame; empty in a file without a chain.
+    recovered
+        Whether the segment was put together again after a power cut or damage, so that frames may be lost at its end.
+    lost_before
+        Sequence numbers of frames before which a recovery found something lost.
     """
 
     reason: str
     frames: int
     dropped: int
     ended: ClockReading
+    chain: str = ""
+    recovered: bool = False
+    lost_before: tuple[int, ...] = ()
 
 
 def sealed(items: Mapping[str, str]) -> dict[str, str]:
@@ -106,6 +119,7 @@ def session_to_metadata(session: Session) -> dict[str, str]:
         "camera_driver": session.camera_driver,
         "camera_model": session.camera_model,
         "camera_serial": session.camera_serial,
+        "chain": session.chain,
     }
     versions = {_VERSION_PREFIX + name: version for name, version in sorted(session.versions.items())}
     return sealed({**items, **versions})
@@ -126,20 +140,22 @@ def session_from_metadata(record: Mapping[str, str]) -> Session:
         versions={
             key.removeprefix(_VERSION_PREFIX): value for key, value in record.items() if key.startswith(_VERSION_PREFIX)
         },
+        chain=record.get("chain", ""),
     )
 
 
 def end_to_metadata(end: EndRecord) -> dict[str, str]:
     """The `end` record."""
-    return sealed(
-        {
-            "reason": end.reason,
-            "frames": str(end.frames),
-            "dropped": str(end.dropped),
-            "ended_realtime_ns": str(end.ended.realtime_ns),
-            "ended_monotonic_ns": str(end.ended.monotonic_ns),
-        }
-    )
+    items = {
+        "reason": end.reason,
+        "frames": str(end.frames),
+        "dropped": str(end.dropped),
+        "ended_realtime_ns": str(end.ended.realtime_ns),
+        "ended_monotonic_ns": str(end.ended.monotonic_ns),
+        "chain": end.chain,
+    }
+    recovery = {_LOST_BEFORE_KEY: ",".join(map(str, end.lost_before))} if end.recovered else {}
+    return sealed({**items, **recovery})
 
 
 def end_from_metadata(record: Mapping[str, str]) -> EndRecord:
@@ -149,4 +165,7 @@ def end_from_metadata(record: Mapping[str, str]) -> EndRecord:
         frames=int(record["frames"]),
         dropped=int(record["dropped"]),
         ended=ClockReading(int(record["ended_realtime_ns"]), int(record["ended_monotonic_ns"])),
+        chain=record.get("chain", ""),
+        recovered=_LOST_BEFORE_KEY in record,
+        lost_before=tuple(int(number) for number in record.get(_LOST_BEFORE_KEY, "").split(",") if number),
     )

@@ -117,6 +117,7 @@ _FRAME_SCHEMA = _schema(
         "height_px": _number("height of the picture, px, before any EXIF orientation", kind="integer"),
         "size_bytes": _number("size of the JPEG, bytes", kind="integer"),
         "sha256": _text("SHA-256 of the JPEG, hexadecimal"),
+        "chain": _text("SHA-256 over the chain value before and this record up to here, hexadecimal; the last member"),
     },
 )
 

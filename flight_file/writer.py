@@ -17,42 +17,33 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from importlib.metadata import version
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, cast
 
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 
 from flight_file import codec, moments
-from flight_file.durable_file import DurableFile, rename_durably, sync_directory
+from flight_file.chain import first_value, sealed_frame, start_of_segment
+from flight_file.durable_file import DurableFile, refuse_existing, rename_durably, sync_directory
 from flight_file.frame import ClockReading, Frame
+from flight_file.packing import packed_head, registered_topics
 from flight_file.reports import CameraStatus, Health, LogLine
 from flight_file.session import (
-    ATTACHMENTS_RECORD,
+    DIGEST_KEY,
     END_RECORD,
-    SESSION_RECORD,
     EndRecord,
     Session,
     end_to_metadata,
     sealed,
     session_to_metadata,
 )
-from flight_file.topics import FRAME_TOPIC, HEALTH_TOPIC, IMAGE_TOPIC, LOG_TOPIC, PROFILE, STATUS_TOPIC, TOPICS
+from flight_file.signature import Signer, write_signature
+from flight_file.topics import FRAME_TOPIC, HEALTH_TOPIC, IMAGE_TOPIC, LOG_TOPIC, STATUS_TOPIC
 
 PART_SUFFIX = ".part"
 CHUNK_BYTES = 64 * 1024
 SYNC_NS = 1 * moments.NS_PER_S
 SYNC_BYTES = 32 * 1024 * 1024  # at most this much is lost to a power cut, whatever the clock says
-LIBRARY = f"image-flight-recorder/{version('image-flight-recorder')}"
-
-_NEVER_CLOSE_A_CHUNK = 2**62
-_MEDIA_TYPES = {
-    ".yaml": "application/yaml",
-    ".yml": "application/yaml",
-    ".jpg": "image/jpeg",
-    ".jpeg": "image/jpeg",
-    ".png": "image/png",
-}
 
 
 class SegmentWriter:
@@ -63,11 +54,19 @@ class SegmentWriter:
     path
         Final path, `....mcap`; the file is written beside it with `.part` appended.
     session
-        What the segment says about itself; its `started` anchors the log times.
+        What the segment says about itself; its `started` anchors the log times. If it names no `chain` to go on from,
+        the segment is the first of its recording.
     status
         The camera's state at this moment.
     attachments
         Content by name.
+    signer
+        Signs the finished file, into a file of its own beside it; None for no signature.
+
+    Attributes
+    ----------
+    chain
+        Value of the chain after the last frame; what the next segment goes on from.
 
     Raises
     ------
@@ -75,17 +74,27 @@ class SegmentWriter:
         From the constructor and from every method but `abandon`. Call `abandon` then: what was synced stays readable.
     """
 
-    def __init__(self, path: Path, *, session: Session, status: CameraStatus, attachments: Mapping[str, bytes]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        session: Session,
+        status: CameraStatus,
+        attachments: Mapping[str, bytes],
+        signer: Signer | None = None,
+    ) -> None:
         self.path = path
-        self.session = session
+        self.session = replace(session, chain=session.chain or first_value(session))
+        self.chain = self.session.chain
         self.frames = 0
         self._last_log_ns = 0
         self._chunk_bytes = 0
         self._synced_at_ns = session.started.monotonic_ns
-        self._file = DurableFile(path.with_name(path.name + PART_SUFFIX))
+        self._signer = signer
+        self._file = DurableFile(path.with_name(path.name + PART_SUFFIX), digested=signer is not None)
         try:
             self._writer = self._start(attachments)
-            self._channels = self._register()
+            self._channels = registered_topics(self._writer)
             self.write_status(status, session.started)
             self.sync(session.started)
             sync_directory(path.parent)
@@ -94,29 +103,16 @@ class SegmentWriter:
             raise
 
     def _start(self, attachments: Mapping[str, bytes]) -> Writer:
-        writer = Writer(
-            cast("IO[bytes]", self._file),
-            chunk_size=_NEVER_CLOSE_A_CHUNK,
-            compression=CompressionType.NONE,
-            enable_crcs=True,
-            enable_data_crcs=True,
+        session = session_to_metadata(self.session)
+        digests = sealed({name: hashlib.sha256(content).hexdigest() for name, content in attachments.items()})
+        self.chain = start_of_segment(self.session.chain, session[DIGEST_KEY], digests[DIGEST_KEY])
+        return packed_head(
+            self._file,
+            session=session,
+            attachment_digests=digests,
+            attachments=attachments,
+            log_ns=moments.storable(self.session.started.realtime_ns),
         )
-        writer.start(profile=PROFILE, library=LIBRARY)
-        writer.add_metadata(SESSION_RECORD, session_to_metadata(self.session))
-        digests = {name: hashlib.sha256(content).hexdigest() for name, content in attachments.items()}
-        writer.add_metadata(ATTACHMENTS_RECORD, sealed(digests))
-        log_ns = moments.storable(self.session.started.realtime_ns)
-        for name, content in attachments.items():
-            media_type = _MEDIA_TYPES.get(Path(name).suffix.lower(), "application/octet-stream")
-            writer.add_attachment(create_time=0, log_time=log_ns, name=name, media_type=media_type, data=content)
-        return writer
-
-    def _register(self) -> dict[str, int]:
-        channels = {}
-        for topic in TOPICS:
-            schema_id = self._writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema)
-            channels[topic.name] = self._writer.register_channel(topic.name, topic.message_encoding, schema_id)
-        return channels
 
     @property
     def written_bytes(self) -> int:
@@ -136,7 +132,8 @@ class SegmentWriter:
         log_ns = self._log_time(at)
         publish_ns = moments.storable(frame.captured_ns)
         number = frame.sequence & 0xFFFFFFFF
-        self._add(FRAME_TOPIC, codec.encode_frame(frame), log_ns, publish_ns, number)
+        record, self.chain = sealed_frame(codec.encode_frame(frame), self.chain)
+        self._add(FRAME_TOPIC, record, log_ns, publish_ns, number)
         self._add(IMAGE_TOPIC, codec.encode_image(frame), log_ns, publish_ns, number)
         self.frames += 1
         if self._chunk_bytes >= CHUNK_BYTES:
@@ -181,12 +178,15 @@ class SegmentWriter:
             The finished file.
         """
         self._close_chunk()
-        end = EndRecord(reason=reason, frames=self.frames, dropped=dropped, ended=at)
+        end = EndRecord(reason=reason, frames=self.frames, dropped=dropped, ended=at, chain=self.chain)
         self._writer.add_metadata(END_RECORD, end_to_metadata(end))
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.sync()
-        self._file.close()
+        if self._signer is not None:
+            refuse_existing(self.path)
+            write_signature(self.path, self._file.sha256, self._signer)
         rename_durably(self._file.path, self.path)
+        self._file.close()  # only now: closing gives up the lock that keeps others from recovering the file in work
         return self.path
 
     def abandon(self) -> None:
