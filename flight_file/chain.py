@@ -5,11 +5,11 @@ recorded:
 
     link(before, content) = SHA-256(the digits of `before` as ASCII, then `content`)
 
-| value                | before                    | content                                                            |
-| -------------------- | ------------------------- | ------------------------------------------------------------------ |
-| first of a recording | none                      | `flight chain 1` and the recording's identity, see `first_value`   |
-| start of a segment   | end of the segment before | digits of the digests of its `session` and `attachments` records   |
-| after a frame        | after the frame before    | the frame's record up to its last member, `chain`                  |
+| value                | before                    | content                                                         |
+| -------------------- | ------------------------- | --------------------------------------------------------------- |
+| first of a recording | nothing                   | `flight chain 1` and the recording's identity: `first_value`    |
+| start of a segment   | end of the segment before | digits of the digests of its `session`, `attachments` records   |
+| after a frame        | after the frame before    | the frame's record up to its last member, `chain`               |
 
 The content of a frame is the bytes that stand in the file: nobody has to agree on how JSON is written. It holds the
 SHA-256 of the picture, the sequence number, all times and the EXIF, so all of these are chained.

@@ -81,6 +81,14 @@ def decode_frame(data: memoryview) -> Frame:
         raise MalformedMessageError("a frame's record is not what /camera/frame promises") from error
 
 
+def decode_dropped(data: memoryview) -> int:
+    """How many frames a camera status or health report says were not stored so far; raises MalformedMessageError."""
+    try:
+        return _typed(json.loads(bytes(data))["dropped"], int)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise MalformedMessageError("a report is not what its topic promises") from error
+
+
 def _frame(document: dict[str, Any]) -> Frame:
     exif = document["exif"]
     return Frame(

@@ -5,6 +5,7 @@
     ├── NotAFlightError            not MCAP, empty, or cut before anything was recorded
     ├── MixedFlightsError          the files given are not the segments of one recording
     ├── FlightNotWrittenError      no permission, disk full, or the name is taken
+    ├── NothingToRecoverError      a damaged file in which no recorded byte is left
     └── KeyFileError               a file that should hold a key does not, or cannot be made
 
 Each message is one sentence that says what to do. Damage *inside* a file is no error: it is a `Loss` that the reader
@@ -43,6 +44,10 @@ class MixedFlightsError(FlightFileError):
 
 class FlightNotWrittenError(_PathError):
     """The operating system does not let us write the file; what was synced before stays."""
+
+
+class NothingToRecoverError(_PathError):
+    """The file began as a flight, but nothing that was recorded is left in it."""
 
 
 class KeyFileError(_PathError):

@@ -24,6 +24,7 @@ from flight_file.session import (
     Session,
     end_from_metadata,
     is_sound,
+    sealed,
     session_from_metadata,
 )
 from flight_file.topics import PROFILE
@@ -120,6 +121,14 @@ def _start_of_chain(scan: FileScan, session: Session) -> str:
     if not session.chain or not all(map(is_sound, records)):
         return ""
     return start_of_segment(session.chain, *(record[DIGEST_KEY] for record in records))
+
+
+def attachment_digests(scan: FileScan, attachments: Mapping[str, bytes]) -> dict[str, str]:
+    """The record that lists the attachments: as it stands in the file or, where it is damaged, as it must be now."""
+    stated = scan.metadata.get(ATTACHMENTS_RECORD, {})
+    if is_sound(stated):
+        return stated
+    return sealed({name: hashlib.sha256(content).hexdigest() for name, content in attachments.items()})
 
 
 def digest_of(source: ByteSource) -> str:

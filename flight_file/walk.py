@@ -59,12 +59,13 @@ def items_of(
         if isinstance(record, Channel):
             channels[record.id] = record.topic
         else:
-            item = _decoded(record, channels)
+            item = decoded(record, channels)
             if item is not None:
                 yield item
 
 
-def _decoded(message: Message, channels: Mapping[int, str]) -> Frame | Image | None:
+def decoded(message: Message, channels: Mapping[int, str]) -> Frame | Image | None:
+    """What a message says, if it is half of a frame; raises MalformedMessageError."""
     topic = channels.get(message.channel_id)
     if topic == IMAGE_TOPIC:
         return decode_image(message.data)
