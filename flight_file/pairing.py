@@ -17,11 +17,12 @@ from flight_file.frame import Frame
 
 @dataclass(frozen=True, slots=True)
 class Unpaired:
-    """A frame that cannot be delivered: why, and the chunk it came in (offset and length, bytes)."""
+    """A frame that cannot be delivered: why, the chunk it came in (offset and length, bytes), its record if known."""
 
     reason: str
     offset: int
     length: int
+    frame: Frame | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,11 @@ class Pairing:
         late = [waiting for waiting in self._waiting if waiting.round < self._round]
         self._waiting = [waiting for waiting in self._waiting if waiting.round == self._round]
         self._round += 1
-        return [Unpaired(_why(waiting.item), waiting.offset, waiting.length) for waiting in late]
+        return [
+            Unpaired(_why(item), waiting.offset, waiting.length, item if isinstance(item, Frame) else None)
+            for waiting in late
+            for item in (waiting.item,)
+        ]
 
     def end_file(self) -> list[Unpaired]:
         """The file is done; gives all that still waits."""
@@ -71,7 +76,7 @@ def _paired(one: Frame | Image, two: Frame | Image, offset: int, length: int) ->
     if isinstance(one, Image) or isinstance(two, Frame):
         return _paired(two, one, offset, length)
     reason = f"the picture of frame {one.sequence} does not fit its SHA-256"
-    return joined(one, two) or Unpaired(reason, offset, length)
+    return joined(one, two) or Unpaired(reason, offset, length, one)
 
 
 def _why(item: Frame | Image) -> str:

@@ -38,6 +38,7 @@ from flight_file.walk import walk
 from flight_file.writer import PART_SUFFIX
 
 _ASIDE_SUFFIX = ".recovering"
+_NOTHING = "nothing that was recorded is left in it; delete it"
 
 
 class Outcome(Enum):
@@ -147,6 +148,8 @@ class _Recovery:
         return Recovery(self._path, target, Outcome.RECOVERED, repacked.frames, repacked.losses)
 
     def _repack_into(self, aside: Path) -> Repacked:
+        if not self._segment.chunks:
+            raise NothingToRecoverError(self._path, reason=_NOTHING)
         _remove(aside)
         file = DurableFile(aside, digested=True)
         try:
@@ -156,7 +159,7 @@ class _Recovery:
         finally:
             file.close()
         if not repacked.chunks:
-            raise NothingToRecoverError(self._path, reason="nothing that was recorded is left in it; delete it")
+            raise NothingToRecoverError(self._path, reason=_NOTHING)
         _inherit_owner(aside, self._path)
         if _count_frames(aside) != repacked.frames:
             raise FlightNotWrittenError(aside, reason="does not read back as it was written; check the disk")

@@ -14,6 +14,10 @@ import click
 COMMANDS = {
     "run": ("recorder.command_run", "Record until told to stop, or until a replay is over."),
     "info": ("recorder.command_info", "Say what is in a flight, and whether all of it is there."),
+    "recover": ("recorder.command_recover", "Repair what a power cut left behind."),
+    "verify": ("recorder.command_verify", "Check CRCs, digests, chain and signatures; name the first misfit."),
+    "mark": ("recorder.command_mark", "Keep the newest segment, and the one before, whatever the disk has room for."),
+    "keygen": ("recorder.command_keygen", "Make a key to sign recordings with."),
 }
 
 

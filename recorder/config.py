@@ -78,12 +78,19 @@ class AttachSettings(_Model):
     camera: AnchoredPath | None = None
 
 
+class EvidenceSettings(_Model):
+    """The private key that signs each finished segment, made by `recorder keygen`; without one nothing is signed."""
+
+    key: AnchoredPath | None = None
+
+
 class RecorderConfig(_Model):
     """All of recorder.yaml."""
 
     camera: Annotated[ReplaySettings | Qx10Settings, Field(discriminator="driver")]
     storage: StorageSettings
     attach: AttachSettings = AttachSettings()
+    evidence: EvidenceSettings = EvidenceSettings()
 
 
 def parse_config(document: Any, *, base: Path | None = None, name: str = "configuration") -> RecorderConfig:  # noqa: ANN401

@@ -1,7 +1,9 @@
 """What can be expected to go wrong with the recorder itself.
 
     RecorderError
-    └── ConfigurationError       recorder.yaml, or a file it names, is not as it should be
+    ├── ConfigurationError       recorder.yaml, or a file it names, is not as it should be
+    ├── NothingToMarkError       no segment is where one should be marked
+    └── NotMarkedError           the marks cannot be written
 
 Beside these there are flight_file.errors.FlightFileError (the disk) and camera_drivers.errors.CameraError (the
 camera). Each message is one sentence that says what to do.
@@ -16,3 +18,11 @@ class RecorderError(Exception):
 
 class ConfigurationError(RecorderError):
     """The configuration is wrong; starting again does not help."""
+
+
+class NothingToMarkError(RecorderError):
+    """There is no segment to mark."""
+
+
+class NotMarkedError(RecorderError):
+    """The operating system does not let us mark a segment."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from flight_file.signature import signature_path
 from recorder.info import FlightInfo, Range, gaps
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_LATEST_NS = 253_402_300_799 * 10**9  # the end of the year 9999, where datetime ends
+from recorder.marks import is_marked
+from recorder.utc import utc_text
 
 
 def as_json(info: FlightInfo) -> dict[str, Any]:
@@ -23,11 +22,14 @@ def as_json(info: FlightInfo) -> dict[str, Any]:
                 "size_bytes": segment.size_bytes,
                 "finished": segment.finished,
                 "end_reason": segment.end.reason if segment.end else None,
+                "chained": bool(segment.session.chain),
+                "signed": signature_path(segment.path).exists(),
+                "marked": is_marked(segment.path),
             }
             for segment in flight.segments
         ],
-        "start_utc": _utc(facts.captured_ns.least),
-        "end_utc": _utc(facts.captured_ns.most),
+        "start_utc": utc_text(facts.captured_ns.least),
+        "end_utc": utc_text(facts.captured_ns.most),
         "duration_s": facts.duration_s,
         "frames": facts.frames,
         "rate_hz": facts.rate_hz,
@@ -74,9 +76,15 @@ def as_text(info: FlightInfo) -> str:
         ("pictures", ", ".join(f"{width}x{height}" for width, height in facts["picture_sizes_px"])),
         ("JPEG size", _span(facts["jpeg_bytes"], "bytes")),
         ("attachments", ", ".join(facts["attachments"])),
+        ("evidence", ", ".join(_evidence(facts["files"]))),
     ]
     lines = [f"{name + ':':<13}{value or 'not known'}" for name, value in rows]
     return "\n".join(lines + _loss_lines(info))
+
+
+def _evidence(files: list[dict[str, Any]]) -> list[str]:
+    # Whether chain and signatures fit is what `recorder verify` says.
+    return [f"{word} {sum(file[word] for file in files)} of {len(files)}" for word in ("chained", "signed", "marked")]
 
 
 def _loss_lines(info: FlightInfo) -> list[str]:
@@ -98,9 +106,3 @@ def _span(pair: list[float] | None, unit: str) -> str:
         return ""
     least, most = pair
     return f"{least:g} {unit}" if least == most else f"{least:g} to {most:g} {unit}"
-
-
-def _utc(time_ns: float | None) -> str | None:
-    if time_ns is None or not 0 <= time_ns <= _LATEST_NS:
-        return None
-    return (_EPOCH + timedelta(microseconds=int(time_ns) // 1000)).isoformat().replace("+00:00", "Z")

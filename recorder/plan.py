@@ -11,6 +11,7 @@ from flight_file.segments import Plan, free_recording_name
 from flight_file.session import Session
 from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
+from recorder.evidence import configured_signer
 from recorder.host import Host
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -37,6 +38,8 @@ def plan_recording(
     ------
     FlightNotWrittenError
         The directory cannot be made or listed.
+    ConfigurationError
+        The key to sign with cannot be used.
     """
     at = wiring.clock.read()
     directory = config.storage.directory
@@ -58,7 +61,13 @@ def plan_recording(
         versions=host.versions,
     )
     carried = {} if config.attach.panel or config.attach.camera else wiring.attachments
-    return Plan(directory, session, {**carried, **attachments}, round(config.storage.segment_s * 1e9))
+    return Plan(
+        directory=directory,
+        session=session,
+        attachments={**carried, **attachments},
+        segment_ns=round(config.storage.segment_s * 1e9),
+        signer=configured_signer(config.evidence),
+    )
 
 
 def clock_name(wiring: Wiring) -> str:
