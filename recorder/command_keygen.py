@@ -22,8 +22,8 @@ Then, in recorder.yaml:
 def keygen(file: Path) -> None:
     """Make an Ed25519 key to sign recordings with: the private key in FILE, the public one in FILE.pub.
 
-    Only its owner may read FILE. Take FILE.pub off the box at once, by a way that you trust: it is what `recorder verify
-    --public-key` is given. An existing key is never replaced.
+    Only its owner may read FILE. Take FILE.pub off the box at once, by a way that you trust: `recorder verify` is given
+    it. An existing key is never replaced.
     """
     from flight_file.keys import make_key_files  # noqa: PLC0415 - the other commands do not pay for it
 
