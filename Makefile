@@ -5,7 +5,7 @@ READY := .venv/.ready
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench fixtures refs docs lock clean
+.PHONY: help demo test lint format bench kills fixtures refs docs lock clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -39,6 +39,9 @@ format: $(READY)  ## Put the code in the house style
 
 bench: $(READY)  ## Measure accuracy and speed beside the thesis's tables
 	$(BIN)/python -m benchmarks
+
+kills: $(READY)  ## Kill the recorder 200 times and look for what is lost
+	$(BIN)/python -m benchmarks.kills
 
 fixtures: $(READY)  ## Render the cockpit animation and record its flights
 	$(BIN)/python -m fixtures.make

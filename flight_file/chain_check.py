@@ -86,10 +86,11 @@ class ChainCheck:
         missing = session.segment - before.session.segment - 1
         if missing:
             self._expected = None
-            which = _numbers("segment", before.session.segment + 1, session.segment - 1)
-            self._find(FindingKind.MISSING_SEGMENT, segment, f"{which} before it not given")
+            reason = _which("segment", before.session.segment + 1, session.segment - 1, "not given")
+            self._find(FindingKind.MISSING_SEGMENT, segment, reason)
         elif self._value is not None and segment.start_of_chain and session.chain != self._value:
             cut = before.end is None or before.end.recovered
+            self._expected = None
             kind = FindingKind.RECOVERED if cut else FindingKind.CHANGED_SEGMENT
             reason = (
                 "frames between it and the segment before, which was cut off, are lost"
@@ -103,8 +104,8 @@ class ChainCheck:
     def _check_beginning(self, segment: Segment) -> None:
         session = segment.session
         if session.segment:
-            which = _numbers("segment", 0, session.segment - 1)
-            self._find(FindingKind.MISSING_SEGMENT, segment, f"{which} before it not given")
+            reason = _which("segment", 0, session.segment - 1, "not given")
+            self._find(FindingKind.MISSING_SEGMENT, segment, reason)
         elif session.chain and session.chain != first_value(session):
             reason = "its chain does not begin with its recording's name, start and machine"
             self._find(FindingKind.CHANGED_SEGMENT, segment, reason)
@@ -141,9 +142,8 @@ class ChainCheck:
     def _note_drops(self, segment: Segment, record: Record) -> None:
         sequence = record.frame.sequence
         if self._expected is not None and sequence > self._expected and not self._excused:
-            why = "were never stored: the chain goes on without a break" if record.stated else "are not there"
-            which = _numbers("frame", self._expected, sequence - 1, verb=False)
-            self._find(FindingKind.DROPPED, segment, f"{which} {why}", record)
+            why = "never stored: the chain goes on without a break" if record.stated else "not stored, or removed later"
+            self._find(FindingKind.DROPPED, segment, _which("frame", self._expected, sequence - 1, why), record)
 
     def _find_break(self, segment: Segment, record: Record) -> None:
         sequence, expected = record.frame.sequence, self._expected
@@ -151,9 +151,9 @@ class ChainCheck:
             reason = "what was recorded before it was damaged and could not be recovered"
             self._find(FindingKind.RECOVERED, segment, reason, record)
         elif expected is not None and sequence > expected:
-            which = _numbers("frame", expected, sequence - 1)
+            reason = _which("frame", expected, sequence - 1, "removed before it")
             self._removed |= dict.fromkeys(range(expected, min(sequence, expected + 1000)), len(self.findings))
-            self._find(FindingKind.REMOVED, segment, f"{which} removed before it", record)
+            self._find(FindingKind.REMOVED, segment, reason, record)
         elif expected is not None and sequence < expected:
             self._find_disorder(segment, record)
         else:
@@ -204,7 +204,5 @@ class ChainCheck:
         self._value = end.chain or None
 
 
-def _numbers(word: str, first: int, last: int, *, verb: bool = True) -> str:
-    if first == last:
-        return f"{word} {first}" + (" was" if verb else "")
-    return f"{word}s {first} to {last}" + (" were" if verb else "")
+def _which(word: str, first: int, last: int, what: str) -> str:
+    return f"{word} {first} was {what}" if first == last else f"{word}s {first} to {last} were {what}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -264,8 +264,7 @@ def test_memory_does_not_grow_with_the_file(
 
 
 @pytest.fixture(autouse=True)
-def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     """Thousands of files are recovered here; that the disk is waited for shows elsewhere."""
     monkeypatch.setattr(os, "fdatasync", lambda _descriptor: None)
     monkeypatch.setattr(os, "fsync", lambda _descriptor: None)
-    yield
