@@ -56,7 +56,14 @@ def test_panel_example_is_a_panel() -> None:
     assert parse_panel(example).gauges[0].needles[0].covered_by == "fuel_fr_lb"
 
 
-@pytest.mark.parametrize("words", [["recorder", "run"], ["recorder", "info"], ["decode"], ["decode", "accuracy"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["recorder", command] for command in ("run", "info", "recover", "verify", "mark")),
+        ["decode"],
+        ["decode", "accuracy"],
+    ],
+)
 def test_commands_of_the_readme_exist(words: list[str]) -> None:
     """Every command that the README shows answers --help with examples."""
     program = Path(sys.executable).parent / words[0]
