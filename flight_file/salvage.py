@@ -137,7 +137,8 @@ class _Recovery:
         try:
             repacked = self._repack_into(aside)
             # A name that holds these frames already is left from a recovery that was itself cut off.
-            target = next(name for name in _names(wanted) if not name.exists() or _same_frames(name, aside))
+            names = (name for name in _names(wanted) if name != self._path)
+            target = next(name for name in names if not name.exists() or _same_frames(name, aside))
             if not target.exists():
                 if self._signer is not None:
                     write_signature(target, repacked.sha256, self._signer)

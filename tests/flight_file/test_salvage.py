@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from flight_file.chunks import ChunkPlace
 from flight_file.durable_file import DurableFile
 from flight_file.errors import FlightNotWrittenError, NotAFlightError, NothingToRecoverError
 from flight_file.frame import ClockReading, Frame
+from flight_file.keys import load_signer, make_key_files
 from flight_file.losses import LossKind
 from flight_file.reader import open_flight
 from flight_file.reports import CameraStatus
@@ -22,6 +24,7 @@ from flight_file.salvage import Outcome, Recovery, recover_segment
 from flight_file.scan import scan_file
 from flight_file.segment import opened
 from flight_file.session import EndRecord, Session
+from flight_file.verification import Verdict, verify
 from flight_file.writer import SegmentWriter
 
 AT = ClockReading(1_800_000_000_000_000_000, 7)
@@ -194,6 +197,46 @@ def test_damaged_finished_file_is_kept_beside_the_new_one(flight: Path, frames: 
     assert again[0].frames == 5
     assert flight.read_bytes() == data
     assert {path.name for path in flight.parent.iterdir()} == {"flight_0000.mcap", "flight_0000.recovered.mcap"}
+
+
+def test_damaged_recovered_file_is_recovered_into_another(flight: Path, frames: list[Frame]) -> None:
+    """A file that came out of a recovery can go bad too."""
+    data = bytearray(flight.read_bytes())
+    data[data.index(frames[4].jpeg)] ^= 1
+    bad = flight.with_name("flight_0000.recovered.mcap")
+    bad.write_bytes(data)
+    recovery = recover_segment(bad, at=AT)
+
+    assert recovery.path.name == "flight_0000.recovered-2.mcap"
+    assert bad.read_bytes() == data
+    assert open_flight([recovery.path]).recording == "flight"
+
+
+def test_frame_that_does_not_fit_its_digest_is_left_out(flight: Path, frames: list[Frame]) -> None:
+    """A chunk may be whole and a frame in it not: its record and its picture stay behind, the other frames do not."""
+    data = bytearray(flight.read_bytes())
+    place = chunks(flight)[3]
+    head = place.offset + 9
+    data[data.index(frames[2].jpeg)] ^= 1
+    records = bytes(data[head + 40 : place.offset + place.length])
+    data[head + 24 : head + 28] = zlib.crc32(records).to_bytes(4, "little")
+    flight.write_bytes(data)
+    recovery = recover_segment(flight, at=AT)
+    flight_again = open_flight([recovery.path])
+
+    assert [frame.sequence for frame in flight_again.frames()] == [0, 1, 3, 4, 5]
+    assert {loss.kind for loss in flight_again.losses} == {LossKind.GAP}
+    assert [loss.reason for loss in recovery.losses] == ["1 frame(s) of a chunk are not whole"]
+
+
+def test_whole_file_in_work_is_signed_too(flight: Path, tmp_path: Path) -> None:
+    """Killed before its signature was there: it gets one with its name."""
+    make_key_files(tmp_path / "key")
+    signer = load_signer(tmp_path / "key")
+    part = flight.rename(flight.with_name(flight.name + ".part"))
+    recover_segment(part, at=AT, signer=signer)
+
+    assert verify([flight], public_key=signer.public_key)[0].verdict is Verdict.FITS
 
 
 def test_whole_file_is_left_alone(flight: Path) -> None:

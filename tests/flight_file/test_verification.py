@@ -390,6 +390,22 @@ def test_flight_without_a_chain_says_so(tmp_path: Path, frames: list[Frame], fli
     assert tmp_path.exists()
 
 
+def test_segment_without_a_chain_after_one_with_is_found(segments: list[Path]) -> None:
+    """One segment of a recording cannot pass as an old one."""
+
+    def strip(forgery: Forgery) -> None:
+        for sequence in (2, 3):
+            index = forgery.places(sequence)[0]
+            forgery.change(index, opened_frame(forgery.messages[index][1])[0] + b"}")
+        for record in ("session", "end"):
+            forgery.metadata[record].pop("chain")
+            forgery.seal(record)
+
+    forge(segments[1], strip)
+
+    assert fault(*segments).path == segments[1]
+
+
 def test_cut_file_fits_as_far_as_it_goes(flight: Path) -> None:
     """What a power cut left fits up to the cut, before and after it was recovered."""
     part = flight.with_name(flight.name + ".part")
