@@ -37,6 +37,10 @@ def _json_bytes(document: dict[str, Any]) -> bytes:
     return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
+def _time_or_none(time_ns: int | None) -> dict[str, int] | None:
+    return None if time_ns is None else moments.to_json(time_ns)
+
+
 def encode_image(frame: Frame) -> bytes:
     """The picture as foxglove.CompressedImage."""
     message = CompressedImage(data=frame.jpeg, format=IMAGE_FORMAT, frame_id=FRAME_ID)
@@ -61,6 +65,7 @@ def encode_frame(frame: Frame) -> bytes:
         {
             "sequence": frame.sequence,
             "captured": moments.to_json(frame.captured_ns),
+            "captured_sigma": _time_or_none(frame.captured_sigma_ns),
             "times": moments.host_times_to_json(frame.times),
             "exif": {name: value for name, value in exif.items() if value is not None},
             "zoom_position": frame.zoom_position,
@@ -107,6 +112,7 @@ def _frame(document: dict[str, Any]) -> Frame:
         width_px=_optional(document.get("width_px"), int),
         height_px=_optional(document.get("height_px"), int),
         zoom_position=_real(document.get("zoom_position")),
+        captured_sigma_ns=_optional_time(document.get("captured_sigma")),
     )
 
 
@@ -118,6 +124,10 @@ def _typed(value: object, kind: type[T]) -> T:
 
 def _optional(value: object, kind: type[T]) -> T | None:
     return None if value is None else _typed(value, kind)
+
+
+def _optional_time(value: object) -> int | None:
+    return None if value is None else moments.from_json(value)
 
 
 def _real(value: object) -> float | None:
@@ -133,6 +143,8 @@ def encode_status(status: CameraStatus, at: ClockReading) -> bytes:
             "reason": status.reason,
             "dropped": status.dropped,
             "sequence": status.sequence,
+            "camera_clock_offset": _time_or_none(status.camera_clock_offset_ns),
+            "camera_clock_sigma": _time_or_none(status.camera_clock_sigma_ns),
         }
     )
 

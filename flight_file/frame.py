@@ -51,6 +51,8 @@ class Frame:
         Counts the frames of one recording from 0; a gap is a frame that was taken but not stored.
     captured_ns
         Best estimate of mid-exposure, realtime.
+    captured_sigma_ns
+        Its standard deviation; None where nobody can say.
     jpeg
         The picture, byte for byte as the camera sent it.
     sha256
@@ -70,3 +72,4 @@ class Frame:
     width_px: int | None = None
     height_px: int | None = None
     zoom_position: float | None = None
+    captured_sigma_ns: int | None = None

@@ -29,12 +29,17 @@ class CameraStatus:
         Frames that were taken but not stored since the recording began.
     sequence
         The frame this is about, if it is about one.
+    camera_clock_offset_ns, camera_clock_sigma_ns
+        By how much the camera's clock, as it stands in EXIF, is ahead of UTC, and its standard deviation; None where
+        this is not about the clock.
     """
 
     state: str
     reason: str = ""
     dropped: int = 0
     sequence: int | None = None
+    camera_clock_offset_ns: int | None = None
+    camera_clock_sigma_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

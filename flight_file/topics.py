@@ -110,6 +110,7 @@ _FRAME_SCHEMA = _schema(
             "counts the frames of the recording from 0; a gap is a frame that was not stored", kind="integer"
         ),
         "captured": _time("best estimate of mid-exposure, UTC"),
+        "captured_sigma": _time("standard deviation of captured"),
         "times": _TIMES,
         "exif": _EXIF,
         "zoom_position": _number("the camera's zoom position, 0 (wide) to 100 (tele) percent"),
@@ -130,6 +131,8 @@ _STATUS_SCHEMA = _schema(
         "reason": _text("why, in words"),
         "dropped": _number("frames taken but not stored since the recording began", kind="integer"),
         "sequence": _number("the frame this is about", kind="integer"),
+        "camera_clock_offset": _time("the camera's clock, as it stands in EXIF, minus UTC; sec may be negative"),
+        "camera_clock_sigma": _time("standard deviation of camera_clock_offset"),
     },
 )
 

@@ -41,7 +41,13 @@ def frame_lists(draw: st.DrawFn) -> list[Frame]:
         times = HostTimes(draw(READINGS), draw(READINGS), draw(READINGS))
         digest = hashlib.sha256(jpeg).hexdigest()
         sizes = (draw(SIZES), draw(SIZES))
-        result.append(Frame(sequence, draw(TIMES), jpeg, digest, times, draw(EXIFS), *sizes, zoom_position=draw(REALS)))
+        result.append(
+            Frame(
+                *(sequence, draw(TIMES), jpeg, digest, times, draw(EXIFS), *sizes),
+                zoom_position=draw(REALS),
+                captured_sigma_ns=draw(st.none() | TIMES),
+            )
+        )
     return result
 
 
