@@ -1,6 +1,9 @@
 """What a camera, or what stands in for one, can do wrong.
 
-    CameraError
+    CameraError                  connecting again may help
+    ├── CameraNotFoundError      nothing that answers as a camera is there
+    ├── CameraSilentError        a call got no usable answer; it may have been carried out all the same
+    ├── CameraRefusedError       a call was answered with an error code
     └── CameraUnusableError      trying again does not help; a person has to do something
         └── ReplayError          the pictures or flight files cannot be replayed
 
@@ -12,6 +15,36 @@ from __future__ import annotations
 
 class CameraError(Exception):
     """Base of everything a camera driver raises on purpose."""
+
+
+class CameraNotFoundError(CameraError):
+    """There is no camera where it was looked for, or what is there is none."""
+
+
+class CameraSilentError(CameraError):
+    """A call got no usable answer.
+
+    Attributes
+    ----------
+    problem
+        What was wrong with it, in a few words without numbers.
+    delivered
+        Whether the camera may have got the call, and so may have carried it out.
+    """
+
+    def __init__(self, call: str, problem: str, *, delivered: bool) -> None:
+        super().__init__(f"{call}: {problem}; check that the camera is on and in reach.")
+        self.problem = problem
+        self.delivered = delivered
+
+
+class CameraRefusedError(CameraError):
+    """A call was answered with an error; only its code means anything."""
+
+    def __init__(self, call: str, code: int) -> None:
+        super().__init__(f"{call}: the camera refuses it (error {code}); look the code up in docs/qx10.md.")
+        self.call = call
+        self.code = code
 
 
 class CameraUnusableError(CameraError):

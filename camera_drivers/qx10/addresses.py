@@ -1,0 +1,42 @@
+"""Whose address a URL names. The camera's URLs are never trusted with that.
+
+After about a hundred pictures siblings of the camera were seen to name 0.0.0.0 as the host of a picture, others name an
+address that is not theirs. Whatever host an answer names, what is called is the address where the camera itself was
+found, with the port, path and query of the answer. So a wrong host costs no picture, and no stranger is ever called.
+"""
+
+from __future__ import annotations
+
+from urllib.parse import urlsplit, urlunsplit
+
+HTTP_PORT = 80
+
+
+class BadUrlError(ValueError):
+    """A text that is no http URL."""
+
+
+def host_of(url: str) -> str:
+    """The host of an http URL, in lower case and without port; raises BadUrlError."""
+    try:
+        parts = urlsplit(url)
+        host, _ = parts.hostname, parts.port
+    except ValueError as error:
+        raise BadUrlError(url) from error
+    if parts.scheme != "http" or not host:
+        raise BadUrlError(url)
+    return host
+
+
+def at_host(url: str, host: str) -> str:
+    """The same URL at another host; port, path and query stay as they are, a user's name goes.
+
+    Raises
+    ------
+    BadUrlError
+        It is no http URL.
+    """
+    host_of(url)
+    parts = urlsplit(url)
+    bracketed = f"[{host}]" if ":" in host else host
+    return urlunsplit(("http", f"{bracketed}:{parts.port or HTTP_PORT}", parts.path or "/", parts.query, ""))
