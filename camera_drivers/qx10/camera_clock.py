@@ -1,0 +1,109 @@
+"""The camera's clock: how far it is ahead of the box's, and whether somebody has set it.
+
+The camera has no call that reads its clock. What is known comes from setting it, and from the times in its pictures,
+which are whole seconds. Each tells that the offset lies within some interval; all of them together tell it better. An
+interval that has nothing in common with the rest means that a clock was set, the camera's or the box's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from camera_drivers.clock import Clock
+from camera_drivers.errors import CameraRefusedError, CameraSilentError
+from camera_drivers.qx10.notes import Notes
+from camera_drivers.qx10.remote_api import RemoteApi
+from camera_drivers.reporter import Reporter
+from flight_file.reports import CameraStatus
+
+STATE = "clock"
+
+_NS_PER_S = 1_000_000_000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """The offset lies between these, ns; camera minus box."""
+
+    low_ns: int
+    high_ns: int
+
+    @property
+    def middle_ns(self) -> int:
+        """The best guess."""
+        return (self.low_ns + self.high_ns) // 2
+
+    @property
+    def sigma_ns(self) -> int:
+        """Its standard deviation, if every place in the interval is as likely."""
+        return round((self.high_ns - self.low_ns) / math.sqrt(12))
+
+    def common(self, other: Interval) -> Interval | None:
+        """What lies in both; None if nothing does."""
+        low, high = max(self.low_ns, other.low_ns), min(self.high_ns, other.high_ns)
+        return Interval(low, high) if low <= high else None
+
+
+class CameraClock:
+    """Knows the offset of one camera's clock."""
+
+    def __init__(self, clock: Clock, reporter: Reporter) -> None:
+        self._clock = clock
+        self._reporter = reporter
+        self.offset: Interval | None = None
+
+    def set(self, api: RemoteApi, notes: Notes) -> None:
+        """Set the camera's clock to UTC.
+
+        Raises
+        ------
+        CameraSilentError
+            The camera cannot be reached any more.
+        """
+        before = self._clock.read()
+        second = before.realtime_ns // _NS_PER_S
+        text = f"{_EPOCH + timedelta(seconds=second):%Y-%m-%dT%H:%M:%SZ}"
+        setting = {"dateTime": text, "timeZoneOffsetMinute": 0, "dstOffsetMinute": 0}
+        try:
+            api.call("setCurrentTime", setting, service="system")
+        except CameraRefusedError as error:
+            notes.say_once(STATE, f"the camera does not let its clock be set (error {error.code})")
+            return
+        except CameraSilentError as error:
+            if not error.delivered:
+                raise
+            notes.say_once(STATE, f"whether the camera's clock was set is not known: {error.problem}")
+            return
+        after = self._clock.read()
+        took_ns = after.monotonic_ns - before.monotonic_ns
+        set_ns = second * _NS_PER_S
+        self.offset = Interval(set_ns - before.realtime_ns - took_ns, set_ns - before.realtime_ns)
+        self._report("the camera's clock was set", self.offset)
+
+    def compare(self, shown_ns: int, earliest_ns: int, latest_ns: int) -> None:
+        """Take notice of a time in a picture.
+
+        Parameters
+        ----------
+        shown_ns
+            The whole second that the picture shows, by the camera's clock.
+        earliest_ns, latest_ns
+            Between these the camera wrote it, by the box's clock, realtime.
+        """
+        seen = Interval(shown_ns - latest_ns, shown_ns + _NS_PER_S - earliest_ns)
+        if self.offset is None:
+            self.offset = seen
+            self._report("the camera's clock shows in its pictures", seen)
+            return
+        common = self.offset.common(seen)
+        if common is None:
+            self._report("a clock was set, the camera's or the box's", seen)
+        self.offset = common or seen
+
+    def _report(self, reason: str, offset: Interval) -> None:
+        self._reporter.report(
+            CameraStatus(STATE, reason, camera_clock_offset_ns=offset.middle_ns, camera_clock_sigma_ns=offset.sigma_ns)
+        )

@@ -1,0 +1,98 @@
+"""What the camera says about its state: the answers of `getEvent`, made into one picture of the whole.
+
+An answer is a row of objects, each with its `type`; some are rows of such objects; a null means nothing new. They are
+looked up by type, never by place, and whatever is not as documented is left out.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from camera_drivers.qx10.remote_api import RemoteApi
+
+EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that asked for more broke on it
+
+IDLE = "IDLE"
+ERROR = "Error"  # too hot, or no card
+
+_REMEMBERED_URLS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class CameraState:
+    """What the camera said last; None where it did not say.
+
+    Attributes
+    ----------
+    status
+        `IDLE`, `NotReady`, `StillCapturing`, `StillSaving`, `Error` and so on.
+    zoom_position
+        0 (wide) to 100 (tele) percent.
+    room
+        Pictures that the memory card has room for; it falls with each picture.
+    """
+
+    status: str | None = None
+    zoom_position: float | None = None
+    liveview: bool | None = None
+    room: int | None = None
+
+
+class Events:
+    """The camera's state, for several threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._state = CameraState()
+        self._pictures: deque[str] = deque(maxlen=_REMEMBERED_URLS)
+
+    @property
+    def state(self) -> CameraState:
+        """As far as known."""
+        with self._lock:
+            return self._state
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Addresses of pictures that the camera told of by itself, oldest first."""
+        with self._lock:
+            return tuple(self._pictures)
+
+    def ask(self, api: RemoteApi, *, wait: bool = False) -> CameraState:
+        """Ask for the state now, or wait for news of it; raises as `RemoteApi.call`."""
+        limit_s = api.link.limits.event_s if wait else None
+        answer = api.call("getEvent", wait, version=EVENT_VERSION, limit_s=limit_s)
+        with self._lock:
+            for item in _items(answer):
+                self._state = _merged(self._state, item)
+                self._pictures.extend(url for url in _urls(item) if url not in self._pictures)
+            return self._state
+
+
+def _items(answer: list[Any]) -> Iterator[dict[str, Any]]:
+    for entry in answer:
+        for item in entry if isinstance(entry, list) else (entry,):
+            if isinstance(item, dict):
+                yield item
+
+
+def _merged(state: CameraState, item: dict[str, Any]) -> CameraState:
+    match item:
+        case {"type": "cameraStatus", "cameraStatus": str(status)}:
+            return replace(state, status=status)
+        case {"type": "zoomInformation", "zoomPosition": int(position) | float(position)} if 0 <= position <= 100:  # noqa: PLR2004 - percent
+            return replace(state, zoom_position=float(position))
+        case {"type": "liveviewStatus", "liveviewStatus": bool(running)}:
+            return replace(state, liveview=running)
+        case {"type": "storageInformation", "numberOfRecordableImages": int(room)} if room >= 0:
+            return replace(state, room=room)
+    return state
+
+
+def _urls(item: dict[str, Any]) -> Iterator[str]:
+    if item.get("type") == "takePicture" and isinstance(item.get("takePictureUrl"), list):
+        yield from (url for url in item["takePictureUrl"] if isinstance(url, str))

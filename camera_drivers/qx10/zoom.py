@@ -1,0 +1,177 @@
+"""The zoom: to one of its ends, or to a focal length.
+
+The camera knows only `in` and `out`, to go until it is told to stop or by one step. Where it is it tells in percent,
+which no source translates to a focal length; the pictures do, in their EXIF. So a focal length is reached by looking at
+the pictures that are taken anyway:
+
+    picture ──▶ focal length near enough? ──yes──▶ settled
+                     │no
+                     ▼
+                guess the position, go there step by step ──▶ next picture
+
+Steps overshoot, and how long they are is not known; after going to and fro across the goal, the nearest place is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from camera_drivers.errors import CameraRefusedError, CameraSilentError
+from camera_drivers.qx10.events import Events
+from camera_drivers.qx10.notes import Notes
+from camera_drivers.qx10.remote_api import RemoteApi
+
+STATE = "zoom"
+IN, OUT = "in", "out"
+
+WIDE_MM, TELE_MM = 4.45, 44.5  # of the lens; only the first guess depends on it
+NEAR = 0.02  # of the focal length; a step is more than that
+MAX_PICTURES = 12  # to reach a focal length
+MAX_STEPS = 60  # from one end to the other, with steps of two percent
+
+_LOOK_S = 0.1
+_STILL_LOOKS = 8  # so often the same position, and the lens stands still
+_TURNS = 2
+_ENDS = {"wide": (OUT, 0.0), "tele": (IN, 100.0)}
+
+
+class Zoom:
+    """Moves the lens of one camera.
+
+    Parameters
+    ----------
+    goal
+        wide, tele, leave, or a focal length in mm.
+    """
+
+    def __init__(self, api: RemoteApi, events: Events, notes: Notes, goal: str | float) -> None:
+        self._api = api
+        self._events = events
+        self._notes = notes
+        self._goal_mm = goal if isinstance(goal, float | int) else None
+        self._end = _ENDS.get(goal) if isinstance(goal, str) else None
+        self._seen: list[tuple[float, float]] = []  # position in percent, focal length in mm
+        self._pictures = 0
+        self._turns = 0
+        self._last_error = 0.0
+        self.settled = self._goal_mm is None
+
+    def start(self) -> None:
+        """Go to the wanted end, or to where the focal length might be; raises CameraSilentError."""
+        if self._end is not None:
+            self._run(*self._end)
+        elif self._goal_mm is not None:
+            position = self._position()
+            if position is not None:
+                self._step_to(_guess(self._goal_mm), position)
+
+    def take_notice(self, focal_length_mm: float | None) -> None:
+        """Look at a picture's focal length, and move if it is not the wanted one; raises CameraSilentError."""
+        if self._goal_mm is None:
+            if focal_length_mm is not None:
+                self._notes.say_once(STATE, f"pictures are taken at {focal_length_mm:g} mm")
+            return
+        if self.settled:
+            return
+        if focal_length_mm is None:
+            self._settle("the pictures do not tell their focal length; it is where it is guessed to be")
+            return
+        self._approach(focal_length_mm, self._goal_mm)
+
+    def _approach(self, focal_length_mm: float, goal_mm: float) -> None:
+        error = math.log(goal_mm / focal_length_mm)
+        self._pictures += 1
+        self._turns += error * self._last_error < 0
+        self._last_error = error
+        position = self._events.state.zoom_position
+        if position is not None:
+            self._seen.append((position, focal_length_mm))
+        best = min((abs(math.log(goal_mm / mm)) for _, mm in self._seen), default=abs(error))
+        nearest = self._turns >= _TURNS and abs(error) <= best
+        if abs(error) <= NEAR:
+            self._settle(f"{focal_length_mm:g} mm is reached")
+        elif nearest or self._pictures >= MAX_PICTURES:
+            self._settle(f"{focal_length_mm:g} mm is as near as it comes to {goal_mm:g} mm")
+        elif position is None:
+            self._step(IN if error > 0 else OUT)
+        else:
+            self._step_to(self._place(position, error, goal_mm), position)
+
+    def _settle(self, reason: str) -> None:
+        self.settled = True
+        self._notes.say(STATE, reason)
+
+    def _place(self, position: float, error: float, goal_mm: float) -> float:
+        """Where the goal is, by the two neighbours of it that were seen, or by the lens's whole range."""
+        for (low, low_mm), (high, high_mm) in pairwise(sorted(self._seen)):
+            if low < high and low_mm < goal_mm < high_mm:
+                return low + (high - low) * math.log(goal_mm / low_mm) / math.log(high_mm / low_mm)
+        return position + error * _guess(TELE_MM) / math.log(TELE_MM / WIDE_MM)
+
+    def _step_to(self, goal: float, position: float) -> None:
+        direction = IN if goal > position else OUT
+        for _ in range(MAX_STEPS):
+            if not self._step(direction):
+                return
+            reached = self._position()
+            if reached is None or reached == position:
+                return
+            left = goal - reached if direction == IN else reached - goal
+            if left <= abs(reached - position) / 2:  # another step would lead further away
+                return
+            position = reached
+
+    def _step(self, direction: str) -> bool:
+        done = self._move(direction, "1shot")
+        if done:
+            self._wait_until_still()
+        return done
+
+    def _run(self, direction: str, end: float) -> None:
+        if self._position() == end:
+            return
+        if not self._move(direction, "start"):
+            return
+        self._wait_until_still(end)
+        self._move(direction, "stop")
+        position = self._position()
+        if position is not None and position != end:
+            self._notes.say(STATE, f"the lens stands at {position:g} percent, not at its end")
+
+    def _wait_until_still(self, end: float | None = None) -> None:
+        looks: list[float | None] = []
+
+        def still() -> bool:
+            looks.append(self._position())
+            last = looks[-_STILL_LOOKS:]
+            return (end is not None and looks[-1] == end) or (len(last) == _STILL_LOOKS and len(set(last)) == 1)
+
+        self._api.link.patience.poll("zoom", still, every_s=_LOOK_S, limit_s=self._api.link.limits.zoom_s)
+
+    def _position(self) -> float | None:
+        try:
+            return self._events.ask(self._api).zoom_position
+        except (CameraRefusedError, CameraSilentError) as error:
+            if isinstance(error, CameraSilentError) and not error.delivered:
+                raise
+            return None
+
+    def _move(self, direction: str, movement: str) -> bool:
+        try:
+            self._api.call("actZoom", direction, movement)
+        except CameraRefusedError as error:
+            self._notes.say_once(STATE, f"the camera does not zoom {direction} (error {error.code})")
+            return False
+        except CameraSilentError as error:
+            if not error.delivered:
+                raise
+            self._notes.say_once(STATE, f"whether the camera zooms is not known: {error.problem}")
+            return movement != "1shot"
+        return True
+
+
+def _guess(focal_length_mm: float) -> float:
+    """Position in percent, as if the focal length grew evenly in its logarithm."""
+    share = math.log(focal_length_mm / WIDE_MM) / math.log(TELE_MM / WIDE_MM)
+    return 100 * min(max(share, 0.0), 1.0)
