@@ -1,4 +1,4 @@
-"""What a JPEG's markers say, without decoding it: size, EXIF, and whether it has a beginning and an end.
+"""What a JPEG's markers say, without decoding it: size, EXIF, where it ends, and whether it has a beginning and an end.
 
 Markers are FF xx; all but a few carry a length u16 (big-endian, counting itself). The size stands in the first SOFn
 segment, EXIF in an APP1 segment that begins with `Exif`. Source: ITU-T T.81 annex B; CIPA DC-008 (Exif) 4.7.2.
@@ -18,6 +18,7 @@ _SOS = 0xDA
 _APP1 = 0xE1
 _SOF = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # these three are DHT, JPG and DAC
 _ALONE = frozenset(range(0xD0, 0xD9)) | {0x01}  # RSTn, SOI, TEM: no length follows
+_RESTARTS = range(0xD0, 0xD8)
 _SIZE = struct.Struct(">BHH")  # bits per sample, height, width
 _MAX_SEGMENTS = 1000  # no camera writes more before the picture; garbage might
 
@@ -54,6 +55,45 @@ def jpeg_facts(data: bytes) -> JpegFacts:
             exif = content
     width_px, height_px = size or (None, None)
     return JpegFacts(width_px=width_px, height_px=height_px, exif=exif, whole=_is_whole(data))
+
+
+def jpeg_end(data: bytes, start: int = 0) -> int | None:
+    """Where the JPEG that begins at `start` ends, just after its EOI; None if what is there is no whole JPEG.
+
+    The markers are followed from the beginning, so the end of a thumbnail is not taken for the end of the picture, nor
+    junk after the end for a part of it.
+    """
+    if data[start : start + 2] != SOI:
+        return None
+    position: int | None = start + len(SOI)
+    while position is not None and position + 2 <= len(data):
+        marker = data[position + 1]
+        if data[position] != 0xFF or marker in (0x00, 0x01):  # noqa: PLR2004 - the first byte of every marker
+            return None
+        if marker == 0xFF:  # noqa: PLR2004 - a fill byte
+            position += 1
+        elif marker == EOI[1]:
+            return position + 2
+        elif marker in _ALONE:
+            position += 2
+        else:
+            length = int.from_bytes(data[position + 2 : position + 4], "big")
+            position += 2 + length
+            if marker == _SOS:
+                position = _scan_end(data, position)
+    return None
+
+
+def _scan_end(data: bytes, position: int) -> int | None:
+    """Where the next marker after a scan's coded data stands; in those, FF is followed by 00 or by a restart."""
+    while True:
+        position = data.find(b"\xff", position)
+        if position < 0 or position + 1 >= len(data):
+            return None
+        following = data[position + 1]
+        if following and following not in _RESTARTS:
+            return position
+        position += 2
 
 
 def _is_whole(data: bytes) -> bool:

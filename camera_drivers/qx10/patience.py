@@ -52,7 +52,7 @@ class Patience:
         Stopped
             Stopping was asked for.
         """
-        self._check()
+        self.check()
         job = _Job(call, work)
         job.start()
         start_ns = said_ns = self._now_ns()
@@ -71,11 +71,11 @@ class Patience:
 
     def until(self, reason: str, monotonic_ns: int) -> None:
         """Come back at this time; raises Stopped."""
-        self._check()
+        self.check()
         while (now_ns := self._now_ns()) < monotonic_ns:
             self._reporter.waiting(reason)
             self._clock.wait_until(min(monotonic_ns, now_ns + SAY_NS), self.stop)
-            self._check()
+            self.check()
 
     def pause(self, reason: str, seconds: float) -> None:
         """Come back after so long; raises Stopped."""
@@ -90,7 +90,8 @@ class Patience:
             self.pause(reason, every_s)
         return True
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Raise Stopped if stopping was asked for."""
         if self.stop.is_set():
             raise Stopped
 

@@ -1,6 +1,6 @@
 """A thread that keeps a call open which waits for the camera's news.
 
-So the camera's Wi-Fi is never idle for long, and a camera that overheats is noticed between two pictures. It has its own
+So the camera's Wi-Fi is never idle for long, and an overheating camera is noticed between two pictures. It has its own
 way to the camera, because such a call takes as long as nothing happens. Nothing depends on it: what a picture needs to
 know is asked for when it is needed, and a camera that cannot do this, or not now, works without.
 """

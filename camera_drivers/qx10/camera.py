@@ -1,0 +1,220 @@
+"""The driver of the Sony DSC-QX10.
+
+                     ┌────────────────────────── CameraError: the user closes it and enters again ◀──┐
+                     ▼                                                                               │
+    away ──enter──▶ connecting ──▶ connected ──▶ waiting until due ──▶ taking ──frame──▶ waiting ... │
+                     │                              │   ▲               │ │                          │
+                     │                              │   └─refused, lost─┘ └─gone, or refused too often┤
+                     └──────────────────────────────┴───────────────────────────────────────────────┘
+                                               stop: None, within a second
+
+Connecting is in `connection`, taking in `stills` or `liveview`. Whoever uses the driver enters it again for ever; the
+driver itself never tries to connect twice. Frames are counted on over all of that, and what was reported once is not
+reported again.
+"""
+
+from __future__ import annotations
+
+import threading
+from types import TracebackType
+from typing import Self
+
+from camera_drivers.camera import CameraIdentity
+from camera_drivers.clock import Clock
+from camera_drivers.errors import CameraError
+from camera_drivers.exif import exif_time_ns
+from camera_drivers.qx10.camera_clock import CameraClock
+from camera_drivers.qx10.connection import DRIVER, Connection, connect
+from camera_drivers.qx10.events import ERROR
+from camera_drivers.qx10.liveview import Liveview
+from camera_drivers.qx10.notes import Notes
+from camera_drivers.qx10.options import Options
+from camera_drivers.qx10.patience import Patience, Stopped
+from camera_drivers.qx10.picture import FrameMaker
+from camera_drivers.qx10.settings import Setter
+from camera_drivers.qx10.stills import NotTakenError, PictureLostError, Shot, Stills
+from camera_drivers.qx10.zoom import Zoom
+from camera_drivers.reporter import Reporter
+from flight_file.frame import Frame
+
+MAX_REFUSALS = 5  # in a row; then connecting again may help
+REST_S = 1.0  # after a refusal, however short the interval
+
+_NS_PER_S = 1_000_000_000
+
+
+class Qx10Camera:
+    """A QX10.
+
+    Parameters
+    ----------
+    clock
+        The box's; it must be a clock that really waits.
+    reporter
+        Hears what happens beside the pictures.
+    """
+
+    def __init__(self, options: Options, clock: Clock, reporter: Reporter) -> None:
+        self._options = options
+        self._clock = clock
+        self._reporter = reporter
+        self._notes = Notes(reporter)
+        self._frames = FrameMaker()
+        self._due_ns = 0
+        self._refusals = 0
+        self._patience = Patience(clock, reporter)
+        self._session: _Session | None = None
+        self.identity = CameraIdentity(DRIVER)
+
+    def __enter__(self) -> Self:
+        """Find the camera and set it up.
+
+        Raises
+        ------
+        CameraError
+            It cannot be found or reached.
+        CameraUnusableError
+            The configuration is of no use.
+        """
+        self._patience = Patience(self._clock, self._reporter)
+        connection = connect(self._options, self._clock, self._patience)
+        self.identity = connection.identity
+        self._refusals = 0
+        self._session = _Session(connection, self._options, self._clock, self._notes, self._reporter)
+        try:
+            self._session.prepare()
+        except BaseException:
+            self._leave()
+            raise
+        self._notes.say("connected", f"{self.identity.model or 'a camera'}: {self.identity.note}")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
+    ) -> None:
+        """Leave the camera as it is; it takes no call that might hang for long."""
+        self._leave()
+
+    def next_frame(self, stop: threading.Event) -> Frame | None:
+        """The next picture; None soon after `stop` is set.
+
+        Raises
+        ------
+        CameraError
+            The camera has to be connected again.
+        """
+        session = self._session
+        if session is None:
+            raise CameraError("The camera is not connected; enter it first.")
+        self._patience.stop = stop
+        try:
+            return self._live(session) if session.liveview else self._still(session)
+        except Stopped:
+            return None
+
+    def _live(self, session: _Session) -> Frame:
+        picture = session.liveview.next_picture()
+        return self._frames.frame(picture.jpeg, picture.times, zoom_position=session.zoom_position, taken=picture.taken)
+
+    def _still(self, session: _Session) -> Frame:
+        while True:
+            self._wait_until_due(session)
+            try:
+                shot = session.stills.take()
+            except NotTakenError as error:
+                self._refused(error)
+            except PictureLostError as error:
+                self._frames.skip()
+                self._reporter.lost(str(error))
+            else:
+                self._refusals = 0
+                return self._finished(session, shot)
+
+    def _finished(self, session: _Session, shot: Shot) -> Frame:
+        frame = self._frames.frame(shot.jpeg, shot.times, zoom_position=session.zoom_position)
+        session.learn(frame)
+        return frame
+
+    def _refused(self, error: NotTakenError) -> None:
+        self._notes.say("refused", f"no picture was taken: {error}")
+        self._refusals += 1
+        if self._refusals >= MAX_REFUSALS:
+            raise CameraError(f"No picture was taken {MAX_REFUSALS} times in a row: {error}") from error
+        self._patience.pause("the camera refused a picture", REST_S)
+
+    def _wait_until_due(self, session: _Session) -> None:
+        """Shots are due at equal intervals; one that is missed is not made up for."""
+        now_ns = self._clock.read().monotonic_ns
+        due_ns = max(self._due_ns, now_ns) if session.zoom.settled else now_ns
+        while now_ns < due_ns:
+            session.look()
+            self._patience.until("the next picture is not due yet", min(due_ns, now_ns + _NS_PER_S))
+            now_ns = self._clock.read().monotonic_ns
+        self._due_ns = due_ns + round(self._options.interval_s * _NS_PER_S)
+
+    def _leave(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            # Whoever leaves does not wait for the camera, nor for whether somebody asked to stop.
+            self._patience.stop = threading.Event()
+            session.close()
+
+
+class _Session:
+    """What belongs to one connection."""
+
+    def __init__(
+        self, connection: Connection, options: Options, clock: Clock, notes: Notes, reporter: Reporter
+    ) -> None:
+        api, events = connection.api, connection.events
+        self._connection = connection
+        self._options = options
+        self._notes = notes
+        self._camera_clock = CameraClock(clock, reporter)
+        self.zoom = Zoom(api, events, notes, options.zoom)
+        self.stills = Stills(api, events, clock, notes)
+        self.liveview = Liveview(api, clock, notes) if options.mode == "liveview" else None
+        self._status: str | None = None
+
+    @property
+    def zoom_position(self) -> float | None:
+        """0 to 100 percent, if the camera says."""
+        return self._connection.events.state.zoom_position
+
+    def prepare(self) -> None:
+        """Set the clock, everything else, and the zoom."""
+        api = self._connection.api
+        self.stills.wait_until_ready()
+        if self._options.set_clock:
+            self._camera_clock.set(api, self._notes)
+        offered = Setter(api, self._notes).apply(self._options)
+        needed = "startLiveview" if self.liveview else "actTakePicture"
+        if needed not in offered:
+            raise CameraError(f"The camera does not offer {needed} in its present mode; it will be connected again.")
+        if "actZoom" in offered:
+            self.zoom.start()
+        self.stills.wait_until_ready()
+
+    def look(self) -> None:
+        """Report an error of the camera that the watcher noticed between two pictures."""
+        status = self._connection.events.state.status
+        if status == ERROR != self._status:
+            self._notes.say("error", "the camera reports an error: it may be too hot, or lack its card")
+        self._status = status
+
+    def learn(self, frame: Frame) -> None:
+        """Take notice of what a picture says about zoom and clock."""
+        shown_ns = exif_time_ns(frame.exif.datetime)
+        if shown_ns is not None:
+            times = frame.times
+            took_ns = times.after_answer.monotonic_ns - times.before_request.monotonic_ns
+            latest_ns = times.after_answer.realtime_ns
+            self._camera_clock.compare(shown_ns, latest_ns - took_ns, latest_ns)
+        self.zoom.take_notice(frame.exif.focal_length_mm)
+
+    def close(self) -> None:
+        """Leave the camera alone."""
+        if self._connection.watcher is not None:
+            self._connection.watcher.stop()
+        if self.liveview is not None:
+            self.liveview.close()

@@ -1,0 +1,101 @@
+"""A picture that was downloaded: whether it is whole, and the frame that it becomes.
+
+When it was taken: somewhere between the question and the answer, with nothing to tell where; the camera focuses before
+and processes after. So mid-exposure is estimated in the middle, and any place is as likely as any other. The box's
+monotonic clock carries the interval, so a wall clock that is set meanwhile does not stretch it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import warnings
+from itertools import count
+
+from PIL import Image
+
+from camera_drivers.exif import read_exif
+from camera_drivers.jpeg import EOI, jpeg_facts
+from flight_file.frame import ClockReading, Exif, Frame, HostTimes
+
+MAX_PIXELS = 64 * 10**6  # the camera's largest picture has 18 million
+
+_SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, little of the memory needed
+_NS_PER_S = 1_000_000_000
+
+
+def fault_of(jpeg: bytes) -> str:
+    """What is wrong with a picture, in a few words; empty if it can be shown."""
+    facts = jpeg_facts(jpeg)
+    if facts.width_px is None or facts.height_px is None:
+        return "the picture is no JPEG"
+    if facts.width_px * facts.height_px > MAX_PIXELS:
+        return "the picture is larger than any of this camera"
+    # A picture may be followed by something else, such as a second, smaller picture.
+    if not facts.whole and EOI not in jpeg[len(jpeg) // 2 :]:
+        return "the picture is cut short"
+    return "" if _decodes(jpeg) else "the picture is damaged"
+
+
+def _decodes(jpeg: bytes) -> bool:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow warns of odd EXIF, which does not matter here
+            with Image.open(io.BytesIO(jpeg), formats=("JPEG",)) as image:
+                image.draft("L", _SHRUNK)
+                image.load()
+    except (OSError, ValueError, SyntaxError, ArithmeticError, LookupError, TypeError, AttributeError):
+        return False
+    return True
+
+
+class FrameMaker:
+    """Makes frames, and counts them; a picture that is lost leaves a gap in the count."""
+
+    def __init__(self) -> None:
+        self._numbers = count()
+
+    def skip(self) -> None:
+        """A picture that cannot be had."""
+        next(self._numbers)
+
+    def frame(
+        self, jpeg: bytes, times: HostTimes, *, zoom_position: float | None, taken: tuple[int, int] | None = None
+    ) -> Frame:
+        """The next frame.
+
+        Parameters
+        ----------
+        zoom_position
+            0 to 100 percent; None if the camera does not say.
+        taken
+            Mid-exposure by the monotonic clock and its standard deviation, ns, if known better than from `times`.
+        """
+        facts = jpeg_facts(jpeg)
+        exif = read_exif(facts.exif)
+        middle_ns, sigma_ns = taken or middle_of_exposure(times, exif)
+        return Frame(
+            sequence=next(self._numbers),
+            captured_ns=_realtime_ns(middle_ns, times.after_answer),
+            jpeg=jpeg,
+            sha256=hashlib.sha256(jpeg).hexdigest(),
+            times=times,
+            exif=exif,
+            width_px=facts.width_px,
+            height_px=facts.height_px,
+            zoom_position=zoom_position,
+            captured_sigma_ns=sigma_ns,
+        )
+
+
+def middle_of_exposure(times: HostTimes, exif: Exif) -> tuple[int, int]:
+    """Mid-exposure by the monotonic clock and its standard deviation, ns."""
+    start_ns, end_ns = times.before_request.monotonic_ns, times.after_answer.monotonic_ns
+    took_ns = end_ns - start_ns
+    exposure_ns = min(round((exif.exposure_s or 0.0) * _NS_PER_S), took_ns)
+    return (start_ns + end_ns) // 2, round((took_ns - exposure_ns) / math.sqrt(12))
+
+
+def _realtime_ns(monotonic_ns: int, near: ClockReading) -> int:
+    return near.realtime_ns - (near.monotonic_ns - monotonic_ns)

@@ -1,0 +1,241 @@
+"""Taking one still: the camera is made ready, the shot is taken once, and its picture is fetched.
+
+              due
+               │
+               ▼                        refused
+          ┌─ ready? ──IDLE──▶ shoot ──────────────▶ not taken: reported, the next one is due
+          │    ▲                │ │ └─no answer─▶ search ──nothing──▶ lost: reported, the next one is due
+          └────┘                │ └─not finished─▶ await ─┐  │
+     not within ready_s:        │ address                 │  │ address
+     CameraError                ▼                         │  │
+                              fetch ◀─────────────────────┴──┘
+                                │ │
+                          whole │ └─not whole─▶ fetch again ──▶ whole: frame, not whole: lost
+                                ▼
+                              frame
+
+A shot whose answer did not come may have been taken, so it is never repeated: what the camera tells of it is searched,
+and otherwise it is lost, with a reason. A picture that comes twice with the same damage is what the camera has; it is
+kept and the damage reported, since part of a panel is more than nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from camera_drivers.clock import Clock
+from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentError
+from camera_drivers.jpeg import jpeg_facts
+from camera_drivers.qx10.addresses import BadUrlError, host_of
+from camera_drivers.qx10.events import ERROR, IDLE, Events
+from camera_drivers.qx10.notes import Notes
+from camera_drivers.qx10.patience import Stopped
+from camera_drivers.qx10.picture import fault_of
+from camera_drivers.qx10.remote_api import Code, RemoteApi
+from flight_file.frame import ClockReading, HostTimes
+
+READY_LOOK_S = 0.25
+TRIES_WHEN_NOT_READY = 3
+REST_S = 0.5  # before something is tried again
+DOWNLOADS = 2
+REMEMBERED = 16  # addresses of pictures that we have, lest one of them is found when another is searched
+
+NO_ADDRESS = "no usable answer to the shot"
+STOPPED = "stopped before the picture was there"
+
+_OK = 200
+
+# With these the camera says that it did not take a picture. After any other it may have.
+_NOT_TAKEN = frozenset({3, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 401, 403, 404, 406, 413, 414, 501, 503}) | {
+    Code.SHOOTING_FAILED,
+    Code.NOT_READY,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A picture and the box's clocks while it was got."""
+
+    jpeg: bytes
+    times: HostTimes
+
+
+class NotTakenError(CameraError):
+    """The camera refused to take a picture."""
+
+
+class PictureLostError(CameraError):
+    """A picture was taken, or may have been, and cannot be had; its text is the reason."""
+
+
+class Stills:
+    """Takes stills with one camera."""
+
+    def __init__(self, api: RemoteApi, events: Events, clock: Clock, notes: Notes) -> None:
+        self._api = api
+        self._events = events
+        self._clock = clock
+        self._notes = notes
+        self._patience = api.link.patience
+        self._limits = api.link.limits
+        self._fetched: deque[str] = deque(maxlen=REMEMBERED)
+
+    def take(self) -> Shot:
+        """One picture.
+
+        Raises
+        ------
+        NotTakenError
+            The camera refused; nothing is lost.
+        PictureLostError
+            There may be a picture that cannot be had.
+        CameraError
+            The camera is of no use until it is connected again.
+        Stopped
+            Stopping was asked for; if a picture was on its way, it is lost.
+        """
+        self.wait_until_ready()
+        self._patience.check()
+        before = self._clock.read()
+        try:
+            url = self._shoot()
+            answered = self._clock.read()
+            jpeg = self._fetch(url)
+        except Stopped as stopped:
+            raise PictureLostError(STOPPED) from stopped
+        return Shot(jpeg, HostTimes(before_request=before, after_answer=answered, downloaded=self._clock.read()))
+
+    def wait_until_ready(self) -> None:
+        """Come back when the camera is idle.
+
+        Raises
+        ------
+        CameraError
+            It does not become idle in time, or does not say.
+        """
+        start = self._clock.read()
+        while (status := self._status()) != IDLE:
+            if status == ERROR:
+                self._notes.say_once("error", "the camera reports an error: it may be too hot, or lack its card")
+            if _seconds(start, self._clock.read()) >= self._limits.ready_s:
+                raise CameraError(f"The camera is not ready but {status or 'silent'}; it will be connected again.")
+            self._patience.pause(f"the camera is {status or 'silent'}", READY_LOOK_S)
+
+    def _status(self) -> str | None:
+        try:
+            return self._events.ask(self._api).status
+        except CameraRefusedError:
+            return None
+        except CameraSilentError as error:
+            if not error.delivered:
+                raise
+            return None
+
+    def _shoot(self) -> str:
+        try:
+            return _url(self._insist_on_shot())
+        except CameraRefusedError as error:
+            if error.code in _NOT_TAKEN:
+                raise NotTakenError(str(error)) from error
+            if error.code == Code.NOT_FINISHED:
+                return self._await()
+            problem = NO_ADDRESS
+        except CameraSilentError as error:
+            if not error.delivered:
+                raise
+            problem = error.problem
+        return self._search(problem)
+
+    def _insist_on_shot(self) -> list[object]:
+        """Shoot; try again only where the camera says that it was not ready, so that nothing was taken."""
+        for _ in range(TRIES_WHEN_NOT_READY - 1):
+            try:
+                return self._api.call("actTakePicture", limit_s=self._limits.shot_s)
+            except CameraRefusedError as error:
+                if error.code != Code.NOT_READY:
+                    raise
+            self._patience.pause("the camera is not ready", REST_S)
+            self.wait_until_ready()
+        return self._api.call("actTakePicture", limit_s=self._limits.shot_s)
+
+    def _await(self) -> str:
+        start = self._clock.read()
+        while _seconds(start, self._clock.read()) < self._limits.exposure_s:
+            try:
+                return _url(self._api.call("awaitTakePicture", limit_s=self._limits.shot_s))
+            except CameraRefusedError as error:
+                if error.code != Code.NOT_FINISHED:
+                    raise PictureLostError("the camera gave no address for a picture that it took") from error
+            except CameraSilentError as error:
+                if not error.delivered:
+                    raise PictureLostError(error.problem) from error
+            self._patience.pause("the picture is not finished", READY_LOOK_S)
+        raise PictureLostError("the camera did not finish a picture")
+
+    def _search(self, problem: str) -> str:
+        """The address of a picture that may have been taken."""
+        room = self._events.state.room
+        try:
+            self.wait_until_ready()
+            for url in reversed(self._events.pictures):
+                if url not in self._fetched:
+                    return url
+            url = _url(self._api.call("awaitTakePicture"))
+        except CameraRefusedError as error:
+            left = self._events.state.room
+            taken = room is not None and left is not None and left < room
+            raise PictureLostError(f"{problem}, though it was taken" if taken else problem) from error
+        except CameraError as error:
+            raise PictureLostError(problem) from error
+        if url in self._fetched:  # it is the picture before
+            raise PictureLostError(problem)
+        return url
+
+    def _fetch(self, url: str) -> bytes:
+        if _is_foreign(url, self._api.link.host):
+            self._notes.say_once("address", "the camera names another host for a picture; only its own is called")
+        self._fetched.append(url)
+        broken: list[bytes] = []
+        for number in range(DOWNLOADS):
+            if number:
+                self._patience.pause("the download is tried again", REST_S)
+            jpeg, problem = self._download(url)
+            if not problem:
+                return jpeg
+            broken.append(jpeg)
+        if broken[0] == broken[1] and jpeg_facts(jpeg).width_px is not None:
+            self._notes.say("damaged", f"{problem}, and stays so; it is kept")
+            return jpeg
+        raise PictureLostError(problem)
+
+    def _download(self, url: str) -> tuple[bytes, str]:
+        try:
+            answer = self._api.link.get(
+                "download", url, max_bytes=self._limits.picture_bytes, limit_s=self._limits.download_s
+            )
+        except CameraSilentError as error:
+            return b"", error.problem
+        if answer.status != _OK:
+            return b"", "the camera refused the download"
+        return answer.body, fault_of(answer.body)
+
+
+def _url(result: list[object]) -> str:
+    """The address in the answer to a shot: a row of addresses, of which there is one."""
+    first = result[0] if result else None
+    url = first[0] if isinstance(first, list) and first else first
+    if not isinstance(url, str) or not url:
+        raise CameraSilentError("actTakePicture", "the answer names no picture", delivered=True)
+    return url
+
+
+def _is_foreign(url: str, host: str) -> bool:
+    try:
+        return host_of(url) != host
+    except BadUrlError:
+        return True
+
+
+def _seconds(start: ClockReading, end: ClockReading) -> float:
+    return (end.monotonic_ns - start.monotonic_ns) / 1e9
