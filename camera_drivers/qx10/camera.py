@@ -108,16 +108,17 @@ class Qx10Camera:
             raise CameraError("The camera is not connected; enter it first.")
         self._patience.stop = stop
         try:
-            return self._live(session) if session.liveview else self._still(session)
+            return self._still(session) if session.liveview is None else self._live(session, session.liveview)
         except Stopped:
             return None
 
-    def _live(self, session: _Session) -> Frame:
-        picture = session.liveview.next_picture()
+    def _live(self, session: _Session, liveview: Liveview) -> Frame:
+        picture = liveview.next_picture()
         return self._frames.frame(picture.jpeg, picture.times, zoom_position=session.zoom_position, taken=picture.taken)
 
     def _still(self, session: _Session) -> Frame:
         while True:
+            session.adjust()
             self._wait_until_due(session)
             try:
                 shot = session.stills.take()
@@ -175,6 +176,7 @@ class _Session:
         self.stills = Stills(api, events, clock, notes)
         self.liveview = Liveview(api, clock, notes) if options.mode == "liveview" else None
         self._status: str | None = None
+        self._unseen: list[float | None] = []
 
     @property
     def zoom_position(self) -> float | None:
@@ -203,14 +205,19 @@ class _Session:
         self._status = status
 
     def learn(self, frame: Frame) -> None:
-        """Take notice of what a picture says about zoom and clock."""
+        """Take notice of what a picture says about clock and zoom."""
         shown_ns = exif_time_ns(frame.exif.datetime)
         if shown_ns is not None:
             times = frame.times
             took_ns = times.after_answer.monotonic_ns - times.before_request.monotonic_ns
             latest_ns = times.after_answer.realtime_ns
             self._camera_clock.compare(shown_ns, latest_ns - took_ns, latest_ns)
-        self.zoom.take_notice(frame.exif.focal_length_mm)
+        self._unseen = [frame.exif.focal_length_mm]
+
+    def adjust(self) -> None:
+        """Do what the last picture asks for; after it was handed over, since this may fail."""
+        while self._unseen:
+            self.zoom.take_notice(self._unseen.pop())
 
     def close(self) -> None:
         """Leave the camera alone."""

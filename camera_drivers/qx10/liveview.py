@@ -26,6 +26,8 @@ STATE = "liveview"
 TRIES = 4  # to get a picture, before the camera is connected again
 REST_S = 1.0  # between the end of a stream and the next
 
+CLOSE_S = 1.0  # for the camera to hear that we leave
+
 _OK = 200
 _MAX_WAITING = 64  # pictures that came in one piece
 
@@ -83,7 +85,7 @@ class Liveview:
         self._exchange.abort()
         self._exchange = None
         try:
-            self._api.call("stopLiveview")
+            self._api.call("stopLiveview", limit_s=CLOSE_S)
         except CameraError:
             return
 
@@ -128,12 +130,11 @@ class Liveview:
 class Delay:
     """How much later than taken the pictures of one stream come.
 
-    The smallest difference of arrival and timestamp is the one to go by. It is forgotten slowly, since two clocks drift.
+    The smallest difference of arrival and timestamp is the one to go by. It is forgotten slowly, as clocks drift.
     """
 
     DRIFT = 1e-4  # a crystal's, generously
-    # The camera needs some time from exposure to sending, which nothing tells; a tenth of a second is our guess for both
-    # ways.
+    # The camera needs some time from exposure to sending, which nothing tells; this is our guess at it.
     SIGMA_NS = 100_000_000
     JUMP_NS = 5_000_000_000  # more than any picture is late: the timestamps have begun anew
 

@@ -37,6 +37,7 @@ from flight_file.frame import ClockReading, HostTimes
 
 READY_LOOK_S = 0.25
 TRIES_WHEN_NOT_READY = 3
+MAX_SILENCES = 4  # useless answers in a row; a camera that is only busy answers
 REST_S = 0.5  # before something is tried again
 DOWNLOADS = 2
 REMEMBERED = 16  # addresses of pictures that we have, lest one of them is found when another is searched
@@ -115,7 +116,11 @@ class Stills:
             It does not become idle in time, or does not say.
         """
         start = self._clock.read()
+        silences = 0
         while (status := self._status()) != IDLE:
+            silences = 0 if status else silences + 1
+            if silences >= MAX_SILENCES:
+                raise CameraError("The camera does not say how it is; it will be connected again.")
             if status == ERROR:
                 self._notes.say_once("error", "the camera reports an error: it may be too hot, or lack its card")
             if _seconds(start, self._clock.read()) >= self._limits.ready_s:

@@ -1,0 +1,101 @@
+"""Which calls the simulated camera offers in which mode, and what its settings can be.
+
+From recorded lists of a real one: 50 names in the automatic modes, 59 in Program Auto, fewer for movies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_KINDS = ("set", "get", "getSupported", "getAvailable")
+
+_ALWAYS = [
+    "getMethodTypes",
+    "getAvailableApiList",
+    "startLiveview",
+    "stopLiveview",
+    "actTakePicture",
+    "startMovieRec",
+    "stopMovieRec",
+    "awaitTakePicture",
+    "actZoom",
+    "actFormatStorage",
+    "getStorageInformation",
+    "getApplicationInfo",
+    "getVersions",
+    "getEvent",
+]
+_STILL = [
+    "setTouchAFPosition",
+    "cancelTouchAFPosition",
+    "getTouchAFPosition",
+    "actHalfPressShutter",
+    "cancelHalfPressShutter",
+    "getSupportedExposureCompensation",
+    "getSupportedWhiteBalance",
+    "getSupportedIsoSpeedRate",
+]
+_FAMILIES = ("ShootMode", "BeepMode", "CameraFunction")
+_STILL_FAMILIES = ("SelfTimer", "PostviewImageSize", "ExposureMode", "StillSize")
+_PROGRAM_FAMILIES = ("ExposureCompensation", "WhiteBalance", "IsoSpeedRate")
+
+FORBIDDEN = frozenset(f"{kind}CameraFunction" for kind in _KINDS)
+"""Listed, and answered with 403 all the same."""
+
+SYSTEM_METHODS = ("getMethodTypes", "getVersions", "setCurrentTime")
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A setting: what it is at first, and what it can be.
+
+    Attributes
+    ----------
+    event, key
+        Its type in `getEvent`, and its name there after `current`; empty where it is not told.
+    """
+
+    first: object
+    candidates: tuple[object, ...]
+    event: str = ""
+    key: str = ""
+
+
+CHOICES: dict[str, Choice] = {
+    "ShootMode": Choice("still", ("still", "movie"), "shootMode", "ShootMode"),
+    "ExposureMode": Choice(
+        "Intelligent Auto", ("Intelligent Auto", "Superior Auto", "Program Auto"), "exposureMode", "ExposureMode"
+    ),
+    "PostviewImageSize": Choice("2M", ("2M", "Original"), "postviewImageSize", "PostviewImageSize"),
+    "SelfTimer": Choice(0, (0, 2, 10), "selfTimer", "SelfTimer"),
+    "BeepMode": Choice("On", ("Shutter Only", "On", "Off"), "beepMode", "BeepMode"),
+    "StillSize": Choice(("4:3", "18M"), (("4:3", "18M"), ("4:3", "5M"), ("16:9", "13M"), ("16:9", "2M"))),
+    "ExposureCompensation": Choice(0, tuple(range(-6, 7))),
+    "IsoSpeedRate": Choice(
+        "AUTO", ("AUTO", "100", "200", "400", "800", "1600", "3200"), "isoSpeedRate", "IsoSpeedRate"
+    ),
+    "WhiteBalance": Choice(
+        "Auto WB",
+        (
+            "Auto WB",
+            "Daylight",
+            "Cloudy",
+            "Incandescent",
+            "Fluorescent: Cool White (0)",
+            "Fluorescent: Day White (+1)",
+            "Fluorescent: Daylight (+2)",
+        ),
+    ),
+}
+
+
+def offered(shoot_mode: object, exposure_mode: object) -> list[str]:
+    """The names in `getAvailableApiList`."""
+    families, names = list(_FAMILIES), list(_ALWAYS)
+    if shoot_mode == "still":
+        names += _STILL
+        families += _STILL_FAMILIES
+        if exposure_mode == "Program Auto":
+            families += _PROGRAM_FAMILIES
+    names += [f"{kind}{family}" for family in families for kind in _KINDS]
+    return list(dict.fromkeys(names))

@@ -1,0 +1,359 @@
+"""The simulated camera itself: its state, and what each call does to it.
+
+    IDLE ──shot──▶ StillCapturing ──▶ StillSaving ──▶ IDLE            overheated: Error
+
+It knows nothing of HTTP. Its answers are results, or an error's code.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from camera_drivers.clock import Clock
+from camera_drivers.qx10.remote_api import Code
+from camera_drivers.qx10.simulator.ledger import Ledger
+from camera_drivers.qx10.simulator.lens import DIRECTIONS, Lens
+from camera_drivers.qx10.simulator.methods import CHOICES, FORBIDDEN, SYSTEM_METHODS, offered
+from camera_drivers.qx10.simulator.pictures import Source, Taken, as_small, with_exif
+
+KEPT_PICTURES = 8
+POLL_LOOK_S = 0.02
+UNFINISHED_ANSWERS = 2  # so often "not finished" after a shot that takes long
+
+# Not with a clock of the same second: pictures in the camera's own name carry whole seconds and a number.
+_QUERY = "?%211234%21http%2dget%3a%2a%3aimage%2fjpeg%3a%2a%21%21%21%21%21"
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Behaviour:
+    """How the simulated camera is.
+
+    Attributes
+    ----------
+    shot_s, save_s
+        How long it takes a picture, and then saves it, s.
+    apply_s
+        How long a setting that was accepted takes to show, s.
+    long_poll_s
+        After so long without news a call that waits for them is answered with a timeout, s.
+    delay_s, reboot_s, error_s, silent_s
+        How long these faults last, s.
+    zoom_percent_per_s
+        How fast the lens goes.
+    forbidden
+        Calls that are answered with 403 though they are listed.
+    tells_shots
+        Whether `getEvent` tells of pictures that were taken over the network.
+    remembers_shot
+        Whether `awaitTakePicture` tells the last picture again after its answer was lost.
+    clock_offset_s
+        By how much its clock is ahead at first.
+    """
+
+    shot_s: float = 0.3
+    save_s: float = 0.2
+    apply_s: float = 0.0
+    long_poll_s: float = 20.0
+    delay_s: float = 3.0
+    reboot_s: float = 5.0
+    error_s: float = 2.0
+    silent_s: float = 5.0
+    zoom_percent_per_s: float = 40.0
+    forbidden: frozenset[str] = FORBIDDEN
+    tells_shots: bool = False
+    remembers_shot: bool = False
+    clock_offset_s: float = 0.0
+
+
+class RefusedCallError(Exception):
+    """The call is answered with an error."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+class CameraModel:
+    """The camera, for several threads.
+
+    Parameters
+    ----------
+    source
+        The pictures it takes.
+    address
+        Where it serves pictures, as it says itself: scheme, host and port.
+    """
+
+    def __init__(self, source: Source, behaviour: Behaviour, clock: Clock, ledger: Ledger, address: str) -> None:
+        self.behaviour = behaviour
+        self._source = source
+        self._clock = clock
+        self._ledger = ledger
+        self._address = address
+        self._lock = threading.RLock()
+        self._shots = 0
+        self._offset_ns = round(behaviour.clock_offset_s * _NS_PER_S)
+        self._pictures: dict[str, bytes] = {}
+        self._changes = 0
+        self.switch_on()
+
+    def switch_on(self) -> None:
+        """As after switching it on: the lens at wide, every setting as it is at first, nothing under way."""
+        with self._lock:
+            self._lens = Lens(self._clock, self.behaviour.zoom_percent_per_s)
+            self._settings: dict[str, object] = {name: choice.first for name, choice in CHOICES.items()}
+            self._shown = dict(self._settings)
+            self._shows_at_ns = 0
+            self._capturing = False
+            self._idle_at_ns = 0
+            self._failed = False
+            self._unfinished = 0
+            self._last = ""
+            self._told = ""
+            self._polling = False
+            self.liveview = False
+
+    def turn_clock(self, seconds: float) -> None:
+        """Set the camera's clock ahead by so much, or behind."""
+        with self._lock:
+            self._offset_ns += round(seconds * _NS_PER_S)
+
+    def fail(self, *, failed: bool) -> None:
+        """Overheat, or cool down."""
+        with self._lock:
+            self._failed = failed
+
+    def hide_last(self) -> None:
+        """The answer to the last shot got lost: only a camera that remembers tells it again."""
+        with self._lock:
+            if not self.behaviour.remembers_shot:
+                self._last = ""
+
+    def stay_unfinished(self) -> None:
+        """The last shot takes longer than its answer."""
+        with self._lock:
+            self._unfinished = UNFINISHED_ANSWERS
+
+    def picture(self, name: str) -> bytes | None:
+        """A picture that was taken not too long ago."""
+        with self._lock:
+            return self._pictures.get(name)
+
+    def live_picture(self) -> bytes:
+        """What the liveview shows now."""
+        with self._lock:
+            number = self._shots
+            self._shots += 1
+        return self._source(number)
+
+    @property
+    def status(self) -> str:
+        """As it stands in `getEvent`."""
+        with self._lock:
+            if self._failed:
+                return "Error"
+            if self._capturing:
+                return "StillCapturing"
+            return "StillSaving" if self._clock.read().monotonic_ns < self._idle_at_ns else "IDLE"
+
+    def call(self, service: str, method: str, params: list[Any], version: object) -> list[Any]:
+        """The result of a call; raises RefusedCallError."""
+        if method in self.behaviour.forbidden:
+            raise RefusedCallError(Code.FORBIDDEN)
+        names = SYSTEM_METHODS if service == "system" else self._offered()
+        if method not in names:
+            raise RefusedCallError(Code.NO_SUCH_METHOD)
+        if version not in (("1.0", "1.1") if method == "getEvent" else ("1.0",)):
+            raise RefusedCallError(Code.UNSUPPORTED_VERSION)
+        for prefix, act in (("getAvailable", self._available), ("set", self._set), ("get", self._get)):
+            if method.startswith(prefix) and method[len(prefix) :] in CHOICES:
+                return act(method[len(prefix) :], params)
+        if method not in _CALLS:
+            raise RefusedCallError(Code.NO_SUCH_METHOD)
+        return _CALLS[method](self, params)
+
+    def _offered(self) -> list[str]:
+        with self._lock:
+            return offered(self._settings["ShootMode"], self._settings["ExposureMode"])
+
+    def _get(self, name: str, _params: list[Any]) -> list[Any]:
+        with self._lock:
+            if self._clock.read().monotonic_ns >= self._shows_at_ns:
+                self._shown = dict(self._settings)
+            value = self._shown[name]
+        if name == "WhiteBalance":
+            return [{"whiteBalanceMode": value, "colorTemperature": -1}]
+        if isinstance(value, tuple):
+            return [{"aspect": value[0], "size": value[1]}]
+        return [value]
+
+    def _available(self, name: str, params: list[Any]) -> list[Any]:
+        return [*self._get(name, params), list(CHOICES[name].candidates)]
+
+    def _set(self, name: str, params: list[Any]) -> list[Any]:
+        value = tuple(params) if name == "StillSize" else (params or [None])[0]
+        if value not in CHOICES[name].candidates:
+            raise RefusedCallError(Code.ILLEGAL_ARGUMENT)
+        if self.status != "IDLE":
+            raise RefusedCallError(Code.ANY)
+        with self._lock:
+            self._get(name, [])
+            self._settings[name] = value
+            self._shows_at_ns = self._clock.read().monotonic_ns + round(self.behaviour.apply_s * _NS_PER_S)
+            self._changes += 1
+        return [0]
+
+    def _api_list(self, _params: list[Any]) -> list[Any]:
+        return [self._offered()]
+
+    def _shoot(self, _params: list[Any]) -> list[Any]:
+        with self._lock:
+            if self._settings["ShootMode"] != "still" or self.status != "IDLE":
+                raise RefusedCallError(Code.NOT_READY)
+            self._capturing = True
+            self._changes += 1
+        self._sleep(self.behaviour.shot_s)
+        with self._lock:
+            name = self._keep_picture()
+            self._capturing = False
+            self._idle_at_ns = self._clock.read().monotonic_ns + round(self.behaviour.save_s * _NS_PER_S)
+            self._changes += 1
+        return [[self._url(name)]]
+
+    def _keep_picture(self) -> str:
+        number = self._shots
+        self._shots += 1
+        now = self._now()
+        # The camera appends a number to the second; ours counts all shots, so that no name comes twice.
+        name = f"pict{now:%y%m%d_%H%M%S}{number % 10000:04d}.JPG"
+        jpeg = self._source(number)
+        if self._settings["PostviewImageSize"] == "2M":
+            jpeg = as_small(jpeg)
+        self._pictures[name] = with_exif(jpeg, Taken(number, now, self._lens.focal_length_mm, 0.01))
+        for old in list(self._pictures)[:-KEPT_PICTURES]:
+            del self._pictures[old]
+        self._last = name
+        self._told = name if self.behaviour.tells_shots else ""
+        self._ledger.take(name)
+        return name
+
+    def _await(self, _params: list[Any]) -> list[Any]:
+        with self._lock:
+            if self._unfinished > 0:
+                self._unfinished -= 1
+                raise RefusedCallError(Code.NOT_FINISHED)
+            if not self._last:
+                raise RefusedCallError(Code.SHOOTING_FAILED)
+            return [[self._url(self._last)]]
+
+    def _zoom(self, params: list[Any]) -> list[Any]:
+        direction, movement = (*params, None, None)[:2]
+        if direction not in DIRECTIONS or movement not in {"start", "stop", "1shot"}:
+            raise RefusedCallError(Code.ILLEGAL_ARGUMENT)
+        with self._lock:
+            self._changes += 1
+            if not self._lens.act(direction, movement):
+                raise RefusedCallError(Code.ILLEGAL_STATE)
+        return [0]
+
+    def _start_liveview(self, _params: list[Any]) -> list[Any]:
+        self.liveview = True
+        return [f"{self._address}/liveview.JPG{_QUERY}"]
+
+    def _stop_liveview(self, _params: list[Any]) -> list[Any]:
+        self.liveview = False
+        return [0]
+
+    def _set_time(self, params: list[Any]) -> list[Any]:
+        try:
+            shown = datetime.strptime(params[0]["dateTime"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
+            zone = timedelta(minutes=params[0]["timeZoneOffsetMinute"] + params[0]["dstOffsetMinute"])
+        except (LookupError, TypeError, ValueError) as error:
+            raise RefusedCallError(Code.ILLEGAL_ARGUMENT) from error
+        with self._lock:
+            set_ns = (shown + zone - _EPOCH) // timedelta(microseconds=1) * 1000
+            self._offset_ns = set_ns - self._clock.read().realtime_ns
+        return []
+
+    def _event(self, params: list[Any]) -> list[Any]:
+        if not params or params[0] is not True:
+            return self._events()
+        with self._lock:
+            if self._polling:
+                raise RefusedCallError(Code.ALREADY_POLLING)
+            self._polling = True
+        try:
+            before = self._news()
+            end_ns = self._clock.read().monotonic_ns + round(self.behaviour.long_poll_s * _NS_PER_S)
+            while self._news() == before:
+                if self._clock.read().monotonic_ns >= end_ns:
+                    raise RefusedCallError(Code.TIMEOUT)
+                self._sleep(POLL_LOOK_S)
+        finally:
+            with self._lock:
+                self._polling = False
+        return self._events()
+
+    def _news(self) -> tuple[object, ...]:
+        with self._lock:
+            return (self._changes, self.status, self.liveview)
+
+    def _events(self) -> list[Any]:
+        with self._lock:
+            events: list[Any] = [None] * 35
+            events[0] = {"type": "availableApiList", "names": self._offered()}
+            events[1] = {"type": "cameraStatus", "cameraStatus": self.status}
+            events[2] = {
+                "type": "zoomInformation",
+                "zoomPosition": round(self._lens.position),
+                "zoomNumberBox": 1,
+                "zoomIndexCurrentBox": 0,
+                "zoomPositionCurrentBox": round(self._lens.position),
+            }
+            events[3] = {"type": "liveviewStatus", "liveviewStatus": self.liveview}
+            events[5] = [{"type": "takePicture", "takePictureUrl": [self._url(self._told)]}] if self._told else []
+            events[10] = [
+                {
+                    "type": "storageInformation",
+                    "storageID": "Memory Card 1",
+                    "recordTarget": True,
+                    "numberOfRecordableImages": 5000 - len(self._ledger.taken),
+                    "recordableTime": -1,
+                    "storageDescription": "Storage Media",
+                }
+            ]
+            shown = [choice for choice in CHOICES.items() if choice[1].event]
+            for place, (name, choice) in enumerate(shown, start=11):
+                current = {f"current{choice.key}": self._settings[name]}
+                candidates = {f"{choice.event}Candidates": list(choice.candidates)}
+                events[place] = {"type": choice.event} | current | candidates
+            return events
+
+    def _url(self, name: str) -> str:
+        return f"{self._address}/{name}{_QUERY}"
+
+    def _now(self) -> datetime:
+        return _EPOCH + timedelta(microseconds=(self._clock.read().realtime_ns + self._offset_ns) // 1000)
+
+    def _sleep(self, seconds: float) -> None:
+        self._clock.wait_until(self._clock.read().monotonic_ns + round(seconds * _NS_PER_S), threading.Event())
+
+
+_CALLS: dict[str, Callable[[CameraModel, list[Any]], list[Any]]] = {
+    "getAvailableApiList": CameraModel._api_list,  # noqa: SLF001 - its own
+    "getApplicationInfo": lambda _model, _params: ["Smart Remote Control", "2.1.1"],
+    "getVersions": lambda _model, _params: [["1.0", "1.1"]],
+    "getEvent": CameraModel._event,  # noqa: SLF001 - its own
+    "actTakePicture": CameraModel._shoot,  # noqa: SLF001 - its own
+    "awaitTakePicture": CameraModel._await,  # noqa: SLF001 - its own
+    "actZoom": CameraModel._zoom,  # noqa: SLF001 - its own
+    "startLiveview": CameraModel._start_liveview,  # noqa: SLF001 - its own
+    "stopLiveview": CameraModel._stop_liveview,  # noqa: SLF001 - its own
+    "setCurrentTime": CameraModel._set_time,  # noqa: SLF001 - its own
+}
