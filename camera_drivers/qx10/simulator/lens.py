@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from camera_drivers.clock import Clock
 
 WIDE_MM, TELE_MM = 4.45, 44.5
@@ -38,7 +40,7 @@ class Lens:
     def focal_length_mm(self) -> float:
         """Not quite even in its logarithm, as no lens is."""
         share = self.position / 100
-        return WIDE_MM * (TELE_MM / WIDE_MM) ** (share * (0.85 + 0.15 * share))
+        return WIDE_MM * math.exp(math.log(TELE_MM / WIDE_MM) * share * (0.85 + 0.15 * share))
 
     def act(self, direction: str, movement: str) -> bool:
         """Move; False where the camera refuses: stopping a movement that was not begun."""

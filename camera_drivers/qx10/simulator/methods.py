@@ -9,32 +9,16 @@ from dataclasses import dataclass
 
 _KINDS = ("set", "get", "getSupported", "getAvailable")
 
-_ALWAYS = [
-    "getMethodTypes",
-    "getAvailableApiList",
-    "startLiveview",
-    "stopLiveview",
-    "actTakePicture",
-    "startMovieRec",
-    "stopMovieRec",
-    "awaitTakePicture",
-    "actZoom",
-    "actFormatStorage",
-    "getStorageInformation",
-    "getApplicationInfo",
-    "getVersions",
-    "getEvent",
-]
-_STILL = [
-    "setTouchAFPosition",
-    "cancelTouchAFPosition",
-    "getTouchAFPosition",
-    "actHalfPressShutter",
-    "cancelHalfPressShutter",
-    "getSupportedExposureCompensation",
-    "getSupportedWhiteBalance",
-    "getSupportedIsoSpeedRate",
-]
+_ALWAYS = (
+    *("getMethodTypes", "getAvailableApiList", "getApplicationInfo", "getVersions", "getEvent"),
+    *("startLiveview", "stopLiveview", "actTakePicture", "awaitTakePicture", "startMovieRec", "stopMovieRec"),
+    *("actZoom", "actFormatStorage", "getStorageInformation"),
+)
+_STILL = (
+    *("setTouchAFPosition", "cancelTouchAFPosition", "getTouchAFPosition"),
+    *("actHalfPressShutter", "cancelHalfPressShutter"),
+    *("getSupportedExposureCompensation", "getSupportedWhiteBalance", "getSupportedIsoSpeedRate"),
+)
 _FAMILIES = ("ShootMode", "BeepMode", "CameraFunction")
 _STILL_FAMILIES = ("SelfTimer", "PostviewImageSize", "ExposureMode", "StillSize")
 _PROGRAM_FAMILIES = ("ExposureCompensation", "WhiteBalance", "IsoSpeedRate")
@@ -91,7 +75,7 @@ CHOICES: dict[str, Choice] = {
 
 def offered(shoot_mode: object, exposure_mode: object) -> list[str]:
     """The names in `getAvailableApiList`."""
-    families, names = list(_FAMILIES), list(_ALWAYS)
+    families, names = [*_FAMILIES], [*_ALWAYS]
     if shoot_mode == "still":
         names += _STILL
         families += _STILL_FAMILIES
