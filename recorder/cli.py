@@ -13,6 +13,7 @@ import click
 # Name: module that has the click command under the same name, and the line for `recorder --help`.
 COMMANDS = {
     "run": ("recorder.command_run", "Record until told to stop, or until a replay is over."),
+    "simulate": ("recorder.command_simulate", "Be a camera on this machine, for trying things without one."),
     "info": ("recorder.command_info", "Say what is in a flight, and whether all of it is there."),
     "recover": ("recorder.command_recover", "Repair what a power cut left behind."),
     "verify": ("recorder.command_verify", "Check CRCs, digests, chain and signatures; name the first misfit."),

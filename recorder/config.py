@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
 
+from camera_drivers.qx10.addresses import BadUrlError, host_of
 from recorder.errors import ConfigurationError
 
 _SHOWN_ERRORS = 3  # more than these do not fit a sentence
@@ -19,6 +20,19 @@ _SHOWN_ERRORS = 3  # more than these do not fit a sentence
 def _anchored(path: Path, info: ValidationInfo) -> Path:
     base = (info.context or {}).get("base")
     return path if base is None else base / path
+
+
+def _number_as_text(value: object) -> object:
+    # The camera wants "400" where YAML reads a number; a person must not need to know.
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _http_url(url: str) -> str:
+    try:
+        host_of(url)
+    except BadUrlError as error:
+        raise ValueError("it is no http URL") from error
+    return url
 
 
 AnchoredPath = Annotated[Path, AfterValidator(_anchored)]
@@ -46,20 +60,51 @@ class ReplaySettings(_Model):
         return self.path if isinstance(self.path, list) else [self.path]
 
 
+_Seconds = Annotated[float, Field(gt=0, le=3600)]
+
+
+class Qx10Limits(_Model):
+    """How long each thing may take on a QX10, seconds; for a camera that turns out to be slower than expected.
+
+    What each is for stands with `camera_drivers.qx10.options.Limits`.
+    """
+
+    search_s: _Seconds = 20.0
+    connect_s: _Seconds = 5.0
+    call_s: _Seconds = 10.0
+    shot_s: _Seconds = 90.0
+    exposure_s: _Seconds = 180.0
+    download_s: _Seconds = 60.0
+    event_s: _Seconds = 90.0
+    ready_s: _Seconds = 60.0
+    settle_s: _Seconds = 5.0
+    zoom_s: _Seconds = 15.0
+    stall_s: _Seconds = 10.0
+    picture_mib: Annotated[int, Field(gt=0, le=256)] = 32
+
+
 class Qx10Settings(_Model):
-    """A Sony DSC-QX10; `interval_s` seconds between stills, 0 for as fast as it can."""
+    """A Sony DSC-QX10; `interval_s` seconds between stills, 0 for as fast as it can.
+
+    What is None stays as the camera has it. `exposure_compensation` counts the camera's steps of a third of an EV.
+    """
 
     driver: Literal["qx10"]
-    url: str | None = None
+    url: Annotated[str, AfterValidator(_http_url)] | None = None
     interface: str | None = None
     mode: Literal["stills", "liveview"] = "stills"
     interval_s: Annotated[float, Field(ge=0, le=3600)] = 2.0
     picture: Literal["Original", "2M"] = "Original"
     zoom: Literal["wide", "tele", "leave"] | Annotated[float, Field(gt=0)] = "leave"
-    exposure_compensation: int = 0
+    exposure_compensation: Annotated[int, Field(ge=-6, le=6)] | None = None
     exposure_mode: str | None = None
-    iso_speed_rate: str | None = None
+    iso_speed_rate: Annotated[str, BeforeValidator(_number_as_text)] | None = None
     white_balance: str | None = None
+    still_size: tuple[str, str] | None = None
+    beep_mode: str | None = None
+    set_clock: bool = True
+    long_poll: bool = True
+    limits: Qx10Limits = Qx10Limits()
 
 
 class StorageSettings(_Model):

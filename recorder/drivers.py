@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 from camera_drivers.camera import Camera
 from camera_drivers.clock import Clock
+from camera_drivers.qx10.camera import Qx10Camera
+from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.replay.camera import ReplayCamera, open_source
+from camera_drivers.reporter import Reporter
 from recorder.clock import SimulatedClock
-from recorder.config import RecorderConfig, ReplaySettings
-from recorder.errors import ConfigurationError
+from recorder.config import Qx10Settings, RecorderConfig, ReplaySettings
 from recorder.host import Host
 
 
@@ -35,20 +37,18 @@ class Wiring:
     attachments: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def wire(config: RecorderConfig, host: Host) -> Wiring:
-    """Make the camera that the configuration asks for.
+def wire(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    """Make the camera that the configuration asks for; what it says beside its pictures goes to `reporter`.
 
     Raises
     ------
-    ConfigurationError
-        There is no such driver yet.
     CameraError
         The camera cannot be used.
     """
-    return _DRIVERS[config.camera.driver](config, host)
+    return _DRIVERS[config.camera.driver](config, host, reporter)
 
 
-def _replay(config: RecorderConfig, host: Host) -> Wiring:
+def _replay(config: RecorderConfig, host: Host, _reporter: Reporter) -> Wiring:
     settings = config.camera
     if not isinstance(settings, ReplaySettings):
         raise TypeError(settings)
@@ -58,8 +58,17 @@ def _replay(config: RecorderConfig, host: Host) -> Wiring:
     return Wiring(camera=ReplayCamera(source, clock), clock=clock, live=live, attachments=source.attachments)
 
 
-def _qx10(_config: RecorderConfig, _host: Host) -> Wiring:
-    raise ConfigurationError("camera.driver: qx10 is not part of this version; use replay.")
+def _qx10(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    settings = config.camera
+    if not isinstance(settings, Qx10Settings):
+        raise TypeError(settings)
+    return Wiring(camera=Qx10Camera(_qx10_options(settings), host.clock, reporter), clock=host.clock, live=True)
 
 
-_DRIVERS: Mapping[str, Callable[[RecorderConfig, Host], Wiring]] = {"replay": _replay, "qx10": _qx10}
+def _qx10_options(settings: Qx10Settings) -> Options:
+    same = settings.model_dump(exclude={"driver", "limits"})
+    limits = settings.limits.model_dump(exclude={"picture_mib"})
+    return Options(**same, limits=Limits(**limits, picture_bytes=settings.limits.picture_mib * 2**20))
+
+
+_DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {"replay": _replay, "qx10": _qx10}

@@ -16,6 +16,7 @@ from recorder.errors import RecorderError
 from recorder.frame_queue import Arrival, Ended, FrameQueue
 from recorder.host import Host
 from recorder.journal import Journal
+from recorder.journal_reporter import JournalReporter
 from recorder.plan import clock_name, plan_recording
 from recorder.recording import Gauges, Recording
 from recorder.stop import Stop
@@ -90,9 +91,9 @@ def record(
     stop = stop or Stop()
     journal = journal or Journal()
     attachments = gather_attachments(config.attach, configuration)
-    wiring = wire(config, host)
-    plan = plan_recording(config, host, wiring, attachments=attachments, name=name)
     drops, queue = Drops(), FrameQueue()
+    wiring = wire(config, host, JournalReporter(journal, drops))
+    plan = plan_recording(config, host, wiring, attachments=attachments, name=name)
     recording = Recording(
         FlightWriter(plan, status=_first_status(wiring), at=plan.session.started),
         gauges=_gauges(plan, host, wiring, queue),

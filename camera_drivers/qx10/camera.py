@@ -59,6 +59,7 @@ class Qx10Camera:
         self._clock = clock
         self._reporter = reporter
         self._notes = Notes(reporter)
+        self._camera_clock = CameraClock(clock, reporter)
         self._frames = FrameMaker()
         self._due_ns = 0
         self._refusals = 0
@@ -80,7 +81,7 @@ class Qx10Camera:
         connection = connect(self._options, self._clock, self._patience)
         self.identity = connection.identity
         self._refusals = 0
-        self._session = _Session(connection, self._options, self._clock, self._notes, self._reporter)
+        self._session = _Session(connection, self._options, self._clock, self._camera_clock, self._notes)
         try:
             self._session.prepare()
         except BaseException:
@@ -165,13 +166,13 @@ class _Session:
     """What belongs to one connection."""
 
     def __init__(
-        self, connection: Connection, options: Options, clock: Clock, notes: Notes, reporter: Reporter
+        self, connection: Connection, options: Options, clock: Clock, camera_clock: CameraClock, notes: Notes
     ) -> None:
         api, events = connection.api, connection.events
         self._connection = connection
         self._options = options
         self._notes = notes
-        self._camera_clock = CameraClock(clock, reporter)
+        self._camera_clock = camera_clock
         self.zoom = Zoom(api, events, notes, options.zoom)
         self.stills = Stills(api, events, clock, notes)
         self.liveview = Liveview(api, clock, notes) if options.mode == "liveview" else None

@@ -72,6 +72,10 @@ class Exchange:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the connection back to the system; a thread that still reads from it has to be aborted before."""
         if self._response is not None:
             self._response.close()
         self._session.close()

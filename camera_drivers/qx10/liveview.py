@@ -83,6 +83,7 @@ class Liveview:
         if self._exchange is None:
             return
         self._exchange.abort()
+        self._exchange.close()
         self._exchange = None
         try:
             self._api.call("stopLiveview", limit_s=CLOSE_S)

@@ -16,7 +16,7 @@ from itertools import count
 from PIL import Image
 
 from camera_drivers.exif import read_exif
-from camera_drivers.jpeg import EOI, jpeg_facts
+from camera_drivers.jpeg import jpeg_end, jpeg_facts
 from flight_file.frame import ClockReading, Exif, Frame, HostTimes
 
 MAX_PIXELS = 64 * 10**6  # the camera's largest picture has 18 million
@@ -33,7 +33,7 @@ def fault_of(jpeg: bytes) -> str:
     if facts.width_px * facts.height_px > MAX_PIXELS:
         return "the picture is larger than any of this camera"
     # A picture may be followed by something else, such as a second, smaller picture.
-    if not facts.whole and EOI not in jpeg[len(jpeg) // 2 :]:
+    if jpeg_end(jpeg) is None:
         return "the picture is cut short"
     return "" if _decodes(jpeg) else "the picture is damaged"
 

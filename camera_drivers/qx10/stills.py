@@ -80,6 +80,7 @@ class Stills:
         self._notes = notes
         self._patience = api.link.patience
         self._limits = api.link.limits
+        self._asked = clock.read()
         self._fetched: deque[str] = deque(maxlen=REMEMBERED)
 
     def take(self) -> Shot:
@@ -98,14 +99,13 @@ class Stills:
         """
         self.wait_until_ready()
         self._patience.check()
-        before = self._clock.read()
         try:
             url = self._shoot()
             answered = self._clock.read()
             jpeg = self._fetch(url)
         except Stopped as stopped:
             raise PictureLostError(STOPPED) from stopped
-        return Shot(jpeg, HostTimes(before_request=before, after_answer=answered, downloaded=self._clock.read()))
+        return Shot(jpeg, HostTimes(before_request=self._asked, after_answer=answered, downloaded=self._clock.read()))
 
     def wait_until_ready(self) -> None:
         """Come back when the camera is idle.
@@ -156,12 +156,16 @@ class Stills:
         """Shoot; try again only where the camera says that it was not ready, so that nothing was taken."""
         for _ in range(TRIES_WHEN_NOT_READY - 1):
             try:
-                return self._api.call("actTakePicture", limit_s=self._limits.shot_s)
+                return self._ask_for_shot()
             except CameraRefusedError as error:
                 if error.code != Code.NOT_READY:
                     raise
             self._patience.pause("the camera is not ready", REST_S)
             self.wait_until_ready()
+        return self._ask_for_shot()
+
+    def _ask_for_shot(self) -> list[object]:
+        self._asked = self._clock.read()
         return self._api.call("actTakePicture", limit_s=self._limits.shot_s)
 
     def _await(self) -> str:
