@@ -66,6 +66,7 @@ def jpeg_end(data: bytes, start: int = 0) -> int | None:
     if data[start : start + 2] != SOI:
         return None
     position: int | None = start + len(SOI)
+    scanned = False
     while position is not None and position + 2 <= len(data):
         marker = data[position + 1]
         if data[position] != 0xFF or marker in (0x00, 0x01):  # noqa: PLR2004 - the first byte of every marker
@@ -73,13 +74,14 @@ def jpeg_end(data: bytes, start: int = 0) -> int | None:
         if marker == 0xFF:  # noqa: PLR2004 - a fill byte
             position += 1
         elif marker == EOI[1]:
-            return position + 2
+            return position + 2 if scanned else None
         elif marker in _ALONE:
             position += 2
         else:
             length = int.from_bytes(data[position + 2 : position + 4], "big")
             position += 2 + length
             if marker == _SOS:
+                scanned = True
                 position = _scan_end(data, position)
     return None
 

@@ -49,7 +49,7 @@ class Link:
         return Link(self.host, self.limits, Patience(clock, reporter))
 
     def _fetch(self, call: str, method: str, url: str, body: bytes | None, *, max_bytes: int, limit_s: float) -> Answer:
-        exchange = self.exchange(limit_s)
+        exchange = self.exchange(2 * limit_s)  # it is the limit for the whole that ends a call
 
         def work() -> Answer:
             with exchange:

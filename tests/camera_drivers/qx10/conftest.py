@@ -1,0 +1,125 @@
+"""A simulated camera that is quick, a driver that is impatient, and somebody who listens to it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pytest
+
+from camera_drivers.errors import CameraError
+from camera_drivers.qx10.camera import Qx10Camera
+from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.qx10.simulator.model import Behaviour
+from camera_drivers.qx10.simulator.simulator import SimulatedQx10
+from flight_file.frame import Frame
+from flight_file.reports import CameraStatus
+from recorder.clock import SystemClock
+
+LIMITS = Limits(
+    search_s=2.0,
+    connect_s=2.0,
+    call_s=2.0,
+    shot_s=2.0,
+    exposure_s=10.0,
+    download_s=10.0,
+    event_s=5.0,
+    ready_s=5.0,
+    settle_s=0.6,
+    zoom_s=5.0,
+    stall_s=0.5,
+    picture_bytes=2**20,
+)
+QUICK = Behaviour(
+    shot_s=0.01,
+    save_s=0.0,
+    long_poll_s=0.5,
+    delay_s=0.3,
+    reboot_s=0.2,
+    error_s=0.2,
+    silent_s=0.5,
+    zoom_percent_per_s=400.0,
+)
+CONNECTIONS = 20  # nothing in these tests takes longer than that many attempts
+
+
+@dataclass
+class Listener:
+    """A reporter that remembers."""
+
+    reports: list[CameraStatus] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+    waits: list[str] = field(default_factory=list)
+
+    def report(self, status: CameraStatus) -> None:
+        """Remember it."""
+        self.reports.append(status)
+
+    def lost(self, reason: str) -> None:
+        """Remember it."""
+        self.losses.append(reason)
+
+    def waiting(self, reason: str) -> None:
+        """Remember it."""
+        self.waits.append(reason)
+
+    def reasons(self, state: str) -> list[str]:
+        """What was reported under a state."""
+        return [status.reason for status in self.reports if status.state == state]
+
+
+@dataclass
+class Bench:
+    """A simulated camera, a driver for it, and who listens."""
+
+    simulated: SimulatedQx10
+    camera: Qx10Camera
+    listener: Listener
+    failures: list[CameraError] = field(default_factory=list)
+
+    def take(self, number: int) -> list[Frame]:
+        """So many frames; the camera is connected again as the recorder does it."""
+        frames: list[Frame] = []
+        for _ in range(CONNECTIONS):
+            try:
+                with self.camera:
+                    while len(frames) < number:
+                        frame = self.camera.next_frame(threading.Event())
+                        assert frame is not None
+                        frames.append(frame)
+            except CameraError as error:
+                self.failures.append(error)
+                threading.Event().wait(0.1)
+            else:
+                return frames
+        raise AssertionError(self.failures)
+
+
+MakeBench = Callable[..., Bench]
+
+
+@pytest.fixture
+def listener() -> Listener:
+    """Who hears the driver."""
+    return Listener()
+
+
+@pytest.fixture
+def make_bench(listener: Listener) -> Iterator[MakeBench]:
+    """A simulated camera with faults and changes, and a driver with options; both end with the test."""
+    with ExitStack() as stack:
+
+        def make(*faults: str, behaviour: dict[str, Any] | None = None, **options: Any) -> Bench:  # noqa: ANN401
+            clock = SystemClock()
+            simulated = stack.enter_context(
+                SimulatedQx10(clock, behaviour=replace(QUICK, **(behaviour or {})), search_port=0)
+            )
+            for fault in faults:
+                simulated.mischief.order_as_text(fault)
+            wanted: dict[str, Any] = {"url": simulated.url, "interval_s": 0.0, "limits": LIMITS, **options}
+            return Bench(simulated, Qx10Camera(Options(**wanted), clock, listener), listener)
+
+        yield make

@@ -1,0 +1,154 @@
+"""Each fault of the camera by its name: no picture twice, none missing without a reason, and it goes on.
+
+The ledger of the simulated camera says which pictures it delivered whole; the frames must be exactly these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from camera_drivers.qx10.simulator.faults import DOWNLOAD, FAULTS, SHOT
+
+MakeBench = Callable[..., Any]
+
+FRAMES = 3
+
+# What becomes of the picture: it comes all the same, it is lost with this reason, or none was taken.
+COMES, NOT_TAKEN = "", "not taken"
+OUTCOMES = {
+    "lost_answer": "the connection broke off, though it was taken",
+    "delayed": COMES,
+    "dripping": "no whole answer within its time, though it was taken",
+    "empty_answer": "the answer is no JSON object, though it was taken",
+    "not_json": "the answer is no JSON object, though it was taken",
+    "wrong_id": "the answer belongs to another question, though it was taken",
+    "http_500": "no usable answer to the shot",
+    "http_503": NOT_TAKEN,
+    "error_1": "no usable answer to the shot",
+    "error_403": NOT_TAKEN,
+    "error_40400": NOT_TAKEN,
+    "error_40401": COMES,
+    "error_40403": COMES,
+    "zero_host": COMES,
+    "foreign_host": COMES,
+    "reboot": "the connection broke off",
+    "overheat": COMES,
+    "silent": "the connection broke off",
+    "another_clock": "the connection broke off",
+    "drop_mid_download": COMES,
+    "cut_short": COMES,
+    "damaged": COMES,
+    "without_exif": COMES,
+    "without_length": COMES,
+    "refused_download": COMES,
+    "huge_picture": COMES,
+}
+
+
+def test_every_fault_of_a_shot_or_a_download_is_tested() -> None:
+    """A new fault in the simulator needs an outcome here."""
+    assert set(OUTCOMES) == {fault.name for fault in FAULTS.values() if fault.place in {SHOT, DOWNLOAD}}
+
+
+@pytest.mark.parametrize(("fault", "outcome"), OUTCOMES.items())
+def test_every_delivered_picture_is_a_frame_exactly_once(make_bench: MakeBench, fault: str, outcome: str) -> None:
+    """At the second shot something goes wrong; what was delivered whole is there, and the rest has its reason."""
+    bench = make_bench(f"{fault}@2")
+    frames = bench.take(FRAMES)
+
+    assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
+    lost = [outcome] if outcome not in {COMES, NOT_TAKEN} else []
+    assert bench.listener.losses == lost
+    assert frames[-1].sequence == FRAMES - 1 + len(lost)
+    assert len(bench.listener.reasons("refused")) == (outcome == NOT_TAKEN)
+
+
+@pytest.mark.parametrize("fault", ["cut_short", "damaged"])
+def test_picture_that_stays_damaged_is_kept_and_reported(make_bench: MakeBench, fault: str) -> None:
+    """What comes twice the same way is what the camera has; if it says how large it is, it is kept."""
+    bench = make_bench(f"{fault}@2", f"{fault}@3")
+    frames = bench.take(FRAMES)
+    kept = fault == "cut_short"  # the other one has no header left
+
+    assert len(bench.listener.reasons("damaged")) == kept
+    assert len(bench.listener.losses) == (not kept)
+    digests = [frame.sha256 for frame in frames]
+    assert len(set(digests)) == FRAMES
+    assert set(bench.simulated.ledger.delivered()) <= set(digests)
+
+
+def test_picture_that_cannot_be_downloaded_is_lost_after_two_tries(make_bench: MakeBench) -> None:
+    """The download is tried once more, not for ever; the next picture comes."""
+    bench = make_bench("drop_mid_download@2", "drop_mid_download@3")
+    bench.take(FRAMES)
+
+    assert bench.listener.losses == ["the connection broke off"]
+    assert len(bench.simulated.ledger.deliveries) == FRAMES + 2
+
+
+@pytest.mark.parametrize("knows", ["tells_shots", "remembers_shot"])
+def test_shot_whose_answer_was_lost_is_found_again(make_bench: MakeBench, knows: str) -> None:
+    """A camera that tells of the picture afterwards: it is fetched, and no second one is taken for it."""
+    bench = make_bench("lost_answer@2", behaviour={knows: True})
+    frames = bench.take(FRAMES)
+
+    assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
+    assert len(bench.simulated.ledger.taken) == FRAMES
+    assert bench.listener.losses == []
+
+
+@pytest.mark.parametrize("knows", ["tells_shots", "remembers_shot"])
+def test_picture_before_is_not_taken_for_the_one_searched(make_bench: MakeBench, knows: str) -> None:
+    """What the camera tells after a shot that was none is the last picture, which we have."""
+    bench = make_bench("error_1@2", behaviour={knows: True})
+    frames = bench.take(FRAMES)
+
+    assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
+    assert len({frame.sha256 for frame in frames}) == FRAMES
+    assert len(bench.listener.losses) == 1
+
+
+def test_camera_that_refuses_again_and_again_is_connected_again(make_bench: MakeBench) -> None:
+    """After some refusals in a row the driver gives up the connection, not the pictures."""
+    bench = make_bench(*(f"error_40400@{number}" for number in range(1, 6)))
+    frames = bench.take(1)
+
+    assert len(bench.failures) == 1
+    assert "5 times in a row" in str(bench.failures[0])
+    assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
+
+
+def test_overheated_camera_is_reported(make_bench: MakeBench) -> None:
+    """Its status is worth a line in the flight."""
+    bench = make_bench("overheat@1")
+    bench.take(2)
+
+    assert any("too hot" in reason for reason in bench.listener.reasons("error"))
+
+
+def test_description_of_a_gigabyte_is_refused(make_bench: MakeBench) -> None:
+    """The first attempt fails at its limit of size, the second succeeds."""
+    bench = make_bench("huge_description@1")
+
+    assert len(bench.take(1)) == 1
+    assert "larger than allowed" in str(bench.failures[0])
+
+
+def test_camera_with_another_clock_is_noticed(make_bench: MakeBench) -> None:
+    """A clock that cannot be set and jumps by years shows in the pictures."""
+    bench = make_bench(
+        "another_clock@2", behaviour={"forbidden": frozenset({"setCurrentTime"}), "clock_offset_s": 3600.0}
+    )
+    bench.take(3)
+    clock = [status for status in bench.listener.reports if status.camera_clock_offset_ns is not None]
+
+    assert [status.reason for status in clock] == [
+        "the camera's clock shows in its pictures",
+        "a clock was set, the camera's or the box's",
+    ]
+    assert abs(clock[0].camera_clock_offset_ns / 1e9 - 3600) < 1.5
+    assert abs(clock[1].camera_clock_offset_ns / 1e9 - 3600 + 5 * 365 * 86400) < 1.5
+    assert any("does not let its clock be set" in reason for reason in bench.listener.reasons("clock"))
