@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
+from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.faults import FAULTS, UnknownFaultError
-from camera_drivers.qx10.simulator.model import Behaviour
 from camera_drivers.qx10.simulator.pictures import NoPicturesError, open_pictures
 from camera_drivers.qx10.simulator.search_answers import GROUP, PORT
 from camera_drivers.qx10.simulator.simulator import LOOPBACK, SimulatedQx10

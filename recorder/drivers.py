@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from camera_drivers.camera import Camera
 from camera_drivers.clock import Clock
-from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.replay.camera import ReplayCamera, open_source
 from camera_drivers.reporter import Reporter
@@ -59,6 +58,8 @@ def _replay(config: RecorderConfig, host: Host, _reporter: Reporter) -> Wiring:
 
 
 def _qx10(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    from camera_drivers.qx10.camera import Qx10Camera  # noqa: PLC0415 - a replay does without requests
+
     settings = config.camera
     if not isinstance(settings, Qx10Settings):
         raise TypeError(settings)

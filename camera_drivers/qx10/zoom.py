@@ -28,6 +28,7 @@ IN, OUT = "in", "out"
 WIDE_MM, TELE_MM = 4.45, 44.5  # of the lens; only the first guess depends on it
 NEAR = 0.02  # of the focal length; a step is more than that
 MAX_PICTURES = 12  # to reach a focal length
+MOVED_PERCENT = 2.0  # the camera rounds its position
 MAX_STEPS = 60  # from one end to the other, with steps of two percent
 
 _LOOK_S = 0.1
@@ -55,6 +56,7 @@ class Zoom:
         self._pictures = 0
         self._turns = 0
         self._last_error = 0.0
+        self._left_at: float | None = None
         self.settled = self._goal_mm is None
 
     def start(self) -> None:
@@ -65,9 +67,16 @@ class Zoom:
             position = self._position()
             if position is not None:
                 self._step_to(_guess(self._goal_mm), position)
+        self._left_at = self._events.state.zoom_position
 
     def take_notice(self, focal_length_mm: float | None) -> None:
         """Look at a picture's focal length, and move if it is not the wanted one; raises CameraSilentError."""
+        if self._has_been_moved():
+            self._notes.say(STATE, "the lens has moved by itself, or somebody moved it; it is set again")
+            self.settled = self._goal_mm is None
+            self._pictures = self._turns = 0
+            self.start()
+            return
         if self._goal_mm is None:
             if focal_length_mm is not None:
                 self._notes.say_once(STATE, f"pictures are taken at {focal_length_mm:g} mm")
@@ -98,8 +107,16 @@ class Zoom:
         else:
             self._step_to(self._place(position, error, goal_mm), position)
 
+    def _has_been_moved(self) -> bool:
+        position = self._events.state.zoom_position
+        wanted = self._end is not None or self._goal_mm is not None
+        if not wanted or not self.settled or position is None or self._left_at is None:
+            return False
+        return abs(position - self._left_at) > MOVED_PERCENT
+
     def _settle(self, reason: str) -> None:
         self.settled = True
+        self._left_at = self._events.state.zoom_position
         self._notes.say(STATE, reason)
 
     def _place(self, position: float, error: float, goal_mm: float) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from camera_drivers.jpeg import JpegFacts, jpeg_facts
+from camera_drivers.jpeg import JpegFacts, jpeg_end, jpeg_facts
 
 MakeJpeg = Callable[..., bytes]
 
@@ -48,3 +48,22 @@ def test_damaged_headers_raise_nothing(make_jpeg: MakeJpeg, data: st.DataObject)
     jpeg[data.draw(st.integers(0, len(jpeg) - 1))] = data.draw(st.integers(0, 255))
 
     assert isinstance(jpeg_facts(bytes(jpeg)), JpegFacts)
+
+
+def test_end_is_where_the_markers_lead(make_jpeg: MakeJpeg) -> None:
+    """Neither a thumbnail's end nor one in the junk behind is taken for it; a picture that is cut has none."""
+    jpeg = make_jpeg({0x9003: "2018:05:04 12:00:00"})
+    thumbnail = b"\xff\xe2" + (len(jpeg) + 2).to_bytes(2, "big") + jpeg
+    nested = jpeg[:2] + thumbnail + jpeg[2:]
+
+    assert jpeg_end(nested + b"junk\xff\xd9") == len(nested)
+    assert jpeg_end(b"abc" + nested, 3) == len(nested) + 3
+    assert all(jpeg_end(nested[:cut]) is None for cut in range(len(nested)))
+
+
+@given(data=st.binary(max_size=200))
+def test_end_of_any_bytes_may_be_asked(data: bytes) -> None:
+    """Nothing is raised, and an end is within the data."""
+    for given_bytes in (data, b"\xff\xd8" + data, b"\xff\xd8\xff\xda\x00\x02" + data):
+        end = jpeg_end(given_bytes)
+        assert end is None or given_bytes[end - 2 : end] == b"\xff\xd9"

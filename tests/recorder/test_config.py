@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from recorder.config import RecorderConfig, ReplaySettings, load_config, parse_config
+from camera_drivers.qx10.options import Limits
+from recorder.config import Qx10Limits, Qx10Settings, RecorderConfig, ReplaySettings, load_config, parse_config
 from recorder.errors import ConfigurationError
 
 
@@ -39,7 +41,7 @@ def test_defaults_are_the_documented_ones(configure: Callable[..., RecorderConfi
 
 
 def test_documented_qx10_configuration_is_valid(configure: Callable[..., RecorderConfig]) -> None:
-    """The camera's block is checked already, though its driver is not part of this version."""
+    """All that the design names, and a number where the camera wants a word."""
     config = parse_config(
         {
             "camera": {
@@ -51,12 +53,18 @@ def test_documented_qx10_configuration_is_valid(configure: Callable[..., Recorde
                 "picture": "Original",
                 "zoom": 12.5,
                 "exposure_compensation": 0,
+                "iso_speed_rate": 400,
+                "still_size": ["4:3", "18M"],
+                "limits": {"shot_s": 120},
             },
             "storage": {"directory": "/var/lib/recorder"},
         }
     )
 
-    assert config.camera.driver == "qx10"
+    assert isinstance(config.camera, Qx10Settings)
+    assert config.camera.iso_speed_rate == "400"
+    assert config.camera.still_size == ("4:3", "18M")
+    assert (config.camera.limits.shot_s, config.camera.limits.call_s) == (120, 10)
     assert configure().camera.driver == "replay"
 
 
@@ -107,3 +115,28 @@ def test_missing_file_is_one_sentence(tmp_path: Path) -> None:
     """A configuration that is not there says so."""
     with pytest.raises(ConfigurationError, match="check its name"):
         load_config(tmp_path / "recorder.yaml")
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"url": "10.0.0.1"}, r"camera\.url: value error, it is no http URL, got '10\.0\.0\.1'"),
+        ({"exposure_compensation": 7}, r"camera\.exposure_compensation: .*, got 7"),
+        ({"zoom": "far"}, r"camera\.zoom"),
+        ({"limits": {"shot": 1}}, r"camera\.limits\.shot: there is no such setting"),
+        ({"limits": {"call_s": 0}}, r"camera\.limits\.call_s: input should be greater than 0, got 0"),
+    ],
+)
+def test_wrong_setting_of_a_camera_is_named(tmp_path: Path, settings: dict[str, Any], sentence: str) -> None:
+    """As every other wrong value."""
+    document = {"camera": {"driver": "qx10", **settings}, "storage": {"directory": str(tmp_path)}}
+    with pytest.raises(ConfigurationError, match=sentence):
+        parse_config(document)
+
+
+def test_limits_of_the_configuration_are_those_of_the_driver() -> None:
+    """What a person can write and what the driver does without it never differ."""
+    own = Qx10Limits().model_dump()
+    assert own.pop("picture_mib") * 2**20 == Limits().picture_bytes
+    assert own == {name: getattr(Limits(), name) for name in own}
+    assert len(own) == len(fields(Limits)) - 1

@@ -22,7 +22,7 @@ from flight_file.reader import open_flight
 from recorder import run as run_module
 from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
-from recorder.errors import ConfigurationError, RecorderError
+from recorder.errors import RecorderError
 from recorder.journal import Journal
 from recorder.run import Outcome, record
 from recorder.stop import Stop
@@ -80,7 +80,7 @@ def with_camera(monkeypatch: pytest.MonkeyPatch) -> Callable[[ScriptedCamera], N
 
     def use(camera: ScriptedCamera) -> None:
         clock = ManualClock(NOW_NS)
-        monkeypatch.setattr(run_module, "wire", lambda _config, _host: Wiring(camera, clock, live=True))
+        monkeypatch.setattr(run_module, "wire", lambda _config, _host, _reporter: Wiring(camera, clock, live=True))
 
     return use
 
@@ -294,11 +294,3 @@ def test_stop_before_the_start_records_nothing_and_closes(configure: Configure) 
 
     assert outcome.reason == "stopped by SIGTERM"
     assert open_flight(outcome.paths).losses == []
-
-
-def test_driver_that_is_not_there_yet_is_one_sentence(configure: Configure, document: dict[str, Any]) -> None:
-    """A QX10 can be configured, but not used in this version."""
-    document["camera"] = {"driver": "qx10"}
-
-    with pytest.raises(ConfigurationError, match=r"camera\.driver: qx10 is not part of this version"):
-        run(configure())

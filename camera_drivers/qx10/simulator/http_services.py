@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import json
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -21,12 +20,12 @@ from camera_drivers.qx10.simulator.liveview_stream import stream
 from camera_drivers.qx10.simulator.model import CameraModel, RefusedCallError
 from camera_drivers.qx10.simulator.pictures import without_exif
 from camera_drivers.qx10.simulator.power import Power
+from camera_drivers.qx10.simulator.shot_faults import AFTERWARDS, INSTEAD
 
 DESCRIPTION_PATH = "/DmsRmtDesc.xml"
 MAX_BODY_BYTES = 64 * 1024
 GIGABYTE = 2**30
 
-_DRIP_S = 0.05
 _BLOCK = bytes(64 * 1024)
 
 _DESCRIPTION = """<?xml version="1.0"?>
@@ -88,7 +87,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Description, picture or liveview."""
-        self.parts.power.wait_while_silent()
+        if not self._is_there():
+            return
         path = urlsplit(self.path).path
         if path == DESCRIPTION_PATH:
             self._describe()
@@ -99,24 +99,31 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """A call."""
-        self.parts.power.wait_while_silent()
+        if not self._is_there():
+            return
         length = int(self.headers.get("Content-Length") or 0)
         question = _question(self.rfile.read(min(length, MAX_BODY_BYTES)))
         if question is None:
-            self._answer({"error": [5, "Illegal Request"]})
+            self.answer({"error": [5, "Illegal Request"]})
             return
         method, service = str(question["method"]), self.path.rpartition("/")[2]
         due = self.parts.mischief.due(SHOT) if method == "actTakePicture" else frozenset[str]()
         for name in due:
-            if name in _INSTEAD:
-                _INSTEAD[name](self, question)
+            if name in INSTEAD:
+                INSTEAD[name](self, question)
                 return
         answer = {"id": question["id"], **self._called(service, method, question)}
         for name in due:
-            if name in _AFTERWARDS:
-                _AFTERWARDS[name](self, answer)
+            if name in AFTERWARDS:
+                AFTERWARDS[name](self, answer)
                 return
-        self._answer(answer)
+        self.answer(answer)
+
+    def _is_there(self) -> bool:
+        self.parts.power.wait_while_silent()
+        if not self.parts.power.is_on:
+            self.cut()
+        return self.parts.power.is_on
 
     def _called(self, service: str, method: str, question: dict[str, Any]) -> dict[str, Any]:
         try:
@@ -127,23 +134,23 @@ class Handler(BaseHTTPRequestHandler):
 
     def _describe(self) -> None:
         if "huge_description" in self.parts.mischief.due(DESCRIPTION):
-            self._send(200, "text/xml", _endless(), length=None)
+            self.send(200, "text/xml", _endless(), length=None)
             return
         services = "".join(_SERVICE % (name, self.parts.address) for name in ("guide", "system", "camera"))
-        self._send_bytes(200, "text/xml", (_DESCRIPTION % services).encode())
+        self.send_bytes(200, "text/xml", (_DESCRIPTION % services).encode())
 
     def _deliver(self, name: str) -> None:
         jpeg = self.parts.model.picture(name)
         if jpeg is None:
-            self._send_bytes(404, "text/html", b"<html>not found</html>")
+            self.send_bytes(404, "text/html", b"<html>not found</html>")
             return
         due = self.parts.mischief.due(DOWNLOAD)
         sent, length, intact = jpeg, True, True
         if "refused_download" in due:
-            self._send_bytes(404, "text/html", b"<html>not found</html>")
+            self.send_bytes(404, "text/html", b"<html>not found</html>")
             return
         if "huge_picture" in due:
-            self._send(200, "image/jpeg", _endless(), length=None)
+            self.send(200, "image/jpeg", _endless(), length=None)
             return
         if "without_exif" in due:
             sent = without_exif(jpeg)
@@ -153,10 +160,18 @@ class Handler(BaseHTTPRequestHandler):
             sent, intact = jpeg[:2] + bytes(len(jpeg) // 2) + jpeg[2 + len(jpeg) // 2 :], False
         if "without_length" in due:
             length = False
-        dropped = "drop_mid_download" in due
-        blocks = iter([sent[: len(sent) // 2]] if dropped else [sent])
-        complete = self._send(200, "image/jpeg", blocks, length=len(sent) if length else None)
-        self.parts.ledger.deliver(name, sent, complete=complete and not dropped, intact=intact)
+        blocks = self._half(name, sent) if "drop_mid_download" in due else self._whole(name, sent, intact=intact)
+        self.send(200, "image/jpeg", blocks, length=len(sent) if length else None)
+
+    def _half(self, name: str, sent: bytes) -> Iterator[bytes]:
+        yield sent[: len(sent) // 2]
+        self.parts.ledger.deliver(name, sent, complete=False, intact=True)
+
+    def _whole(self, name: str, sent: bytes, *, intact: bool) -> Iterator[bytes]:
+        """All of it; the ledger knows before the last byte goes, so that nobody has a picture that it does not know."""
+        yield sent[:-1]
+        self.parts.ledger.deliver(name, sent, complete=True, intact=intact)
+        yield sent[-1:]
 
     def _stream(self) -> None:
         self.send_response(200)
@@ -179,16 +194,18 @@ class Handler(BaseHTTPRequestHandler):
         with suppress(OSError):
             self.connection.shutdown(socket.SHUT_RDWR)
 
-    def _answer(self, document: dict[str, Any], status: int = 200) -> None:
-        self._send_bytes(status, "application/json", json.dumps(document).encode())
+    def answer(self, document: dict[str, Any], status: int = 200) -> None:
+        """Send a JSON document."""
+        self.send_bytes(status, "application/json", json.dumps(document).encode())
 
-    def _send_bytes(self, status: int, kind: str, body: bytes) -> None:
-        self._send(status, kind, iter([body]), length=len(body))
+    def send_bytes(self, status: int, kind: str, body: bytes) -> None:
+        """Send an answer that is there as a whole."""
+        self.send(status, kind, iter([body]), length=len(body))
 
-    def _send(self, status: int, kind: str, blocks: Iterator[bytes], *, length: int | None) -> bool:
-        """Send an answer; says whether all of it went out."""
+    def send(self, status: int, kind: str, blocks: Iterator[bytes], *, length: int | None) -> None:
+        """Send an answer in these blocks, with this length announced; None for none."""
         self.close_connection = True
-        try:
+        with suppress(OSError):  # nobody is there to hear of it
             self.send_response(status)
             self.send_header("Content-Type", kind)
             self.send_header("Connection", "close")
@@ -197,10 +214,6 @@ class Handler(BaseHTTPRequestHandler):
             self.end_headers()
             for block in blocks:
                 self.wfile.write(block)
-            self.wfile.flush()
-        except OSError:
-            return False
-        return True
 
 
 def _question(body: bytes) -> dict[str, Any] | None:
@@ -218,114 +231,3 @@ def _question(body: bytes) -> dict[str, Any] | None:
 def _endless() -> Iterator[bytes]:
     for _ in range(GIGABYTE // len(_BLOCK)):
         yield _BLOCK
-
-
-def _refuse(code: int) -> Callable[[Handler, dict[str, Any]], None]:
-    return lambda handler, question: handler._answer({"id": question["id"], "error": [code, question["method"]]})  # noqa: SLF001 - one idea
-
-
-def _http_500(handler: Handler, _question: dict[str, Any]) -> None:
-    handler._send_bytes(500, "text/html", b"<html>Internal Server Error</html>")  # noqa: SLF001 - one idea
-
-
-def _http_503(handler: Handler, _question: dict[str, Any]) -> None:
-    handler._answer({"error": [503, "Service Unavailable"]}, 503)  # noqa: SLF001 - one idea
-
-
-def _reboot(handler: Handler, _question: dict[str, Any]) -> None:
-    handler.parts.power.reboot()
-    handler.cut()
-
-
-def _another_clock(handler: Handler, question: dict[str, Any]) -> None:
-    handler.parts.model.turn_clock(-5 * 365 * 86400)
-    _reboot(handler, question)
-
-
-def _silent(handler: Handler, _question: dict[str, Any]) -> None:
-    handler.parts.power.fall_silent()
-    handler.parts.power.wait_while_silent()
-    handler.cut()
-
-
-_INSTEAD: dict[str, Callable[[Handler, dict[str, Any]], None]] = {
-    "http_500": _http_500,
-    "http_503": _http_503,
-    "error_1": _refuse(1),
-    "error_403": _refuse(403),
-    "error_40400": _refuse(40400),
-    "error_40401": _refuse(40401),
-    "reboot": _reboot,
-    "another_clock": _another_clock,
-    "silent": _silent,
-}
-"""Instead of taking a picture."""
-
-
-def _lost_answer(handler: Handler, _answer: dict[str, Any]) -> None:
-    handler.parts.model.hide_last()
-    handler.cut()
-
-
-def _useless(body: bytes) -> Callable[[Handler, dict[str, Any]], None]:
-    def send(handler: Handler, _answer: dict[str, Any]) -> None:
-        handler.parts.model.hide_last()
-        handler._send_bytes(200, "application/json", body)  # noqa: SLF001 - one idea
-
-    return send
-
-
-def _wrong_id(handler: Handler, answer: dict[str, Any]) -> None:
-    handler.parts.model.hide_last()
-    handler._answer(answer | {"id": answer["id"] + 1})  # noqa: SLF001 - one idea
-
-
-def _delayed(handler: Handler, answer: dict[str, Any]) -> None:
-    time.sleep(handler.parts.model.behaviour.delay_s)
-    handler._answer(answer)  # noqa: SLF001 - one idea
-
-
-def _dripping(handler: Handler, answer: dict[str, Any]) -> None:
-    handler.parts.model.hide_last()
-    body = json.dumps(answer).encode()
-
-    def drops() -> Iterator[bytes]:
-        for byte in body:
-            time.sleep(_DRIP_S)
-            yield bytes([byte])
-
-    handler._send(200, "application/json", drops(), length=len(body))  # noqa: SLF001 - one idea
-
-
-def _not_finished(handler: Handler, answer: dict[str, Any]) -> None:
-    handler.parts.model.stay_unfinished()
-    handler._answer({"id": answer["id"], "error": [40403, "actTakePicture"]})  # noqa: SLF001 - one idea
-
-
-def _at_host(host: str) -> Callable[[Handler, dict[str, Any]], None]:
-    def send(handler: Handler, answer: dict[str, Any]) -> None:
-        own = urlsplit(handler.parts.address)
-        text = json.dumps(answer).replace(f"//{own.hostname}:", f"//{host}:")
-        handler._answer(json.loads(text))  # noqa: SLF001 - one idea
-
-    return send
-
-
-def _overheat(handler: Handler, answer: dict[str, Any]) -> None:
-    handler.parts.power.overheat()
-    handler._answer(answer)  # noqa: SLF001 - one idea
-
-
-_AFTERWARDS: dict[str, Callable[[Handler, dict[str, Any]], None]] = {
-    "lost_answer": _lost_answer,
-    "empty_answer": _useless(b""),
-    "not_json": _useless(b"<html>it works</html>"),
-    "wrong_id": _wrong_id,
-    "delayed": _delayed,
-    "dripping": _dripping,
-    "error_40403": _not_finished,
-    "zero_host": _at_host("0.0.0.0"),  # noqa: S104 - nobody listens there
-    "foreign_host": _at_host("192.0.2.7"),
-    "overheat": _overheat,
-}
-"""Instead of the answer, when the picture is taken."""

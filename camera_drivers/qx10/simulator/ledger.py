@@ -20,7 +20,7 @@ class Delivery:
     sha256
         Of the bytes that were meant to be sent.
     complete
-        Whether all of them were sent.
+        Whether all of them were sent; it is set just before the last byte goes.
     intact
         Whether they were a picture without fault.
     """

@@ -31,43 +31,26 @@ SYSTEM_METHODS = ("getMethodTypes", "getVersions", "setCurrentTime")
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A setting: what it is at first, and what it can be.
-
-    Attributes
-    ----------
-    event, key
-        Its type in `getEvent`, and its name there after `current`; empty where it is not told.
-    """
+    """A setting: what it is at first, and what it can be."""
 
     first: object
     candidates: tuple[object, ...]
-    event: str = ""
-    key: str = ""
 
 
 CHOICES: dict[str, Choice] = {
-    "ShootMode": Choice("still", ("still", "movie"), "shootMode", "ShootMode"),
-    "ExposureMode": Choice(
-        "Intelligent Auto", ("Intelligent Auto", "Superior Auto", "Program Auto"), "exposureMode", "ExposureMode"
-    ),
-    "PostviewImageSize": Choice("2M", ("2M", "Original"), "postviewImageSize", "PostviewImageSize"),
-    "SelfTimer": Choice(0, (0, 2, 10), "selfTimer", "SelfTimer"),
-    "BeepMode": Choice("On", ("Shutter Only", "On", "Off"), "beepMode", "BeepMode"),
+    "ShootMode": Choice("still", ("still", "movie")),
+    "ExposureMode": Choice("Intelligent Auto", ("Intelligent Auto", "Superior Auto", "Program Auto")),
+    "PostviewImageSize": Choice("2M", ("2M", "Original")),
+    "SelfTimer": Choice(0, (0, 2, 10)),
+    "BeepMode": Choice("On", ("Shutter Only", "On", "Off")),
     "StillSize": Choice(("4:3", "18M"), (("4:3", "18M"), ("4:3", "5M"), ("16:9", "13M"), ("16:9", "2M"))),
     "ExposureCompensation": Choice(0, tuple(range(-6, 7))),
-    "IsoSpeedRate": Choice(
-        "AUTO", ("AUTO", "100", "200", "400", "800", "1600", "3200"), "isoSpeedRate", "IsoSpeedRate"
-    ),
+    "IsoSpeedRate": Choice("AUTO", ("AUTO", "100", "200", "400", "800", "1600", "3200")),
     "WhiteBalance": Choice(
         "Auto WB",
         (
-            "Auto WB",
-            "Daylight",
-            "Cloudy",
-            "Incandescent",
-            "Fluorescent: Cool White (0)",
-            "Fluorescent: Day White (+1)",
-            "Fluorescent: Daylight (+2)",
+            *("Auto WB", "Daylight", "Cloudy", "Incandescent"),
+            *("Fluorescent: Cool White (0)", "Fluorescent: Day White (+1)", "Fluorescent: Daylight (+2)"),
         ),
     ),
 }

@@ -9,66 +9,27 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from camera_drivers.clock import Clock
 from camera_drivers.qx10.remote_api import Code
+from camera_drivers.qx10.simulator.behaviour import Behaviour
+from camera_drivers.qx10.simulator.event_objects import snapshot
 from camera_drivers.qx10.simulator.ledger import Ledger
 from camera_drivers.qx10.simulator.lens import DIRECTIONS, Lens
-from camera_drivers.qx10.simulator.methods import CHOICES, FORBIDDEN, SYSTEM_METHODS, offered
+from camera_drivers.qx10.simulator.methods import CHOICES, SYSTEM_METHODS, offered
 from camera_drivers.qx10.simulator.pictures import Source, Taken, as_small, with_exif
 
 KEPT_PICTURES = 8
 POLL_LOOK_S = 0.02
+CARD_PICTURES = 5000  # that the memory card has room for
 UNFINISHED_ANSWERS = 2  # so often "not finished" after a shot that takes long
 
 # Not with a clock of the same second: pictures in the camera's own name carry whole seconds and a number.
 _QUERY = "?%211234%21http%2dget%3a%2a%3aimage%2fjpeg%3a%2a%21%21%21%21%21"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _NS_PER_S = 1_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Behaviour:
-    """How the simulated camera is.
-
-    Attributes
-    ----------
-    shot_s, save_s
-        How long it takes a picture, and then saves it, s.
-    apply_s
-        How long a setting that was accepted takes to show, s.
-    long_poll_s
-        After so long without news a call that waits for them is answered with a timeout, s.
-    delay_s, reboot_s, error_s, silent_s
-        How long these faults last, s.
-    zoom_percent_per_s
-        How fast the lens goes.
-    forbidden
-        Calls that are answered with 403 though they are listed.
-    tells_shots
-        Whether `getEvent` tells of pictures that were taken over the network.
-    remembers_shot
-        Whether `awaitTakePicture` tells the last picture again after its answer was lost.
-    clock_offset_s
-        By how much its clock is ahead at first.
-    """
-
-    shot_s: float = 0.3
-    save_s: float = 0.2
-    apply_s: float = 0.0
-    long_poll_s: float = 20.0
-    delay_s: float = 3.0
-    reboot_s: float = 5.0
-    error_s: float = 2.0
-    silent_s: float = 5.0
-    zoom_percent_per_s: float = 40.0
-    forbidden: frozenset[str] = FORBIDDEN
-    tells_shots: bool = False
-    remembers_shot: bool = False
-    clock_offset_s: float = 0.0
 
 
 class RefusedCallError(Exception):
@@ -306,34 +267,15 @@ class CameraModel:
 
     def _events(self) -> list[Any]:
         with self._lock:
-            events: list[Any] = [None] * 35
-            events[0] = {"type": "availableApiList", "names": self._offered()}
-            events[1] = {"type": "cameraStatus", "cameraStatus": self.status}
-            events[2] = {
-                "type": "zoomInformation",
-                "zoomPosition": round(self._lens.position),
-                "zoomNumberBox": 1,
-                "zoomIndexCurrentBox": 0,
-                "zoomPositionCurrentBox": round(self._lens.position),
-            }
-            events[3] = {"type": "liveviewStatus", "liveviewStatus": self.liveview}
-            events[5] = [{"type": "takePicture", "takePictureUrl": [self._url(self._told)]}] if self._told else []
-            events[10] = [
-                {
-                    "type": "storageInformation",
-                    "storageID": "Memory Card 1",
-                    "recordTarget": True,
-                    "numberOfRecordableImages": 5000 - len(self._ledger.taken),
-                    "recordableTime": -1,
-                    "storageDescription": "Storage Media",
-                }
-            ]
-            shown = [choice for choice in CHOICES.items() if choice[1].event]
-            for place, (name, choice) in enumerate(shown, start=11):
-                current = {f"current{choice.key}": self._settings[name]}
-                candidates = {f"{choice.event}Candidates": list(choice.candidates)}
-                events[place] = {"type": choice.event} | current | candidates
-            return events
+            return snapshot(
+                names=self._offered(),
+                status=self.status,
+                zoom_percent=round(self._lens.position),
+                liveview=self.liveview,
+                told=self._url(self._told) if self._told else "",
+                room=CARD_PICTURES - len(self._ledger.taken),
+                settings=self._settings,
+            )
 
     def _url(self, name: str) -> str:
         return f"{self._address}/{name}{_QUERY}"

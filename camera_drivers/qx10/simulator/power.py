@@ -31,6 +31,7 @@ class Power:
 
     def reboot(self) -> None:
         """Be gone, and come back after a while as after switching on."""
+        self.is_on = False
         self._later(0.0, self._gone)
 
     def overheat(self) -> None:

@@ -7,10 +7,11 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from camera_drivers.clock import Clock
+from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.faults import Mischief
 from camera_drivers.qx10.simulator.http_services import DESCRIPTION_PATH, CameraServer, Parts
 from camera_drivers.qx10.simulator.ledger import Ledger
-from camera_drivers.qx10.simulator.model import Behaviour, CameraModel
+from camera_drivers.qx10.simulator.model import CameraModel
 from camera_drivers.qx10.simulator.pictures import Source, drawn_picture
 from camera_drivers.qx10.simulator.power import Power
 from camera_drivers.qx10.simulator.search_answers import SearchAnswers

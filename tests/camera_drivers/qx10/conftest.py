@@ -13,7 +13,7 @@ import pytest
 from camera_drivers.errors import CameraError
 from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.options import Limits, Options
-from camera_drivers.qx10.simulator.model import Behaviour
+from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
 from flight_file.frame import Frame
 from flight_file.reports import CameraStatus
@@ -38,7 +38,7 @@ QUICK = Behaviour(
     save_s=0.0,
     long_poll_s=0.5,
     delay_s=0.3,
-    reboot_s=0.2,
+    reboot_s=0.6,
     error_s=0.2,
     silent_s=0.5,
     zoom_percent_per_s=400.0,

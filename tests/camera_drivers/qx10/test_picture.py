@@ -25,7 +25,7 @@ JPEG = drawn_picture(1)
         (b"", "the picture is no JPEG"),
         (b"<html>", "the picture is no JPEG"),
         (JPEG.replace(struct.pack(">HH", 480, 640), struct.pack(">HH", 60000, 60000)), "larger than any"),
-        (JPEG.replace(b"\xff\xc4", b"\xff\xee"), "the picture is damaged"),
+        (JPEG.replace(b"\xff\xdb", b"\xff\xee"), "the picture is damaged"),
     ],
     ids=["whole", "padded", "two", "half", "last byte", "empty", "page", "bomb", "no tables"],
 )

@@ -73,8 +73,10 @@ def test_error_is_its_code(status: int, body: bytes, code: int) -> None:
 
 @pytest.mark.parametrize(
     "body",
-    [b"", b"[]", b"null", b"<html>", b'{"id":8,"result":[0]}', b'{"result":[0]}', b'{"id":7}', b'{"id":7,"result":0}']
-    + [b"[" * 100_000],
+    [
+        *(b"", b"[]", b"null", b"<html>", b"[" * 100_000),
+        *(b'{"id":8,"result":[0]}', b'{"result":[0]}', b'{"id":7}', b'{"id":7,"result":0}'),
+    ],
 )
 def test_answer_that_does_not_fit_is_silence(body: bytes) -> None:
     """No JSON, no object, another number or none, no result."""

@@ -119,6 +119,6 @@ def test_camera_in_its_movie_mode_is_set_to_stills(make_bench: MakeBench) -> Non
 
 
 def test_simulated_lists_have_the_recorded_lengths() -> None:
-    """Fifty calls in the automatic modes, 59 in Program Auto, 33 for movies as recorded from a real camera."""
+    """Fifty calls in the automatic modes and 59 in Program Auto, as recorded from a real camera."""
     assert len(offered("still", "Intelligent Auto")) == 50
     assert len(offered("still", "Program Auto")) == 59

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -71,3 +72,17 @@ def test_lens_is_set_again_after_the_camera_was_off(make_bench: MakeBench) -> No
     bench = make_bench("reboot@2", zoom="tele")
 
     assert [frame.zoom_position for frame in bench.take(3)] == [100.0] * 3
+
+
+@pytest.mark.parametrize("zoom", ["wide", 12.0])
+def test_lens_that_somebody_moves_is_set_again(make_bench: MakeBench, zoom: str | float) -> None:
+    """The camera has a lever; a picture that shows it moved is followed by one as wanted."""
+    bench = make_bench(zoom=zoom)
+    with bench.camera as camera:
+        frames = [camera.next_frame(threading.Event()) for _ in range(MAX_PICTURES + 2)]
+        bench.simulated.model._lens._at += 30
+        frames += [camera.next_frame(threading.Event()) for _ in range(MAX_PICTURES + 2)]
+    before, after = frames[MAX_PICTURES + 1], frames[-1]
+
+    assert abs(after.exif.focal_length_mm / before.exif.focal_length_mm - 1) < 0.1
+    assert sum("set again" in reason for reason in bench.listener.reasons("zoom")) == 1
