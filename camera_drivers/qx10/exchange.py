@@ -8,6 +8,7 @@ followed, and nobody but the camera is ever called.
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from camera_drivers.errors import CameraSilentError
 from camera_drivers.qx10.addresses import host_of
 
 CHUNK_BYTES = 64 * 1024
+CLOSE_S = 1.0  # for an aborted reader to notice
 BROKEN_OFF = "the connection broke off"
 TOO_LARGE = "the answer is larger than allowed"
 
@@ -58,6 +60,7 @@ class Exchange:
         self._timeout = (connect_s, quiet_s)
         self._socket: socket.socket | None = None
         self._aborted = False
+        self._reading = threading.Lock()
         self._session = requests.Session()
         self._session.trust_env = False
         self._session.headers.clear()
@@ -76,9 +79,14 @@ class Exchange:
 
     def close(self) -> None:
         """Give the connection back to the system; a thread that still reads from it has to be aborted before."""
-        if self._response is not None:
-            self._response.close()
-        self._session.close()
+        if not self._reading.acquire(timeout=CLOSE_S):  # it hangs for good, and keeps what it has
+            return
+        try:
+            if self._response is not None:
+                self._response.close()
+            self._session.close()
+        finally:
+            self._reading.release()
 
     def fetch(self, call: str, method: str, url: str, *, max_bytes: int, body: bytes | None = None) -> Answer:
         """Send a request and read the whole answer.
@@ -117,7 +125,10 @@ class Exchange:
         if self._response is None:
             raise CameraSilentError(call, BROKEN_OFF, delivered=False)
         try:
-            data = self._response.raw.read1(size, decode_content=False)
+            with self._reading:
+                if self._aborted:  # and perhaps closed already
+                    raise self._failed(call)
+                data = self._response.raw.read1(size, decode_content=False)
         except _FAILURES as error:
             raise self._failed(call) from error
         return bytes(data)

@@ -8,8 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
+from camera_drivers.qx10.simulator.faults import FAULTS
 from decoder.panel import parse_panel
+from recorder.config import Qx10Settings, parse_config
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [
@@ -59,7 +62,7 @@ def test_panel_example_is_a_panel() -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        *(["recorder", command] for command in ("run", "info", "recover", "verify", "mark")),
+        *(["recorder", command] for command in ("run", "simulate", "info", "recover", "verify", "mark")),
         ["decode"],
         ["decode", "accuracy"],
     ],
@@ -72,3 +75,19 @@ def test_commands_of_the_readme_exist(words: list[str]) -> None:
     assert " ".join(words) in (ROOT / "README.md").read_text(encoding="utf-8")
     assert done.returncode == 0
     assert "Examples:" in done.stdout
+
+
+def test_camera_example_is_a_configuration() -> None:
+    """The settings in docs/qx10.md are ones that the recorder takes, and none is missing."""
+    (example,) = blocks(ROOT / "docs" / "qx10.md", "yaml")
+    camera = yaml.safe_load(example)["camera"]
+
+    assert parse_config(yaml.safe_load(example)).camera.driver == "qx10"
+    assert set(camera) == set(Qx10Settings.model_fields)
+
+
+def test_every_fault_of_the_simulator_is_documented() -> None:
+    """docs/qx10.md says what the driver does about each."""
+    table = (ROOT / "docs" / "qx10.md").read_text(encoding="utf-8")
+
+    assert [name for name in FAULTS if f"`{name}`" not in table] == []
