@@ -196,6 +196,8 @@ class _Session:
             raise CameraError(f"The camera does not offer {needed} in its present mode; it will be connected again.")
         if "actZoom" in offered:
             self.zoom.start()
+        if self.liveview:
+            self.zoom.take_notice(None)  # its pictures have no EXIF
         self.stills.wait_until_ready()
 
     def look(self) -> None:

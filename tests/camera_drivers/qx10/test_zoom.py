@@ -86,3 +86,12 @@ def test_lens_that_somebody_moves_is_set_again(make_bench: MakeBench, zoom: str 
 
     assert abs(after.exif.focal_length_mm / before.exif.focal_length_mm - 1) < 0.1
     assert sum("set again" in reason for reason in bench.listener.reasons("zoom")) == 1
+
+
+def test_liveview_says_that_its_focal_length_is_guessed(make_bench: MakeBench) -> None:
+    """Its pictures have no EXIF to confirm it."""
+    bench = make_bench(zoom=20.0, mode="liveview")
+    (frame,) = bench.take(1)
+
+    assert 50 < frame.zoom_position < 80
+    assert any("where it is guessed to be" in reason for reason in bench.listener.reasons("zoom"))
