@@ -145,6 +145,10 @@ class FlightWriter:
             self.make_room(at)
         self._segment.tick(at)
 
+    def sync(self, at: ClockReading) -> None:
+        """Come back when everything given so far is on the disk."""
+        self._segment.sync(at)
+
     def make_room(self, at: ClockReading, coming_bytes: int = 0) -> None:
         """Start a new segment if this one is long enough, or too large for so many bytes more."""
         segment, limit = self._segment, self._plan.segment_bytes

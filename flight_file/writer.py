@@ -49,21 +49,21 @@ SYNC_BYTES = 8 * 1024 * 1024  # at most this much is lost to a power cut, or has
 
 @dataclass(frozen=True, slots=True)
 class Remains:
-    """What a segment leaves that could not be written on.
+    """What a segment leaves that could not be written on, and where another one goes on.
 
     Attributes
     ----------
     path
-        The file in work.
+        The file in work; None if nothing but its head was on the disk, then it was removed.
     synced_bytes
         How much of it is on the disk for certain; what lies behind may be anything.
     segment
-        Its number.
+        Number of the next segment.
     chain
-        Value of the chain after the last frame that is on the disk for certain.
+        What the next segment goes on from.
     """
 
-    path: Path
+    path: Path | None
     synced_bytes: int
     segment: int
     chain: str
@@ -90,9 +90,8 @@ class SegmentWriter:
 
     Attributes
     ----------
-    chain, synced_chain
-        Value of the chain after the last frame; what the next segment goes on from. `synced_chain` after the last
-        that is on the disk for certain.
+    chain
+        Value of the chain after the last frame; what the next segment goes on from.
     unsynced
         How many frames and reports, the last that were given, are not on the disk for certain.
 
@@ -115,9 +114,11 @@ class SegmentWriter:
         self.path = path
         self.session = replace(session, chain=session.chain or first_value(session))
         self.chain = self.session.chain
-        self.synced_chain = self.chain
         self.frames = 0
         self.unsynced = 0
+        self._synced = 0
+        self._synced_chain = self.chain
+        self._given_chain = session.chain
         self._log_clock = log_clock or LogClock()
         self._log_clock.begin_segment(session.started)
         self._chunk_bytes = 0
@@ -129,6 +130,7 @@ class SegmentWriter:
             self._channels = registered_topics(self._writer)
             self.write_status(status, session.started)
             self.sync(session.started)
+            self._synced = 0
             sync_directory(path.parent)
         except BaseException:
             self._file.discard()  # nothing is in it yet, and whoever tries again shall not litter the disk
@@ -230,12 +232,16 @@ class SegmentWriter:
 
     def remains(self) -> Remains:
         """Close the file as it is, for somebody who will write again what is not on the disk for certain."""
+        if not self._synced:
+            self._file.discard()
+            return Remains(None, 0, self.session.segment, self._given_chain)
         self._file.close()
-        return Remains(self._file.path, self._file.synced_bytes, self.session.segment, self.synced_chain)
+        return Remains(self._file.path, self._file.synced_bytes, self.session.segment + 1, self._synced_chain)
 
     def _note_synced(self) -> None:
+        self._synced += self.unsynced
         self.unsynced = 0
-        self.synced_chain = self.chain
+        self._synced_chain = self.chain
 
     def _report(self, topic: str, data: bytes, at: ClockReading) -> None:
         self.unsynced += 1

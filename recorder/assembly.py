@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flight_file.reports import CameraStatus
+from flight_file.salvage import recover_segment
 from flight_file.segments import Plan
+from flight_file.signature import Signer
 from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
 from recorder.drops import Drops
@@ -17,7 +19,7 @@ from recorder.journal import Journal
 from recorder.plan import clock_name, plan_recording
 from recorder.recording import Gauges, Recording
 from recorder.retention import Retention, Rules
-from recorder.salvage import Recover, Salvager, files_in_work
+from recorder.salvage import Salvager, files_in_work
 from recorder.store import Store
 
 _NS_PER_HOUR = 3600 * 1_000_000_000
@@ -33,6 +35,7 @@ class Assembly:
     journal: Journal
     drops: Drops
     queue: FrameQueue
+    signer: Signer | None
 
     def store(self, *, attachments: Mapping[str, bytes], name: str | None, salvager: Salvager | None) -> Store:
         """Where everything goes.
@@ -48,7 +51,9 @@ class Assembly:
         """
 
         def plan() -> Plan:
-            made = plan_recording(self.config, self.host, self.wiring, attachments=attachments, name=name)
+            made = plan_recording(
+                self.config, self.host, self.wiring, attachments=attachments, name=name, signer=self.signer
+            )
             for path in files_in_work(made.directory) if salvager else []:
                 left_behind(path)
             return made
@@ -67,12 +72,15 @@ class Assembly:
             left_behind=left_behind,
         )
 
-    def salvager(self, recover: Recover | None) -> Salvager | None:
-        """Who finishes what is left in work, at work already; None for a fast replay, and if nobody says how."""
-        if recover is None or not self.wiring.live:
+    def salvager(self) -> Salvager | None:
+        """Who finishes what is left in work, at work already; None for a fast replay, which leaves it alone."""
+        if not self.wiring.live:
             return None
-        free_bytes, reserve = self.host.free_bytes, self._reserve_bytes
-        salvager = Salvager(recover, free_bytes=free_bytes, reserve_bytes=reserve, journal=self.journal)
+
+        def recover(path: Path) -> str:
+            return recover_segment(path, at=self.host.clock.read(), signer=self.signer).outcome.value
+
+        salvager = Salvager(recover, free_bytes=self.host.free_bytes, journal=self.journal)
         salvager.start()
         return salvager
 
@@ -88,14 +96,10 @@ class Assembly:
             queued=lambda: len(self.queue) if live else None,
         )
 
-    @property
-    def _reserve_bytes(self) -> int:
-        return round(self.config.storage.keep_free_gib * 2**30)
-
     def _retention(self) -> Retention:
         storage = self.config.storage
         rules = Rules(
-            reserve_bytes=self._reserve_bytes,
+            reserve_bytes=round(storage.keep_free_gib * 2**30),
             keep_ns=round(storage.keep_hours * _NS_PER_HOUR),
             max_ns=None if storage.max_hours is None else round(storage.max_hours * _NS_PER_HOUR),
         )

@@ -70,7 +70,7 @@ class Capture(threading.Thread):
     def _use_camera(self) -> None:
         self._signs.camera()
         with self._wiring.camera as camera:
-            self._say_connected()
+            self._say_capturing()
             while (frame := camera.next_frame(self._stop_request.event)) is not None:
                 self._signs.camera()
                 self._back_off.reset()
@@ -84,13 +84,13 @@ class Capture(threading.Thread):
         elif not self._queue.put(arrival, self._stop_request.event):
             self._drops.add(STOPPED)
 
-    def _say_connected(self) -> None:
+    def _say_capturing(self) -> None:
         if not self._wiring.live:
-            return  # a replay that waits for the disk has begun with this already
+            return  # the recording of a replay that waits for the disk begins with this already
         identity, failures = self._wiring.camera.identity, self._back_off.failures
         parts = [part for part in (identity.driver, identity.note) if part]
         again = f" (after {failures} failed {'attempt' if failures == 1 else 'attempts'})" if failures else ""
-        status = CameraStatus("connected", ": ".join(parts) + again)
+        status = CameraStatus("capturing", ": ".join(parts) + again)
         self._queue.notify(Notice(status, self._wiring.clock.read(), identity))
         self._trouble = ""
 

@@ -11,9 +11,9 @@ from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading
 from flight_file.segments import Plan, free_recording_name, parse_segment_name
 from flight_file.session import Session
+from flight_file.signature import Signer
 from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
-from recorder.evidence import configured_signer
 from recorder.host import Host
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -50,7 +50,13 @@ def newest_recording_name(directory: Path, start: ClockReading) -> str:
 
 
 def plan_recording(
-    config: RecorderConfig, host: Host, wiring: Wiring, *, attachments: Mapping[str, bytes], name: str | None
+    config: RecorderConfig,
+    host: Host,
+    wiring: Wiring,
+    *,
+    attachments: Mapping[str, bytes],
+    name: str | None,
+    signer: Signer | None = None,
 ) -> Plan:
     """Directory, session and attachments of a recording that begins now.
 
@@ -60,13 +66,13 @@ def plan_recording(
         What the configuration attaches; if that is neither panel nor camera, what the source brings along goes with it.
     name
         Of the recording; its start time if None.
+    signer
+        Signs each finished segment; None for no signatures.
 
     Raises
     ------
     FlightNotWrittenError
         The directory cannot be made or listed.
-    ConfigurationError
-        The key to sign with cannot be used.
     """
     at = wiring.clock.read()
     directory = config.storage.directory
@@ -94,7 +100,7 @@ def plan_recording(
         attachments={**carried, **attachments},
         segment_ns=round(config.storage.segment_s * _NS_PER_S),
         segment_bytes=round(config.storage.segment_mib * 2**20),
-        signer=configured_signer(config.evidence),
+        signer=signer,
     )
 
 

@@ -65,6 +65,11 @@ class Recording:
         log("camera_status", state=status.state, reason=status.reason)
         self._store.put(status, notice.at)
 
+    def say_lost_notices(self, count: int) -> None:
+        """So much news of the camera found no room in the queue."""
+        if count:
+            self._journal.log.warning("camera_status_lost", count=count)
+
     def tick(self, at: ClockReading) -> None:
         """Do what is due while no frame comes."""
         self._check_wall_clock(at)

@@ -20,11 +20,10 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
+from flight_file.signature import signature_path
 from flight_file.topics import CHANNEL_TOPICS, IMAGE_TOPIC
 from recorder.journal import Journal
-
-KEEP_SUFFIX = ".keep"
-SIDECAR_SUFFIXES = (".sig",)
+from recorder.marks import MARK_SUFFIX
 
 _OURS = re.compile(
     r"(?P<start>\d{8}T\d{6}Z)(-(?P<copy>\d+))?_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap"
@@ -162,10 +161,10 @@ class Retention:
                 names = [entry.name for entry in entries if entry.is_file(follow_symlinks=False)]
         except OSError:
             return []  # a disk that is gone needs no room; whoever writes to it says so
-        marks = {name for name in names if name.endswith(KEEP_SUFFIX)}
+        marks = {name for name in names if name.endswith(MARK_SUFFIX)}
         ours = by_age(names)
         self._spans_ns = {name: self._spans_ns.get(name, -1) for name in ours}
-        return [Candidate(self._directory / name, self._span_ns(name), name + KEEP_SUFFIX in marks) for name in ours]
+        return [Candidate(self._directory / name, self._span_ns(name), name + MARK_SUFFIX in marks) for name in ours]
 
     def _span_ns(self, name: str) -> int:
         if self._spans_ns[name] < 0:
@@ -176,8 +175,7 @@ class Retention:
         # The segment first: a signature without its file is a missing segment, a file without its signature a suspect.
         try:
             path.unlink(missing_ok=True)
-            for suffix in SIDECAR_SUFFIXES:
-                path.with_name(path.name + suffix).unlink(missing_ok=True)
+            signature_path(path).unlink(missing_ok=True)
         except OSError as error:
             self._journal.log.warning("segment_not_deleted", path=str(path), reason=error.strerror)
             return False

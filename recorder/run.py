@@ -19,11 +19,11 @@ from recorder.config import RecorderConfig
 from recorder.drivers import wire
 from recorder.drops import Drops
 from recorder.errors import RecorderError
+from recorder.evidence import configured_signer
 from recorder.frame_queue import Ended, FrameQueue
 from recorder.host import Host
 from recorder.journal import Journal
 from recorder.recording import Recording
-from recorder.salvage import Recover
 from recorder.service_manager import ServiceManager
 from recorder.signs_of_life import SignsOfLife
 from recorder.stop import Stop
@@ -64,12 +64,12 @@ def record(
     configuration: bytes = b"",
     name: str | None = None,
     service: ServiceManager | None = None,
-    recover: Recover | None = None,
 ) -> Outcome:
     """Record until the camera has no more pictures or somebody asks to stop.
 
     A live camera is recorded whatever happens: one that fails is connected again for ever, a disk that fails is tried
-    again for ever. A replay that runs as fast as it can ends with an error if its disk fails.
+    again for ever, and what an earlier life left in work is finished beside it. A replay that runs as fast as it can
+    ends with an error if its disk fails.
 
     Everything that differs from run to run comes through `host`: with `recorder.testing.fixed_host` and `pace:
     fastest`, recording the same pictures twice gives the same bytes. A fast replay runs on a clock that begins with
@@ -92,8 +92,6 @@ def record(
         Of the recording; its start time if not given. A name that is taken gets a number.
     service
         Who is told how it goes; nobody if not given.
-    recover
-        Finishes segments that were left in work; if not given, or if the replay is fast, they are left alone.
 
     Raises
     ------
@@ -110,10 +108,13 @@ def record(
     stop = stop or Stop()
     journal = journal or Journal()
     attachments = gather_attachments(config.attach, configuration)
+    signer = configured_signer(config.evidence)
     drops, queue, signs = Drops(), FrameQueue(), SignsOfLife(host.clock)
     wiring = wire(config, host, CameraReports(queue=queue, drops=drops, signs=signs, clock=host.clock))
-    assembly = Assembly(config=config, host=host, wiring=wiring, journal=journal, drops=drops, queue=queue)
-    store = assembly.store(attachments=attachments, name=name, salvager=assembly.salvager(recover))
+    assembly = Assembly(
+        config=config, host=host, wiring=wiring, journal=journal, drops=drops, queue=queue, signer=signer
+    )
+    store = assembly.store(attachments=attachments, name=name, salvager=assembly.salvager())
     start = wiring.clock.read()
     recording = Recording(store, gauges=assembly.gauges(), drops=drops, journal=journal, at=start)
     if not wiring.live:

@@ -37,18 +37,13 @@ class Salvager(threading.Thread):
     Parameters
     ----------
     free_bytes
-        Room left where a path lies, bytes; None if unknown. A recovery needs as much as the file has.
-    reserve_bytes
-        What has to be left then: a file in work can be read as it is, so no flight shall be deleted for it.
+        Room left where a path lies, bytes; None if unknown.
     """
 
-    def __init__(
-        self, recover: Recover, *, free_bytes: Callable[[Path], int | None], reserve_bytes: int, journal: Journal
-    ) -> None:
+    def __init__(self, recover: Recover, *, free_bytes: Callable[[Path], int | None], journal: Journal) -> None:
         super().__init__(name="salvage", daemon=True)
         self._recover = recover
         self._free_bytes = free_bytes
-        self._reserve_bytes = reserve_bytes
         self._journal = journal
         self._paths: queue.SimpleQueue[Path] = queue.SimpleQueue()
 
@@ -77,5 +72,7 @@ class Salvager(threading.Thread):
             self._journal.log.warning("segment_salvaged", path=str(path), became=became)
 
     def _has_room(self, path: Path) -> bool:
+        # The copy needs as much room as the file has. As much again is for what is being recorded meanwhile: a file in
+        # work can be read as it is, so no flight shall be deleted for it.
         free = self._free_bytes(path.parent)
-        return free is None or free >= path.stat().st_size + self._reserve_bytes
+        return free is None or free >= 2 * path.stat().st_size

@@ -179,31 +179,34 @@ class Store:
         if self._endures:
             self._watch.begin(self._plan.directory)
             self._plan = with_free_number(self._plan)
-        if self._remains is not None:
+        if self._remains is not None and self._remains.path is not None:
             cut_file(self._remains.path, self._remains.synced_bytes)
         self._writer = FlightWriter(self._plan, status=self._status, at=at, log_clock=self._log_clock)
         if not self._started:
             self._started = True
             self._journal.log.info("recording_started", recording=self.recording, directory=str(self._plan.directory))
-        self._after_trouble(at)
-
-    def _after_trouble(self, at: ClockReading) -> None:
-        remains, trouble = self._remains, self.trouble
-        self._remains, self.trouble = None, None
-        self._back_off.reset()
-        self._drops.blame_disk("")
-        if remains is not None:
-            self._left_behind(remains.path)
-        if trouble is not None:
-            seconds = (at.monotonic_ns - trouble.since.monotonic_ns) / 1e9
-            self._journal.log.warning("disk_back", after_s=round(seconds, 1))
-            reason = f"the disk can be written again after {seconds:.1f} s; before: {trouble.failure}"
-            self._pending.append((replace(self._status, reason=reason, dropped=self._drops.total), at))
+        if self._remains is not None and self._remains.path is not None:
+            self._left_behind(self._remains.path)
+        self._remains = None
 
     def _hand_over(self, at: ClockReading) -> None:
         self._attempt(lambda _: self._watch.check(at), at)
         while self._writer is not None and self._handed < len(self._pending):
             self._attempt(self._write_next, at)
+        if self.trouble is not None:
+            # A full disk may have room for the head of a segment, but not for what waits: only a sync tells.
+            self._attempt(lambda writer: writer.sync(at), at)
+            if self._writer is not None:
+                self._trouble_is_over(self.trouble, at)
+
+    def _trouble_is_over(self, trouble: Trouble, at: ClockReading) -> None:
+        self.trouble = None
+        self._back_off.reset()
+        self._drops.blame_disk("")
+        seconds = (at.monotonic_ns - trouble.since.monotonic_ns) / 1e9
+        self._journal.log.warning("disk_back", after_s=round(seconds, 1))
+        reason = f"the disk can be written again after {seconds:.1f} s; before: {trouble.failure}"
+        self.put(replace(self._status, reason=reason, dropped=self._drops.total), at)
 
     def _write_next(self, writer: FlightWriter) -> None:
         what, when = self._pending[self._handed]
@@ -245,7 +248,7 @@ class Store:
         self._remains = writer.remains()
         self._writer, self._handed = None, 0
         if self._plan is not None:
-            session = replace(self._plan.session, segment=self._remains.segment + 1, chain=self._remains.chain)
+            session = replace(self._plan.session, segment=self._remains.segment, chain=self._remains.chain)
             self._plan = replace(self._plan, session=session)
 
     def _forget_synced(self, writer: FlightWriter) -> None:

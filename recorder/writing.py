@@ -103,6 +103,7 @@ class Writing(threading.Thread):
                 continue
             if item is None:
                 item = self._queue.take(IDLE_S)
+            self._recording.say_lost_notices(self._queue.take_lost_notices())
             ended = item if isinstance(item, Ended) else self._handle(item)
             if ended is not None:
                 return ended
