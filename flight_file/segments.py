@@ -130,6 +130,11 @@ class FlightWriter:
         self._dropped = max(self._dropped, status.dropped)
         self._segment.write_status(status, at)
 
+    def write_remark(self, status: CameraStatus, at: ClockReading) -> None:
+        """Store something that happened in this state of the camera; the next segment will not repeat it."""
+        self._dropped = max(self._dropped, status.dropped)
+        self._segment.write_status(status, at)
+
     def write_health(self, health: Health, at: ClockReading) -> None:
         """Store a health report."""
         self._dropped = max(self._dropped, health.dropped)

@@ -99,14 +99,13 @@ class Recording:
             return
         self._reported_drops, self._drops_at_ns = dropped, at.monotonic_ns
         reason = "dropped: " + ", ".join(f"{count} because {why}" for why, count in sorted(by_reason.items()))
-        self._store.put(replace(self._store.status, reason=reason, dropped=dropped), at)
+        self._store.remark(reason, at)
         self._journal.log.warning("frames_dropped", total=dropped, by_reason=by_reason)
 
     def _check_wall_clock(self, at: ClockReading) -> None:
         jump_ns = self._wall_clock.jump_ns(at)
         if jump_ns:
-            reason = in_words(jump_ns)
-            self._store.put(replace(self._store.status, reason=reason, dropped=self._drops.total), at)
+            self._store.remark(in_words(jump_ns), at)
             self._journal.log.warning("wall_clock_set", by_s=jump_ns / _NS_PER_S)
 
     def _write_health(self, at: ClockReading) -> None:

@@ -34,11 +34,20 @@ PACE = Pace(first_s=1.0, longest_s=15.0)
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
-Recorded = Frame | CameraStatus | Health | LogLine
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something that happened and is worth a line in the flight; the camera's state does not change by it."""
+
+    status: CameraStatus
+
+
+Recorded = Frame | CameraStatus | Remark | Health | LogLine
 
 _WRITE: Mapping[type, Callable[[FlightWriter, Any, ClockReading], None]] = {
     Frame: FlightWriter.write_frame,
     CameraStatus: FlightWriter.write_status,
+    Remark: lambda writer, remark, at: writer.write_remark(remark.status, at),
     Health: FlightWriter.write_health,
     LogLine: FlightWriter.write_log,
 }
@@ -137,6 +146,10 @@ class Store:
         self.stored += isinstance(what, Frame)
         self._hand_over(at)
 
+    def remark(self, reason: str, at: ClockReading) -> None:
+        """Store that something happened which does not change the camera's state."""
+        self.put(Remark(replace(self._status, reason=reason, dropped=self._drops.total)), at)
+
     def tick(self, at: ClockReading) -> None:
         """Do what is due while no frames come."""
         self._attempt(lambda writer: writer.tick(at), at)
@@ -206,7 +219,7 @@ class Store:
         seconds = (at.monotonic_ns - trouble.since.monotonic_ns) / 1e9
         self._journal.log.warning("disk_back", after_s=round(seconds, 1))
         reason = f"the disk can be written again after {seconds:.1f} s; before: {trouble.failure}"
-        self.put(replace(self._status, reason=reason, dropped=self._drops.total), at)
+        self.remark(reason, at)
 
     def _write_next(self, writer: FlightWriter) -> None:
         what, when = self._pending[self._handed]

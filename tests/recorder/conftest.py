@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ import yaml
 from mcap.reader import make_reader
 from PIL import Image
 
+from camera_drivers.reporter import Reporter
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
 from recorder import run as run_module
@@ -99,6 +101,7 @@ class Daemon:
         self.log = io.StringIO()
         self.directory = config.storage.directory
         self.queue = queue
+        self.reporter: Reporter
         self.over: Future[Outcome] = Future()
         machine = this_host()
         host = Host(clock, machine.name, machine.boot_id, {}, machine.free_bytes, machine.temperatures_c)
@@ -172,10 +175,17 @@ def start_daemon(configure: Configure, monkeypatch: pytest.MonkeyPatch) -> Itera
     def start(*, address: str = "", realtime_ns: int = START_NS, **blocks: dict[str, Any]) -> Daemon:
         clock = ManualClock(realtime_ns)
         camera = PuppetCamera(clock)
-        monkeypatch.setattr(run_module, "wire", lambda _config, _host, _reporter: Wiring(camera, clock, live=True))
         queue = FrameQueue()
+        reporters: SimpleQueue[Reporter] = SimpleQueue()
+
+        def wire(_config: RecorderConfig, _host: Host, reporter: Reporter) -> Wiring:
+            reporters.put(reporter)
+            return Wiring(camera, clock, live=True)
+
+        monkeypatch.setattr(run_module, "wire", wire)
         monkeypatch.setattr(run_module, "FrameQueue", lambda: queue)
         running.append(Daemon(configure(**blocks), clock=clock, camera=camera, queue=queue, address=address))
+        running[-1].reporter = reporters.get(timeout=PATIENCE_S)
         return running[-1]
 
     yield start

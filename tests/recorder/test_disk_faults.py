@@ -11,6 +11,7 @@ import pytest
 
 from flight_file.durable_file import DurableFile
 from flight_file.errors import FlightNotWrittenError
+from flight_file.verification import Verdict, verify
 from recorder import supervision
 from recorder.errors import RecorderError
 from recorder.frame_queue import QUEUE_BYTES
@@ -174,9 +175,12 @@ def test_disk_that_fails_for_a_while(
     eventually(lambda: daemon.events("segment_salvaged"))
     outcome = daemon.finish()
 
+    (check,) = verify(sorted(daemon.directory.iterdir()))
+
     assert outcome.dropped == 0
     assert_all_accounted_for(daemon, given, dropped=0)
     assert [path.suffix for path in sorted(daemon.directory.iterdir())] == [".mcap", ".mcap"]
+    assert check.verdict is not Verdict.FAULT
 
 
 def test_stop_while_the_disk_fails_is_an_error(
