@@ -55,6 +55,8 @@ docs: $(READY)  ## Check that the documents' commands and files are there
 lock: $(READY)  ## Renew requirements.lock from pyproject.toml
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
 		--python-version 3.11 --all-extras --group dev --upgrade pyproject.toml --output-file requirements.lock
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
+		--python-version 3.11 --constraint requirements.lock systemd/requirements.in --output-file systemd/requirements.lock
 
 clean:  ## Remove what the other targets made
 	rm -rf .venv demo fixtures/rendered .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*

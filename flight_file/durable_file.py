@@ -99,7 +99,38 @@ class DurableFile:
         """Close it as it is; a second time does nothing."""
         if self._descriptor >= 0:
             descriptor, self._descriptor = self._descriptor, -1
-            os.close(descriptor)
+            with suppress(OSError):  # what matters was synced, and a descriptor is gone after a failed close too
+                os.close(descriptor)
+
+    def discard(self) -> None:
+        """Close it and remove it, as far as the disk lets us."""
+        self.close()
+        with suppress(OSError):
+            self.path.unlink(missing_ok=True)
+
+
+def cut_file(path: Path, size_bytes: int) -> None:
+    """Make a file no larger than this, for good; one that is gone is small enough.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        If the disk fails.
+    """
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _not_written(path, error) from error
+    try:
+        if os.fstat(descriptor).st_size > size_bytes:
+            os.ftruncate(descriptor, size_bytes)
+            os.fsync(descriptor)
+    except OSError as error:
+        raise _not_written(path, error) from error
+    finally:
+        os.close(descriptor)
 
 
 def sync_directory(directory: Path) -> None:
@@ -115,9 +146,12 @@ def sync_directory(directory: Path) -> None:
 
 
 def refuse_existing(target: Path) -> None:
-    """Raise FlightNotWrittenError if there is something under this name."""
-    if target.exists():
-        raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
+    """Raise FlightNotWrittenError if there is something under this name, or the disk does not say."""
+    try:
+        if target.exists():
+            raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
+    except OSError as error:
+        raise _not_written(target, error) from error
 
 
 def rename_durably(source: Path, target: Path) -> None:

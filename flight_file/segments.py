@@ -15,13 +15,15 @@ from flight_file import moments
 from flight_file.durable_file import refuse_existing
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading, Frame
+from flight_file.log_clock import LogClock
 from flight_file.reports import CameraStatus, Health, LogLine
 from flight_file.session import Session
 from flight_file.signature import Signer
-from flight_file.writer import SegmentWriter
+from flight_file.writer import Remains, SegmentWriter
 
 SEGMENT_SUFFIX = ".mcap"
 NEXT_SEGMENT = "next segment"
+EMPTY_SEGMENT_NS = 3600 * moments.NS_PER_S  # a box that waits for its camera all day shall not fill the disk with files
 
 _NAME = re.compile(r"(?P<recording>.+)_(?P<segment>\d{4,})\.mcap(\.part)?")
 
@@ -62,8 +64,8 @@ class Plan:
         recording begun by another writer says so by its `segment` and `chain`.
     attachments
         Content by name; carried inside every segment.
-    segment_ns
-        How long a segment may become, ns.
+    segment_ns, segment_bytes
+        How long a segment may become, ns, and how large; one frame always has room in it.
     signer
         Signs each finished segment; None for no signatures.
     """
@@ -72,11 +74,17 @@ class Plan:
     session: Session
     attachments: Mapping[str, bytes]
     segment_ns: int = 60 * moments.NS_PER_S
+    segment_bytes: int | None = None
     signer: Signer | None = None
 
 
 class FlightWriter:
-    """A recording in work; takes what comes and starts a new segment when the old one is long enough.
+    """A recording in work; takes what comes and starts a new segment when the old one is long or large enough.
+
+    Parameters
+    ----------
+    log_clock
+        Of the recording, if another writer began it; None for a new one.
 
     Raises
     ------
@@ -84,8 +92,11 @@ class FlightWriter:
         From the constructor and from every method but `abandon`.
     """
 
-    def __init__(self, plan: Plan, *, status: CameraStatus, at: ClockReading) -> None:
+    def __init__(
+        self, plan: Plan, *, status: CameraStatus, at: ClockReading, log_clock: LogClock | None = None
+    ) -> None:
         self._plan = plan
+        self._log_clock = log_clock or LogClock()
         self._status = status
         self.finished: list[Path] = []
         self._dropped = status.dropped
@@ -98,19 +109,29 @@ class FlightWriter:
         return self._segment.chain
 
     @property
+    def unsynced(self) -> int:
+        """How many frames and reports, the last that were given, are not on the disk for certain."""
+        return self._segment.unsynced
+
+    @property
     def stored(self) -> int:
         """Frames handed over so far."""
         return self._stored
 
     def write_frame(self, frame: Frame, at: ClockReading) -> None:
         """Store a frame that arrived at this time."""
-        self._rotate_if_due(at)
+        self.make_room(at, len(frame.jpeg))
         self._segment.write_frame(frame, at)
         self._stored += 1
 
     def write_status(self, status: CameraStatus, at: ClockReading) -> None:
         """Store a change of the camera's state; the next segment will start with it."""
         self._status = status
+        self._dropped = max(self._dropped, status.dropped)
+        self._segment.write_status(status, at)
+
+    def write_remark(self, status: CameraStatus, at: ClockReading) -> None:
+        """Store something that happened in this state of the camera; the next segment will not repeat it."""
         self._dropped = max(self._dropped, status.dropped)
         self._segment.write_status(status, at)
 
@@ -125,8 +146,25 @@ class FlightWriter:
 
     def tick(self, at: ClockReading) -> None:
         """Do what is due while no frames come: sync, close a segment that is long enough."""
-        self._rotate_if_due(at)
+        if self._segment.frames or self._age_ns(at) >= EMPTY_SEGMENT_NS:
+            self.make_room(at)
         self._segment.tick(at)
+
+    def sync(self, at: ClockReading) -> None:
+        """Come back when everything given so far is on the disk."""
+        self._segment.sync(at)
+
+    def make_room(self, at: ClockReading, coming_bytes: int = 0) -> None:
+        """Start a new segment if this one is long enough, or too large for so many bytes more."""
+        segment, limit = self._segment, self._plan.segment_bytes
+        too_large = limit is not None and segment.frames > 0 and segment.written_bytes + coming_bytes > limit
+        if too_large or self._age_ns(at) >= self._plan.segment_ns:
+            self._close(NEXT_SEGMENT, at)
+            self._segment = self._open(segment.session.segment + 1, at, self.chain)
+
+    def name_camera(self, *, model: str, serial: str) -> None:
+        """Say in the segments to come which camera it is."""
+        self._plan = replace(self._plan, session=replace(self._plan.session, camera_model=model, camera_serial=serial))
 
     def finish(self, reason: str, at: ClockReading) -> list[Path]:
         """Close the last segment with this reason; returns all segments of the recording."""
@@ -137,11 +175,12 @@ class FlightWriter:
         """Leave the open segment as it is, in work; for use after an error."""
         self._segment.abandon()
 
-    def _rotate_if_due(self, at: ClockReading) -> None:
-        session = self._segment.session
-        if at.monotonic_ns - session.started.monotonic_ns >= self._plan.segment_ns:
-            self._close(NEXT_SEGMENT, at)
-            self._segment = self._open(session.segment + 1, at, self.chain)
+    def remains(self) -> Remains:
+        """Leave the open segment, for somebody who will write again what is not on the disk for certain."""
+        return self._segment.remains()
+
+    def _age_ns(self, at: ClockReading) -> int:
+        return at.monotonic_ns - self._segment.session.started.monotonic_ns
 
     def _open(self, segment: int, at: ClockReading, chain: str) -> SegmentWriter:
         session = replace(self._plan.session, segment=segment, started=at, chain=chain)
@@ -149,7 +188,12 @@ class FlightWriter:
         refuse_existing(path)
         plan = self._plan
         return SegmentWriter(
-            path, session=session, status=self._status, attachments=plan.attachments, signer=plan.signer
+            path,
+            session=session,
+            status=self._status,
+            attachments=plan.attachments,
+            signer=plan.signer,
+            log_clock=self._log_clock,
         )
 
     def _close(self, reason: str, at: ClockReading) -> None:

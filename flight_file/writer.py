@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mcap.writer import Writer
@@ -26,6 +26,7 @@ from flight_file import codec, moments
 from flight_file.chain import first_value, sealed_frame, start_of_segment
 from flight_file.durable_file import DurableFile, refuse_existing, rename_durably, sync_directory
 from flight_file.frame import ClockReading, Frame
+from flight_file.log_clock import LogClock
 from flight_file.packing import packed_head, registered_topics
 from flight_file.reports import CameraStatus, Health, LogLine
 from flight_file.session import (
@@ -43,7 +44,29 @@ from flight_file.topics import FRAME_TOPIC, HEALTH_TOPIC, IMAGE_TOPIC, LOG_TOPIC
 PART_SUFFIX = ".part"
 CHUNK_BYTES = 64 * 1024
 SYNC_NS = 1 * moments.NS_PER_S
-SYNC_BYTES = 32 * 1024 * 1024  # at most this much is lost to a power cut, whatever the clock says
+SYNC_BYTES = 8 * 1024 * 1024  # at most this much is lost to a power cut, or has to be kept to be written again
+
+
+@dataclass(frozen=True, slots=True)
+class Remains:
+    """What a segment leaves that could not be written on, and where another one goes on.
+
+    Attributes
+    ----------
+    path
+        The file in work; None if nothing but its head was on the disk, then it was removed.
+    synced_bytes
+        How much of it is on the disk for certain; what lies behind may be anything.
+    segment
+        Number of the next segment.
+    chain
+        What the next segment goes on from.
+    """
+
+    path: Path | None
+    synced_bytes: int
+    segment: int
+    chain: str
 
 
 class SegmentWriter:
@@ -62,11 +85,15 @@ class SegmentWriter:
         Content by name.
     signer
         Signs the finished file, into a file of its own beside it; None for no signature.
+    log_clock
+        Of the recording; None for the first segment of one.
 
     Attributes
     ----------
     chain
         Value of the chain after the last frame; what the next segment goes on from.
+    unsynced
+        How many frames and reports, the last that were given, are not on the disk for certain.
 
     Raises
     ------
@@ -82,12 +109,18 @@ class SegmentWriter:
         status: CameraStatus,
         attachments: Mapping[str, bytes],
         signer: Signer | None = None,
+        log_clock: LogClock | None = None,
     ) -> None:
         self.path = path
         self.session = replace(session, chain=session.chain or first_value(session))
         self.chain = self.session.chain
         self.frames = 0
-        self._last_log_ns = 0
+        self.unsynced = 0
+        self._synced = 0
+        self._synced_chain = self.chain
+        self._given_chain = session.chain
+        self._log_clock = log_clock or LogClock()
+        self._log_clock.begin_segment(session.started)
         self._chunk_bytes = 0
         self._synced_at_ns = session.started.monotonic_ns
         self._signer = signer
@@ -97,9 +130,10 @@ class SegmentWriter:
             self._channels = registered_topics(self._writer)
             self.write_status(status, session.started)
             self.sync(session.started)
+            self._synced = 0
             sync_directory(path.parent)
         except BaseException:
-            self.abandon()
+            self._file.discard()  # nothing is in it yet, and whoever tries again shall not litter the disk
             raise
 
     def _start(self, attachments: Mapping[str, bytes]) -> Writer:
@@ -127,9 +161,10 @@ class SegmentWriter:
         frame
             Its host times may be of another boot (a replayed flight): they are stored, not used.
         at
-            The recorder's clocks; a frame's log time follows the monotonic one and never runs back within a segment.
+            The recorder's clocks; a frame's log time follows the monotonic one and never runs back (see `log_clock`).
         """
-        log_ns = self._log_time(at)
+        self.unsynced += 1
+        log_ns = self._log_clock.time_ns(at)
         publish_ns = moments.storable(frame.captured_ns)
         number = frame.sequence & 0xFFFFFFFF
         record, self.chain = sealed_frame(codec.encode_frame(frame), self.chain)
@@ -160,6 +195,7 @@ class SegmentWriter:
         """Close the open chunk and come back when everything written so far is on the disk."""
         self._close_chunk()
         self._file.sync()
+        self._note_synced()
         self._synced_at_ns = at.monotonic_ns
 
     def finish(self, reason: str, *, dropped: int, at: ClockReading) -> Path:
@@ -182,6 +218,7 @@ class SegmentWriter:
         self._writer.add_metadata(END_RECORD, end_to_metadata(end))
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.sync()
+        self._note_synced()
         if self._signer is not None:
             refuse_existing(self.path)
             write_signature(self.path, self._file.sha256, self._signer)
@@ -193,8 +230,22 @@ class SegmentWriter:
         """Close the file as it is, under its name in work; for use after an error."""
         self._file.close()
 
+    def remains(self) -> Remains:
+        """Close the file as it is, for somebody who will write again what is not on the disk for certain."""
+        if not self._synced:
+            self._file.discard()
+            return Remains(None, 0, self.session.segment, self._given_chain)
+        self._file.close()
+        return Remains(self._file.path, self._file.synced_bytes, self.session.segment + 1, self._synced_chain)
+
+    def _note_synced(self) -> None:
+        self._synced += self.unsynced
+        self.unsynced = 0
+        self._synced_chain = self.chain
+
     def _report(self, topic: str, data: bytes, at: ClockReading) -> None:
-        log_ns = self._log_time(at)
+        self.unsynced += 1
+        log_ns = self._log_clock.time_ns(at)
         self._add(topic, data, log_ns, log_ns, 0)
         self._sync_if_due(at)
 
@@ -203,13 +254,6 @@ class SegmentWriter:
             self._channels[topic], log_time=log_ns, data=data, publish_time=publish_ns, sequence=number
         )
         self._chunk_bytes += len(data)
-
-    def _log_time(self, at: ClockReading) -> int:
-        # Anchored once per segment: setting the wall clock does not move it.
-        anchor = self.session.started
-        log_ns = moments.storable(anchor.realtime_ns + at.monotonic_ns - anchor.monotonic_ns)
-        self._last_log_ns = max(self._last_log_ns, log_ns)
-        return self._last_log_ns
 
     def _close_chunk(self) -> None:
         self._writer.flush()  # type: ignore[no-untyped-call]

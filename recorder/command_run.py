@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import faulthandler
+import os
 import signal
+import threading
 from pathlib import Path
 
 import click
@@ -11,7 +14,10 @@ from recorder.config import load_config
 from recorder.failures import failures_as_sentences
 from recorder.host import this_host
 from recorder.run import record
+from recorder.service_manager import ServiceManager
 from recorder.stop import Stop
+
+_ENDING = (signal.SIGTERM, signal.SIGINT)
 
 
 @click.command(
@@ -41,13 +47,27 @@ def run(config_path: Path) -> None:
         config, configuration = load_config(config_path)
         stop = Stop()
         _stop_on_signals(stop)
-        outcome = record(config, host=this_host(), stop=stop, configuration=configuration)
+        faulthandler.enable()  # the watchdog's SIGABRT then leaves in the log where each thread hung
+        outcome = record(
+            config,
+            host=this_host(),
+            stop=stop,
+            configuration=configuration,
+            service=ServiceManager.from_environment(os.environ),
+        )
     for path in outcome.paths:
         click.echo(path)
 
 
 def _stop_on_signals(stop: Stop) -> None:
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, _frame: stop.request(f"stopped by {signal.Signals(number).name}"))
+    # A thread of its own waits for them: a handler would run in the middle of whatever the main thread does, and might
+    # find a lock taken. The other threads inherit the mask.
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     # A terminal that goes away must not end a recording.
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    threading.Thread(target=_wait_for_signals, args=(stop,), name="signals", daemon=True).start()
+
+
+def _wait_for_signals(stop: Stop) -> None:
+    while True:
+        stop.request(f"stopped by {signal.Signals(signal.sigwait(_ENDING)).name}")

@@ -6,10 +6,19 @@ Paths in it are relative to the file they stand in.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import yaml
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from recorder.errors import ConfigurationError
@@ -108,12 +117,24 @@ class Qx10Settings(_Model):
 
 
 class StorageSettings(_Model):
-    """Where recordings go: segment length in seconds, reserve in GiB, and hours that are always kept."""
+    """Where recordings go, and how long they stay.
+
+    A segment ends after `segment_s` seconds or `segment_mib` MiB. When less than `keep_free_gib` GiB are free, or there
+    are more than `max_hours` hours of recording, the oldest segments are deleted, but never the newest `keep_hours`.
+    """
 
     directory: AnchoredPath
     segment_s: Annotated[float, Field(gt=0, le=86400)] = 60.0
+    segment_mib: Annotated[float, Field(gt=0)] = 256.0
     keep_free_gib: Annotated[float, Field(ge=0)] = 2.0
     keep_hours: Annotated[float, Field(ge=0)] = 5.0
+    max_hours: Annotated[float, Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _hours_fit(self) -> Self:
+        if self.max_hours is not None and self.max_hours < self.keep_hours:
+            raise ValueError("max_hours must not be less than keep_hours")
+        return self
 
 
 class AttachSettings(_Model):

@@ -10,7 +10,7 @@ from camera_drivers.clock import Clock
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.replay.camera import ReplayCamera, open_source
 from camera_drivers.reporter import Reporter
-from recorder.clock import SimulatedClock
+from recorder.clock import AudibleClock, SimulatedClock
 from recorder.config import Qx10Settings, RecorderConfig, ReplaySettings
 from recorder.host import Host
 
@@ -24,8 +24,9 @@ class Wiring:
     clock
         The clock of the recording.
     live
-        The camera cannot wait: when the queue is full, the newest frame is dropped and counted, and the recorder looks
-        at its clock while no frame comes. Otherwise the camera is made to wait, and time passes with its frames alone.
+        The camera cannot wait: when the queue is full, the oldest frame in it is dropped and counted; the recorder
+        looks at its clock while no frame comes, and keeps trying when the camera or the disk fails. Otherwise the
+        camera is made to wait, and time passes with its frames alone.
     attachments
         What the source brings along, for a recording that attaches no panel of its own.
     """
@@ -47,14 +48,19 @@ def wire(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     return _DRIVERS[config.camera.driver](config, host, reporter)
 
 
-def _replay(config: RecorderConfig, host: Host, _reporter: Reporter) -> Wiring:
+def _replay(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     settings = config.camera
     if not isinstance(settings, ReplaySettings):
         raise TypeError(settings)
     source = open_source(settings.paths, rate_hz=settings.rate_hz, clock=host.clock)
     live = settings.pace == "realtime"
     clock = host.clock if live else SimulatedClock(source.start_ns)
-    return Wiring(camera=ReplayCamera(source, clock), clock=clock, live=live, attachments=source.attachments)
+    return Wiring(
+        camera=ReplayCamera(source, AudibleClock(clock, reporter)),
+        clock=clock,
+        live=live,
+        attachments=source.attachments,
+    )
 
 
 def _qx10(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:

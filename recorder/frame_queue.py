@@ -6,10 +6,13 @@ import threading
 from collections import deque
 from dataclasses import dataclass
 
+from camera_drivers.camera import CameraIdentity
 from flight_file.frame import ClockReading, Frame
+from flight_file.reports import CameraStatus
 
 QUEUE_BYTES = 24 * 2**20  # four 18-megapixel pictures: as much as a small board can spare
 QUEUE_FRAMES = 64  # small pictures: what waits longer than this many shows that the disk cannot follow
+QUEUE_NOTICES = 200
 
 _LOOK_S = 0.2  # how often a waiting producer looks whether it shall stop
 
@@ -20,6 +23,15 @@ class Arrival:
 
     frame: Frame
     at: ClockReading
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """News of the camera between its frames; `identity` if it has just said who it is."""
+
+    status: CameraStatus
+    at: ClockReading
+    identity: CameraIdentity | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +48,11 @@ class Ended:
     crashed: bool = False
 
 
+Item = Arrival | Notice | Ended
+
+
 class FrameQueue:
-    """First in, first out; full at so many frames or bytes of JPEG.
+    """First in, first out; full at so many frames, bytes of JPEG, or notices.
 
     One frame always fits, however large, and the end is never refused.
     """
@@ -45,21 +60,26 @@ class FrameQueue:
     def __init__(self, capacity: int = QUEUE_FRAMES, capacity_bytes: int = QUEUE_BYTES) -> None:
         self._capacity = capacity
         self._capacity_bytes = capacity_bytes
-        self._items: deque[Arrival | Ended] = deque()
+        self._items: deque[Item] = deque()
+        self._frames = 0
         self._bytes = 0
+        self._lost_notices = 0
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
+        """Frames that wait."""
         with self._changed:
-            return len(self._items)
+            return self._frames
 
-    def offer(self, arrival: Arrival) -> bool:
-        """Put a frame if there is room; says whether there was."""
+    def push(self, arrival: Arrival) -> int:
+        """Put a frame; the oldest make room for it if they must. Says how many of them were lost."""
+        lost = 0
         with self._changed:
-            if self._is_full_for(arrival):
-                return False
+            while self._is_full_for(arrival):
+                self._remove_oldest(Arrival)
+                lost += 1
             self._put(arrival)
-            return True
+        return lost
 
     def put(self, arrival: Arrival, stop: threading.Event) -> bool:
         """Put a frame, waiting for room; False if `stop` was set before there was any."""
@@ -71,33 +91,57 @@ class FrameQueue:
             self._put(arrival)
             return True
 
+    def notify(self, notice: Notice) -> None:
+        """Put a notice; the oldest one goes, and is counted, if there are too many."""
+        with self._changed:
+            if len(self._items) - self._frames >= QUEUE_NOTICES:
+                self._remove_oldest(Notice)
+                self._lost_notices += 1
+            self._put(notice)
+
     def end(self, ended: Ended) -> None:
         """Say that no more will come."""
         with self._changed:
             self._put(ended)
 
-    def take(self, timeout_s: float) -> Arrival | Ended | None:
+    def take(self, timeout_s: float) -> Item | None:
         """The oldest; None if nothing came in time."""
         with self._changed:
             if not self._items:
                 self._changed.wait(timeout_s)
             if not self._items:
                 return None
-            item = self._items.popleft()
-            self._bytes -= _size_bytes(item)
+            item = self._items[0]
+            self._remove(0)
             self._changed.notify_all()
             return item
 
-    def _is_full_for(self, arrival: Arrival) -> bool:
-        if not self._items:
-            return False
-        return len(self._items) >= self._capacity or self._bytes + _size_bytes(arrival) > self._capacity_bytes
+    def take_lost_notices(self) -> int:
+        """How many notices found no room since this was last asked."""
+        with self._changed:
+            lost, self._lost_notices = self._lost_notices, 0
+            return lost
 
-    def _put(self, item: Arrival | Ended) -> None:
+    def _is_full_for(self, arrival: Arrival) -> bool:
+        if not self._frames:
+            return False
+        return self._frames >= self._capacity or self._bytes + _size_bytes(arrival) > self._capacity_bytes
+
+    def _put(self, item: Item) -> None:
         self._items.append(item)
+        self._frames += isinstance(item, Arrival)
         self._bytes += _size_bytes(item)
         self._changed.notify_all()
 
+    def _remove_oldest(self, kind: type[Item]) -> None:
+        self._remove(next(index for index, item in enumerate(self._items) if isinstance(item, kind)))
 
-def _size_bytes(item: Arrival | Ended) -> int:
+    def _remove(self, index: int) -> None:
+        item = self._items[index]
+        del self._items[index]
+        self._frames -= isinstance(item, Arrival)
+        self._bytes -= _size_bytes(item)
+
+
+def _size_bytes(item: Item) -> int:
     return len(item.frame.jpeg) if isinstance(item, Arrival) else 0

@@ -14,6 +14,9 @@ from recorder.clock import SystemClock
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _THERMAL_ZONES = Path("/sys/class/thermal")
+_SYNCHRONIZED = Path(
+    "/run/systemd/timesync/synchronized"
+)  # made by systemd-timesyncd; reading the kernel is forbidden us
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,8 @@ class Host:
         Room left where a path lies, bytes; None if the system does not say.
     temperatures_c
         By sensor, degrees Celsius.
+    clock_state
+        What a health report says about the wall clock.
     """
 
     clock: Clock
@@ -40,6 +45,7 @@ class Host:
     versions: Mapping[str, str]
     free_bytes: Callable[[Path], int | None]
     temperatures_c: Callable[[], Mapping[str, float]]
+    clock_state: Callable[[], str] = lambda: "system"
 
 
 def this_host() -> Host:
@@ -51,6 +57,7 @@ def this_host() -> Host:
         versions={"recorder": version("image-flight-recorder"), "python": platform.python_version()},
         free_bytes=_free_bytes,
         temperatures_c=_temperatures_c,
+        clock_state=_clock_state,
     )
 
 
@@ -66,6 +73,10 @@ def _free_bytes(path: Path) -> int | None:
         return shutil.disk_usage(path).free
     except OSError:
         return None
+
+
+def _clock_state() -> str:
+    return "system, synchronized since the boot" if _SYNCHRONIZED.exists() else "system"
 
 
 def _temperatures_c() -> dict[str, float]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 from collections import deque
 from collections.abc import MutableMapping
 from typing import Any, TextIO
@@ -22,11 +23,15 @@ _LEVELS = {"warning": LogLevel.WARNING, "error": LogLevel.ERROR, "critical": Log
 
 
 class Journal:
-    """A logger, and the lines of it that wait to be stored in the flight. Each recording has its own."""
+    """A logger, and the lines of it that wait to be stored in the flight. Each recording has its own.
+
+    All threads may use it.
+    """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._waiting: deque[LogLine] = deque()
         self._lost = 0
+        self._lock = threading.Lock()
         processors: list[Processor] = [
             structlog.processors.add_log_level,
             self._keep,
@@ -41,19 +46,21 @@ class Journal:
 
     def drain(self) -> list[LogLine]:
         """The lines since the last call."""
-        lines = list(self._waiting)
-        self._waiting.clear()
-        if self._lost:
-            lines.append(LogLine(LogLevel.WARNING, f"log_lines_lost {self._lost}"))
-            self._lost = 0
-        return lines
+        with self._lock:
+            lines = list(self._waiting)
+            self._waiting.clear()
+            if self._lost:
+                lines.append(LogLine(LogLevel.WARNING, f"log_lines_lost {self._lost}"))
+                self._lost = 0
+            return lines
 
     def _keep(self, _logger: object, level: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
         if level in _LEVELS:
-            if len(self._waiting) < MAX_WAITING_LINES:
-                self._waiting.append(LogLine(_LEVELS[level], _text(event)))
-            else:
-                self._lost += 1
+            with self._lock:
+                if len(self._waiting) < MAX_WAITING_LINES:
+                    self._waiting.append(LogLine(_LEVELS[level], _text(event)))
+                else:
+                    self._lost += 1
         return event
 
 

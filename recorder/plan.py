@@ -2,28 +2,61 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading
-from flight_file.segments import Plan, free_recording_name
+from flight_file.segments import Plan, free_recording_name, parse_segment_name
 from flight_file.session import Session
+from flight_file.signature import Signer
 from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
-from recorder.evidence import configured_signer
 from recorder.host import Host
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_LAST_S = 253_402_300_799  # 9999-12-31T23:59:59Z
+_NAME_FORMAT = "%Y%m%dT%H%M%SZ"
+_NAME = re.compile(r"(\d{8}T\d{6}Z)(-\d+)?")
+_NS_PER_S = 1_000_000_000
 
 
 def recording_name(start: ClockReading) -> str:
     """A name that sorts by time: `20180504T120000Z`."""
-    return f"{_EPOCH + timedelta(microseconds=start.realtime_ns // 1000):%Y%m%dT%H%M%SZ}"
+    return _name_of(start.realtime_ns // _NS_PER_S)
+
+
+def newest_recording_name(directory: Path, start: ClockReading) -> str:
+    """A name that sorts after those of all recordings that are there, even if the wall clock went back by years.
+
+    It is the start's time, or a second after the newest that is there. Only the name pretends: the times inside are
+    what the clocks said.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        The directory cannot be listed.
+    """
+    seconds = start.realtime_ns // _NS_PER_S
+    try:
+        names = [path.name for path in directory.iterdir()]
+    except OSError as error:
+        reason = f"cannot be listed ({error.strerror}); check storage.directory"
+        raise FlightNotWrittenError(directory, reason=reason) from error
+    taken = [taken_s for name in names if (taken_s := _seconds_of(name)) is not None]
+    return free_recording_name(directory, _name_of(max([seconds, *(taken_s + 1 for taken_s in taken)])))
 
 
 def plan_recording(
-    config: RecorderConfig, host: Host, wiring: Wiring, *, attachments: Mapping[str, bytes], name: str | None
+    config: RecorderConfig,
+    host: Host,
+    wiring: Wiring,
+    *,
+    attachments: Mapping[str, bytes],
+    name: str | None,
+    signer: Signer | None = None,
 ) -> Plan:
     """Directory, session and attachments of a recording that begins now.
 
@@ -33,13 +66,13 @@ def plan_recording(
         What the configuration attaches; if that is neither panel nor camera, what the source brings along goes with it.
     name
         Of the recording; its start time if None.
+    signer
+        Signs each finished segment; None for no signatures.
 
     Raises
     ------
     FlightNotWrittenError
         The directory cannot be made or listed.
-    ConfigurationError
-        The key to sign with cannot be used.
     """
     at = wiring.clock.read()
     directory = config.storage.directory
@@ -50,7 +83,7 @@ def plan_recording(
         raise FlightNotWrittenError(directory, reason=reason) from error
     identity = wiring.camera.identity
     session = Session(
-        recording=free_recording_name(directory, name or recording_name(at)),
+        recording=_free_name(directory, at, wiring, name),
         started=at,
         clock=clock_name(wiring),
         boot_id=host.boot_id,
@@ -65,11 +98,35 @@ def plan_recording(
         directory=directory,
         session=session,
         attachments={**carried, **attachments},
-        segment_ns=round(config.storage.segment_s * 1e9),
-        signer=configured_signer(config.evidence),
+        segment_ns=round(config.storage.segment_s * _NS_PER_S),
+        segment_bytes=round(config.storage.segment_mib * 2**20),
+        signer=signer,
     )
 
 
 def clock_name(wiring: Wiring) -> str:
     """What the session says about the clock."""
     return "system" if wiring.live else "simulated"
+
+
+def _free_name(directory: Path, at: ClockReading, wiring: Wiring, name: str | None) -> str:
+    if name is None and wiring.live:
+        return newest_recording_name(directory, at)
+    return free_recording_name(directory, name or recording_name(at))
+
+
+def _name_of(seconds: int) -> str:
+    return f"{_EPOCH + timedelta(seconds=min(max(seconds, 0), _LAST_S)):{_NAME_FORMAT}}"
+
+
+def _seconds_of(name: str) -> int | None:
+    """When a recording with this file name began; None if it is no recording's."""
+    parsed = parse_segment_name(Path(name))
+    match = _NAME.fullmatch(parsed[0]) if parsed else None
+    if match is None:
+        return None
+    try:
+        moment = datetime.strptime(match[1], _NAME_FORMAT).replace(tzinfo=UTC)
+    except ValueError:
+        return None
+    return (moment - _EPOCH) // timedelta(seconds=1)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 from flight_file.frame import ClockReading
 from flight_file.reports import CameraStatus, Health
-from flight_file.segments import FlightWriter
-from recorder.capture import Drops
-from recorder.frame_queue import Arrival
+from recorder.drops import Drops
+from recorder.frame_queue import Arrival, Notice
 from recorder.journal import Journal
+from recorder.store import Store
+from recorder.wall_clock import WallClock, in_words
 
 HEALTH_NS = 10_000_000_000
 
+_DROPS_NS = 1_000_000_000  # a camera that outruns its disk by 30 pictures a second is news once a second
 _NS_PER_S = 1_000_000_000
 
 
@@ -22,71 +23,73 @@ _NS_PER_S = 1_000_000_000
 class Gauges:
     """Where the values of a health message come from, beside the recording itself."""
 
-    clock_name: str
+    clock_state: Callable[[], str]
     free_bytes: Callable[[], int | None]
     temperatures_c: Callable[[], dict[str, float]]
     queued: Callable[[], int | None]
 
 
 class Recording:
-    """Stores frames, and reports on itself about each 10 s and at the end.
+    """Stores frames and news of the camera, and reports on itself about each 10 s and at the end.
 
     Raises
     ------
     FlightNotWrittenError
-        From every method.
+        From every method, if the store does not endure.
     """
 
-    def __init__(
-        self, writer: FlightWriter, *, gauges: Gauges, drops: Drops, journal: Journal, at: ClockReading
-    ) -> None:
-        self._writer = writer
+    def __init__(self, store: Store, *, gauges: Gauges, drops: Drops, journal: Journal, at: ClockReading) -> None:
+        self._store = store
         self._gauges = gauges
         self._drops = drops
         self._journal = journal
+        self._wall_clock = WallClock()
         self._reported_drops = 0
+        self._drops_at_ns: int | None = None
         self._health_at = at
         self._health_stored = 0
-        self.first_ns: int | None = None
-        self.last_ns: int | None = None
-
-    @property
-    def stored(self) -> int:
-        """Frames handed to the writer so far."""
-        return self._writer.stored
+        self.rate_hz = 0.0
 
     def store(self, arrival: Arrival) -> None:
         """Store a frame."""
-        self._writer.write_frame(arrival.frame, arrival.at)
-        captured_ns = arrival.frame.captured_ns
-        self.first_ns = captured_ns if self.first_ns is None else self.first_ns
-        self.last_ns = captured_ns
+        self._check_wall_clock(arrival.at)
+        self._store.put(arrival.frame, arrival.at)
         self._report(arrival.at)
+
+    def note(self, notice: Notice) -> None:
+        """Store news of the camera."""
+        status = replace(notice.status, dropped=self._drops.total)
+        if notice.identity is not None:
+            self._store.name_camera(model=notice.identity.model, serial=notice.identity.serial)
+        log = self._journal.log.warning if status.state == "lost" else self._journal.log.info
+        log("camera_status", state=status.state, reason=status.reason)
+        self._store.put(status, notice.at)
+
+    def say_lost_notices(self, count: int) -> None:
+        """So much news of the camera found no room in the queue."""
+        if count:
+            self._journal.log.warning("camera_status_lost", count=count)
 
     def tick(self, at: ClockReading) -> None:
         """Do what is due while no frame comes."""
-        self._writer.tick(at)
+        self._check_wall_clock(at)
+        self._store.tick(at)
         self._report(at)
 
-    def finish(self, reason: str, at: ClockReading) -> list[Path]:
-        """Write the last reports and close the last segment; gives all segments."""
+    def finish(self, reason: str, at: ClockReading) -> None:
+        """Write the last reports and close the last segment."""
         self._report_drops(at)
-        self._writer.write_status(CameraStatus("finished", reason, dropped=self._dropped()), at)
+        self._store.put(CameraStatus("finished", reason, dropped=self._drops.total), at)
         self._write_health(at)
         self._mirror_log(at)
-        return self._writer.finish(reason, at)
-
-    def abandon(self) -> None:
-        """Leave everything as it is; for use after an error."""
-        self._writer.abandon()
-
-    def _dropped(self) -> int:
-        return sum(self._drops.by_reason().values())
+        self._store.finish(reason, at)
 
     def _report(self, at: ClockReading) -> None:
-        self._report_drops(at)
+        if self._drops_at_ns is None or at.monotonic_ns - self._drops_at_ns >= _DROPS_NS:
+            self._report_drops(at)
         if at.monotonic_ns - self._health_at.monotonic_ns >= HEALTH_NS:
             self._write_health(at)
+            self._store.make_room()
         self._mirror_log(at)
 
     def _report_drops(self, at: ClockReading) -> None:
@@ -94,28 +97,35 @@ class Recording:
         dropped = sum(by_reason.values())
         if dropped == self._reported_drops:
             return
-        self._reported_drops = dropped
+        self._reported_drops, self._drops_at_ns = dropped, at.monotonic_ns
         reason = "dropped: " + ", ".join(f"{count} because {why}" for why, count in sorted(by_reason.items()))
-        self._writer.write_status(CameraStatus("recording", reason, dropped=dropped), at)
+        self._store.remark(reason, at)
         self._journal.log.warning("frames_dropped", total=dropped, by_reason=by_reason)
+
+    def _check_wall_clock(self, at: ClockReading) -> None:
+        jump_ns = self._wall_clock.jump_ns(at)
+        if jump_ns:
+            self._store.remark(in_words(jump_ns), at)
+            self._journal.log.warning("wall_clock_set", by_s=jump_ns / _NS_PER_S)
 
     def _write_health(self, at: ClockReading) -> None:
         seconds = (at.monotonic_ns - self._health_at.monotonic_ns) / _NS_PER_S
-        new = self.stored - self._health_stored
+        new = self._store.stored - self._health_stored
+        self.rate_hz = new / seconds if seconds > 0 else 0.0
         health = Health(
             free_bytes=self._gauges.free_bytes(),
-            frame_rate_hz=new / seconds if seconds > 0 else 0.0,
-            stored=self.stored,
-            dropped=self._dropped(),
+            frame_rate_hz=self.rate_hz,
+            stored=self._store.stored,
+            dropped=self._drops.total,
             queued=self._gauges.queued(),
-            clock=self._gauges.clock_name,
+            clock=self._gauges.clock_state(),
             clock_offset_ns=at.realtime_ns - at.monotonic_ns,
             drops_by_reason=self._drops.by_reason(),
             temperatures_c=self._gauges.temperatures_c(),
         )
-        self._writer.write_health(health, at)
-        self._health_at, self._health_stored = at, self.stored
+        self._store.put(health, at)
+        self._health_at, self._health_stored = at, self._store.stored
 
     def _mirror_log(self, at: ClockReading) -> None:
         for line in self._journal.drain():
-            self._writer.write_log(line, at)
+            self._store.put(line, at)

@@ -1,4 +1,9 @@
-"""Record: from a configuration to flight files."""
+"""Record: from a configuration to flight files.
+
+camera's thread ──> queue (bounded) ──> writer's thread ──> flight files
+       └── signs of life ──> main thread <──┘               salvage thread: what an earlier life left behind
+                                  └──> systemd
+"""
 
 from __future__ import annotations
 
@@ -6,23 +11,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flight_file.errors import FlightNotWrittenError
-from flight_file.reports import CameraStatus
-from flight_file.segments import FlightWriter, Plan
+from recorder.assembly import Assembly, in_one_line
 from recorder.attachments import gather_attachments
-from recorder.capture import Capture, Drops
+from recorder.camera_reports import CameraReports
+from recorder.capture import Capture
 from recorder.config import RecorderConfig
-from recorder.drivers import Wiring, wire
+from recorder.drivers import wire
+from recorder.drops import Drops
 from recorder.errors import RecorderError
-from recorder.frame_queue import Arrival, Ended, FrameQueue
+from recorder.evidence import configured_signer
+from recorder.frame_queue import Ended, FrameQueue
 from recorder.host import Host
 from recorder.journal import Journal
-from recorder.journal_reporter import JournalReporter
-from recorder.plan import clock_name, plan_recording
-from recorder.recording import Gauges, Recording
+from recorder.recording import Recording
+from recorder.service_manager import ServiceManager
+from recorder.signs_of_life import SignsOfLife
 from recorder.stop import Stop
+from recorder.store import Store
+from recorder.supervision import Supervision
+from recorder.writing import Writing
 
-IDLE_S = 1.0  # how long the writer waits for a frame before it looks at its clock
-PATIENCE_S = 3.0  # how long a camera may take to notice that it shall stop
+_CRASH_S = 1.0  # lets a crashed thread print its traceback; one that hangs is left behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +43,7 @@ class Outcome:
     reason
         Why it ended.
     paths
-        The finished segments, in order.
+        The finished segments that are still there, in order.
     stored, dropped
         Frames.
     """
@@ -54,8 +63,13 @@ def record(
     journal: Journal | None = None,
     configuration: bytes = b"",
     name: str | None = None,
+    service: ServiceManager | None = None,
 ) -> Outcome:
     """Record until the camera has no more pictures or somebody asks to stop.
+
+    A live camera is recorded whatever happens: one that fails is connected again for ever, a disk that fails is tried
+    again for ever, and what an earlier life left in work is finished beside it. A replay that runs as fast as it can
+    ends with an error if its disk fails.
 
     Everything that differs from run to run comes through `host`: with `recorder.testing.fixed_host` and `pace:
     fastest`, recording the same pictures twice gives the same bytes. A fast replay runs on a clock that begins with
@@ -76,45 +90,61 @@ def record(
         Bytes of recorder.yaml, carried as an attachment; empty for none.
     name
         Of the recording; its start time if not given. A name that is taken gets a number.
+    service
+        Who is told how it goes; nobody if not given.
 
     Raises
     ------
     ConfigurationError
         The configuration cannot be carried out.
     CameraError
-        The camera failed; what it gave before is stored and the files are closed.
+        The replay failed; what it gave before is stored and the files are closed.
     FlightNotWrittenError
         The disk failed; what was synced before stays, in a file that ends in `.part`.
     RecorderError
-        The camera's thread crashed; what it gave before is stored and the files are closed.
+        The camera's thread crashed; what it gave before is stored and the files are closed. Or a disk that hangs kept
+        the recording from ending in time.
     """
     stop = stop or Stop()
     journal = journal or Journal()
     attachments = gather_attachments(config.attach, configuration)
-    drops, queue = Drops(), FrameQueue()
-    wiring = wire(config, host, JournalReporter(journal, drops))
-    plan = plan_recording(config, host, wiring, attachments=attachments, name=name)
-    recording = Recording(
-        FlightWriter(plan, status=_first_status(wiring), at=plan.session.started),
-        gauges=_gauges(plan, host, wiring, queue),
-        drops=drops,
-        journal=journal,
-        at=plan.session.started,
+    signer = configured_signer(config.evidence)
+    drops, queue, signs = Drops(), FrameQueue(), SignsOfLife(host.clock)
+    wiring = wire(config, host, CameraReports(queue=queue, drops=drops, signs=signs, clock=host.clock))
+    assembly = Assembly(
+        config=config, host=host, wiring=wiring, journal=journal, drops=drops, queue=queue, signer=signer
     )
-    journal.log.info("recording_started", recording=plan.session.recording, directory=str(plan.directory))
-    capture = Capture(wiring, queue, drops, stop)
-    capture.start()
-    ended, paths = _store_all(recording, queue, wiring, stop)
-    capture.join(IDLE_S)  # lets a crashed thread print its traceback first; one that hangs is left behind
-    dropped = sum(drops.by_reason().values())
-    journal.log.info("recording_finished", reason=ended.reason, stored=recording.stored, dropped=dropped)
+    store = assembly.store(attachments=attachments, name=name, salvager=assembly.salvager())
+    start = wiring.clock.read()
+    recording = Recording(store, gauges=assembly.gauges(), drops=drops, journal=journal, at=start)
+    if not wiring.live:
+        store.open(start)  # before the camera turns the clock; a disk that fails now is an error at once
+    Capture(wiring, queue=queue, drops=drops, signs=signs, stop=stop).start()
+    writing = Writing(recording, store, queue=queue, wiring=wiring, stop=stop, signs=signs)
+    writing.start()
+    supervision = Supervision(
+        stop=stop,
+        signs=signs,
+        service=service or ServiceManager(),
+        journal=journal,
+        describe=lambda: in_one_line(store, recording, drops),
+    )
+    supervision.wait_for(writing, limited=wiring.live)
+    ended = _result(writing, store, queue, journal)
+    journal.log.info("recording_finished", reason=ended.reason, stored=store.stored, dropped=drops.total)
     _raise_failure(ended)
-    return Outcome(plan.session.recording, ended.reason, tuple(paths), recording.stored, dropped)
+    paths = tuple(path for path in store.paths if path.exists())
+    return Outcome(store.recording, ended.reason, paths, store.stored, drops.total)
 
 
-def _first_status(wiring: Wiring) -> CameraStatus:
-    identity = wiring.camera.identity
-    return CameraStatus("connected", f"{identity.driver}: {identity.note}" if identity.note else identity.driver)
+def _result(writing: Writing, store: Store, queue: FrameQueue, journal: Journal) -> Ended:
+    writing.join(_CRASH_S)
+    try:
+        return writing.result()
+    except FlightNotWrittenError as failure:
+        lost = store.unwritten_frames() + len(queue)
+        journal.log.critical("recording_failed", reason=str(failure), unwritten_frames=lost)
+        raise
 
 
 def _raise_failure(ended: Ended) -> None:
@@ -122,41 +152,3 @@ def _raise_failure(ended: Ended) -> None:
         raise ended.error
     if ended.crashed:
         raise RecorderError("The camera's thread crashed; its traceback is above, please report it.")
-
-
-def _gauges(plan: Plan, host: Host, wiring: Wiring, queue: FrameQueue) -> Gauges:
-    return Gauges(
-        clock_name=clock_name(wiring),
-        free_bytes=lambda: host.free_bytes(plan.directory),
-        temperatures_c=lambda: dict(host.temperatures_c()),
-        # A camera that waits for the disk fills the queue as the threads happen to run; that is no news about the
-        # flight.
-        queued=lambda: len(queue) if wiring.live else None,
-    )
-
-
-def _store_all(recording: Recording, queue: FrameQueue, wiring: Wiring, stop: Stop) -> tuple[Ended, list[Path]]:
-    try:
-        ended = _store_until_end(recording, queue, wiring, stop)
-        return ended, recording.finish(ended.reason, ended.at)
-    except FlightNotWrittenError:
-        stop.request("the disk failed")
-        recording.abandon()
-        raise
-
-
-def _store_until_end(recording: Recording, queue: FrameQueue, wiring: Wiring, stop: Stop) -> Ended:
-    patience_s = PATIENCE_S
-    while True:
-        item = queue.take(IDLE_S)
-        if isinstance(item, Ended):
-            return item
-        if isinstance(item, Arrival):
-            recording.store(item)
-            continue
-        if wiring.live:
-            recording.tick(wiring.clock.read())
-        if stop.is_requested:
-            patience_s -= IDLE_S
-            if patience_s <= 0:
-                return Ended(f"{stop.reason}; the camera did not answer", wiring.clock.read())

@@ -28,8 +28,8 @@ def writer(tmp_path: Path) -> FlightWriter:
     writer = FlightWriter(
         Plan(tmp_path, Session("R"), {}, segment_ns=10**9), status=CameraStatus("connected"), at=at(0)
     )
-    writer.tick(at(1))
-    writer.tick(at(2))
+    writer.make_room(at(1))
+    writer.make_room(at(2))
     return writer
 
 

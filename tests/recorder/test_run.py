@@ -14,7 +14,7 @@ import pytest
 from mcap.reader import make_reader
 
 from camera_drivers.camera import CameraIdentity
-from camera_drivers.errors import CameraError
+from camera_drivers.errors import ReplayError
 from flight_file.durable_file import DurableFile
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading, Frame, HostTimes
@@ -179,7 +179,7 @@ def test_status_says_how_it_began_and_ended(configure: Configure) -> None:
 def test_drops_of_a_live_camera_are_counted_and_visible(
     configure: Configure, with_camera: Callable[[ScriptedCamera], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a slow disk the newest frames are dropped; status, health, log, end record and outcome agree on it."""
+    """With a slow disk the oldest that wait are dropped; status, health, log, end record and outcome agree on it."""
     release = threading.Event()
     write = DurableFile.write
 
@@ -207,23 +207,23 @@ def test_drops_of_a_live_camera_are_counted_and_visible(
         assert b"frames_dropped" in next(make_reader(file).iter_messages(topics=["/recorder/log"]))[2].data
 
 
-def test_failing_camera_ends_the_recording_cleanly(
+def test_replay_that_fails_ends_the_recording_cleanly(
     configure: Configure, with_camera: Callable[[ScriptedCamera], None], tmp_path: Path
 ) -> None:
     """What it gave before is stored in a finished file whose end record has the reason; the error comes out."""
 
     def fail(_stop: threading.Event) -> None:
-        raise CameraError("the lens fell off; mount it again.")
+        raise ReplayError("the picture is gone; put it back.")
 
     with_camera(ScriptedCamera(3, fail))
-    with pytest.raises(CameraError, match="lens"):
+    with pytest.raises(ReplayError, match="put it back"):
         run(configure())
     (path,) = (tmp_path / "flights").iterdir()
     end = open_flight([path]).segments[0].end
 
     assert path.suffix == ".mcap"
     assert end is not None
-    assert (end.frames, end.reason) == (3, "camera failed: the lens fell off; mount it again.")
+    assert (end.frames, end.reason) == (3, "camera failed: the picture is gone; put it back.")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
