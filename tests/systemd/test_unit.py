@@ -65,7 +65,7 @@ def test_example_is_a_configuration() -> None:
 
 
 def test_camera_stays_out_of_the_way_of_other_networks() -> None:
-    """Never the default route, no name server, and a routing table of its own: its /8 would cover every 10.x network."""
+    """Never the default route, no name server, a routing table of its own: its /8 would cover every 10.x network."""
     profile = (SYSTEMD / "camera.nmconnection").read_text(encoding="utf-8")
 
     assert "never-default=true\nignore-auto-dns=true\nroute-table=1064\n" in profile
