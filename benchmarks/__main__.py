@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.acceptance import accuracy_lines, cost_lines, covered_lines
+from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered_lines
 from benchmarks.accuracy import RUNS, measure, table_3_2
+from benchmarks.box import day, sustained
 from benchmarks.cost import memory, speed
 from benchmarks.pages import accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
@@ -36,8 +37,10 @@ def measured_accuracy() -> str:
 
 def measured_cost() -> str:
     """The page on speed and memory."""
-    took, peak = speed(), memory()
-    return cost_page(took, peak, cost_lines(took, peak))
+    took, peak, work = speed(), memory(), sustained()
+    with TemporaryDirectory() as name:
+        a_day = day(Path(name), Path(name) / "flights", keep_hours=1, max_hours=2, keep_free_gib=0)
+    return cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)])
 
 
 def main(words: list[str]) -> None:

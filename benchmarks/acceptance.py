@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from benchmarks.accuracy import Measured, mean_error, published, thesis_mean
+from benchmarks.box import PICTURES, Day, Sustained
 from benchmarks.cost import Speed
 from decoder.accuracy import ALL_VALUED, NeedleAccuracy
 
@@ -16,6 +17,10 @@ MAX_PCT_FS = 0.05
 MAX_CLEAR_FLAGGED = 0.01
 MAX_COVERED_PCT = 0.15
 MAX_RATIO = 3.0
+MAX_CORE = 0.25
+MAX_BOX_MIB = 120.0
+MAX_DAY_GROWTH_MIB = 2.0  # its pictures have 41 MiB in all
+MAX_OPEN_FILES = 10
 MAX_GROWTH = 1.05  # of peak memory from 400 frames to 4000: the table itself is a megabyte
 
 Row = list[str]
@@ -129,4 +134,15 @@ def cost_lines(took: Speed, peak: dict[int, float]) -> list[Line]:
     return [
         Line("400 frames: decode, times bare decompression", took.decode_ratio, MAX_RATIO),
         Line(f"peak memory, {long} frames by {short}", peak[long] / peak[short], MAX_GROWTH),
+    ]
+
+
+def box_lines(work: Sustained, day: Day) -> list[Line]:
+    """The lines about the box."""
+    return [
+        Line("box, four 5 MB pictures a second: part of one core", work.processor_part, MAX_CORE),
+        Line("box, the same: pictures that were stored", work.stored, PICTURES, at_least=True),
+        Line("box, the same: peak resident memory, MiB", work.peak_mib, MAX_BOX_MIB),
+        Line("box, a day of recording: growth of its memory, MiB", day.growth_mib(), MAX_DAY_GROWTH_MIB),
+        Line("box, the same: open files", day.most_files(), MAX_OPEN_FILES),
     ]

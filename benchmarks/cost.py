@@ -90,7 +90,12 @@ def memory() -> dict[int, float]:
         config = parse_config(
             {
                 "camera": {"driver": "replay", "path": str(camera), "rate_hz": 4, "pace": "fastest"},
-                "storage": {"directory": str(folder / "long"), "segment_s": 36000, "keep_free_gib": 0},
+                "storage": {
+                    "directory": str(folder / "long"),
+                    "segment_s": 36000,
+                    "segment_mib": 4096,
+                    "keep_free_gib": 0,
+                },
                 "attach": {"panel": str(RENDERED.parent / "panel.yaml")},
             }
         )

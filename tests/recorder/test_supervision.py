@@ -97,7 +97,7 @@ def test_camera_that_hangs_starves_the_watchdog(
     daemon = start_daemon(address=listener.address)
     daemon.feed(b"1")
     daemon.clock.advance(LONG_NS)
-    eventually(lambda: listener.hears("STATUS=Nothing heard from the camera"))
+    eventually(lambda: listener.hears("STATUS=Nothing heard from the camera:"))
     listener.forget()
     eventually(lambda: listener.hears("STATUS=Nothing heard"))
     starved = not listener.hears("WATCHDOG=1")

@@ -1,0 +1,182 @@
+"""The box at work: `recorder run` as a process of its own, with large pictures, and over a day that takes a minute."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+
+RATE_HZ = 4.0
+PICTURE_BYTES = 5_000_000  # what a QX10 makes of 18 megapixels
+PICTURES = 100
+SETTLED_S = 3.0  # what starting costs is not what recording costs
+
+DAY_S = 86_400
+DAY_RATE_HZ = 0.5
+SAMPLE_S = 0.1
+
+_RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
+# Start and end of image; an application segment of comment would do, but no camera sends one of five megabytes.
+_JPEG = (b"\xff\xd8\xff\xda", b"\xff\xd9")
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A process at one moment: resident memory and its peak so far (MiB), open files, processor time (s)."""
+
+    at_s: float
+    resident_mib: float
+    peak_mib: float
+    files: int
+    processor_s: float
+    loads_opencv: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Sustained:
+    """What recording large pictures took.
+
+    Attributes
+    ----------
+    stored, dropped
+        Pictures.
+    processor_part
+        Of one core.
+    """
+
+    stored: int
+    dropped: int
+    processor_part: float
+    peak_mib: float
+    loads_opencv: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Day:
+    """A day of recording.
+
+    Attributes
+    ----------
+    took_s
+        By the wall clock.
+    segments
+        Files that are there afterwards.
+    samples
+        Of the process, in order.
+    """
+
+    took_s: float
+    stored: int
+    dropped: int
+    segments: tuple[Path, ...]
+    samples: tuple[Sample, ...]
+
+    def growth_mib(self) -> float:
+        """By how much the largest memory of the last tenth exceeds that of the second tenth, MiB."""
+        tenth = len(self.samples) // 10
+        early, late = self.samples[tenth : 2 * tenth], self.samples[-tenth:]
+        return max(each.resident_mib for each in late) - max(each.resident_mib for each in early)
+
+    def most_files(self) -> int:
+        """Open files."""
+        return max(each.files for each in self.samples)
+
+
+def sustained(count: int = PICTURES) -> Sustained:
+    """Record so many pictures of 5 MB at four a second, at their own pace."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        pictures = folder / "pictures"
+        _link_pictures(pictures, _different(8, PICTURE_BYTES), count)
+        camera = {"driver": "replay", "path": str(pictures), "rate_hz": RATE_HZ, "pace": "realtime"}
+        storage = {"directory": str(folder / "flights"), "keep_free_gib": 0}
+        samples, log = _run(folder, {"camera": camera, "storage": storage})
+    settled = [each for each in samples if each.at_s >= SETTLED_S]
+    seconds = settled[-1].at_s - settled[0].at_s
+    return Sustained(
+        stored=log["stored"],
+        dropped=log["dropped"],
+        processor_part=(settled[-1].processor_s - settled[0].processor_s) / seconds,
+        peak_mib=samples[-1].peak_mib,
+        loads_opencv=any(each.loads_opencv for each in samples),
+    )
+
+
+def day(folder: Path, directory: Path, *, seconds: int = DAY_S, **storage: Any) -> Day:  # noqa: ANN401 - recorder.yaml's
+    """Record a day of small pictures as fast as the disk allows.
+
+    Parameters
+    ----------
+    folder
+        For the pictures.
+    directory
+        For the recordings.
+    storage
+        Further settings of recorder.yaml.
+    """
+    pictures = folder / "pictures"
+    _link_pictures(pictures, _different(8, 1000), round(seconds * DAY_RATE_HZ))
+    camera = {"driver": "replay", "path": str(pictures), "rate_hz": DAY_RATE_HZ, "pace": "fastest"}
+    start_s = time.monotonic()
+    samples, log = _run(folder, {"camera": camera, "storage": {"directory": str(directory), **storage}})
+    took_s = time.monotonic() - start_s
+    segments = tuple(sorted(directory.iterdir()))
+    return Day(took_s, log["stored"], log["dropped"], segments, tuple(samples))
+
+
+def _different(count: int, size_bytes: int) -> list[bytes]:
+    chance = random.Random(1)  # noqa: S311 - pictures, not secrets
+    start, end = _JPEG
+    return [start + chance.randbytes(size_bytes - len(start) - len(end)) + end for _ in range(count)]
+
+
+def _link_pictures(folder: Path, contents: list[bytes], count: int) -> None:
+    folder.mkdir()
+    originals = []
+    for number, content in enumerate(contents):
+        path = folder.parent / f"original_{number}"
+        path.write_bytes(content)
+        originals.append(path)
+    for number in range(count):
+        os.link(originals[number % len(originals)], folder / f"{number:06d}.jpg")
+
+
+def _run(folder: Path, document: dict[str, Any]) -> tuple[list[Sample], dict[str, Any]]:
+    config, log = folder / "recorder.yaml", folder / "log"
+    config.write_text(yaml.safe_dump(document), encoding="utf-8")
+    command = [*_RECORDER, "run", "--config", str(config)]
+    with log.open("wb") as stream, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stream) as process:
+        samples = list(_samples(process))
+    lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    if process.returncode != 0:
+        raise SystemExit(f"the recorder ended with {process.returncode}: {lines[-1]}")
+    return samples, next(line for line in reversed(lines) if line["event"] == "recording_finished")
+
+
+def _samples(process: subprocess.Popen[bytes]) -> Iterator[Sample]:
+    own, start_s = Path(f"/proc/{process.pid}"), time.monotonic()
+    while process.poll() is None:
+        try:
+            status = dict(line.split(":", 1) for line in (own / "status").read_text("ascii").splitlines())
+            ticks = (own / "stat").read_text("ascii").rpartition(")")[2].split()[11:13]
+            yield Sample(
+                at_s=time.monotonic() - start_s,
+                resident_mib=int(status["VmRSS"].split()[0]) / 1024,
+                peak_mib=int(status["VmHWM"].split()[0]) / 1024,
+                files=len(list((own / "fd").iterdir())),
+                processor_s=sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK"),
+                loads_opencv="cv2" in (own / "maps").read_text("utf-8", "replace"),
+            )
+        except (FileNotFoundError, ProcessLookupError, KeyError):
+            return  # it has just ended
+        time.sleep(SAMPLE_S)
