@@ -8,8 +8,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
-from recorder.config import load_config
+from recorder.config import StorageSettings, load_config, parse_config
 from recorder.failures import WRONG_CONFIGURATION
 from recorder.signs_of_life import SILENCE_S
 from recorder.supervision import END_S
@@ -62,6 +63,31 @@ def test_example_is_a_configuration() -> None:
 
     assert str(config.storage.directory) == f"/var/lib/{setting('StateDirectory')}"
     assert config.camera.driver == "qx10"
+
+
+def test_every_setting_of_the_storage_is_on_the_page() -> None:
+    """And its example is a configuration that the recorder takes."""
+    page = (SYSTEMD.parent / "docs" / "box.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```yaml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    config = parse_config(yaml.safe_load(example))
+    defaults = StorageSettings(directory=Path())
+    rows = dict(re.findall(r"^\| `storage\.(\w+)` \| ([^|]+) \|", page, re.MULTILINE))
+
+    assert config.storage.max_hours == 100
+    assert set(rows) == set(StorageSettings.model_fields)
+    assert {name: float(value) for name, value in rows.items() if value.isdigit()} == {
+        name: getattr(defaults, name) for name, value in rows.items() if value.isdigit()
+    }
+
+
+def test_every_event_of_the_log_is_on_the_page() -> None:
+    """What `journalctl` shows is explained."""
+    page = (SYSTEMD.parent / "docs" / "box.md").read_text(encoding="utf-8")
+    code = "".join(path.read_text(encoding="utf-8") for path in (SYSTEMD.parent / "recorder").glob("*.py"))
+    events = set(re.findall(r"journal\.log\.\w+\(\s*\"(\w+)\"", code))
+
+    assert len(events) > 8
+    assert {event for event in events if f"`{event}`" not in page} == set()
 
 
 def test_camera_stays_out_of_the_way_of_other_networks() -> None:
