@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading
-from flight_file.segments import Plan, free_recording_name, parse_segment_name
+from flight_file.segments import Plan, free_recording_name, parse_segment_name, segment_path
 from flight_file.session import Session
 from flight_file.signature import Signer
+from flight_file.writer import PART_SUFFIX
 from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
 from recorder.host import Host
@@ -102,6 +104,25 @@ def plan_recording(
         segment_bytes=round(config.storage.segment_mib * 2**20),
         signer=signer,
     )
+
+
+def with_free_number(plan: Plan) -> Plan:
+    """The plan with the first segment number, from its own on, under which there is nothing.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        The directory cannot be listed.
+    """
+    recording, segment = plan.session.recording, plan.session.segment
+    try:
+        names = {path.name for path in plan.directory.iterdir()}
+    except OSError as error:
+        reason = f"cannot be listed ({error.strerror}); bring the disk back"
+        raise FlightNotWrittenError(plan.directory, reason=reason) from error
+    while {(name := segment_path(plan.directory, recording, segment).name), name + PART_SUFFIX} & names:
+        segment += 1
+    return replace(plan, session=replace(plan.session, segment=segment))
 
 
 def clock_name(wiring: Wiring) -> str:

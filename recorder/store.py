@@ -12,45 +12,28 @@ from __future__ import annotations
 
 import errno
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from flight_file.durable_file import cut_file
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading, Frame
 from flight_file.log_clock import LogClock
-from flight_file.reports import CameraStatus, Health, LogLine
-from flight_file.segments import FlightWriter, Plan, segment_path
-from flight_file.writer import PART_SUFFIX, Remains
+from flight_file.reports import CameraStatus
+from flight_file.segments import FlightWriter, Plan
+from flight_file.writer import Remains
 from recorder.back_off import BackOff, Pace
 from recorder.directory_watch import DirectoryWatch
 from recorder.drops import Drops
 from recorder.journal import Journal
+from recorder.plan import with_free_number
+from recorder.recorded import Recorded, Remark, write
 from recorder.retention import Retention
 
 PACE = Pace(first_s=1.0, longest_s=15.0)
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
-
-
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """Something that happened and is worth a line in the flight; the camera's state does not change by it."""
-
-    status: CameraStatus
-
-
-Recorded = Frame | CameraStatus | Remark | Health | LogLine
-
-_WRITE: Mapping[type, Callable[[FlightWriter, Any, ClockReading], None]] = {
-    Frame: FlightWriter.write_frame,
-    CameraStatus: FlightWriter.write_status,
-    Remark: lambda writer, remark, at: writer.write_remark(remark.status, at),
-    Health: FlightWriter.write_health,
-    LogLine: FlightWriter.write_log,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +209,7 @@ class Store:
         if isinstance(what, Frame):
             writer.make_room(when, len(what.jpeg))
         self._handed += 1
-        _WRITE[type(what)](writer, what, when)
+        write(writer, what, when)
 
     def _attempt(self, action: Callable[[FlightWriter], object], at: ClockReading) -> None:
         writer = self._writer
@@ -272,25 +255,6 @@ class Store:
     def _collect(self, writer: FlightWriter) -> None:
         self.paths += writer.finished
         writer.finished.clear()
-
-
-def with_free_number(plan: Plan) -> Plan:
-    """The plan with the first segment number, from its own on, under which there is nothing.
-
-    Raises
-    ------
-    FlightNotWrittenError
-        The directory cannot be listed.
-    """
-    recording, segment = plan.session.recording, plan.session.segment
-    try:
-        names = {path.name for path in plan.directory.iterdir()}
-    except OSError as error:
-        reason = f"cannot be listed ({error.strerror}); bring the disk back"
-        raise FlightNotWrittenError(plan.directory, reason=reason) from error
-    while {(name := segment_path(plan.directory, recording, segment).name), name + PART_SUFFIX} & names:
-        segment += 1
-    return replace(plan, session=replace(plan.session, segment=segment))
 
 
 def _strerror_and_number(failure: FlightNotWrittenError) -> tuple[str, int]:

@@ -55,9 +55,10 @@ class Supervision:
         left_s = END_S
         while not writing.done.wait(LOOK_S):
             self._look()
-            if limited and self._stop.is_requested:
+            if self._stop.is_requested:
+                self._service.say("STOPPING=1")
                 left_s -= LOOK_S
-                if left_s <= 0:
+                if limited and left_s <= 0:
                     raise RecorderError(
                         "The disk did not answer in time; what was written before is in a file that ends in .part, "
                         "run `recorder recover` on it."

@@ -106,10 +106,11 @@ def test_every_fault_once_and_every_picture_accounted_for(tmp_path: Path) -> Non
     said = statuses(outcome)
     (check,) = verify(outcome.paths)
 
-    # The box may have been stopped between the last delivery and its storing.
+    # The box may have been stopped while a last picture was on its way.
     assert stored in (delivered, delivered[:-1])
     assert len(stored) > len(FAULTS)
-    assert len(missing) == outcome.dropped > 0
+    assert len(missing) > 0
+    assert outcome.dropped - len(missing) in {0, 1}
     counts = next(entry["reason"] for entry in reversed(said) if entry["reason"].startswith("dropped: "))
     assert sum(int(word) for word in counts.split() if word.isdigit()) == outcome.dropped
     assert {"connecting", "capturing", "lost", "refused", "finished"} <= {entry["state"] for entry in said}
