@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import io
 import json
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from mcap.reader import make_reader
 
 from camera_drivers.qx10.simulator.behaviour import Behaviour
@@ -115,3 +120,35 @@ def test_every_fault_once_and_every_picture_accounted_for(tmp_path: Path) -> Non
     assert sum(int(word) for word in counts.split() if word.isdigit()) == outcome.dropped
     assert {"connecting", "capturing", "lost", "refused", "finished"} <= {entry["state"] for entry in said}
     assert check.verdict is not Verdict.FAULT
+
+
+def test_camera_that_falls_silent_does_not_hold_up_the_end(tmp_path: Path) -> None:
+    """SIGTERM while a call waits for an answer: the process ends by itself, with a finished file that says why."""
+    flights = tmp_path / "flights"
+    config = tmp_path / "recorder.yaml"
+    with SimulatedQx10(SystemClock(), behaviour=replace(QUICK, silent_s=PATIENCE_S)) as camera:
+        config.write_text(
+            yaml.safe_dump(
+                {
+                    "camera": {"driver": "qx10", "url": camera.url, "interval_s": 0},
+                    "storage": {"directory": str(flights), "keep_free_gib": 0},
+                }
+            ),
+            encoding="utf-8",
+        )
+        camera.misbehave("silent", at=3)
+        command = [sys.executable, "-c", "from recorder.cli import main; main()", "run", "--config", str(config)]
+        box = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + PATIENCE_S
+        while len(camera.ledger.deliveries) < 2 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        box.send_signal(signal.SIGHUP)
+        box.send_signal(signal.SIGTERM)
+        printed, log = box.communicate(timeout=10)
+    (path,) = map(Path, printed.splitlines())
+    end = open_flight([path]).segments[-1].end
+
+    assert box.returncode == 0, log
+    assert end is not None
+    assert end.reason.startswith("stopped by SIGTERM")
+    assert list(flights.iterdir()) == [path]

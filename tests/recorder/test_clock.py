@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 import time
 
-from recorder.clock import SimulatedClock, SystemClock
+from flight_file.reports import CameraStatus
+from recorder.clock import AudibleClock, SimulatedClock, SystemClock
 from recorder.testing import ManualClock
 
 
@@ -38,3 +39,24 @@ def test_manual_clock_is_set_like_a_wall_clock() -> None:
     clock.set_realtime(7)
 
     assert (clock.read().realtime_ns, clock.read().monotonic_ns) == (7, 5)
+
+
+def test_driver_that_only_waits_can_be_heard() -> None:
+    """A replay whose next picture is an hour away says every few seconds that it waits."""
+    heard: list[str] = []
+
+    class Ear:
+        """A reporter."""
+
+        def report(self, status: CameraStatus) -> None: ...
+
+        def lost(self, reason: str) -> None: ...
+
+        def waiting(self, reason: str) -> None:
+            heard.append(reason)
+
+    clock = ManualClock(0)
+    AudibleClock(clock, Ear()).wait_until(3600 * 10**9, threading.Event())
+
+    assert clock.read().monotonic_ns == 3600 * 10**9
+    assert len(heard) == 720
