@@ -10,7 +10,7 @@ from camera_drivers.camera import CameraIdentity
 from flight_file.frame import ClockReading, Frame
 from flight_file.reports import CameraStatus
 
-QUEUE_BYTES = 24 * 2**20  # four 18-megapixel pictures: as much as a small board can spare
+QUEUE_BYTES = 20 * 2**20  # four 18-megapixel pictures: as much as a small board can spare
 QUEUE_FRAMES = 64  # small pictures: what waits longer than this many shows that the disk cannot follow
 QUEUE_NOTICES = 200
 

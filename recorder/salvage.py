@@ -18,6 +18,7 @@ Recover = Callable[[Path], str]
 """Finishes one file in work; says in words what became of it, and raises FlightFileError."""
 
 _NICE = 10  # the camera and the disk go first
+_AGAIN_S = 600.0  # how often to look whether there is room by now
 
 
 def files_in_work(directory: Path) -> list[Path]:
@@ -46,6 +47,7 @@ class Salvager(threading.Thread):
         self._free_bytes = free_bytes
         self._journal = journal
         self._paths: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        self._postponed: list[Path] = []
 
     def submit(self, path: Path) -> None:
         """See to this file when there is time."""
@@ -56,11 +58,22 @@ class Salvager(threading.Thread):
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while True:
-            self._salvage(self._paths.get())
+            try:
+                path = self._paths.get(timeout=_AGAIN_S)
+            except queue.Empty:
+                self._try_postponed()
+            else:
+                self._salvage(path)
+
+    def _try_postponed(self) -> None:
+        postponed, self._postponed = self._postponed, []
+        for path in postponed:
+            self._salvage(path)
 
     def _salvage(self, path: Path) -> None:
         try:
             if not self._has_room(path):
+                self._postponed.append(path)
                 self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
                 return
             became = self._recover(path)

@@ -13,7 +13,7 @@ import pytest
 
 from flight_file.errors import NothingToRecoverError
 from flight_file.reader import open_flight
-from recorder import assembly
+from recorder import assembly, salvage
 from recorder.journal import Journal
 from recorder.salvage import Salvager, files_in_work
 
@@ -94,6 +94,26 @@ def test_what_cannot_be_salvaged_is_said_and_left(tmp_path: Path, eventually: Ev
     assert reasons[0] == "there is no room for it now"
     assert "nothing that was recorded" in reasons[1]
     assert reasons[2] == "No such file or directory"
+
+
+def test_room_is_looked_for_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eventually: Eventually) -> None:
+    """A segment for which the disk was too full is tried again later."""
+    monkeypatch.setattr(salvage, "_AGAIN_S", 0.01)
+    path = tmp_path / "R_0000.mcap.part"
+    path.write_bytes(bytes(100))
+    free = [0, 0, 10**9]
+    recovered: list[Path] = []
+
+    def recover(path: Path) -> str:
+        recovered.append(path)
+        return "recovered"
+
+    salvager = Salvager(recover, free_bytes=lambda _path: free.pop(0), journal=Journal(io.StringIO()))
+    salvager.start()
+    salvager.submit(path)
+    eventually(lambda: recovered)
+
+    assert recovered == [path]
 
 
 def test_files_in_work_are_found_by_their_names(tmp_path: Path) -> None:
