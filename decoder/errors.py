@@ -1,8 +1,10 @@
 """What can go wrong at the desk, as one tree.
 
 DecoderError                  the decode cannot give what was asked for; one sentence that says what to do
-├── PanelError                the panel's description is wrong or does not fit its picture
-│   └── PanelMissing          neither the flight file nor the command line brings a panel
+├── DescriptionError          what somebody wrote in YAML is wrong at some place
+│   ├── PanelError            the panel's description is wrong or does not fit its picture
+│   │   └── PanelMissing      neither the flight file nor the command line brings a panel
+│   └── CameraError           the camera's description is wrong or does not fit a picture
 ├── PictureError              one picture cannot be used; the frame is `missing`, the flight goes on
 ├── FlightUnreadable          no frame of the flight can be read with this panel
 ├── OutputError               the flight data cannot be written where they should go
@@ -16,14 +18,28 @@ class DecoderError(Exception):
     """The base of every expected failure of the decoder."""
 
 
-class PanelError(DecoderError):
-    """The panel's description is wrong at `path` (such as `gauges[2].sweep`)."""
+class DescriptionError(DecoderError):
+    """What somebody wrote in YAML is wrong at `path` (such as `gauges[2].sweep`; "" for all of it)."""
 
-    def __init__(self, path: str, problem: str, *, source: str = "panel.yaml") -> None:
+    def __init__(self, path: str, problem: str, *, source: str) -> None:
         self.path = path
         self.problem = problem
         self.source = source
         super().__init__(f"{source}: {path}: {problem}" if path else f"{source}: {problem}")
+
+
+class PanelError(DescriptionError):
+    """The panel's description is wrong."""
+
+    def __init__(self, path: str, problem: str, *, source: str = "panel.yaml") -> None:
+        super().__init__(path, problem, source=source)
+
+
+class CameraError(DescriptionError):
+    """The camera's description is wrong, or it does not cover a picture's focal length or shape."""
+
+    def __init__(self, path: str, problem: str, *, source: str = "camera.yaml") -> None:
+        super().__init__(path, problem, source=source)
 
 
 class PanelMissing(PanelError):

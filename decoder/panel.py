@@ -8,11 +8,11 @@ wrong value. The format is described for its writers in docs/panel.md.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from decoder.description import Number, Point, Positive, Strict, parse_description
 from decoder.errors import PanelError
 
 FULL_CIRCLE_DEG = 360.0
@@ -20,31 +20,24 @@ MIN_TEMPLATE_SPAN_DEG = 2.0
 LEADING_COLUMNS = ("frame", "time_utc", "time_s")
 NEEDLE_SUFFIXES = ("", "_status", "_score", "_sigma")
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Point = tuple[Number, Number]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ReferencePoint(_Strict):
+class ReferencePoint(Strict):
     """A place on the panel known in inches."""
 
     at: Point
     inches: Point
 
 
-class Anchor(_Strict):
+class Anchor(Strict):
     """A fixed feature of the panel, found in every frame by NCC. `box` is left, top, width, height in pixels."""
 
     name: str
     box: tuple[Number, Number, Annotated[float, Field(ge=8)], Annotated[float, Field(ge=8)]]
 
 
-class Template(_Strict):
+class Template(Strict):
     """Where a needle's template comes from.
 
     `at` and `span`: cut from the panel picture (or from `picture`, another picture of the same panel and size) around
@@ -67,7 +60,7 @@ class Template(_Strict):
         return self
 
 
-class Needle(_Strict):
+class Needle(Strict):
     """One pointer. `covered_by` names the needle of the same gauge that turns above it."""
 
     name: Name
@@ -75,7 +68,7 @@ class Needle(_Strict):
     covered_by: str | None = None
 
 
-class Gauge(_Strict):
+class Gauge(Strict):
     """One dial: where it is, what it covers, what its marks mean, and the needles that turn on it."""
 
     name: str
@@ -134,7 +127,7 @@ class Gauge(_Strict):
         return abs(self.scale[-1][1] - self.scale[0][1])
 
 
-class Panel(_Strict):
+class Panel(Strict):
     """The instrument panel of one cockpit."""
 
     name: str
@@ -182,33 +175,4 @@ def parse_panel(text: bytes | str, *, source: str = "panel.yaml") -> Panel:
     PanelError
         Naming the path of the first wrong value, such as `gauges[2].sweep`.
     """
-    try:
-        content: Any = yaml.safe_load(text)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}" if mark is not None else ""
-        raise PanelError(where, "is not YAML; see docs/panel.md for the format", source=source) from error
-    if not isinstance(content, dict):
-        raise PanelError("", "holds no panel; see docs/panel.md for the format", source=source)
-    try:
-        return Panel.model_validate(content)
-    except ValidationError as error:
-        raise _first_problem(error, source) from error
-
-
-def _first_problem(error: ValidationError, source: str) -> PanelError:
-    problems = [problem for problem in error.errors(include_url=False) if problem["type"] != "too_short"]
-    problems = problems or error.errors(
-        include_url=False
-    )  # a list too short only because its items are wrong is no news
-    first = problems[0]
-    path = ""
-    for part in first["loc"]:
-        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message = "is not a key of the panel format; remove it or correct its spelling"
-    elif first["type"] == "missing":
-        message = "is missing"
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return PanelError(path, message[0].lower() + message[1:] + more, source=source)
+    return parse_description(Panel, text, error=PanelError, thing="panel", page="docs/panel.md", source=source)

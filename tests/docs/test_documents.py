@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from camera_drivers.qx10.simulator.faults import FAULTS
+from decoder.camera import parse_camera
 from decoder.panel import parse_panel
 from recorder.config import Qx10Settings, parse_config
 
@@ -57,6 +58,13 @@ def test_panel_example_is_a_panel() -> None:
     (example,) = blocks(ROOT / "docs" / "panel.md", "yaml")
 
     assert parse_panel(example).gauges[0].needles[0].covered_by == "fuel_fr_lb"
+
+
+def test_camera_description_is_a_camera() -> None:
+    """The camera in docs/calibration.md is one that the decoder takes."""
+    example = blocks(ROOT / "docs" / "calibration.md", "yaml")[0]
+
+    assert parse_camera(example).lens(4.45, (4896, 3672)).distorts
 
 
 @pytest.mark.parametrize(
