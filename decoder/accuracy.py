@@ -2,8 +2,8 @@
 
 The thesis reports 100 minus the mean error in percent of the true value; its published averages are finer than its
 own rows, so they are presumably means of signed errors, in which too high and too low cancel. Here are both, and
-percent of full scale and units beside them. Truth at other times than the frames is interpolated linearly, never
-extrapolated.
+percent of full scale and units beside them. On a scale that wraps errors go the short way round. Truth at other times
+than the frames is interpolated linearly, never extrapolated.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.errors import AccuracyError
 from decoder.reading import Status
+from decoder.scale import shortest
 
 ALL_VALUED = "all"
 CONFIDENCE_SIGMAS = 1.96  # 95 % of a normal distribution
@@ -54,6 +55,15 @@ class Errors:
     mean_abs_pct_fs: float | None
     max_abs_pct_fs: float | None
     within_95: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Described:
+    """What the flight data's own description says of a needle; `wraps` is what a full turn of it is worth."""
+
+    unit: str
+    full_scale: float | None
+    wraps: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +113,16 @@ def compare(flight: Table, truth: Table) -> list[NeedleAccuracy]:
     shared = [name for name in needles if name in truth.columns]
     if not shared:
         raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(needles)} as a column")
-    units = _units(flight.path)
-    results = [_needle_accuracy(name, flight, _truth_at(flight, truth, name), units.get(name)) for name in shared]
+    described = _described(flight.path)
+    results = [
+        _needle_accuracy(name, flight, truth, described.get(name, _Described("", None, None))) for name in shared
+    ]
     if not any(result.frames_compared for result in results):
         raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.path}")
     return results
 
 
-def _truth_at(flight: Table, truth: Table, name: str) -> Floats:
+def _truth_at(flight: Table, truth: Table, name: str, wraps: float | None) -> Floats:
     """The truth at every row of the flight data, NaN where there is none."""
     values = truth.numbers(name)
     if "frame" in flight.columns and "frame" in truth.columns:
@@ -123,31 +135,33 @@ def _truth_at(flight: Table, truth: Table, name: str) -> Floats:
     if not usable.any() or np.any(np.diff(known_s[usable]) <= 0):
         raise AccuracyError(f"{truth.path}: its `time_s` must rise from row to row")
     wanted_s = flight.numbers("time_s")
-    return np.interp(wanted_s, known_s[usable], values[usable], left=np.nan, right=np.nan)
+    known = values[usable] if wraps is None else np.unwrap(values[usable], period=wraps)
+    return np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
 
 
-def _needle_accuracy(name: str, flight: Table, truth: Floats, unit: tuple[str, float] | None) -> NeedleAccuracy:
+def _needle_accuracy(name: str, flight: Table, true: Table, described: _Described) -> NeedleAccuracy:
+    truth = _truth_at(flight, true, name, described.wraps)
     value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
     status = np.array(flight.columns[f"{name}_status"])
-    full_scale = unit[1] if unit else None
+    full_scale = described.full_scale
+    error = shortest(value - truth, described.wraps)
     compared = np.isfinite(truth)
     groups = {ALL_VALUED: compared & np.isfinite(value)}
     groups |= {kind.value: groups[ALL_VALUED] & (status == kind.value) for kind in Status}
     return NeedleAccuracy(
         needle=name,
-        unit=unit[0] if unit else "",
+        unit=described.unit,
         full_scale=full_scale,
         frames_compared=int(compared.sum()),
         by_status={
-            kind: _errors(value[where], truth[where], sigma[where], full_scale)
+            kind: _errors(error[where], truth[where], sigma[where], full_scale)
             for kind, where in groups.items()
             if where.any()
         },
     )
 
 
-def _errors(value: Floats, truth: Floats, sigma: Floats, full_scale: float | None) -> Errors:
-    error = value - truth
+def _errors(error: Floats, truth: Floats, sigma: Floats, full_scale: float | None) -> Errors:
     nonzero = truth != 0
     percent = error[nonzero] / truth[nonzero] * 100.0 if nonzero.any() else None
     of_scale = error / full_scale * 100.0 if full_scale else None
@@ -165,12 +179,12 @@ def _errors(value: Floats, truth: Floats, sigma: Floats, full_scale: float | Non
     )
 
 
-def _units(flight_csv: Path) -> dict[str, tuple[str, float]]:
-    """Unit and full scale by needle, from the JSON beside the flight data; empty where there is none."""
+def _described(flight_csv: Path) -> dict[str, _Described]:
+    """What is known of each needle, from the JSON beside the flight data; empty where there is none."""
     try:
         described = json.loads(flight_csv.with_suffix(".json").read_text(encoding="utf-8"))
         return {
-            name: (needle["unit"], needle["scale_max"] - needle["scale_min"])
+            name: _Described(needle["unit"], needle["scale_max"] - needle["scale_min"], needle.get("wraps"))
             for name, needle in described["needles"].items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

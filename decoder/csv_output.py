@@ -19,14 +19,14 @@ DIGITS_OF_FULL_SCALE = 6
 def write_csv(data: FlightData, stream: IO[str]) -> None:
     """Writes flight data as CSV: UTF-8, LF, floats always with a decimal point."""
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*LEADING_COLUMNS, *(s.needle.name + suffix for s in data.series for suffix in NEEDLE_SUFFIXES)])
+    writer.writerow([*LEADING_COLUMNS, *(s.quantity.name + suffix for s in data.series for suffix in NEEDLE_SUFFIXES)])
     decimals = [value_decimals(series) for series in data.series]
     time_s = data.time_s
     for row in range(len(data.frame)):
         fields = [str(data.frame[row]), utc_text(int(data.time_ns[row])), f"{time_s[row]:.{TIME_DECIMALS}f}"]
         for series, places in zip(data.series, decimals, strict=True):
             fields += [
-                _number(series.value[row], places),
+                _number(_within_turn(series.value[row], places, series.quantity.wraps), places),
                 STATUSES[series.status[row]].value,
                 _number(series.score[row], SCORE_DECIMALS),
                 _number(series.sigma[row], places + 1),
@@ -36,7 +36,12 @@ def write_csv(data: FlightData, stream: IO[str]) -> None:
 
 def value_decimals(series: NeedleSeries) -> int:
     """Decimals of a needle's values: a millionth of full scale, at least one."""
-    return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.gauge.full_scale)))
+    return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
+
+
+def _within_turn(value: float, decimals: int, wraps: float | None) -> float:
+    """A value as it is written: one that rounds up to a full turn is 0."""
+    return value if wraps is None or not math.isfinite(value) else round(value, decimals) % wraps
 
 
 def utc_text(time_ns: int) -> str:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
-from decoder.panel import Gauge, Needle, Panel
+from decoder.gauge import FULL_CIRCLE_DEG, Quantity
+from decoder.panel import Panel
 from decoder.panel_reader import FrameReadings
 from decoder.reading import Status
-from decoder.scale import Scale
+from decoder.scale import Scale, shortest
 
 STATUSES = tuple(Status)
 CODE = {status: code for code, status in enumerate(STATUSES)}
@@ -32,20 +33,24 @@ class NeedleSeries:
     status
         uint8, index into `STATUSES`.
     value, sigma
-        In the gauge's unit.
+        In the quantity's unit.
     score
         NCC of the match.
     angle_deg
         Where the best match points, also of a match that was refused.
     """
 
-    needle: Needle
-    gauge: Gauge
+    quantity: Quantity
     status: NDArray[np.uint8]
     value: Floats
     sigma: Floats
     score: Floats
     angle_deg: Floats
+
+    def angles_apart_deg(self, one: int | slice, other: int | slice) -> Floats:
+        """How far the needle turned from other frames to these, the short way where it goes all the way round."""
+        differences = np.asarray(self.angle_deg[one] - self.angle_deg[other])
+        return shortest(differences, None if self.quantity.wraps is None else FULL_CIRCLE_DEG)
 
     def has(self, *statuses: Status) -> NDArray[np.bool_]:
         """(N,): where the status is one of these."""
@@ -124,21 +129,19 @@ class FlightDataBuilder:
     def build(self, systematic_deg: Mapping[str, float]) -> FlightData:
         """The flight data so far; `systematic_deg` is by needle what all its readings may be off by together."""
         series = tuple(
-            _series(gauge, needle, self._columns[needle.name], systematic_deg[needle.name])
-            for gauge in self._panel.gauges
-            for needle in gauge.needles
+            _series(quantity, self._columns[quantity.name], systematic_deg[quantity.name])
+            for quantity in self._panel.quantities
         )
         return FlightData(np.array(self._frame), np.array(self._time_ns), series, tuple(self._missing))
 
 
-def _series(gauge: Gauge, needle: Needle, column: _Column, systematic_deg: float) -> NeedleSeries:
-    scale = Scale.of(gauge.scale)
+def _series(quantity: Quantity, column: _Column, systematic_deg: float) -> NeedleSeries:
+    scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
     valued = status != CODE[Status.MISSING]
     sigma_deg = np.hypot(np.array(column.sigma_deg), systematic_deg)
     return NeedleSeries(
-        needle=needle,
-        gauge=gauge,
+        quantity=quantity,
         status=status,
         value=np.where(valued, scale.values_at(angle_deg), NOWHERE),
         sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),

@@ -17,13 +17,15 @@ from decoder.arrays import Floats
 from decoder.errors import PictureError
 from decoder.faces import in_light_of, learn_face, needle_place
 from decoder.fitting import Fitter
+from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge_grid import same_rows, turn_rows
 from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
-from decoder.panel import Gauge
 from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.panel_tuning import face_behind
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading, Status
+from decoder.scale import shortest
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
@@ -78,6 +80,7 @@ class _GaugeTuner:
     ) -> None:
         self._needles = {needle.name: needle for needle in gauge.needles}
         self._grid = grid
+        self._turn_rows = turn_rows(gauge, grid)
         self._strips = strips
         self._first = first
         self._given = given
@@ -91,7 +94,8 @@ class _GaugeTuner:
                 continue
             place = np.zeros(strip.shape, bool)
             for name in self._needles:
-                place |= needle_place(strip.shape, touched[name], self._row(readings[name]))
+                for row in same_rows(self._row(readings[name]), self._turn_rows):
+                    place |= needle_place(strip.shape, touched[name], row)
             views.append(strip)
             places.append(place)
         return learn_face(views, places, self._first) if len(views) >= MIN_CUTS else self._first
@@ -159,13 +163,17 @@ class _GaugeTuner:
     def _row(self, reading: Reading) -> float:
         return (reading.angle_deg - self._grid.start_deg) / self._grid.step_deg
 
+    def _apart_deg(self, one: Reading, other: Reading) -> float:
+        difference_deg = np.array(one.angle_deg - other.angle_deg)
+        return float(abs(shortest(difference_deg, None if self._turn_rows is None else FULL_CIRCLE_DEG)))
+
     def _is_clear(self, name: str, readings: Readings, templates: Templates) -> bool:
         """Whether a needle was read whole, with no other near enough to reach into its template."""
         own = readings[name]
         reach_deg = templates[name].rows * templates[name].step_deg / 2
         return own.status is Status.READ and all(
             readings[other].status is not Status.MISSING
-            and abs(readings[other].angle_deg - own.angle_deg) > reach_deg + templates[other].half_width_deg
+            and self._apart_deg(readings[other], own) > reach_deg + templates[other].half_width_deg
             for other in self._needles
             if other != name
         )

@@ -15,6 +15,7 @@ import numpy as np
 from decoder.arrays import Floats, Mask
 from decoder.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.reading import Status
+from decoder.scale import in_turn
 
 # From a place where it is seen whole, a needle is soon under another one: about two needles' width.
 COVERED_REACH_DEG = 6.0
@@ -23,10 +24,10 @@ READ_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 def fill_gaps(data: FlightData) -> FlightData:
     """The flight data with doubtful covered readings flagged and flagged readings interpolated."""
-    by_name = {series.needle.name: series for series in data.series}
+    by_name = {series.quantity.name: series for series in data.series}
     believed = []
     for series in data.series:
-        cover = by_name.get(series.needle.covered_by or "")
+        cover = by_name.get(series.quantity.covered_by or "")
         if cover is not None:
             pace_deg = _pace_deg(series, cover)
             series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
@@ -51,7 +52,7 @@ def _without_doubtful(
             (at[0], end) for at, end in ((seen[seen < first][-1:], first), (seen[seen > last][:1], last)) if at.size
         ]
         doubtful[first : last + 1] = not ends or any(
-            abs(series.angle_deg[at] - series.angle_deg[end]) > COVERED_REACH_DEG + pace_deg * abs(int(at) - end)
+            abs(series.angles_apart_deg(at, end)) > COVERED_REACH_DEG + pace_deg * abs(int(at) - end)
             for at, end in ends
         )
     return replace(
@@ -64,7 +65,8 @@ def _without_doubtful(
 
 def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:
     """How far needles on this dial go in a frame, degrees: nineteen of twenty steps between readings are shorter."""
-    steps = [np.abs(np.diff(one.angle_deg))[_in_sequence(one)] for one in (series, cover)]
+    before, after = slice(None, -1), slice(1, None)
+    steps = [np.abs(one.angles_apart_deg(after, before))[_in_sequence(one)] for one in (series, cover)]
     together = np.concatenate(steps)
     return float(np.quantile(together, 0.95)) if together.size else 0.0
 
@@ -84,11 +86,14 @@ def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
         flagged = flagged[between & (flagged > known[0]) & (flagged < known[-1])]
     if not known.size or not flagged.size:
         return series
+    wraps = series.quantity.wraps
+    seen = series.value[known] if wraps is None else np.unwrap(series.value[known], period=wraps)
     status, value, sigma = series.status.copy(), series.value.copy(), series.sigma.copy()
     status[flagged] = CODE[Status.INTERPOLATED]
-    value[flagged] = np.interp(time_s[flagged], time_s[known], series.value[known])
+    line = np.interp(time_s[flagged], time_s[known], seen)
+    value[flagged] = line if wraps is None else in_turn(line, wraps)
     pinned = np.interp(time_s[flagged], time_s[known], series.sigma[known])
-    sigma[flagged] = np.hypot(pinned, _bridge_sigma(series.value[known], time_s[known], time_s[flagged]))
+    sigma[flagged] = np.hypot(pinned, _bridge_sigma(seen, time_s[known], time_s[flagged]))
     return replace(series, status=status, value=value, sigma=sigma)
 
 

@@ -5,33 +5,58 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.panel import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import FULL_CIRCLE_DEG, Gauge
 from decoder.unwrapping import PolarGrid, polar_grid
 
-# A needle may stand a little beyond the last mark.
+# A needle may stand a little beyond the last mark, or beyond the stop that is behind it.
 BEYOND_SWEEP_DEG = 4.0
+# A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
+OVERLAP_DEG = 2.0
 # What a cropped template covers if the panel does not say.
 PICTURE_SPAN_DEG = 16.0
 
 
 def gauge_grid(gauge: Gauge) -> PolarGrid:
-    """The unwrapped gauge's sample points: its sweep, and as much beyond as the widest template needs."""
+    """The unwrapped gauge's sample points: where needles go, and as much beyond as the widest template needs.
+
+    All round, two needles near each other are to lie side by side on it wherever one of them is.
+    """
     widest_deg = max(needle.template.span or PICTURE_SPAN_DEG for needle in gauge.needles)
     margin_deg = _beyond_deg(gauge) + widest_deg / 2 + 1.0
-    return polar_grid(gauge.centre, gauge.radius, gauge.sweep[0] - margin_deg, gauge.sweep[1] + margin_deg)
+    if gauge.is_round and len(gauge.needles) > 1:
+        margin_deg += widest_deg
+    first_deg, last_deg = gauge.reach
+    return polar_grid(gauge.centre, gauge.radius, first_deg - margin_deg, last_deg + margin_deg)
 
 
 def rows_in_sweep(gauge: Gauge, grid: PolarGrid) -> NDArray[np.bool_]:
     """(R,): the rows on which a needle's axis may lie."""
     angles_deg = grid.angle_deg(0) + grid.step_deg * np.arange(grid.rows)
     beyond_deg = _beyond_deg(gauge)
-    return (angles_deg >= gauge.sweep[0] - beyond_deg) & (angles_deg <= gauge.sweep[1] + beyond_deg)
+    first_deg, last_deg = gauge.reach
+    return (angles_deg >= first_deg - beyond_deg) & (angles_deg <= last_deg + beyond_deg)
 
 
 def row_of_angle(grid: PolarGrid, angle_deg: float) -> float:
-    """The row of an angle on the grid, whole turns added or taken off as needed."""
-    return (angle_deg - grid.start_deg) % FULL_CIRCLE_DEG / grid.step_deg
+    """The row of an angle on the grid, whole turns added or taken off: the one nearest to the grid's middle."""
+    middle = (grid.rows - 1) / 2
+    turn_rows = FULL_CIRCLE_DEG / grid.step_deg
+    off = (angle_deg - grid.start_deg) / grid.step_deg - middle
+    return middle + off - turn_rows * round(off / turn_rows)
+
+
+def turn_rows(gauge: Gauge, grid: PolarGrid) -> float | None:
+    """How many rows a full turn has where the dial is read all the way round."""
+    return FULL_CIRCLE_DEG / grid.step_deg if gauge.is_round else None
+
+
+def same_rows(row: float, turn: float | None) -> tuple[float, ...]:
+    """All rows at which what lies on one row may show again, on the grid or beyond it."""
+    return (row,) if turn is None else (row - turn, row, row + turn)
 
 
 def _beyond_deg(gauge: Gauge) -> float:
-    return min(BEYOND_SWEEP_DEG, (FULL_CIRCLE_DEG - (gauge.sweep[1] - gauge.sweep[0])) / 2)
+    if gauge.is_round:
+        return OVERLAP_DEG
+    first_deg, last_deg = gauge.reach
+    return min(BEYOND_SWEEP_DEG, (FULL_CIRCLE_DEG - (last_deg - first_deg)) / 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import cv2
@@ -13,12 +13,12 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
 from decoder.faces import needle_place
-from decoder.gauge_grid import rows_in_sweep
+from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge_grid import rows_in_sweep, same_rows, turn_rows
 from decoder.glare import ThroughGlare
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
-from decoder.panel import Gauge
 from decoder.reading import Reading, Status
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
@@ -89,6 +89,8 @@ class GaugeReader:
             if cover is not None
         }
         self._allowed = rows_in_sweep(gauge, grid)
+        self._turn_rows = turn_rows(gauge, grid)
+        self._first_deg = gauge.sweep[0]
         alone = method is Method.NORMXCORR and len(templates) == 1
         self._through_glare = {
             name: ThroughGlare(template, grid.pixels_per_sample, face)
@@ -166,12 +168,16 @@ class GaugeReader:
     def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats) -> _Found:
         """The cascade for a needle whose covering needle has been read; `scores` (R,) are those of all its pixels."""
         matcher, upper = self._matchers[name], self._matchers[cover]
-        far = np.abs(np.arange(len(scores)) - above.match.row) > upper.axis + matcher.axis + 1
+        covers = same_rows(above.match.row, self._turn_rows)
+        distances = [np.abs(np.arange(len(scores)) - row) for row in covers]
+        far = np.min(distances, axis=0) > upper.axis + matcher.axis + 1
         match = matcher.best(unwrapped, scores, self._allowed & far, scores)
         if match.score >= SCORE_THRESHOLD:
             return _Found(match, Status.READ)
-        mask = (~needle_place(unwrapped.shape, upper.touched, above.match.row)).astype(np.float32)
-        seen = matcher.uncovered(unwrapped, mask, scores, above.match.row, upper.axis)
+        mask = np.ones(unwrapped.shape, np.float32)
+        for row in covers:
+            mask[needle_place(unwrapped.shape, upper.touched, row)] = 0.0
+        seen = matcher.uncovered(unwrapped, mask, scores, covers, upper.axis)
         match = matcher.best(unwrapped, seen.scores, self._allowed & (seen.visible >= MIN_VISIBLE), seen.scores, mask)
         if match.score < SCORE_THRESHOLD:
             return self._hidden(name, above)
@@ -181,7 +187,7 @@ class GaugeReader:
         self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats
     ) -> dict[str, _Found]:
         """A needle below another; where they touch, both are read together, or each with what is known of the other."""
-        below = self._read_below(unwrapped, name, cover, above, scores)
+        below = self._near(self._read_below(unwrapped, name, cover, above, scores), above)
         lower, upper = self._matchers[name], self._matchers[cover]
         apart_rows = abs(below.match.row - above.match.row)
         if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
@@ -208,6 +214,12 @@ class GaugeReader:
             return {name: _Found(pair.lower, Status.EDGE), cover: above}
         return {name: lost if pair.correlation < MIN_HIDDEN_CORRELATION else self._hidden(name, above), cover: above}
 
+    def _near(self, below: _Found, above: _Found) -> _Found:
+        """A needle at the row next to the covering one's of all rows that are its place on a round dial."""
+        rows = same_rows(below.match.row, self._turn_rows)
+        nearest = min(rows, key=lambda row: abs(row - above.match.row))
+        return replace(below, match=replace(below.match, row=nearest))
+
     def _hidden(self, name: str, above: _Found) -> _Found:
         """At the covering needle's place, give or take how far from it the needle could be without being seen."""
         sigma_rows = float(np.hypot(above.match.sigma_rows, self._hidden_reach_rows[name] / np.sqrt(3.0)))
@@ -215,9 +227,10 @@ class GaugeReader:
 
     def _reading(self, found: _Found) -> Reading:
         match = found.match
-        return Reading(
-            found.status, self._grid.angle_deg(match.row), match.sigma_rows * self._grid.step_deg, match.score
-        )
+        angle_deg = self._grid.angle_deg(match.row)
+        if self._turn_rows is not None:
+            angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
+        return Reading(found.status, angle_deg, match.sigma_rows * self._grid.step_deg, match.score)
 
 
 def _covering_first(covers: Mapping[str, str | None]) -> Sequence[str]:

@@ -50,7 +50,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "start_utc": utc_text(int(data.time_ns[0])) if len(data.frame) else None,
         "end_utc": utc_text(int(data.time_ns[-1])) if len(data.frame) else None,
         "duration_s": round(float(data.time_s[-1]), 6) if len(data.frame) else 0.0,
-        "needles": {series.needle.name: _needle(series) for series in data.series},
+        "needles": {series.quantity.name: _needle(series) for series in data.series},
         "missing_frames": _missing_frames(data),
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
     }
@@ -63,11 +63,14 @@ def lowest_score(series: NeedleSeries) -> float | None:
 
 
 def _needle(series: NeedleSeries) -> dict[str, Any]:
+    quantity = series.quantity
+    scale_min, scale_max = quantity.range
     return {
-        "gauge": series.gauge.name,
-        "unit": series.gauge.unit,
-        "scale_min": min(value for _, value in series.gauge.scale),
-        "scale_max": max(value for _, value in series.gauge.scale),
+        "gauge": quantity.gauge,
+        "unit": quantity.unit,
+        "scale_min": scale_min,
+        "scale_max": scale_max,
+        **({} if quantity.wraps is None else {"wraps": quantity.wraps}),
         "frames": status_counts(series),
         "lowest_score": lowest_score(series),
     }
@@ -88,7 +91,7 @@ def _gaps(data: FlightData, series: NeedleSeries) -> list[dict[str, Any]]:
     """Runs of frames in which a needle was not seen though the panel was found."""
     return [
         {
-            "needle": series.needle.name,
+            "needle": series.quantity.name,
             "status": status.value,
             "first_frame": int(data.frame[first]),
             "last_frame": int(data.frame[last]),

@@ -7,6 +7,7 @@ between rows), and what it leaves unexplained gives the uncertainty.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
@@ -86,17 +87,22 @@ class Matcher:
         """How many original pixels the template's trusted samples are worth."""
         return float(self.template.trust.sum()) * self.pixels_per_sample
 
-    def uncovered(self, gauge: Floats, mask: Floats, scores: Floats, cover_row: float, cover_axis: int) -> Visibility:
+    def uncovered(
+        self, gauge: Floats, mask: Floats, scores: Floats, cover_rows: Sequence[float], cover_axis: int
+    ) -> Visibility:
         """Scores of the pixels that `mask` (R, C) leaves, and how much of the needle they show; both (R,).
 
-        Away from the covering needle, whose axis lies on `cover_row` in a template that reaches `cover_axis` rows to
-        either side, these are the `scores` (R,) of all pixels.
+        Away from the covering needle, whose axis lies on each of `cover_rows` in a template that reaches `cover_axis`
+        rows to either side, these are the `scores` (R,) of all pixels.
         """
         left = Visibility(scores.copy(), np.ones_like(scores))
         left.visible[: self.axis] = left.visible[len(gauge) - self.axis :] = 0.0
         reach = cover_axis + self.axis + 1
-        first, last = max(round(cover_row) - reach, self.axis), min(round(cover_row) + reach, len(gauge) - self.axis)
-        if first < last:
+        for cover_row in cover_rows:
+            first = max(round(cover_row) - reach, self.axis)
+            last = min(round(cover_row) + reach, len(gauge) - self.axis)
+            if first >= last:
+                continue
             rows = slice(first - self.axis, last + self.axis)
             inner = slice(first, last)
             near = uncovered_scores(gauge[rows], self._face[rows], mask[rows], self.template, self._whole(rows))

@@ -15,10 +15,10 @@ from decoder.arrays import Floats
 from decoder.correlation import normxcorr
 from decoder.errors import PanelError
 from decoder.faces import bare_face, needle_place
-from decoder.gauge_grid import PICTURE_SPAN_DEG, gauge_grid, row_of_angle, rows_in_sweep
+from decoder.gauge import Gauge, Needle
+from decoder.gauge_grid import PICTURE_SPAN_DEG, gauge_grid, row_of_angle, rows_in_sweep, same_rows, turn_rows
 from decoder.needle_layer import first_layer
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
-from decoder.panel import Gauge, Needle
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
 from decoder.resampling import inside
@@ -61,7 +61,8 @@ def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[
         row = _row_in_panel_picture(gauge, needle, grid, strip, pictures[needle.name])
         if row is not None:
             layer = first_layer(pictures[needle.name], np.zeros_like(pictures[needle.name]), plain, grid.step_deg)
-            place |= needle_place(strip.shape, layer.place(TOUCH_LEVEL), row)
+            for again in same_rows(row, turn_rows(gauge, grid)):
+                place |= needle_place(strip.shape, layer.place(TOUCH_LEVEL), again)
     face = bare_face(strip, place)
     templates = {}
     for needle in gauge.needles:

@@ -20,7 +20,7 @@ def write_parquet(data: FlightData, stream: IO[bytes]) -> None:
     }
     names = pa.array([status.value for status in STATUSES])
     for series in data.series:
-        name = series.needle.name
+        name = series.quantity.name
         columns[name] = _numbers(series.value)
         columns[f"{name}_status"] = pa.DictionaryArray.from_arrays(pa.array(series.status.astype(np.int8)), names)
         columns[f"{name}_score"] = _numbers(series.score)

@@ -15,8 +15,8 @@ def summary_table(data: FlightData) -> str:
         counts = status_counts(series)
         rows.append(
             [
-                series.needle.name,
-                series.gauge.unit,
+                series.quantity.name,
+                series.quantity.unit,
                 *(str(counts[status.value]) for status in STATUSES),
                 "-" if score is None else f"{score:.3f}",
             ]

@@ -125,6 +125,20 @@ def test_truth_is_not_extrapolated() -> None:
     assert compared(FLIGHT, {"time_s": [0.9, 2.1], "n1": [19.0, 31.0]}).frames_compared == 2
 
 
+def test_errors_go_the_short_way_round_a_turn(tmp_path: Path) -> None:
+    """359 read for 1 is two degrees off, not 358, and truth between frames does not run backwards through the dial."""
+    path = tmp_path / "flight.csv"
+    needle = {"unit": "deg", "scale_min": 0.0, "scale_max": 360.0, "wraps": 360.0}
+    path.with_suffix(".json").write_text(json.dumps({"needles": {"n1": needle}}), encoding="utf-8")
+    flight = {name: values for name, values in FLIGHT.items() if name != "frame"} | {"n1": [359.0, 1.0, 0.5, 100.0]}
+    truth = {"time_s": [0.0, 1.0, 1.5, 3.0], "n1": [1.0, 359.0, 359.0, 2.0]}
+    (result,) = compare(table(flight, path), table(truth))
+
+    assert result.by_status["all"].mean_signed == pytest.approx((-2.0 + 2.0 + 0.5 + 98.0) / 4)
+    assert result.by_status["read"].max_abs == pytest.approx(2.0)
+    assert result.by_status["read"].max_abs_pct_fs == pytest.approx(2.0 / 3.6)
+
+
 def test_full_scale_comes_from_the_json_beside(tmp_path: Path) -> None:
     """With the JSON of the flight data beside it, errors are told in percent of full scale too."""
     needle = {"unit": "%", "scale_min": -10.0, "scale_max": 110.0}

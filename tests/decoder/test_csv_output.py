@@ -102,6 +102,15 @@ def test_numbers_have_a_point_and_come_back(fly: Fly, rows: list[tuple[float, St
             assert float(row["speed_kt_sigma"]) == pytest.approx(sigma, abs=1e-3)
 
 
+def test_value_that_rounds_to_a_full_turn_is_written_as_nothing(fly: Fly, document: dict[str, Any]) -> None:
+    """A heading lies in [0, 360) in the file as well."""
+    document["gauges"][0] |= {"sweep": [270, 630], "scale": [[270, 0], [450, 180]], "wraps": 360}
+    reading = Reading(Status.READ, 629.99999, 0.02, 0.99)
+    text = text_of(fly([{"speed_kt": reading}], content=document))
+
+    assert text.splitlines()[1].split(",")[3] == "0.000"
+
+
 @pytest.mark.parametrize(
     ("full_scale", "decimals"), [(0.01, 7), (1.0, 5), (9.9, 5), (10.0, 4), (1000.0, 2), (84000.0, 1), (1e9, 1)]
 )

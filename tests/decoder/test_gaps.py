@@ -62,6 +62,16 @@ def test_line_is_in_values_not_in_angles(fly: Fly) -> None:
     assert data.series[0].value[1] == pytest.approx(500.0)
 
 
+def test_line_goes_the_short_way_round(fly: Fly, document: dict[str, Any]) -> None:
+    """From 355 to 5 a heading goes by 0, and is no less sure there than anywhere else."""
+    document["gauges"][0] |= {"sweep": [270, 630], "scale": [[270, 0], [450, 180]], "wraps": 360}
+    over = speeds(fly, [seen(623.0), seen(625.0), BAD, BAD, BAD, seen(275.0)], content=document)
+    away = speeds(fly, [seen(423.0), seen(425.0), BAD, BAD, BAD, seen(435.0)], content=document)
+
+    assert over.series[0].value[2:5] == pytest.approx([357.5, 0.0, 2.5])
+    assert over.series[0].sigma == pytest.approx(away.series[0].sigma)
+
+
 def test_nothing_is_said_beyond_the_first_and_last_reading(fly: Fly) -> None:
     """Flagged frames before the first good one and after the last one stay missing."""
     data = speeds(fly, [BAD, seen(200.0), BAD, seen(210.0), BAD, BAD])

@@ -34,7 +34,7 @@ def test_drawn_cockpit_is_valid(parse: Parse, document: dict[str, Any]) -> None:
     panel = parse(document)
 
     assert [needle.name for needle in panel.needles] == ["speed_kt", "al_lb", "fr_lb"]
-    assert [gauge.full_scale for gauge in panel.gauges] == [1000.0, 3000.0]
+    assert [quantity.full_scale for quantity in panel.quantities] == [1000.0, 3000.0, 3000.0]
     assert panel.pictures == ("panel.png",)
 
 
@@ -66,6 +66,12 @@ WRONG = [
     ("gauges.1.scale", [[120, 0], [270, 0], [420, 3]], "gauges[1].scale", "monotone"),
     ("gauges.1.scale", [[120, 0], [120, 3]], "gauges[1].scale", "monotone"),
     ("gauges.1.scale", [[120, 0], [270, "many"]], "gauges[1].scale[1][1]", "number"),
+    ("gauges.1.wraps", 3000, "gauges[1]", "needs a `sweep` of exactly 360 degrees"),
+    ("gauges.1.wraps", 0, "gauges[1].wraps", "greater than 0"),
+    ("gauges.1.needles.0.wraps", 10, "gauges[1].needles[0]", "needs a `scale` beside it"),
+    ("gauges.1.needles.0.scale", [[120, 0], [120, 3]], "gauges[1].needles[0].scale", "monotone"),
+    ("gauges.1.stops", [130, 430], "gauges[1]", "`stops` must hold the `sweep`"),
+    ("gauges.1.stops", [80, 441], "gauges[1]", "`stops` must hold the `sweep`"),
     ("gauges.1.needles", [], "gauges[1].needles", "at least 1"),
     ("gauges.1.needles.0.name", "al lb", "gauges[1].needles[0].name", "pattern"),
     ("gauges.1.needles.0.name", "7up", "gauges[1].needles[0].name", "pattern"),
@@ -98,6 +104,34 @@ def test_wrong_value_is_named_with_its_path(
     assert problem in refused.value.problem
     assert str(refused.value).startswith(f"panel.yaml: {path}: " if path else "panel.yaml: ")
     assert "\n" not in str(refused.value)
+
+
+ROUND_WRONG = [
+    ("scale", [[0, 0], [360, 300]], "gauges[0]", "does not fit `wraps: 360`"),
+    ("scale", [[0, 0], [180, 360]], "gauges[0]", "does not fit `wraps: 360`"),
+    ("stops", [0, 360], "gauges[0]", "has no `stops`"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "path", "problem"), ROUND_WRONG, ids=lambda part: str(part)[:40])
+def test_turn_that_does_not_close_is_refused(
+    parse: Parse, document: dict[str, Any], key: str, value: object, path: str, problem: str
+) -> None:
+    """A scale all the way round is one turn and one turn's value, and has no stops."""
+    document["gauges"][0] |= {"sweep": [0, 360], "wraps": 360, "scale": [[0, 0], [90, 90]], key: value}
+    with pytest.raises(PanelError) as refused:
+        parse(document)
+
+    assert refused.value.path == path
+    assert problem in refused.value.problem
+
+
+def test_needles_scale_stands_in_for_the_gauges(parse: Parse, document: dict[str, Any]) -> None:
+    """Two needles of one dial may show different things."""
+    document["gauges"][1]["needles"][0]["scale"] = [[120, 0], [420, 12]]
+    panel = parse(document)
+
+    assert [quantity.full_scale for quantity in panel.quantities] == [1000.0, 12.0, 3000.0]
 
 
 @pytest.mark.parametrize(

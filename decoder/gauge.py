@@ -1,0 +1,223 @@
+"""One gauge as `panel.yaml` describes it: where the dial is, what its marks mean, and what turns on it.
+
+A part of the panel format, see `decoder.panel`; for its writers docs/panel.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from decoder.description import Number, Point, Positive, Strict
+
+FULL_CIRCLE_DEG = 360.0
+MIN_TEMPLATE_SPAN_DEG = 2.0
+
+Marks = tuple[tuple[Number, Number], ...]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
+class Template(Strict):
+    """Where a needle's template comes from.
+
+    `at` and `span`: cut from the panel picture (or from `picture`, another picture of the same panel and size) around
+    the angle `at`, `span` degrees wide. `picture` without `at`: a cropped unwrapped needle, rows of angle by columns
+    of radius over the gauge's whole `radius`, `span` degrees high, its needle in the middle row.
+    """
+
+    at: Number | None = None
+    span: Annotated[float, Field(ge=MIN_TEMPLATE_SPAN_DEG, le=90)] | None = None
+    picture: str | None = None
+
+    @model_validator(mode="after")
+    def _has_a_source(self) -> Self:
+        if self.at is None and self.picture is None:
+            raise ValueError(
+                "give `at` (the needle's angle in the panel picture) or `picture` (a cropped unwrapped needle)"
+            )
+        if self.at is not None and self.span is None:
+            raise ValueError("`at` needs `span`, the degrees that the template covers")
+        return self
+
+
+class Needle(Strict):
+    """One pointer. `covered_by` names the needle of the same gauge that turns above it.
+
+    A `scale` of its own, with its own `wraps`, stands in for the gauge's.
+    """
+
+    name: Name
+    template: Template
+    covered_by: str | None = None
+    scale: Marks | None = None
+    wraps: Positive | None = None
+
+    @field_validator("scale")
+    @classmethod
+    def _scale_is_monotone(cls, scale: Marks | None) -> Marks | None:
+        return None if scale is None else _monotone(scale)
+
+    @model_validator(mode="after")
+    def _turn_closes(self) -> Self:
+        if self.wraps is not None:
+            if self.scale is None:
+                raise ValueError("`wraps` of a needle needs a `scale` beside it; the gauge's scale has the gauge's")
+            _check_turn(self.scale, self.wraps)
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What one column of values means.
+
+    Attributes
+    ----------
+    name, gauge, unit
+        Of the column, of the gauge it comes from, and of its values.
+    marks
+        (angle, value) each, sorted by angle.
+    wraps
+        What a full turn is worth where the values begin again after it: they lie in [0, wraps).
+    covered_by
+        The needle that turns above this one.
+    """
+
+    name: str
+    gauge: str
+    unit: str
+    marks: Marks
+    wraps: float | None
+    covered_by: str | None
+
+    @property
+    def full_scale(self) -> float:
+        """The span of values between the outermost marks, or of a full turn."""
+        return self.wraps or abs(self.marks[-1][1] - self.marks[0][1])
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and the highest value of the scale."""
+        if self.wraps is not None:
+            return 0.0, self.wraps
+        values = [value for _, value in self.marks]
+        return min(values), max(values)
+
+
+class Gauge(Strict):
+    """One dial: where it is, what it covers, what its marks mean, and the needles that turn on it."""
+
+    name: str
+    centre: Point
+    radius: tuple[Positive, Positive]
+    sweep: tuple[Number, Number]
+    stops: tuple[Number, Number] | None = None
+    unit: str = ""
+    scale: Marks
+    wraps: Positive | None = None
+    needles: Annotated[tuple[Needle, ...], Field(min_length=1)]
+
+    @field_validator("radius")
+    @classmethod
+    def _radius_grows(cls, radius: tuple[float, float]) -> tuple[float, float]:
+        if radius[1] - radius[0] < 2:  # noqa: PLR2004 - fewer than two pixels hold no needle
+            raise ValueError("must run outward from the bottom of the needle to the outer perimeter, at least 2 pixels")
+        return radius
+
+    @field_validator("sweep")
+    @classmethod
+    def _sweep_is_not_empty(cls, sweep: tuple[float, float]) -> tuple[float, float]:
+        if not 0 < sweep[1] - sweep[0] <= FULL_CIRCLE_DEG:
+            raise ValueError("is empty or more than a turn; give it clockwise, such as [120, 420]")
+        return sweep
+
+    @field_validator("scale")
+    @classmethod
+    def _scale_is_monotone(cls, scale: Marks) -> Marks:
+        return _monotone(scale)
+
+    @model_validator(mode="after")
+    def _turn_closes(self) -> Self:
+        if any(wraps is not None for wraps in (self.wraps, *(needle.wraps for needle in self.needles))):
+            if self.sweep[1] - self.sweep[0] != FULL_CIRCLE_DEG:
+                raise ValueError("`wraps` needs a `sweep` of exactly 360 degrees: such a needle goes all the way round")
+            if self.stops is not None:
+                raise ValueError("a scale that `wraps` has no `stops`: such a needle goes all the way round")
+        if self.wraps is not None:
+            _check_turn(self.scale, self.wraps)
+        return self
+
+    @model_validator(mode="after")
+    def _stops_hold_the_sweep(self) -> Self:
+        if self.stops is not None:
+            first, last = self.stops
+            if not (first <= self.sweep[0] and self.sweep[1] <= last and last - first <= FULL_CIRCLE_DEG):
+                raise ValueError(
+                    "`stops` must hold the `sweep` and be no more than a turn; give both clockwise, such as [110, 425]"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _covering_needles_exist(self) -> Self:
+        above = {needle.name: needle.covered_by for needle in self.needles}
+        for name in above:
+            seen, lower = {name}, name
+            while (cover := above[lower]) is not None:
+                if cover not in above:
+                    raise ValueError(f"needle {name}: covered_by names {cover}, which is no needle of this gauge")
+                if cover in seen:
+                    raise ValueError(f"needle {name}: covered_by runs in a circle")
+                seen.add(cover)
+                lower = cover
+        return self
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the gauge shows, in the order of the flight data's columns."""
+        return tuple(
+            Quantity(
+                name=needle.name,
+                gauge=self.name,
+                unit=self.unit,
+                marks=needle.scale or self.scale,
+                wraps=self.wraps if needle.scale is None else needle.wraps,
+                covered_by=needle.covered_by,
+            )
+            for needle in self.needles
+        )
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Where needles go: from stop to stop, or along the sweep."""
+        return self.stops or self.sweep
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the dial is read all the way round, with no seam."""
+        return self.sweep[1] - self.sweep[0] == FULL_CIRCLE_DEG
+
+
+def _monotone(scale: Marks) -> Marks:
+    if len(scale) < 2:  # noqa: PLR2004 - a line needs two points
+        raise ValueError("needs at least two [angle, value] marks")
+    marks = sorted(scale)
+    turns = {after[0] > before[0] for before, after in pairwise(marks)}
+    steps = {(after[1] > before[1]) - (after[1] < before[1]) for before, after in pairwise(marks)}
+    if turns != {True} or steps not in ({1}, {-1}):
+        raise ValueError(
+            "must be monotone: each mark at another angle, values only rising or only falling along the dial"
+        )
+    return tuple(marks)
+
+
+def _check_turn(scale: Marks, wraps: float) -> None:
+    """Marks of a turn must lie in one turn, and leave something of its value for the way back to the first mark."""
+    (first_deg, first), (last_deg, last) = scale[0], scale[-1]
+    if last_deg - first_deg == FULL_CIRCLE_DEG and abs(last - first) == wraps:
+        return
+    if last_deg - first_deg >= FULL_CIRCLE_DEG or abs(last - first) >= wraps:
+        raise ValueError(
+            f"`scale` does not fit `wraps: {wraps:g}`: its marks must lie within one turn and one turn's value"
+        )

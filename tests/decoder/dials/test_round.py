@@ -1,0 +1,144 @@
+"""Dials that go all the way round: no angle is another than any other, and values begin again after a turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from decoder.panel_reader import PanelReader
+from decoder.pictures import GreyPicture
+from decoder.reading import Status
+from decoder.scale import Scale, shortest
+
+Paint = Callable[..., GreyPicture]
+TICKS_DEG = tuple(range(0, 360, 30))
+PANEL_DEG, LONG_DEG = 214.0, 20.0
+SEEDS = range(24)
+HEADING: dict[str, Any] = {
+    "name": "heading",
+    "radius": [20, 66],
+    "sweep": [270, 630],
+    "unit": "deg",
+    "scale": [[270, 0], [360, 90], [450, 180], [540, 270]],
+    "wraps": 360,
+    "needles": [{"name": "heading_deg", "template": {"at": PANEL_DEG, "span": 16}}],
+}
+
+
+def apart_deg(one: float, other: float) -> float:
+    """How far two angles lie apart, the short way round."""
+    return float(abs(shortest(np.array(one - other), 360.0)))
+
+
+@pytest.fixture(scope="module")
+def heading(paint: Paint, hand: Any) -> Callable[..., GreyPicture]:  # noqa: ANN401
+    """Draws a heading indicator."""
+
+    def draw(angle_deg: float, **camera: Any) -> GreyPicture:  # noqa: ANN401
+        return paint(lambda canvas: (canvas.dial(TICKS_DEG), canvas.hand(hand(), angle_deg)), **camera)
+
+    return draw
+
+
+@pytest.fixture(scope="module")
+def compass(heading: Callable[..., GreyPicture], reader_for: Callable[..., PanelReader]) -> PanelReader:
+    """A reader of it, tuned to a flight once around."""
+    frames = [heading(float(angle), seed=50 + index) for index, angle in enumerate(np.arange(16) * 22.5 + 3.0)]
+    return reader_for([HEADING], heading(PANEL_DEG, seed=1), frames)
+
+
+@given(angle_deg=st.floats(0.0, 360.0))
+@example(angle_deg=270.0)
+@example(angle_deg=269.999)
+@example(angle_deg=269.75)
+@example(angle_deg=270.3)
+@settings(max_examples=60)
+def test_dial_has_no_seam(compass: PanelReader, heading: Callable[..., GreyPicture], angle_deg: float) -> None:
+    """A needle is read equally well at every angle, also where the unwrapped gauge ends."""
+    reading = compass.read(heading(angle_deg, seed=2)).readings["heading_deg"]
+
+    assert reading.status is Status.READ
+    assert apart_deg(reading.angle_deg, angle_deg) < 0.25
+    assert 270.0 <= reading.angle_deg < 630.0
+    assert reading.score > 0.95
+
+
+def test_mean_error_is_below_a_tenth_of_a_degree(compass: PanelReader, heading: Callable[..., GreyPicture]) -> None:
+    """Over the whole circle, the ends of the unwrapped gauge among it."""
+    angles_deg = [*np.random.default_rng(3).uniform(0, 360, 40), *np.linspace(268.0, 272.0, 20)]
+    errors = [
+        apart_deg(compass.read(heading(angle, seed=seed)).readings["heading_deg"].angle_deg, angle)
+        for seed, angle in enumerate(angles_deg)
+    ]
+
+    assert np.mean(errors) < 0.1
+    assert max(errors) < 0.5
+
+
+PAIR: dict[str, Any] = {
+    **HEADING,
+    "needles": [
+        {"name": "short_h", "template": {"at": PANEL_DEG, "span": 18}, "covered_by": "long_min"},
+        {"name": "long_min", "template": {"at": LONG_DEG, "span": 16}},
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def clock(paint: Paint, hand: Any) -> Callable[..., GreyPicture]:  # noqa: ANN401
+    """Draws a dial with a long needle above a short wide one."""
+    short = hand(tip=46.0, root_half=4.0, tip_half=3.0, level=215.0)
+
+    def draw(short_deg: float, long_deg: float, **camera: Any) -> GreyPicture:  # noqa: ANN401
+        return paint(
+            lambda canvas: (canvas.dial(TICKS_DEG), canvas.hand(short, short_deg), canvas.hand(hand(), long_deg)),
+            **camera,
+        )
+
+    return draw
+
+
+@pytest.fixture(scope="module")
+def clock_reader(clock: Callable[..., GreyPicture], reader_for: Callable[..., PanelReader]) -> PanelReader:
+    """A reader of both needles, tuned."""
+    rng = np.random.default_rng(4)
+    frames = [clock(*rng.uniform(0, 360, 2), seed=80 + index) for index in range(16)]
+    return reader_for([PAIR], clock(PANEL_DEG, LONG_DEG, seed=1), frames)
+
+
+@pytest.mark.parametrize("long_deg", [270.0, 268.5, 271.7, 100.0])
+@pytest.mark.parametrize("apart", [-40.0, -14.0, -8.0, -5.0, 5.0, 8.0, 14.0, 40.0, 180.0])
+def test_two_needles_cross_the_seam_together(
+    clock_reader: PanelReader, clock: Callable[..., GreyPicture], long_deg: float, apart: float
+) -> None:
+    """Needles beside each other are read wherever they are, one on each side of the seam as well."""
+    readings = clock_reader.read(clock(long_deg + apart, long_deg, seed=5)).readings
+
+    assert readings["long_min"].status is Status.READ
+    assert apart_deg(readings["long_min"].angle_deg, long_deg) < 0.3
+    assert readings["short_h"].status in (Status.READ, Status.EDGE)
+    assert apart_deg(readings["short_h"].angle_deg, long_deg + apart) < 1.0
+
+
+@given(
+    first_deg=st.floats(0.0, 360.0),
+    rising=st.booleans(),
+    wraps=st.sampled_from([12.0, 360.0, 1000.0]),
+    angle_deg=st.floats(-720.0, 720.0),
+)
+def test_round_scale_repeats_every_turn(first_deg: float, rising: bool, wraps: float, angle_deg: float) -> None:  # noqa: FBT001
+    """A turn on, the value is the same; values lie in one turn, and lead back to the angle."""
+    sign = 1.0 if rising else -1.0
+    marks = [(first_deg, 0.25 * wraps), (first_deg + 90.0, 0.25 * wraps + sign * 0.1 * wraps)]
+    scale = Scale.of(marks, wraps)
+    here, there = scale.values_at(np.array([angle_deg, angle_deg + 360.0]))
+
+    assert 0.0 <= here < wraps
+    assert abs(shortest(np.array(here - there), wraps)) < 1e-6
+    back_deg = float(scale.angles_of(np.array([here]))[0])
+    assert apart_deg(back_deg, angle_deg) < 1e-4
