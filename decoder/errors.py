@@ -7,6 +7,9 @@ DecoderError                  the decode cannot give what was asked for; one sen
 │   └── CameraError           the camera's description is wrong or does not fit a picture
 ├── PictureError              one picture cannot be used; the frame is `missing`, the flight goes on
 ├── FlightUnreadable          no frame of the flight can be read with this panel
+├── CalibrationError          photographs, points or options from which no camera can be calibrated
+│   └── PoseError             no camera position follows from reference points
+│       └── DegeneratePoints  they lie on one line, or nearly
 ├── OutputError               the flight data cannot be written where they should go
 └── AccuracyError             flight data and truth cannot be compared
 """
@@ -55,6 +58,18 @@ class PictureError(DecoderError):
 
 class FlightUnreadable(DecoderError):
     """No frame of the flight can be read with this panel."""
+
+
+class CalibrationError(DecoderError):
+    """Photographs, points or options from which no camera can be calibrated."""
+
+
+class PoseError(CalibrationError):
+    """No camera position follows from the reference points."""
+
+
+class DegeneratePoints(PoseError):
+    """The reference points lie on one line, or nearly, so that any turn about it fits."""
 
 
 class OutputError(DecoderError):
