@@ -6,7 +6,7 @@ Columns are compact arrays, so that a long flight takes some tens of bytes for e
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,9 @@ from decoder.scale import Scale, shortest
 STATUSES = tuple(Status)
 CODE = {status: code for code, status in enumerate(STATUSES)}
 NOWHERE = float("nan")
+
+SystematicDeg = Callable[[str, Floats], Floats]
+"""Tells what the readings of the needle of that name at (N,) angles may be off by together, as (N,) standard uncertainties in degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,20 +129,19 @@ class FlightDataBuilder:
         for column in self._columns.values():
             column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
 
-    def build(self, systematic_deg: Mapping[str, float]) -> FlightData:
-        """The flight data so far; `systematic_deg` is by needle what all its readings may be off by together."""
+    def build(self, systematic_deg: SystematicDeg) -> FlightData:
+        """The flight data so far."""
         series = tuple(
-            _series(quantity, self._columns[quantity.name], systematic_deg[quantity.name])
-            for quantity in self._panel.quantities
+            _series(quantity, self._columns[quantity.name], systematic_deg) for quantity in self._panel.quantities
         )
         return FlightData(np.array(self._frame), np.array(self._time_ns), series, tuple(self._missing))
 
 
-def _series(quantity: Quantity, column: _Column, systematic_deg: float) -> NeedleSeries:
+def _series(quantity: Quantity, column: _Column, systematic_deg: SystematicDeg) -> NeedleSeries:
     scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
     valued = status != CODE[Status.MISSING]
-    sigma_deg = np.hypot(np.array(column.sigma_deg), systematic_deg)
+    sigma_deg = np.hypot(np.array(column.sigma_deg), systematic_deg(quantity.name, angle_deg))
     return NeedleSeries(
         quantity=quantity,
         status=status,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
-from decoder.flight_tuning import SAMPLE_FRAMES, tune
+from decoder.flight_fitting import fit_to_flight
+from decoder.flight_tuning import SAMPLE_FRAMES
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture, grey_picture
@@ -25,7 +27,7 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     flight
         Opened; read twice, a sample of it first.
     reader
-        With the panel's own templates; it is tuned to the flight here.
+        With the panel's own templates and pivots; it is fitted to the flight here.
     progress
         Wraps the frames as they are read.
 
@@ -34,14 +36,14 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     FlightUnreadable
         If no frame at all can be read with this panel, with the commonest reason.
     """
-    tuned = tune(reader, _sample(flight))
+    fitted = fit_to_flight(reader, partial(_sample, flight))
     builder = FlightDataBuilder(reader.source.panel)
     reasons: Counter[str] = Counter()
     frames = 0
     for frame in progress(flight.frames()):
         frames += 1
         try:
-            readings = tuned.read(grey_picture(frame.jpeg))
+            readings = fitted.reader.read(grey_picture(frame.jpeg))
         except PictureError as error:
             builder.add_missing(frame.sequence, frame.captured_ns, str(error))
             reasons[str(error)] += 1
@@ -49,7 +51,7 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
             builder.add(frame.sequence, frame.captured_ns, readings)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
-    return fill_gaps(builder.build(tuned.systematic_deg))
+    return fill_gaps(builder.build(fitted.systematic_deg))
 
 
 def _sample(flight: Flight) -> Iterator[GreyPicture]:

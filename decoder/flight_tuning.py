@@ -41,7 +41,11 @@ Templates = Mapping[str, NeedleTemplate]
 
 def tune(reader: PanelReader, frames: Iterable[GreyPicture]) -> PanelReader:
     """The reader fitted to the flight that the frames are a sample of; with too few usable frames, as it was."""
-    samples = _unwrapped(reader, frames)
+    return tune_on(reader, unwrapped(reader, frames))
+
+
+def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
+    """The same for frames that the reader has unwrapped."""
     if len(samples) < MIN_CUTS:
         return reader
     usual = _usual([sample.alignment for sample in samples])
@@ -179,7 +183,8 @@ class _GaugeTuner:
         )
 
 
-def _unwrapped(reader: PanelReader, frames: Iterable[GreyPicture]) -> list[UnwrappedFrame]:
+def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture]) -> list[UnwrappedFrame]:
+    """Those of the frames that can be aligned, unwrapped."""
     samples = []
     for frame in frames:
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -22,8 +21,6 @@ from decoder.resampling import inside
 from decoder.searching import Search, Sought
 from decoder.tuning import Tuning
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
-
-PANEL_PRECISION_PX = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,18 +85,6 @@ class PanelReader:
             If a template, an anchor or the level edge does not fit the panel picture.
         """
         return cls(source, method, tuning_from_panel(source))
-
-    @property
-    def systematic_deg(self) -> Mapping[str, float]:
-        """By needle: what all its readings may be off by together, as a standard uncertainty in degrees.
-
-        A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
-        """
-        return {
-            needle.name: math.degrees(PANEL_PRECISION_PX / (sum(gauge.radius) / 2))
-            for gauge in self.source.panel.gauges
-            for needle in gauge.needles
-        }
 
     def tuned(self, tuning: Tuning) -> PanelReader:
         """The same reader with another tuning."""

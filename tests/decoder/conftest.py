@@ -234,6 +234,6 @@ def fly() -> Callable[..., FlightData]:
                 builder.add_missing(index, time_ns, frame)
             else:
                 builder.add(index, time_ns, FrameReadings(IDENTITY, {**still, **frame}))
-        return builder.build(dict.fromkeys(still, systematic_deg))
+        return builder.build(lambda _, angles_deg: np.full_like(angles_deg, systematic_deg))
 
     return make

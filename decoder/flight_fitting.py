@@ -1,0 +1,105 @@
+"""Fitting a reader to a flight: needles and dials as its own frames show them, and pivots where its needles turn.
+
+Also what is left of both: how far all readings of a needle may be off together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from decoder.arrays import Floats
+from decoder.flight_tuning import tune_on, unwrapped
+from decoder.panel_reader import PanelReader, UnwrappedFrame
+from decoder.pictures import GreyPicture
+from decoder.pivots import Pivot, pivot_of
+
+# A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
+PANEL_PRECISION_PX = 0.1
+ROUNDS = 3
+
+Sample = Callable[[], Iterable[GreyPicture]]
+
+
+@dataclass(frozen=True, slots=True)
+class FittedReader:
+    """A reader fitted to a flight.
+
+    Attributes
+    ----------
+    pivots
+        By the gauges' order in the panel: what is still to be thought of each pivot.
+    moved_px
+        By gauge, for those whose needles turn elsewhere than the panel says: (x, y).
+    """
+
+    reader: PanelReader
+    pivots: tuple[Pivot, ...]
+    moved_px: Mapping[str, tuple[float, float]]
+
+    def systematic_deg(self, name: str, angles_deg: Floats) -> Floats:
+        """(N,): what all readings of a needle at these angles may be off by together, a standard uncertainty."""
+        ((gauge, needle, pivot),) = (
+            (gauge, needle, pivot)
+            for gauge, pivot in zip(self.reader.source.panel.gauges, self.pivots, strict=True)
+            for needle in gauge.needles
+            if needle.name == name
+        )
+        radius_px = sum(gauge.radius) / 2
+        drawn_deg = math.degrees(PANEL_PRECISION_PX / radius_px)
+        zero_deg = sum(gauge.sweep) / 2 if needle.template.at is None else needle.template.at
+        off: Floats = np.hypot(drawn_deg, pivot.sigma_deg(angles_deg, zero_deg, radius_px))
+        return off
+
+
+def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
+    """The reader fitted to the flight of which `sample` gives some frames, the same each time it is called."""
+    drawn = reader.source.panel.gauges
+    for _ in range(ROUNDS):
+        samples = unwrapped(reader, sample())
+        tuned = tune_on(reader, samples)
+        pivots = _pivots(tuned, samples)
+        if not any(pivot.is_off for pivot in pivots):
+            break
+        reader = _moved(reader, pivots)
+    now = tuned.source.panel.gauges
+    moved = {
+        gauge.name: (gauge.centre[0] - before.centre[0], gauge.centre[1] - before.centre[1])
+        for gauge, before in zip(now, drawn, strict=True)
+        if gauge.centre != before.centre
+    }
+    return FittedReader(tuned, pivots, moved)
+
+
+def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Pivot, ...]:
+    found = [reader.read_unwrapped(sample).readings for sample in samples]
+    return tuple(
+        pivot_of(
+            gauge,
+            grid,
+            face,
+            reader.tuning.templates,
+            [(sample.gauges[index], readings) for sample, readings in zip(samples, found, strict=True)],
+        )
+        for index, (gauge, grid, face) in enumerate(
+            zip(reader.source.panel.gauges, reader.grids, reader.tuning.faces, strict=True)
+        )
+    )
+
+
+def _moved(reader: PanelReader, pivots: Sequence[Pivot]) -> PanelReader:
+    """The reader, not yet tuned, of the panel with its pivots moved."""
+    panel = reader.source.panel
+    gauges = tuple(
+        gauge.model_copy(
+            update={"centre": (gauge.centre[0] + pivot.offset_px[0], gauge.centre[1] + pivot.offset_px[1])}
+        )
+        if pivot.is_off
+        else gauge
+        for gauge, pivot in zip(panel.gauges, pivots, strict=True)
+    )
+    source = replace(reader.source, panel=panel.model_copy(update={"gauges": gauges}))
+    return PanelReader.from_panel(source, reader.method)

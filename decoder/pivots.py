@@ -1,0 +1,178 @@
+"""Pivots: where the needles of a flight really turn, told by the needles themselves.
+
+A needle lies on a line through its pivot. If the dial is unwrapped around a point beside the pivot, the needle's inner
+end is turned further than its tip, and how far changes as the needle goes round: over a flight that gives the pivot to
+some hundredths of a pixel, whatever the needle looks like. A pivot that is off by one pixel on a dial 100 pixels wide
+moves readings by a degree and a half to and fro.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.arrays import Floats
+from decoder.gauge import Gauge
+from decoder.needle_template import NeedleTemplate
+from decoder.reading import Reading, Status
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
+
+# What is thought of a panel's pivot before any frame has been seen, pixels.
+PRIOR_PX = 0.5
+# Uneven light and marks that are not quite known tilt a needle by about this, pixels.
+TILT_FLOOR_PX = 0.03
+MIN_TILTS = 5
+HUBER_SPREADS = 2.0
+ROBUST_PASSES = 4
+# A pivot is moved when the panel's is off by more than this many standard deviations, and more than it can be drawn.
+SIGNIFICANT_SPREADS = 4.0
+DRAWN_PX = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Tilt:
+    """How far one needle in one frame is turned out of the radius.
+
+    A needle `kappa_px` beside the point around which the dial is unwrapped appears `kappa_px / r` radians further on
+    at radius r. It is relative to the needle's template.
+    """
+
+    needle: str
+    angle_deg: float
+    kappa_px: float
+    sigma_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pivot:
+    """A gauge's pivot as its needles tell it, relative to where the gauge was unwrapped.
+
+    Attributes
+    ----------
+    offset_px
+        (x, y).
+    covariance_px2
+        (2, 2) of the offset.
+    """
+
+    offset_px: tuple[float, float]
+    covariance_px2: Floats
+
+    @property
+    def is_off(self) -> bool:
+        """Whether the gauge should be unwrapped around another point."""
+        offset = np.array(self.offset_px)
+        spreads = math.sqrt(max(float(offset @ np.linalg.solve(self.covariance_px2, offset)), 0.0))
+        return spreads > SIGNIFICANT_SPREADS and math.hypot(*self.offset_px) > DRAWN_PX
+
+    def sigma_deg(self, angles_deg: Floats, zero_deg: float, radius_px: float) -> Floats:
+        """What a pivot that is still not quite right may add to readings, as a standard uncertainty.
+
+        Parameters
+        ----------
+        angles_deg
+            (N,): of the readings.
+        zero_deg
+            The angle at which the needle's zero was set: there the pivot does no harm.
+        radius_px
+            The needle's mean radius.
+        """
+        lever = _across(angles_deg) - _across(np.array([zero_deg]))
+        variance = np.einsum("ni,ij,nj->n", lever, self.covariance_px2, lever)
+        sigma: Floats = np.degrees(np.sqrt(np.maximum(variance, 0.0)) / radius_px)
+        return sigma
+
+
+UNKNOWN = Pivot((0.0, 0.0), PRIOR_PX**2 * np.eye(2))
+
+
+def pivot_of(
+    gauge: Gauge,
+    grid: PolarGrid,
+    face: UnwrappedGauge,
+    templates: Mapping[str, NeedleTemplate],
+    frames: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading]]],
+) -> Pivot:
+    """The pivot of a gauge from some frames: each the unwrapped gauge and its readings."""
+    tilts = [
+        Tilt(needle.name, readings[needle.name].angle_deg, *tilt)
+        for strip, readings in frames
+        for needle in gauge.needles
+        if _stands_alone(needle.name, gauge, readings, templates)
+        for tilt in [_tilt(readings[needle.name].angle_deg, strip, face, grid, templates[needle.name])]
+        if tilt is not None
+    ]
+    return pivot_from(tilts)
+
+
+def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
+    """The pivot that explains the tilts best: robust least squares, each needle with a tilt of its own."""
+    names = sorted({tilt.needle for tilt in tilts})
+    names = [name for name in names if sum(tilt.needle == name for tilt in tilts) >= MIN_TILTS]
+    tilts = [tilt for tilt in tilts if tilt.needle in names]
+    if not tilts:
+        return UNKNOWN
+    own = np.array([[tilt.needle == name for name in names] for tilt in tilts], np.float64)
+    rows = np.concatenate([_across(np.array([tilt.angle_deg for tilt in tilts])), own], axis=1)
+    seen = np.array([tilt.kappa_px for tilt in tilts])
+    sigma = np.hypot([tilt.sigma_px for tilt in tilts], TILT_FLOOR_PX)
+    prior = np.diag([1 / PRIOR_PX**2] * 2 + [1e-6] * len(names))
+    weights = 1 / sigma**2
+    for _ in range(ROBUST_PASSES):
+        normal = rows.T @ (weights[:, None] * rows) + prior
+        solution = np.linalg.solve(normal, rows.T @ (weights * seen))
+        spreads = np.abs(seen - rows @ solution) / sigma
+        scale = max(float(np.median(spreads)) / 0.6745, 1.0)
+        weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
+    covariance = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)[:2, :2]
+    return Pivot((float(solution[0]), float(solution[1])), covariance)
+
+
+def _across(angles_deg: Floats) -> Floats:
+    """(N, 2): the unit vectors across needles at angles, in the direction in which angles grow."""
+    angles = np.radians(angles_deg)
+    return np.stack([-np.sin(angles), np.cos(angles)], axis=1)
+
+
+def _stands_alone(
+    name: str, gauge: Gauge, readings: Mapping[str, Reading], templates: Mapping[str, NeedleTemplate]
+) -> bool:
+    """Whether a needle was read whole, with no other near enough to reach into its template."""
+    own = readings[name]
+    reach_deg = templates[name].rows * templates[name].step_deg / 2
+    return own.status is Status.READ and all(
+        readings[other.name].status is not Status.MISSING
+        and abs(readings[other.name].angle_deg - own.angle_deg) > reach_deg + templates[other.name].half_width_deg
+        for other in gauge.needles
+        if other.name != name
+    )
+
+
+def _tilt(
+    angle_deg: float, strip: UnwrappedGauge, face: UnwrappedGauge, grid: PolarGrid, template: NeedleTemplate
+) -> tuple[float, float] | None:
+    """Kappa and its spread by least squares of the pixels around a reading for gain, offset, shift and tilt."""
+    rows = (angle_deg - grid.start_deg) / grid.step_deg + np.arange(template.rows) - (template.rows - 1) / 2
+    if rows[0] < 0 or rows[-1] > len(strip) - 1:
+        return None
+    seen, behind = rows_at(strip, rows), rows_at(face, rows)
+    needle = template.light + template.transparency * behind
+    slope = -(np.gradient(template.light, axis=0) + np.gradient(template.transparency, axis=0) * behind)
+    radii = grid.inner_px + grid.column_px * np.arange(grid.columns)
+    turned = slope * (math.degrees(1.0) / grid.step_deg / radii)
+    weights = template.trust.ravel().astype(np.float64)
+    columns = np.stack([needle, np.ones_like(needle), slope, turned]).reshape(4, -1).astype(np.float64)
+    normal = (columns * weights) @ columns.T
+    if np.linalg.cond(normal) > 1e12:  # noqa: PLR2004 - a needle too short to have a direction
+        return None
+    solution = np.linalg.solve(normal, columns @ (weights * seen.ravel()))
+    gain = float(solution[0])
+    if gain <= 0:
+        return None
+    left = seen.ravel() - solution @ columns
+    noise = float((weights * left * left).sum() / weights.sum())
+    variance = noise * float(np.linalg.inv(normal)[3, 3]) / grid.pixels_per_sample
+    return float(solution[3]) / gain, math.sqrt(variance) / gain

@@ -1,0 +1,142 @@
+"""Pivots: needles tell where they turn, to some hundredths of a pixel, and a panel that is right is left alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from decoder.flight_fitting import fit_to_flight
+from decoder.panel_reader import PanelReader
+from decoder.pictures import GreyPicture
+from decoder.pivots import UNKNOWN, Tilt, pivot_from
+from decoder.reading import Status
+
+Draw = Callable[..., GreyPicture]
+MakeReader = Callable[..., PanelReader]
+PANEL_HANDS = {"speed_kt": 225.0, "al_lb": 195.0, "fr_lb": 345.0}
+offsets_px = st.floats(-2.0, 2.0)
+
+
+def moved(x_px: float, y_px: float) -> Callable[[dict[str, Any]], None]:
+    """A panel whose speed gauge is said to turn elsewhere than it does."""
+
+    def change(content: dict[str, Any]) -> None:
+        for gauge in content["gauges"]:
+            for needle in gauge["needles"]:
+                needle["template"]["at"] = PANEL_HANDS[needle["name"]]
+        centre = content["gauges"][0]["centre"]
+        content["gauges"][0]["centre"] = [centre[0] + x_px, centre[1] + y_px]
+
+    return change
+
+
+def angles_of(seed: int) -> dict[str, float]:
+    """Needles in random places, those of the fuel gauge well apart."""
+    rng = np.random.default_rng(seed)
+    return {"speed_kt": rng.uniform(125, 415), "al_lb": rng.uniform(125, 240), "fr_lb": rng.uniform(290, 415)}
+
+
+def frames(draw: Draw) -> list[GreyPicture]:
+    """A flight's sample."""
+    return [draw(angles_of(seed), noise=2.0, seed=seed, ticks=True) for seed in range(700, 716)]
+
+
+def tilts_about(x_px: float, y_px: float, angles_deg: list[float], own_px: float, noise_px: float = 0.0) -> list[Tilt]:
+    """The tilts of a needle that turns about a point beside where the dial is unwrapped."""
+    rng = np.random.default_rng(7)
+    return [
+        Tilt(
+            "a",
+            angle,
+            own_px
+            - math.sin(math.radians(angle)) * x_px
+            + math.cos(math.radians(angle)) * y_px
+            + rng.normal(0, 1) * noise_px,
+            max(noise_px, 0.01),
+        )
+        for angle in angles_deg
+    ]
+
+
+@given(offsets_px, offsets_px, st.floats(-1.0, 1.0))
+def test_pivot_follows_from_tilts_all_round(x_px: float, y_px: float, own_px: float) -> None:
+    """A needle seen all round gives the pivot whatever its own tilt is."""
+    pivot = pivot_from(tilts_about(x_px, y_px, list(range(0, 360, 30)), own_px))
+
+    assert pivot.offset_px == pytest.approx((x_px, y_px), abs=0.01)
+
+
+def test_one_wild_tilt_moves_nothing() -> None:
+    """A glare that turns one needle by pixels is outvoted."""
+    tilts = tilts_about(0.4, -0.3, list(range(0, 360, 24)), 0.2, noise_px=0.02)
+    spoilt = [*tilts[:-1], Tilt("a", tilts[-1].angle_deg, 5.0, 0.02)]
+
+    assert pivot_from(spoilt).offset_px == pytest.approx((0.4, -0.3), abs=0.05)
+
+
+def test_needle_that_stands_still_tells_nothing() -> None:
+    """Without a turn there is no pivot, and the panel's is kept."""
+    pivot = pivot_from(tilts_about(1.5, 1.5, [200.0] * 16, 0.3, noise_px=0.02))
+
+    assert not pivot.is_off
+    assert np.sqrt(np.diag(pivot.covariance_px2)).max() > 0.4
+
+
+def test_too_few_tilts_tell_nothing() -> None:
+    """Four frames are no evidence."""
+    assert pivot_from(tilts_about(1.0, 1.0, [0.0, 90.0, 180.0, 270.0], 0.0)) is UNKNOWN
+
+
+def test_spread_of_the_pivot_is_what_it_claims() -> None:
+    """Over many noisy flights the offsets scatter as their covariance says."""
+    rng = np.random.default_rng(3)
+    chi2 = []
+    for _ in range(300):
+        angles = rng.uniform(150, 330, 16)
+        tilts = [Tilt("a", float(angle), float(rng.normal(0.1, 0.06)), 0.05) for angle in angles]
+        pivot = pivot_from(tilts)
+        offset = np.array(pivot.offset_px)
+        chi2.append(offset @ np.linalg.solve(pivot.covariance_px2, offset))
+
+    assert 1.5 < np.mean(chi2) < 3.2  # two degrees of freedom
+
+
+@pytest.mark.parametrize(("x_px", "y_px"), [(0.8, -0.5), (-1.6, 1.2)])
+def test_panel_with_a_pivot_beside_the_true_one_is_put_right(
+    reader_of: MakeReader, draw: Draw, x_px: float, y_px: float
+) -> None:
+    """The gauge is unwrapped where its needle turns, and then reads as a panel that was right."""
+    reader = reader_of(moved(x_px, y_px), panel=draw(PANEL_HANDS, ticks=True))
+    fitted = fit_to_flight(reader, lambda: frames(draw))
+
+    assert fitted.moved_px["speed"] == pytest.approx((-x_px, -y_px), abs=0.08)
+    assert "fuel" not in fitted.moved_px
+    for seed in range(800, 808):
+        truth = angles_of(seed)
+        reading = fitted.reader.read(draw(truth, ticks=True)).readings["speed_kt"]
+        assert reading.status is Status.READ
+        assert reading.angle_deg == pytest.approx(truth["speed_kt"], abs=0.2)
+
+
+def test_panel_that_is_right_is_left_alone(reader_of: MakeReader, draw: Draw) -> None:
+    """Noise moves no pivot."""
+    fitted = fit_to_flight(reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True)), lambda: frames(draw))
+
+    assert not fitted.moved_px
+
+
+def test_doubt_about_the_pivot_grows_away_from_the_needles_zero(reader_of: MakeReader, draw: Draw) -> None:
+    """Where the template was cut a wrong pivot does no harm; across the dial it does."""
+    reader = reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True))
+    still = [draw({**angles_of(seed), "speed_kt": 225.0}, noise=2.0, seed=seed, ticks=True) for seed in range(900, 916)]
+    fitted = fit_to_flight(reader, lambda: still)
+    near, far = fitted.systematic_deg("speed_kt", np.array([225.0, 405.0]))
+
+    assert near == pytest.approx(math.degrees(0.1 / 36.0), rel=0.01)
+    assert far > 0.5
