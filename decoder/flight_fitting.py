@@ -19,7 +19,9 @@ from decoder.pivots import Pivot, pivot_of
 
 # A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
 PANEL_PRECISION_PX = 0.1
-ROUNDS = 3
+ROUNDS = 4
+# A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
+SETTLED_PX = 0.03
 
 Sample = Callable[[], Iterable[GreyPicture]]
 
@@ -62,9 +64,11 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         samples = unwrapped(reader, sample())
         tuned = tune_on(reader, samples)
         pivots = _pivots(tuned, samples)
-        if not any(pivot.is_off for pivot in pivots):
+        gauges = _moved(tuned.source.panel.gauges, drawn, pivots)
+        if gauges == reader.source.panel.gauges:
             break
-        reader = _moved(reader, pivots)
+        panel = reader.source.panel.model_copy(update={"gauges": gauges})
+        reader = PanelReader.from_panel(replace(reader.source, panel=panel), reader.method)
     now = tuned.source.panel.gauges
     moved = {
         gauge.name: (gauge.centre[0] - before.centre[0], gauge.centre[1] - before.centre[1])
@@ -90,16 +94,19 @@ def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Piv
     )
 
 
-def _moved(reader: PanelReader, pivots: Sequence[Pivot]) -> PanelReader:
-    """The reader, not yet tuned, of the panel with its pivots moved."""
-    panel = reader.source.panel
-    gauges = tuple(
-        gauge.model_copy(
-            update={"centre": (gauge.centre[0] + pivot.offset_px[0], gauge.centre[1] + pivot.offset_px[1])}
-        )
-        if pivot.is_off
-        else gauge
-        for gauge, pivot in zip(panel.gauges, pivots, strict=True)
+def _moved(gauges: Sequence[Gauge], drawn: Sequence[Gauge], pivots: Sequence[Pivot]) -> tuple[Gauge, ...]:
+    """The gauges with their pivots where needles turn; one that is right to what can be drawn stays as it is drawn."""
+    return tuple(
+        _around(gauge, pivot) if _is_off(pivot, was_moved=gauge != before) else gauge
+        for gauge, before, pivot in zip(gauges, drawn, pivots, strict=True)
     )
-    source = replace(reader.source, panel=panel.model_copy(update={"gauges": gauges}))
-    return PanelReader.from_panel(source, reader.method)
+
+
+def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:
+    distance_px = math.hypot(*pivot.offset_px)
+    return distance_px > SETTLED_PX if was_moved else distance_px > PANEL_PRECISION_PX and pivot.is_certain
+
+
+def _around(gauge: Gauge, pivot: Pivot) -> Gauge:
+    (x, y), (right, down) = gauge.centre, pivot.offset_px
+    return gauge.model_copy(update={"centre": (x + right, y + down)})

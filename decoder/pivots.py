@@ -27,9 +27,7 @@ TILT_FLOOR_PX = 0.03
 MIN_TILTS = 5
 HUBER_SPREADS = 2.0
 ROBUST_PASSES = 4
-# A pivot is moved when the panel's is off by more than this many standard deviations, and more than it can be drawn.
-SIGNIFICANT_SPREADS = 4.0
-DRAWN_PX = 0.1
+SIGNIFICANT_SPREADS = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +60,10 @@ class Pivot:
     covariance_px2: Floats
 
     @property
-    def is_off(self) -> bool:
-        """Whether the gauge should be unwrapped around another point."""
+    def is_certain(self) -> bool:
+        """Whether the needles turn elsewhere beyond doubt."""
         offset = np.array(self.offset_px)
-        spreads = math.sqrt(max(float(offset @ np.linalg.solve(self.covariance_px2, offset)), 0.0))
-        return spreads > SIGNIFICANT_SPREADS and math.hypot(*self.offset_px) > DRAWN_PX
+        return float(offset @ np.linalg.solve(self.covariance_px2, offset)) > SIGNIFICANT_SPREADS**2
 
     def sigma_deg(self, angles_deg: Floats, zero_deg: float, radius_px: float) -> Floats:
         """What a pivot that is still not quite right may add to readings, as a standard uncertainty.

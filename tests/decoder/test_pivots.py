@@ -84,7 +84,7 @@ def test_needle_that_stands_still_tells_nothing() -> None:
     """Without a turn there is no pivot, and the panel's is kept."""
     pivot = pivot_from(tilts_about(1.5, 1.5, [200.0] * 16, 0.3, noise_px=0.02))
 
-    assert not pivot.is_off
+    assert not pivot.is_certain
     assert np.sqrt(np.diag(pivot.covariance_px2)).max() > 0.4
 
 
@@ -115,13 +115,13 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right(
     reader = reader_of(moved(x_px, y_px), panel=draw(PANEL_HANDS, ticks=True))
     fitted = fit_to_flight(reader, lambda: frames(draw))
 
-    assert fitted.moved_px["speed"] == pytest.approx((-x_px, -y_px), abs=0.08)
+    assert fitted.moved_px["speed"] == pytest.approx((-x_px, -y_px), abs=0.05)
     assert "fuel" not in fitted.moved_px
     for seed in range(800, 808):
         truth = angles_of(seed)
         reading = fitted.reader.read(draw(truth, ticks=True)).readings["speed_kt"]
         assert reading.status is Status.READ
-        assert reading.angle_deg == pytest.approx(truth["speed_kt"], abs=0.2)
+        assert reading.angle_deg == pytest.approx(truth["speed_kt"], abs=0.1)
 
 
 def test_panel_that_is_right_is_left_alone(reader_of: MakeReader, draw: Draw) -> None:
