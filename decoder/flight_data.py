@@ -6,8 +6,8 @@ Columns are compact arrays, so that a long flight takes some tens of bytes for e
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ CODE = {status: code for code, status in enumerate(STATUSES)}
 NOWHERE = float("nan")
 
 SystematicDeg = Callable[[str, Floats], Floats]
-"""Tells what the readings of the needle of that name at (N,) angles may be off by together, as (N,) standard uncertainties in degrees."""
+"""Tells what the readings of a needle, by its name, at (N,) angles may be off by together: (N,) degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +78,15 @@ class FlightData:
         (N,) int64: sequence numbers.
     time_ns
         (N,) int64: mid-exposure, realtime.
+    moved_pivots_px
+        By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
     """
 
     frame: NDArray[np.int64]
     time_ns: NDArray[np.int64]
     series: tuple[NeedleSeries, ...]
     missing_frames: tuple[MissingFrame, ...]
+    moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def time_s(self) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 from decoder.errors import FlightUnreadable, PictureError
@@ -51,7 +52,8 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
             builder.add(frame.sequence, frame.captured_ns, readings)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
-    return fill_gaps(builder.build(fitted.systematic_deg))
+    data = replace(builder.build(fitted.systematic_deg), moved_pivots_px=fitted.moved_px)
+    return fill_gaps(data)
 
 
 def _sample(flight: Flight) -> Iterator[GreyPicture]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from decoder.arrays import Floats
 from decoder.flight_tuning import tune_on, unwrapped
+from decoder.gauge import Gauge
 from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.pictures import GreyPicture
 from decoder.pivots import Pivot, pivot_of

@@ -51,6 +51,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "end_utc": utc_text(int(data.time_ns[-1])) if len(data.frame) else None,
         "duration_s": round(float(data.time_s[-1]), 6) if len(data.frame) else 0.0,
         "needles": {series.quantity.name: _needle(series) for series in data.series},
+        "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
         "missing_frames": _missing_frames(data),
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -75,6 +76,14 @@ def test_scale_ends_are_the_right_way_round_on_a_falling_scale(fly: Fly, documen
     needle = describe(fly([{}], content=document), PROVENANCE)["needles"]["speed_kt"]
 
     assert (needle["scale_min"], needle["scale_max"]) == (-5.0, 1000.0)
+
+
+def test_pivots_that_were_moved_are_told(fly: Fly) -> None:
+    """Who drew the panel sees where its needles really turn."""
+    stream = io.StringIO()
+    write_json(replace(fly([{}]), moved_pivots_px={"fuel": (0.61234, -0.2)}), PROVENANCE, stream)
+
+    assert json.loads(stream.getvalue())["moved_pivots_px"] == {"fuel": [0.612, -0.2]}
 
 
 def test_gaps_name_needle_frames_and_status(fly: Fly) -> None:
