@@ -46,7 +46,8 @@ class Template(Strict):
 class Needle(Strict):
     """One pointer. `covered_by` names the needle of the same gauge that turns above it.
 
-    A `scale` of its own, with its own `wraps`, stands in for the gauge's.
+    A `scale` of its own, with its own `wraps`, stands in for the gauge's. `max_rate` is how fast its value can change,
+    in its unit a second.
     """
 
     name: Name
@@ -54,6 +55,7 @@ class Needle(Strict):
     covered_by: str | None = None
     scale: Marks | None = None
     wraps: Positive | None = None
+    max_rate: Positive | None = None
 
     @field_validator("scale")
     @classmethod
@@ -83,6 +85,8 @@ class Quantity:
         What a full turn is worth where the values begin again after it: they lie in [0, wraps).
     covered_by
         The needle that turns above this one.
+    max_rate
+        How fast the value can change, in its unit a second, if that is known.
     """
 
     name: str
@@ -91,6 +95,7 @@ class Quantity:
     marks: Marks
     wraps: float | None
     covered_by: str | None
+    max_rate: float | None
 
     @property
     def full_scale(self) -> float:
@@ -184,6 +189,7 @@ class Gauge(Strict):
                 marks=needle.scale or self.scale,
                 wraps=self.wraps if needle.scale is None else needle.wraps,
                 covered_by=needle.covered_by,
+                max_rate=needle.max_rate,
             )
             for needle in self.needles
         )

@@ -12,6 +12,7 @@ import numpy as np
 
 from decoder.csv_output import utc_text
 from decoder.flight_data import FlightData, NeedleSeries, spans, status_counts
+from decoder.outliers import Outlier, find_outliers
 from decoder.reading import Status
 
 
@@ -53,6 +54,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "needles": {series.quantity.name: _needle(series) for series in data.series},
         "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
         "missing_frames": _missing_frames(data),
+        "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
     }
 
@@ -86,6 +88,15 @@ def _missing_frames(data: FlightData) -> list[dict[str, Any]]:
         members = [missing for _, missing in group]
         runs.append({"first_frame": members[0].frame, "last_frame": members[-1].frame, "reason": members[0].reason})
     return runs
+
+
+def _outlier(data: FlightData, outlier: Outlier) -> dict[str, Any]:
+    return {
+        "needle": outlier.needle,
+        "first_frame": int(data.frame[outlier.first]),
+        "last_frame": int(data.frame[outlier.last]),
+        "reason": outlier.reason.value,
+    }
 
 
 def _gaps(data: FlightData, series: NeedleSeries) -> list[dict[str, Any]]:

@@ -21,6 +21,7 @@ from decoder.flight_data import FlightData
 from decoder.flight_decoder import decode_flight
 from decoder.gauge_reader import Method
 from decoder.json_output import Provenance, SourceFile, write_json
+from decoder.outliers import find_outliers
 from decoder.outputs import Write, as_text, write_all
 from decoder.panel_pictures import PANEL_FILE, PanelPictures, panel_from_attachments, panel_from_file
 from decoder.panel_reader import PanelReader
@@ -144,6 +145,8 @@ def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> No
         click.echo(f"frame {missing.frame} missing: {missing.reason}", err=True)
     if len(data.missing_frames) > MAX_LISTED:
         click.echo(f"... and {len(data.missing_frames) - MAX_LISTED} more; all are in the JSON file", err=True)
+    for outlier in find_outliers(data)[:MAX_LISTED]:
+        click.echo(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
     for loss in provenance.losses:
         click.echo(f"lost: {loss}", err=True)
     click.echo("\n" + "\n".join(str(path) for path in written))
