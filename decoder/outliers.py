@@ -23,7 +23,7 @@ SEEN = (Status.READ, Status.EDGE)
 LONGEST_FRAMES = 3
 SPREADS = 5.0
 # What leaves the line by less than this part of full scale is of no consequence.
-SMALLEST_PART = 0.005
+SMALLEST_PART = 0.01
 # After the outlier the needle must be back where it was, to this part of how far it went, or where it was going.
 BACK_PART = 1 / 3
 RATE_SPREADS = 3.0
