@@ -15,10 +15,10 @@ import numpy as np
 from decoder.alignment import IDENTITY, Alignment
 from decoder.arrays import Floats
 from decoder.errors import PictureError
-from decoder.faces import in_light_of, learn_face, needle_place
+from decoder.faces import in_light_of, learn_face
 from decoder.fitting import Fitter
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
-from decoder.gauge_grid import same_rows, turn_rows
+from decoder.gauge_grid import needle_places, turn_rows
 from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.panel_reader import PanelReader, UnwrappedFrame
@@ -98,8 +98,7 @@ class _GaugeTuner:
                 continue
             place = np.zeros(strip.shape, bool)
             for name in self._needles:
-                for row in same_rows(self._row(readings[name]), self._turn_rows):
-                    place |= needle_place(strip.shape, touched[name], row)
+                place |= needle_places(self._grid, touched[name], self._row(readings[name]), self._turn_rows)
             views.append(strip)
             places.append(place)
         return learn_face(views, places, self._first) if len(views) >= MIN_CUTS else self._first

@@ -119,6 +119,7 @@ class Gauge(Strict):
     radius: tuple[Positive, Positive]
     sweep: tuple[Number, Number]
     stops: tuple[Number, Number] | None = None
+    tail: bool = False
     unit: str = ""
     scale: Marks
     wraps: Positive | None = None
@@ -162,6 +163,13 @@ class Gauge(Strict):
                 raise ValueError(
                     "`stops` must hold the `sweep` and be no more than a turn; give both clockwise, such as [110, 425]"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _tails_are_in_the_templates(self) -> Self:
+        for needle in self.needles:
+            if self.tail and needle.template.at is None:
+                raise ValueError(f"needle {needle.name}: with `tail` a template needs `at`; a cropped needle has none")
         return self
 
     @model_validator(mode="after")

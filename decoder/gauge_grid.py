@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.arrays import Mask
+from decoder.faces import needle_place
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
 from decoder.unwrapping import PolarGrid, polar_grid
 
@@ -26,7 +28,7 @@ def gauge_grid(gauge: Gauge) -> PolarGrid:
     if gauge.is_round and len(gauge.needles) > 1:
         margin_deg += widest_deg
     first_deg, last_deg = gauge.reach
-    return polar_grid(gauge.centre, gauge.radius, first_deg - margin_deg, last_deg + margin_deg)
+    return polar_grid(gauge.centre, gauge.radius, first_deg - margin_deg, last_deg + margin_deg, across=gauge.tail)
 
 
 def rows_in_sweep(gauge: Gauge, grid: PolarGrid) -> NDArray[np.bool_]:
@@ -51,8 +53,25 @@ def turn_rows(gauge: Gauge, grid: PolarGrid) -> float | None:
 
 
 def same_rows(row: float, turn: float | None) -> tuple[float, ...]:
-    """All rows at which what lies on one row may show again, on the grid or beyond it."""
+    """All rows at which what lies on one row shows again, on the grid or beyond it."""
     return (row,) if turn is None else (row - turn, row, row + turn)
+
+
+def opposite_rows(row: float, grid: PolarGrid) -> tuple[float, ...]:
+    """The rows at which what lies on one row shows with its columns the other way round; none without tails."""
+    half = FULL_CIRCLE_DEG / grid.step_deg / 2
+    return (row - 3 * half, row - half, row + half, row + 3 * half) if grid.tail_columns else ()
+
+
+def needle_places(grid: PolarGrid, touched: Mask, axis_row: float, turn: float | None) -> Mask:
+    """(R, C): all pixels of the grid that a needle with its axis on a row touches; `touched` (H, C) of its template."""
+    shape = (grid.rows, grid.columns)
+    place = np.zeros(shape, bool)
+    for row in same_rows(axis_row, turn):
+        place |= needle_place(shape, touched, row)
+    for row in opposite_rows(axis_row, grid):
+        place |= needle_place(shape, touched[:, ::-1], row)
+    return place
 
 
 def _beyond_deg(gauge: Gauge) -> float:

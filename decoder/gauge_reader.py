@@ -11,15 +11,17 @@ import cv2
 import numpy as np
 
 from decoder.arrays import Floats
+from decoder.clutter import MIN_VISIBLE as MIN_CLEAR
+from decoder.clutter import without_clutter
 from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
-from decoder.faces import needle_place
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
-from decoder.gauge_grid import rows_in_sweep, same_rows, turn_rows
+from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
 from decoder.glare import ThroughGlare
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.reading import Reading, Status
+from decoder.rivals import Rivals
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # Found by trial in the thesis (3.2.3), and by others for infrared targets.
@@ -32,6 +34,8 @@ RIVAL_REACH_DEG = 3.0
 MIN_HIDDEN_CORRELATION = 0.98
 # Where two needles touch, a reading that leaves more than this unexplained has taken one for part of the other.
 MIN_TOUCHING_CORRELATION = 0.97
+# Where needle and smooth light explain so much, or white drowns some of it, there is no clutter to look for.
+EXPLAINED_SCORE = 0.95
 # What a covering needle matches at least with another one beside it.
 MIN_BESIDE_SCORE = 0.4
 
@@ -91,6 +95,8 @@ class GaugeReader:
         self._allowed = rows_in_sweep(gauge, grid)
         self._turn_rows = turn_rows(gauge, grid)
         self._first_deg = gauge.sweep[0]
+        self._rivals = Rivals(grid, self._turn_rows)
+        self._rival_rows = round(RIVAL_REACH_DEG / grid.step_deg)
         alone = method is Method.NORMXCORR and len(templates) == 1
         self._through_glare = {
             name: ThroughGlare(template, grid.pixels_per_sample, face)
@@ -135,9 +141,16 @@ class GaugeReader:
             if other != name:
                 allowed = allowed & (own >= self._nearby_best(scores[other]))
         match = matcher.best(unwrapped, curve, allowed, own)
+        if match.score >= SCORE_THRESHOLD and self._rivals.any(matcher, unwrapped, allowed, own, match):
+            return _Found(match, Status.MISSING)
         if match.score >= self._evenly_lit_score or name not in self._through_glare:
             return _Found(match, Status.READ if match.score >= SCORE_THRESHOLD else Status.MISSING)
         seen = self._through_glare[name].find(unwrapped, self._allowed)
+        glaring = seen.score >= SCORE_THRESHOLD and seen.visible < WHOLE_VISIBLE
+        explained = max(seen.score, match.score) >= min(self._evenly_lit_score, EXPLAINED_SCORE)
+        beside = None if glaring or explained else without_clutter(matcher, unwrapped, match)
+        if beside is not None and beside.visible >= MIN_CLEAR and beside.match.score >= self._evenly_lit_score:
+            return _Found(beside.match, Status.READ if beside.visible >= WHOLE_VISIBLE else Status.EDGE)
         if seen.score >= match.score:
             match = Match(seen.row, seen.sigma_rows, seen.score)
         if match.score < SCORE_THRESHOLD:
@@ -147,10 +160,8 @@ class GaugeReader:
 
     def _nearby_best(self, scores: Floats) -> Floats:
         """The best score within `RIVAL_REACH_DEG` of each row."""
-        reach_rows = round(RIVAL_REACH_DEG / self._grid.step_deg)
-        best: Floats = np.asarray(
-            cv2.dilate(scores[:, None], np.ones((2 * reach_rows + 1, 1), np.uint8))[:, 0], np.float32
-        )
+        window = np.ones((2 * self._rival_rows + 1, 1), np.uint8)
+        best: Floats = np.asarray(cv2.dilate(scores[:, None], window)[:, 0], np.float32)
         return best
 
     def _read_over(self, unwrapped: UnwrappedGauge, name: str, cover: str, scores: Mapping[str, Floats]) -> _Found:
@@ -168,15 +179,14 @@ class GaugeReader:
     def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats) -> _Found:
         """The cascade for a needle whose covering needle has been read; `scores` (R,) are those of all its pixels."""
         matcher, upper = self._matchers[name], self._matchers[cover]
-        covers = same_rows(above.match.row, self._turn_rows)
+        covers = same_rows(above.match.row, self._turn_rows) + opposite_rows(above.match.row, self._grid)
         distances = [np.abs(np.arange(len(scores)) - row) for row in covers]
         far = np.min(distances, axis=0) > upper.axis + matcher.axis + 1
         match = matcher.best(unwrapped, scores, self._allowed & far, scores)
         if match.score >= SCORE_THRESHOLD:
-            return _Found(match, Status.READ)
-        mask = np.ones(unwrapped.shape, np.float32)
-        for row in covers:
-            mask[needle_place(unwrapped.shape, upper.touched, row)] = 0.0
+            twice = self._rivals.any(matcher, unwrapped, self._allowed & far, scores, match)
+            return _Found(match, Status.MISSING if twice else Status.READ)
+        mask = (~needle_places(self._grid, upper.touched, above.match.row, self._turn_rows)).astype(np.float32)
         seen = matcher.uncovered(unwrapped, mask, scores, covers, upper.axis)
         match = matcher.best(unwrapped, seen.scores, self._allowed & (seen.visible >= MIN_VISIBLE), seen.scores, mask)
         if match.score < SCORE_THRESHOLD:

@@ -160,6 +160,10 @@ class Matcher:
         """The row nearest to this one around which the template lies on the gauge."""
         return min(max(row, self.axis), rows - self.axis - 1)
 
+    def window(self, row: int, rows: int) -> slice | None:
+        """The template's rows with its axis on a row of a gauge that has `rows`; None beyond its ends."""
+        return slice(row - self.axis, row + self.axis + 1) if self.axis <= row < rows - self.axis else None
+
     def face_around(self, row: int) -> Floats:
         """(H, C): the face in the window around a row."""
         return self._face[row - self.axis : row + self.axis + 1]

@@ -14,9 +14,9 @@ from decoder.alignment import IDENTITY
 from decoder.arrays import Floats
 from decoder.correlation import normxcorr
 from decoder.errors import PanelError
-from decoder.faces import bare_face, needle_place
+from decoder.faces import bare_face
 from decoder.gauge import Gauge, Needle
-from decoder.gauge_grid import PICTURE_SPAN_DEG, gauge_grid, row_of_angle, rows_in_sweep, same_rows, turn_rows
+from decoder.gauge_grid import PICTURE_SPAN_DEG, gauge_grid, needle_places, row_of_angle, rows_in_sweep, turn_rows
 from decoder.needle_layer import first_layer
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
 from decoder.panel_pictures import PanelPictures
@@ -61,8 +61,7 @@ def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[
         row = _row_in_panel_picture(gauge, needle, grid, strip, pictures[needle.name])
         if row is not None:
             layer = first_layer(pictures[needle.name], np.zeros_like(pictures[needle.name]), plain, grid.step_deg)
-            for again in same_rows(row, turn_rows(gauge, grid)):
-                place |= needle_place(strip.shape, layer.place(TOUCH_LEVEL), again)
+            place |= needle_places(grid, layer.place(TOUCH_LEVEL), row, turn_rows(gauge, grid))
     face = bare_face(strip, place)
     templates = {}
     for needle in gauge.needles:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,8 @@ class PolarGrid:
     """The sample points of one unwrapped gauge.
 
     Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
-    picture pixels.
+    picture pixels. With `tail_columns` as many columns stand before these: what lies opposite, across the centre, from
+    the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row.
     """
 
     centre: tuple[float, float]
@@ -46,11 +47,19 @@ class PolarGrid:
     inner_px: float
     column_px: float
     columns: int
+    tail_columns: int = 0
+
+    @property
+    def radii_px(self) -> Floats:
+        """(columns,): how far each column lies from the centre, negative across it."""
+        outward = self.inner_px + self.column_px * np.arange(self.columns - self.tail_columns)
+        radii: Floats = np.concatenate([-outward[: self.tail_columns][::-1], outward])
+        return radii
 
     def points(self) -> Floats:
         """(2, rows, columns) float32: x and y of every sample in the panel picture."""
         angles = np.radians(self.start_deg + self.step_deg * np.arange(self.rows))[:, None]
-        radii = (self.inner_px + self.column_px * np.arange(self.columns))[None, :]
+        radii = self.radii_px[None, :]
         x = self.centre[0] + np.cos(angles) * radii
         y = self.centre[1] + np.sin(angles) * radii
         return np.stack([x, y]).astype(np.float32)
@@ -64,7 +73,7 @@ class PolarGrid:
     def at(self, angle_deg: float, rows: int) -> PolarGrid:
         """The same dial around one angle: an odd number of rows with `angle_deg` in the middle one."""
         start_deg = angle_deg - (rows - 1) / 2 * self.step_deg
-        return PolarGrid(self.centre, start_deg, self.step_deg, rows, self.inner_px, self.column_px, self.columns)
+        return replace(self, start_deg=start_deg, rows=rows)
 
     def angle_deg(self, row: float) -> float:
         """The angle of a (fractional) row."""
@@ -73,19 +82,31 @@ class PolarGrid:
     @property
     def pixels_per_sample(self) -> float:
         """How much of a frame's pixel one sample stands for at the mean radius, at most 1."""
-        arc_px = math.radians(self.step_deg) * (self.inner_px + self.column_px * (self.columns - 1) / 2)
+        arc_px = math.radians(self.step_deg) * float(np.abs(self.radii_px).mean())
         return min(1.0, arc_px * self.column_px)
 
 
 def polar_grid(
-    centre: tuple[float, float], radius_px: tuple[float, float], start_deg: float, end_deg: float
+    centre: tuple[float, float],
+    radius_px: tuple[float, float],
+    start_deg: float,
+    end_deg: float,
+    *,
+    across: bool = False,
 ) -> PolarGrid:
-    """The grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size."""
+    """The grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size.
+
+    With `across` it has what lies opposite as well.
+    """
     rows_per_deg = min(max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1]))), MAX_ROWS_PER_DEG)
     length_px = radius_px[1] - radius_px[0]
     columns = min(max(math.floor(length_px / COLUMN_PX) + 1, MIN_COLUMNS), MAX_COLUMNS)
     rows = round((end_deg - start_deg) * rows_per_deg) + 1
-    return PolarGrid(centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], length_px / (columns - 1), columns)
+    tail_columns = columns if across else 0
+    column_px = length_px / (columns - 1)
+    return PolarGrid(
+        centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], column_px, columns + tail_columns, tail_columns
+    )
 
 
 class Unwrapper:
