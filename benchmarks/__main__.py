@@ -12,6 +12,7 @@ from benchmarks.box import day, sustained
 from benchmarks.cost import memory, speed
 from benchmarks.pages import accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
+from benchmarks.real_pictures import available, measure_source
 from fixtures.make import FLIGHTS
 from fixtures.make import main as make_fixtures
 
@@ -32,7 +33,8 @@ def measured_accuracy() -> str:
         folder = Path(name)
         runs = [measure(run, folder) for run in RUNS]
         plain, normalized = (table_3_2(folder, method) for method in ("xcorr", "normxcorr"))
-    return accuracy_page(runs, plain, normalized, [*accuracy_lines(runs), *covered_lines(plain, normalized)])
+        seen = {source.title: measure_source(source, folder / source.panel_picture) for source in available()}
+    return accuracy_page(runs, plain, normalized, seen, [*accuracy_lines(runs), *covered_lines(plain, normalized)])
 
 
 def measured_cost() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from benchmarks.acceptance import Line
 from benchmarks.accuracy import TABLE_3_2, Measured, mean_error, published, thesis_mean
 from benchmarks.box import Day, Sustained
 from benchmarks.cost import Speed
+from benchmarks.real_pictures import Read
 from decoder.accuracy import ALL_VALUED, NeedleAccuracy
 
 LIBRARIES = ("numpy", "opencv-python-headless", "mcap")
@@ -26,6 +28,14 @@ full scale on frames with status `read`. Beside them the thesis's own: mean and 
 and A.2), or 100 less its average accuracy (tables 3.1, of the plain flight, and 3.3), which is presumably a mean of
 signed errors. `in 95 %`: frames whose error is within 1.96 sigma. `covered`, `clear`: frames that are flagged
 (`interpolated` or `missing`) of those in which reflections took the needle, and of those in which none are on it.
+"""
+SEEN_LEGEND = """\
+## Pictures that nobody of us made
+
+A simulator's cockpit of a Cessna 172P with its own property values as the truth, and real gauges read by eye. The panels are in
+`benchmarks/panels`, the pictures are not part of the project. `mean` and `max` are over frames with status `read`; `in 95 %`: the
+truth lies within 1.96 sigma, and the eye's doubt where it was read by eye. Beside them ppf.angauge on the same dials, its mean over the
+frames in which it found a needle.
 """
 COST_LEGEND = """\
 Times are of the processor, medians of rounds in which all three are measured back to back; ratios are medians of the
@@ -53,8 +63,14 @@ def machine() -> str:
     return f"Python {python}, {libraries}; {model}, {os.cpu_count()} cores; {today:%Y-%m-%d}."
 
 
-def accuracy_page(runs: Sequence[Measured], plain: Sights, normalized: Sights, lines: Sequence[Line]) -> str:
-    """All accuracy tables."""
+def accuracy_page(
+    runs: Sequence[Measured],
+    plain: Sights,
+    normalized: Sights,
+    seen: Mapping[str, Sequence[Read]],
+    lines: Sequence[Line],
+) -> str:
+    """All accuracy tables; `seen` is by title what was read on pictures that nobody of us made."""
     parts = [LEGEND, *map(_run_section, runs)]
     header = ["frame", "AL, lb", "thesis %", "normxcorr %", "status", "xcorr %", "status"]
     rows = []
@@ -63,7 +79,10 @@ def accuracy_page(runs: Sequence[Measured], plain: Sights, normalized: Sights, l
         rows.append(
             [str(sequence + 1), f"{truth:.1f}", f"{theirs:+.2f}", f"{error:+.3f}", better, f"{plain_error:+.3f}", worse]
         )
-    parts += [f"## Table 3.2: AL slips behind FR\n\n{markdown(header, rows)}\n", _required_section(lines)]
+    parts += [f"## Table 3.2: AL slips behind FR\n\n{markdown(header, rows)}\n"]
+    if seen:
+        parts += [SEEN_LEGEND, *(_seen_section(title, reads) for title, reads in seen.items())]
+    parts += [_required_section(lines)]
     return "\n".join(parts)
 
 
@@ -72,6 +91,25 @@ def _run_section(measured: Measured) -> str:
     rows = [_needle_row(measured, needle) for needle in measured.needles]
     title = measured.run.title
     return f"## {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n"
+
+
+def _seen_section(title: str, reads: Sequence[Read]) -> str:
+    header = ["needle", "frames", "valued", "read", "mean %FS", "max %FS", "in 95 %", "angauge valued", "its mean %FS"]
+    rows = [
+        [
+            read.needle,
+            str(read.frames),
+            f"{read.valued:.1%}",
+            f"{read.read:.1%}",
+            f"{read.mean:.3f}",
+            f"{read.largest:.3f}",
+            f"{read.within_95:.0%}",
+            f"{read.theirs_valued:.0%}",
+            "-" if math.isnan(read.theirs_mean) else f"{read.theirs_mean:.2f}",
+        ]
+        for read in reads
+    ]
+    return f"### {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n"
 
 
 def _needle_row(measured: Measured, needle: NeedleAccuracy) -> Row:
