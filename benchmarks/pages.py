@@ -32,10 +32,10 @@ signed errors. `in 95 %`: frames whose error is within 1.96 sigma. `covered`, `c
 SEEN_LEGEND = """\
 ## Pictures that nobody of us made
 
-A simulator's cockpit of a Cessna 172P with its own property values as the truth, and real gauges read by eye. The panels are in
-`benchmarks/panels`, the pictures are not part of the project. `mean` and `max` are over frames with status `read`; `in 95 %`: the
-truth lies within 1.96 sigma, and the eye's doubt where it was read by eye. Beside them ppf.angauge on the same dials, its mean over the
-frames in which it found a needle.
+A simulator's cockpit of a Cessna 172P with its own property values as the truth, and real gauges read by eye. The
+panels are in `benchmarks/panels`, the pictures are not part of the project. `mean` and `max` are over frames with
+status `read`; `in 95 %`: the truth lies within 1.96 sigma, and the eye's doubt where it was read by eye. Beside them
+ppf.angauge on the same dials, its mean over the frames in which it found a needle.
 """
 COST_LEGEND = """\
 Times are of the processor, medians of rounds in which all three are measured back to back; ratios are medians of the
