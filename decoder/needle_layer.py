@@ -24,6 +24,7 @@ OUTLIER_SPREADS = 3.5
 MAD_TO_SIGMA = 1.4826
 MIN_GAIN = 0.2
 MIN_COVER = 0.05
+MIN_CLEAR_EDGE = 0.5
 
 
 def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplate:
@@ -48,7 +49,10 @@ def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplat
         weights = (np.abs(unexplained) <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
     pixels = np.median(cuts, axis=0).astype(np.float32)
     clutter = MAD_TO_SIGMA * np.median(np.abs(cuts - pixels), axis=0)
-    learned = NeedleTemplate(pixels, _trust(clutter), light, transparency, _trust(spread), prior.step_deg)
+    shown = _columns_with_edges(expected)
+    learned = NeedleTemplate(
+        pixels, shown * _trust(clutter), light, transparency, shown * _trust(spread), prior.step_deg
+    )
     return beside_transparent(learned)
 
 
@@ -74,8 +78,8 @@ def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) 
         Degrees from row to row.
     """
     transparency = _expected_transparency(pixels, np.broadcast_to(plain, pixels.shape))
-    ones = np.ones_like(pixels)
-    return NeedleTemplate(pixels, ones, pixels - transparency * behind, transparency, ones, step_deg)
+    trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
+    return NeedleTemplate(pixels, trust, pixels - transparency * behind, transparency, trust, step_deg)
 
 
 def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
@@ -153,6 +157,14 @@ def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
     contrast = np.maximum(difference.max(axis=0), NOISE_LEVELS)
     expected: Floats = np.clip(1.0 - difference / (OPAQUE_PART * contrast), 0.0, 1.0).astype(np.float32)
     return expected
+
+
+def _columns_with_edges(transparency: Floats) -> Floats:
+    """(C,): 1, but 0 where a needle fills the whole of its template: there it has no edge to be found by."""
+    rows = max(1, len(transparency) // 10)
+    first, last = transparency[:rows].mean(axis=0), transparency[-rows:].mean(axis=0)
+    shown: Floats = ((first >= MIN_CLEAR_EDGE) | (last >= MIN_CLEAR_EDGE)).astype(np.float32)
+    return shown if shown.any() else np.ones_like(shown)
 
 
 def _trust(spread: Floats) -> Floats:
