@@ -1,0 +1,48 @@
+"""Pictures that nobody of us made are read as well as is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.real_pictures import PICTURES, SOURCES, Read, measure_source
+
+pytestmark = [
+    pytest.mark.shared,
+    pytest.mark.skipif(not PICTURES.exists(), reason="needs ../shared/data, which is not part of the project"),
+]
+# Percent of full scale, by needle: the mean error that is allowed with the camera fixed.
+ALLOWED = {
+    "tach_rpm": 0.15,
+    "fuel_left_gal": 0.3,
+    "fuel_right_gal": 0.3,
+    "oil_temp_degF": 0.3,
+    "oil_press_psi": 0.3,
+    "egt_norm": 0.5,
+}
+GROSS = 2.0
+
+
+def reads_of(title: str, folder: Path) -> dict[str, Read]:
+    """What is read of one source, by needle."""
+    (source,) = (source for source in SOURCES if source.title == title)
+    return {read.needle: read for read in measure_source(source, folder)}
+
+
+def test_simulator_cockpit_with_a_fixed_camera(tmp_path: Path) -> None:
+    """Every needle within what is allowed, in at least 98 % of the frames, and no value that is far off."""
+    reads = reads_of("simulator cockpit, camera fixed", tmp_path)
+
+    for name, allowed in ALLOWED.items():
+        assert reads[name].mean <= allowed, name
+    assert min(read.valued for read in reads.values()) >= 0.98
+    assert max(read.largest for read in reads.values()) <= GROSS
+
+
+def test_steam_gauge_agrees_with_the_eye(tmp_path: Path) -> None:
+    """All frames have a value, and each that was read by eye is met within the eye's doubt."""
+    (read,) = reads_of("steam gauge", tmp_path).values()
+
+    assert read.valued == 1.0
+    assert read.within_95 == 1.0
