@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
-from decoder.gauge import FULL_CIRCLE_DEG, Quantity
+from decoder.gauge import FULL_CIRCLE_DEG, Combination, Quantity
 from decoder.panel import Panel
 from decoder.panel_reader import FrameReadings
 from decoder.reading import Status
@@ -78,6 +78,8 @@ class FlightData:
         (N,) int64: sequence numbers.
     time_ns
         (N,) int64: mid-exposure, realtime.
+    combinations
+        What several needles show together; a series of their own once gaps are filled.
     moved_pivots_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
     """
@@ -86,6 +88,7 @@ class FlightData:
     time_ns: NDArray[np.int64]
     series: tuple[NeedleSeries, ...]
     missing_frames: tuple[MissingFrame, ...]
+    combinations: tuple[Combination, ...] = ()
     moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -111,9 +114,10 @@ class FlightDataBuilder:
     """Collects readings frame by frame."""
 
     def __init__(self, panel: Panel) -> None:
-        self._panel = panel
         self._frame, self._time_ns = array("q"), array("q")
-        self._columns = {needle.name: _Column() for needle in panel.needles}
+        self._combinations = panel.combinations
+        self._quantities = [quantity for gauge in panel.gauges for quantity in gauge.quantities]
+        self._columns = {quantity.name: _Column() for quantity in self._quantities}
         self._missing: list[MissingFrame] = []
 
     def add(self, frame: int, time_ns: int, readings: FrameReadings) -> None:
@@ -134,10 +138,9 @@ class FlightDataBuilder:
 
     def build(self, systematic_deg: SystematicDeg) -> FlightData:
         """The flight data so far."""
-        series = tuple(
-            _series(quantity, self._columns[quantity.name], systematic_deg) for quantity in self._panel.quantities
-        )
-        return FlightData(np.array(self._frame), np.array(self._time_ns), series, tuple(self._missing))
+        series = tuple(_series(quantity, self._columns[quantity.name], systematic_deg) for quantity in self._quantities)
+        frame, time_ns = np.array(self._frame), np.array(self._time_ns)
+        return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations)
 
 
 def _series(quantity: Quantity, column: _Column, systematic_deg: SystematicDeg) -> NeedleSeries:

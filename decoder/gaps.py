@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from decoder.arrays import Floats, Mask
+from decoder.combined import combine
 from decoder.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.reading import Status
 from decoder.scale import in_turn
@@ -23,17 +24,24 @@ READ_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 
 def fill_gaps(data: FlightData) -> FlightData:
-    """The flight data with doubtful covered readings flagged and flagged readings interpolated."""
+    """The flight data with doubtful covered readings flagged, pointers combined and flagged readings interpolated."""
     by_name = {series.quantity.name: series for series in data.series}
+    checked = {part for combination in data.combinations for part in combination.parts}  # each by the others
     believed = []
     for series in data.series:
         cover = by_name.get(series.quantity.covered_by or "")
         if cover is not None:
             pace_deg = _pace_deg(series, cover)
-            series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
+            if series.quantity.name not in checked:
+                series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
             series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
         believed.append(series)
-    return replace(data, series=tuple(_interpolated(series, data.time_s) for series in believed))
+    filled = [_interpolated(series, data.time_s) for series in believed]
+    names = [series.quantity.name for series in believed]
+    for combination in data.combinations:
+        series, contradicted = combine(combination, [believed[names.index(part)] for part in combination.parts])
+        filled.append(_interpolated(series, data.time_s, never=contradicted))
+    return replace(data, series=tuple(filled))
 
 
 def _without_doubtful(
@@ -77,9 +85,10 @@ def _in_sequence(series: NeedleSeries) -> Mask:
     return read[1:] & read[:-1]
 
 
-def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
+def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask | None = None) -> NeedleSeries:
     known = np.flatnonzero(series.has(*READ_STATUSES))
-    flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score))
+    may_be = np.isfinite(series.score) if never is None else np.isfinite(series.score) & ~never
+    flagged = np.flatnonzero(series.has(Status.MISSING) & may_be)
     if known.size:
         known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
         between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])
@@ -91,7 +100,7 @@ def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
     status, value, sigma = series.status.copy(), series.value.copy(), series.sigma.copy()
     status[flagged] = CODE[Status.INTERPOLATED]
     line = np.interp(time_s[flagged], time_s[known], seen)
-    value[flagged] = line if wraps is None else in_turn(line, wraps)
+    value[flagged] = line if wraps is None else in_turn(line, wraps, series.quantity.lowest)
     pinned = np.interp(time_s[flagged], time_s[known], series.sigma[known])
     sigma[flagged] = np.hypot(pinned, _bridge_sigma(seen, time_s[known], time_s[flagged]))
     return replace(series, status=status, value=value, sigma=sigma)

@@ -82,7 +82,7 @@ class Quantity:
     marks
         (angle, value) each, sorted by angle.
     wraps
-        What a full turn is worth where the values begin again after it: they lie in [0, wraps).
+        What a full turn is worth where the values begin again after it: they lie in [lowest, lowest + wraps).
     covered_by
         The needle that turns above this one.
     max_rate
@@ -96,6 +96,7 @@ class Quantity:
     wraps: float | None
     covered_by: str | None
     max_rate: float | None
+    lowest: float = 0.0
 
     @property
     def full_scale(self) -> float:
@@ -106,9 +107,45 @@ class Quantity:
     def range(self) -> tuple[float, float]:
         """The lowest and the highest value of the scale."""
         if self.wraps is not None:
-            return 0.0, self.wraps
+            return self.lowest, self.lowest + self.wraps
         values = [value for _, value in self.marks]
         return min(values), max(values)
+
+
+class Combined(Strict):
+    """A value that several pointers of one gauge show together, such as the altitude of a three-pointer altimeter.
+
+    Values lie in a turn of the coarsest pointer that begins at `lowest`. `tolerance` is how far a coarser pointer may
+    be from where the finer one puts it, in turns of the finer.
+    """
+
+    name: Name
+    needles: Annotated[tuple[Name, ...], Field(min_length=2)]
+    tolerance: Annotated[float, Field(gt=0, lt=0.5)] = 0.2
+    lowest: Number = 0.0
+    max_rate: Positive | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """How a quantity comes about from others.
+
+    Attributes
+    ----------
+    quantity
+        That it is.
+    parts
+        The names of the pointers, the finest first.
+    turn
+        What a turn of the coarsest is worth.
+    tolerance
+        In turns of the finer of two pointers.
+    """
+
+    quantity: Quantity
+    parts: tuple[str, ...]
+    turn: float
+    tolerance: float
 
 
 class Gauge(Strict):
@@ -124,6 +161,7 @@ class Gauge(Strict):
     scale: Marks
     wraps: Positive | None = None
     needles: Annotated[tuple[Needle, ...], Field(min_length=1)]
+    combined: Combined | None = None
 
     @field_validator("radius")
     @classmethod
@@ -201,6 +239,44 @@ class Gauge(Strict):
             )
             for needle in self.needles
         )
+
+    @model_validator(mode="after")
+    def _pointers_combine(self) -> Self:
+        if self.combined is not None:
+            turns = [quantity.wraps for quantity in self._parts(self.combined)]
+            if len(turns) < len(set(self.combined.needles)) or len(turns) < len(self.combined.needles):
+                raise ValueError("`combined` names a needle that this gauge does not have, or one twice")
+            if any(coarser is None or finer is None for finer, coarser in pairwise(turns)):
+                raise ValueError("`combined` needs needles that go all the way round: give each `scale` and `wraps`")
+            ratios = [(coarser or 0.0) / (finer or 1.0) for finer, coarser in pairwise(turns)]
+            if any(ratio < 2 or ratio != round(ratio) for ratio in ratios):  # noqa: PLR2004 - a counter counts
+                raise ValueError("`combined`: a turn of each needle must be a whole number of turns of the next finer")
+        return self
+
+    def _parts(self, combined: Combined) -> list[Quantity]:
+        """The pointers of a combined value, the finest first."""
+        parts = [quantity for quantity in self.quantities if quantity.name in combined.needles]
+        return sorted(parts, key=lambda quantity: quantity.wraps or 0.0)
+
+    @property
+    def combination(self) -> Combination | None:
+        """What several of its pointers show together, if they do."""
+        if self.combined is None:
+            return None
+        parts, own = self._parts(self.combined), self.combined
+        turn = parts[-1].wraps or 0.0
+        quantity = Quantity(
+            name=own.name,
+            gauge=self.name,
+            unit=self.unit,
+            marks=((0.0, own.lowest), (FULL_CIRCLE_DEG, own.lowest + turn)),
+            wraps=turn,
+            covered_by=None,
+            max_rate=own.max_rate,
+            lowest=own.lowest,
+        )
+        names = tuple(part.name for part in parts)
+        return Combination(quantity, names, turn, own.tolerance)
 
     @property
     def reach(self) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.reading import Reading, Status
 from decoder.rivals import Rivals
+from decoder.stack_reader import StackReader
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # Found by trial in the thesis (3.2.3), and by others for infrared targets.
@@ -38,6 +39,10 @@ MIN_TOUCHING_CORRELATION = 0.97
 EXPLAINED_SCORE = 0.95
 # What a covering needle matches at least with another one beside it.
 MIN_BESIDE_SCORE = 0.4
+
+
+# So many needles on one dial are read by what is known of all the others.
+STACKED = 3
 
 
 class Method(StrEnum):
@@ -103,6 +108,8 @@ class GaugeReader:
             for name, template in (templates if alone else {}).items()
         }
         self._method = method
+        is_stack = method is Method.NORMXCORR and len(templates) >= STACKED
+        self._stack = StackReader(gauge, grid, templates, face) if is_stack else None
 
     def read(self, unwrapped: UnwrappedGauge, scores: Mapping[str, Floats]) -> dict[str, Reading]:
         """The readings by needle.
@@ -114,6 +121,8 @@ class GaugeReader:
         scores
             (R,) each, by needle, from `searching`.
         """
+        if self._stack is not None:
+            return self._stack.read(unwrapped)
         found: dict[str, _Found] = {}
         for name in self._order:
             cover = self._covers[name]

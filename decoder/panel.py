@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 
 from decoder.description import Number, Point, Positive, Strict, parse_description
 from decoder.errors import PanelError
-from decoder.gauge import Gauge, Needle, Quantity
+from decoder.gauge import Combination, Gauge, Needle, Quantity
 
 LEADING_COLUMNS = ("frame", "time_utc", "time_s")
 NEEDLE_SUFFIXES = ("", "_status", "_score", "_sigma")
@@ -68,8 +68,15 @@ class Panel(Strict):
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """All that the flight data have columns for, in their order."""
-        return tuple(quantity for gauge in self.gauges for quantity in gauge.quantities)
+        """All that the flight data have columns for."""
+        return tuple(quantity for gauge in self.gauges for quantity in gauge.quantities) + tuple(
+            combination.quantity for combination in self.combinations
+        )
+
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """All values that several needles show together."""
+        return tuple(gauge.combination for gauge in self.gauges if gauge.combination is not None)
 
     @property
     def pictures(self) -> tuple[str, ...]:

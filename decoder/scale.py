@@ -72,11 +72,11 @@ class Scale:
         return np.clip(np.searchsorted(edges, places) - 1, 0, len(edges) - 2)
 
 
-def in_turn(values: Floats, turn: float) -> Floats:
-    """Values brought into [0, turn) by whole turns."""
-    inside = np.mod(values, turn)
+def in_turn(values: Floats, turn: float, lowest: float = 0.0) -> Floats:
+    """Values brought into [lowest, lowest + turn) by whole turns."""
+    inside = np.mod(values - lowest, turn)
     below: Floats = np.where(inside == turn, 0.0, inside)  # a remainder of minus nothing is rounded up to a turn
-    return below
+    return below + lowest
 
 
 def shortest(differences: Floats, turn: float | None) -> Floats:

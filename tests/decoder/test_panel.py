@@ -126,6 +126,44 @@ def test_turn_that_does_not_close_is_refused(
     assert problem in refused.value.problem
 
 
+COMBINED_WRONG = [
+    ({"needles": ["al_lb"]}, "gauges[1].combined.needles", "at least 2"),
+    ({"needles": ["al_lb", "nobody"]}, "gauges[1]", "names a needle that this gauge does not have"),
+    ({"needles": ["al_lb", "al_lb"]}, "gauges[1]", "names a needle that this gauge does not have, or one twice"),
+    ({"tolerance": 0.5}, "gauges[1].combined.tolerance", "less than 0.5"),
+    ({"name": "speed_kt"}, "", "two columns of the flight data would be called speed_kt"),
+]
+
+
+@pytest.mark.parametrize(("change", "path", "problem"), COMBINED_WRONG, ids=lambda part: str(part)[:40])
+def test_pointers_that_do_not_combine_are_refused(
+    parse: Parse, document: dict[str, Any], change: dict[str, object], path: str, problem: str
+) -> None:
+    """Pointers of one value are of one gauge, and each counts the turns of the next."""
+    gauge = document["gauges"][1]
+    gauge |= {"sweep": [0, 360], "wraps": 100, "scale": [[0, 0], [90, 25]]}
+    gauge["needles"][0] |= {"wraps": 1000, "scale": [[0, 0], [90, 250]]}
+    gauge["combined"] = {"name": "fuel_lb", "needles": ["al_lb", "fr_lb"]}
+    assert parse(document).combinations[0].parts == ("fr_lb", "al_lb")
+    gauge["combined"] |= change
+    with pytest.raises(PanelError) as refused:
+        parse(document)
+
+    assert refused.value.path == path
+    assert problem in refused.value.problem
+
+
+@pytest.mark.parametrize("wraps", [None, 150, 100, 90])
+def test_turns_that_do_not_count_are_refused(parse: Parse, document: dict[str, Any], wraps: float | None) -> None:
+    """A turn of the coarse pointer is a whole number of the finer one's, and both go all the way round."""
+    gauge = document["gauges"][1]
+    gauge |= {"sweep": [0, 360], "wraps": 100, "scale": [[0, 0], [90, 25]]}
+    gauge["combined"] = {"name": "fuel_lb", "needles": ["al_lb", "fr_lb"]}
+    gauge["needles"][0] |= {"wraps": wraps, "scale": [[0, 0], [90, 20]]}
+    with pytest.raises(PanelError, match="`combined`"):
+        parse(document)
+
+
 def test_needles_scale_stands_in_for_the_gauges(parse: Parse, document: dict[str, Any]) -> None:
     """Two needles of one dial may show different things."""
     document["gauges"][1]["needles"][0]["scale"] = [[120, 0], [420, 12]]

@@ -12,6 +12,7 @@ import yaml
 
 from camera_drivers.qx10.simulator.faults import FAULTS
 from decoder.camera import parse_camera
+from decoder.gauge import Gauge
 from decoder.panel import parse_panel
 from recorder.config import Qx10Settings, parse_config
 
@@ -55,9 +56,18 @@ def test_readme_names_the_two_commands() -> None:
 
 def test_panel_example_is_a_panel() -> None:
     """The panel in docs/panel.md is one that the decoder takes."""
-    (example,) = blocks(ROOT / "docs" / "panel.md", "yaml")
+    example, *_ = blocks(ROOT / "docs" / "panel.md", "yaml")
 
     assert parse_panel(example).gauges[0].needles[0].covered_by == "fuel_fr_lb"
+
+
+def test_gauge_examples_are_gauges() -> None:
+    """The single gauges in docs/panel.md are such as the decoder takes."""
+    _, *examples = blocks(ROOT / "docs" / "panel.md", "yaml")
+
+    assert examples
+    for example in examples:
+        assert Gauge.model_validate(yaml.safe_load(example)).name
 
 
 def test_camera_description_is_a_camera() -> None:
