@@ -158,7 +158,7 @@ def _tilt(
     seen, behind = rows_at(strip, rows), rows_at(face, rows)
     needle = template.light + template.transparency * behind
     slope = -(np.gradient(template.light, axis=0) + np.gradient(template.transparency, axis=0) * behind)
-    radii = grid.inner_px + grid.column_px * np.arange(grid.columns)
+    radii = grid.radii_px
     turned = slope * (math.degrees(1.0) / grid.step_deg / radii)
     weights = template.trust.ravel().astype(np.float64)
     columns = np.stack([needle, np.ones_like(needle), slope, turned]).reshape(4, -1).astype(np.float64)
