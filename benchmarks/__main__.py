@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--write]`: prints the numbers; --write puts them into docs/accuracy.md and performance.md."""
+"""`python -m benchmarks [--write]`: prints the numbers; --write puts them into docs/."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered_lines
 from benchmarks.accuracy import RUNS, measure, table_3_2
 from benchmarks.box import day, sustained
+from benchmarks.cockpit import cockpit_page
 from benchmarks.cost import memory, speed
 from benchmarks.pages import accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
@@ -45,10 +46,13 @@ def measured_cost() -> str:
     return cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)])
 
 
+PAGES = {"accuracy": measured_accuracy, "performance": measured_cost, "cockpit": cockpit_page}
+
+
 def main(words: list[str]) -> None:
-    """Prints, and with --write writes, both pages."""
+    """Prints, and with --write writes, all pages."""
     render_what_is_absent()
-    for name, measured in {"accuracy": measured_accuracy, "performance": measured_cost}.items():
+    for name, measured in PAGES.items():
         text = f"# {name.capitalize()}\n\nWritten by `python -m benchmarks --write`. {machine()}\n\n{measured()}"
         sys.stdout.write(text + "\n")
         if "--write" in words:
