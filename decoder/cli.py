@@ -15,6 +15,7 @@ from flight_file.errors import FlightFileError
 
 COMMANDS = {
     "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
+    "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
 }
 DEFAULT_COMMAND = "flight"

@@ -4,6 +4,7 @@ DecoderError                  the decode cannot give what was asked for; one sen
 ├── DescriptionError          what somebody wrote in YAML is wrong at some place
 │   ├── PanelError            the panel's description is wrong or does not fit its picture
 │   │   └── PanelMissing      neither the flight file nor the command line brings a panel
+│   ├── MeasurementsError     the list of a ruler's photographs is wrong
 │   └── CameraError           the camera's description is wrong or does not fit a picture
 ├── PictureError              one picture cannot be used; the frame is `missing`, the flight goes on
 ├── FlightUnreadable          no frame of the flight can be read with this panel
@@ -43,6 +44,10 @@ class CameraError(DescriptionError):
 
     def __init__(self, path: str, problem: str, *, source: str = "camera.yaml") -> None:
         super().__init__(path, problem, source=source)
+
+
+class MeasurementsError(DescriptionError):
+    """The list of a ruler's photographs is wrong."""
 
 
 class PanelMissing(PanelError):

@@ -53,7 +53,7 @@ class PoseSolution:
     @property
     def trusted(self) -> bool:
         """Whether this is one place, and not somewhere between two that fall together within the uncertainty."""
-        return self.fold_sigmas >= TRUSTED_SIGMAS
+        return bool(self.fold_sigmas >= TRUSTED_SIGMAS)
 
     @property
     def values(self) -> Matrix:
@@ -104,7 +104,7 @@ def solution_of(measured: Measured, iterated: Iterated, sigma_px: float) -> Pose
         residual_inches=float(measured.misses_inches(pose).max()),
         rms_px=float(np.sqrt(np.mean(residuals**2))),
         condition=float(singular[0] / singular[-1]),
-        fold_sigmas=fold_sigmas,
+        fold_sigmas=float(fold_sigmas),
     )
 
 

@@ -1,0 +1,77 @@
+"""Writing camera.yaml: what was measured now takes its place in what is known already, whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import IO, Any
+
+import yaml
+
+from decoder.camera import Camera, camera_from_file, parse_camera
+from decoder.errors import CameraError
+from decoder.outputs import as_text, write_all
+
+HEADER = "# The camera, written by `decode calibrate`; docs/calibration.md describes it.\n"
+DIGITS = 10
+
+
+def known_camera(path: Path) -> Camera | None:
+    """The camera in a file, None if there is no file.
+
+    Raises
+    ------
+    CameraError
+        If there is something that is no camera.
+    """
+    return camera_from_file(path) if path.exists() else None
+
+
+def merged(known: Camera | None, **new: Any) -> Camera:  # noqa: ANN401 - any part of a camera
+    """A camera with some parts replaced; `distortion` replaces the entries for its own focal lengths only.
+
+    Raises
+    ------
+    CameraError
+        If the parts do not go together.
+    """
+    parts = {} if known is None else known.model_dump()
+    if known is not None and new.get("picture_size", known.picture_size) != known.picture_size:
+        raise CameraError(
+            "picture_size",
+            f"what is there was made from pictures of {known.picture_size[0]} x {known.picture_size[1]}, this is not;"
+            " write to another file with -o",
+        )
+    if "distortion" in new:
+        replaced = {entry["focal_length_mm"] for entry in new["distortion"]}
+        kept = [entry for entry in parts.get("distortion", ()) if entry["focal_length_mm"] not in replaced]
+        new["distortion"] = [*kept, *new["distortion"]]
+    return parse_camera(yaml.safe_dump(_rounded(parts | new)), source="what was measured")
+
+
+def camera_text(camera: Camera) -> str:
+    """The camera as YAML."""
+    content = camera.model_dump(mode="json", exclude_defaults=True)
+    return HEADER + yaml.safe_dump(_rounded(content), sort_keys=False, default_flow_style=None, width=120)
+
+
+def write_camera(path: Path, camera: Camera) -> None:
+    """Writes camera.yaml.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; an older one is then still there.
+    """
+
+    def write(stream: IO[str]) -> None:
+        stream.write(camera_text(camera))
+
+    write_all(path.parent, {path.name: as_text(write)})
+
+
+def _rounded(content: Any) -> Any:  # noqa: ANN401 - whatever YAML holds
+    if isinstance(content, dict):
+        return {key: _rounded(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_rounded(value) for value in content]
+    return float(f"{content:.{DIGITS}g}") if isinstance(content, float) else content
