@@ -45,15 +45,18 @@ class FittedReader:
 
     def systematic_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): what all readings of a needle at these angles may be off by together, a standard uncertainty."""
-        ((gauge, needle, pivot),) = (
-            (gauge, needle, pivot)
+        ((gauge, pivot),) = (
+            (gauge, pivot)
             for gauge, pivot in zip(self.reader.source.panel.gauges, self.pivots, strict=True)
-            for needle in gauge.needles
-            if needle.name == name
+            if name in [quantity.name for quantity in gauge.quantities]
         )
         radius_px = sum(gauge.radius) / 2
         drawn_deg = math.degrees(PANEL_PRECISION_PX / radius_px)
-        zero_deg = sum(gauge.sweep) / 2 if needle.template.at is None else needle.template.at
+        needles = [needle for needle in gauge.needles if needle.name == name]
+        if not needles:  # a card is read all round: beside its pivot one half makes up for the other
+            return np.full_like(angles_deg, drawn_deg)
+        at = needles[0].template.at
+        zero_deg = sum(gauge.sweep) / 2 if at is None else at
         off: Floats = np.hypot(drawn_deg, pivot.sigma_deg(angles_deg, zero_deg, radius_px))
         return off
 

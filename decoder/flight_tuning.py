@@ -14,6 +14,7 @@ import numpy as np
 
 from decoder.alignment import IDENTITY, Alignment
 from decoder.arrays import Floats
+from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
 from decoder.faces import in_light_of, learn_face
 from decoder.fitting import Fitter
@@ -57,13 +58,24 @@ def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelRead
             reader.source.panel.gauges, reader.grids, own, strips, reader.tuning.faces, strict=True
         )
     ]
+    cards = {
+        gauge.card.name: learn_card(
+            gauge,
+            gauge.card,
+            grid,
+            [like for like in (in_light_of(picture, strip) for strip in seen) if like is not None],
+            reader.tuning.cards[gauge.card.name],
+        )
+        for gauge, grid, picture, seen in zip(reader.source.panel.gauges, reader.grids, own, strips, strict=True)
+        if gauge.card is not None
+    }
     for _ in range(ROUNDS):
         found = [reader.read_unwrapped(sample).readings for sample in samples]
         templates = dict(reader.tuning.templates)
         faces = [tuner.face(found, templates) for tuner in tuners]
         for tuner, face in zip(tuners, faces, strict=True):
             templates |= tuner.templates(found, templates, face)
-        reader = reader.tuned(Tuning(templates, tuple(faces), usual, EVENLY_LIT_SCORE))
+        reader = reader.tuned(Tuning(templates, tuple(faces), usual, EVENLY_LIT_SCORE, cards))
     return reader
 
 

@@ -112,6 +112,17 @@ class Quantity:
         return min(values), max(values)
 
 
+class Card(Strict):
+    """A card that turns under a fixed index, at an angle of the dial. The gauge's scale is the card's own.
+
+    The scale tells the angles at which its marks lie in the panel picture.
+    """
+
+    name: Name
+    index: Number
+    max_rate: Positive | None = None
+
+
 class Combined(Strict):
     """A value that several pointers of one gauge show together, such as the altitude of a three-pointer altimeter.
 
@@ -160,7 +171,8 @@ class Gauge(Strict):
     unit: str = ""
     scale: Marks
     wraps: Positive | None = None
-    needles: Annotated[tuple[Needle, ...], Field(min_length=1)]
+    needles: Annotated[tuple[Needle, ...], Field(min_length=1)] = ()
+    card: Card | None = None
     combined: Combined | None = None
 
     @field_validator("radius")
@@ -181,6 +193,14 @@ class Gauge(Strict):
     @classmethod
     def _scale_is_monotone(cls, scale: Marks) -> Marks:
         return _monotone(scale)
+
+    @model_validator(mode="after")
+    def _something_turns(self) -> Self:
+        if (self.card is None) == (not self.needles):
+            raise ValueError("needs either `needles` or a `card` that turns under an index")
+        if self.card is not None and (self.wraps is None or self.tail):
+            raise ValueError("a `card` goes all the way round: give `wraps`, the value of a turn, and no `tail`")
+        return self
 
     @model_validator(mode="after")
     def _turn_closes(self) -> Self:
@@ -227,6 +247,9 @@ class Gauge(Strict):
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What the gauge shows, in the order of the flight data's columns."""
+        if self.card is not None:
+            name, max_rate = self.card.name, self.card.max_rate
+            return (Quantity(name, self.name, self.unit, self.scale, self.wraps, None, max_rate),)
         return tuple(
             Quantity(
                 name=needle.name,

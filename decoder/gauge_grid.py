@@ -23,12 +23,19 @@ def gauge_grid(gauge: Gauge) -> PolarGrid:
 
     All round, two needles near each other are to lie side by side on it wherever one of them is.
     """
+    if gauge.card is not None:
+        return polar_grid(gauge.centre, gauge.radius, *gauge.sweep)
     widest_deg = max(needle.template.span or PICTURE_SPAN_DEG for needle in gauge.needles)
     margin_deg = _beyond_deg(gauge) + widest_deg / 2 + 1.0
     if gauge.is_round and len(gauge.needles) > 1:
         margin_deg += widest_deg
     first_deg, last_deg = gauge.reach
     return polar_grid(gauge.centre, gauge.radius, first_deg - margin_deg, last_deg + margin_deg, across=gauge.tail)
+
+
+def card_rows(grid: PolarGrid) -> int:
+    """How many rows of a card's grid are one turn: all but the last, which is the first again."""
+    return grid.rows - 1
 
 
 def rows_in_sweep(gauge: Gauge, grid: PolarGrid) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment
+from decoder.card_reader import CardReader
 from decoder.errors import PictureError
 from decoder.gauge_grid import gauge_grid
 from decoder.gauge_reader import GaugeReader, Method
@@ -56,7 +57,9 @@ class PanelReader:
         self._rims = [grid.rim() for grid in self.grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
         self._gauges = [
-            GaugeReader(
+            CardReader(gauge, gauge.card, grid, tuning.cards[gauge.card.name])
+            if gauge.card is not None
+            else GaugeReader(
                 gauge,
                 grid,
                 {needle.name: tuning.templates[needle.name] for needle in gauge.needles},

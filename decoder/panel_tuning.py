@@ -12,6 +12,7 @@ import numpy as np
 
 from decoder.alignment import IDENTITY
 from decoder.arrays import Floats
+from decoder.card_tuning import first_card
 from decoder.correlation import normxcorr
 from decoder.errors import PanelError
 from decoder.faces import bare_face
@@ -39,12 +40,14 @@ def tuning_from_panel(source: PanelPictures) -> Tuning:
         If a gauge or a template does not fit its picture.
     """
     templates: dict[str, NeedleTemplate] = {}
-    faces = []
+    faces, cards = [], {}
     for index, gauge in enumerate(source.panel.gauges):
         own, face = _gauge_tuning(source, gauge, f"gauges[{index}]")
         templates |= own
         faces.append(face)
-    return Tuning(templates, tuple(faces), IDENTITY, evenly_lit_score=FOUND_SCORE)
+        if gauge.card is not None:
+            cards[gauge.card.name] = first_card(face, gauge_grid(gauge))
+    return Tuning(templates, tuple(faces), IDENTITY, evenly_lit_score=FOUND_SCORE, cards=cards)
 
 
 def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[str, NeedleTemplate], Floats]:

@@ -3,11 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from decoder.alignment import Alignment
 from decoder.needle_template import NeedleTemplate
 from decoder.unwrapping import UnwrappedGauge
+
+
+@dataclass(frozen=True, slots=True)
+class CardPicture:
+    """A card that turns, as it lies in the panel picture; both (P, C) float32, one turn of rows from the sweep's start.
+
+    Attributes
+    ----------
+    card
+        Its grey levels.
+    weights
+        In [0, 1]: where on the dial, which stands still, the card is to be seen.
+    """
+
+    card: UnwrappedGauge
+    weights: UnwrappedGauge
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +41,12 @@ class Tuning:
     evenly_lit_score
         What a needle in even light scores at least. One that matches less well may stand in a light that changes over
         the dial, which moves its reading.
+    cards
+        By name, of the gauges that have a card.
     """
 
     templates: Mapping[str, NeedleTemplate]
     faces: tuple[UnwrappedGauge, ...]
     usual: Alignment
     evenly_lit_score: float
+    cards: Mapping[str, CardPicture] = field(default_factory=dict)
