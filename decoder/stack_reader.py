@@ -26,12 +26,14 @@ from decoder.searching import COARSE_STEP, thinned
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
 
 ROUNDS = 3
+# Around each needle all of them must explain what is seen to this correlation, or one is taken for another.
+MIN_CORRELATION = 0.9
 FIT_STEPS = 4
 # Below this a needle is not taken into account when the others are read.
 LIKELY_SCORE = 0.6
 SCORE_THRESHOLD = 0.8
 # What shows of a needle must match the better the less it is.
-SLIVER_THRESHOLD = 0.9
+SLIVER_THRESHOLD = 0.95
 HALF_VISIBLE = 0.5
 MIN_VISIBLE = 0.2
 WHOLE_VISIBLE = 0.97
@@ -101,7 +103,21 @@ class StackReader:
                 places[name] = self._place(unwrapped, name, places)
             if before and all(abs(places[name].row - row) < MAX_FRACTION_ROWS for name, row in before.items()):
                 break
-        return {name: self._reading(name, places) for name in self._names}
+        explained = self._explained(unwrapped, places)
+        return {name: self._reading(places[name], is_explained=explained[name]) for name in self._names}
+
+    def _explained(self, unwrapped: UnwrappedGauge, places: Mapping[str, _Place]) -> dict[str, bool]:
+        """Whether all needles where they seem to be explain what is seen around each of them."""
+        likely = {name: place for name, place in places.items() if place.score >= LIKELY_SCORE}
+        drawn = self._drawn([name for name in reversed(self._order) if name in likely], likely)
+        explained = {}
+        for name, place in places.items():
+            axis = self._layers[name].axis
+            row = place.row if place.is_sure or place.under is None else place.under.row
+            rows = slice(max(round(row) - axis, 0), round(row) + axis + 1)
+            correlation = float(np.corrcoef(drawn[rows].ravel(), unwrapped[rows].ravel())[0, 1])
+            explained[name] = correlation >= MIN_CORRELATION
+        return explained
 
     def _place(self, unwrapped: UnwrappedGauge, name: str, places: Mapping[str, _Place]) -> _Place:
         """The best place for one needle, the others where they seem to be."""
@@ -148,12 +164,12 @@ class StackReader:
                 _draw(picture, template.light[:, ::-1], template.transparency[:, ::-1], opposite)
         return picture
 
-    def _reading(self, name: str, places: Mapping[str, _Place]) -> Reading:
-        place = places[name]
-        if place.is_sure:
+    def _reading(self, place: _Place, *, is_explained: bool) -> Reading:
+        if place.is_sure and is_explained:
             status = Status.READ if place.visible >= WHOLE_VISIBLE else Status.EDGE
             return self._at(status, place.row, place.sigma_rows, place.score)
-        if place.under is not None and place.under.is_sure and place.under.score >= CLEAR_SCORE:
+        hidden = not place.is_sure and is_explained and place.under is not None
+        if hidden and place.under is not None and place.under.is_sure and place.under.score >= CLEAR_SCORE:
             sigma_rows = math.hypot(place.under.sigma_rows, place.under_reach_rows / math.sqrt(3.0))
             return self._at(Status.HIDDEN, place.under.row, sigma_rows, place.under.score)
         return self._at(Status.MISSING, place.row, place.sigma_rows, place.score)

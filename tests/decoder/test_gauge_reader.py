@@ -205,8 +205,7 @@ class Pair:
         return self.lower.angle_deg - COVER_DEG - self.apart_deg, self.upper.angle_deg - COVER_DEG
 
 
-# A covering needle dimmer than the one below it, as no instrument has it, may be lost or misread beside that: see
-# docs/decisions.md, and know that it is so.
+# A covering needle dimmer than the one below it, as no instrument has it, may be lost beside that: docs/decisions.md.
 DIM_COVER = "dim cover"
 LEVELS = {"alike": {}, DIM_COVER: {"fr_lb": 150.0}, "dim covered": {"al_lb": 150.0}}
 
@@ -227,7 +226,7 @@ def pairs(request: pytest.FixtureRequest, reader_of: MakeReader, draw: Draw) -> 
 def clear_pairs(pairs: list[Pair], request: pytest.FixtureRequest) -> list[Pair]:
     """The same where the covering needle is no dimmer than the covered one."""
     if DIM_COVER in request.node.name:
-        pytest.skip("a needle dimmer than the one it covers may be lost or misread beside it")
+        pytest.skip("a needle dimmer than the one it covers may be lost beside it")
     return pairs
 
 
@@ -256,11 +255,11 @@ def test_needle_that_shows_is_not_missing(clear_pairs: list[Pair]) -> None:
     assert [pair.apart_deg for pair in clear_pairs if pair.lower.status is Status.MISSING] == []
 
 
-def test_edges_are_read_to_half_a_degree(clear_pairs: list[Pair]) -> None:
+def test_edges_are_read_to_half_a_degree(pairs: list[Pair]) -> None:
     """What shows of a needle beside its cover tells where it is."""
     wrong = [
         (pair.apart_deg, round(pair.errors_deg[0], 2), round(pair.lower.score, 2))
-        for pair in clear_pairs
+        for pair in pairs
         if pair.lower.status is Status.EDGE and abs(pair.errors_deg[0]) > 0.5
     ]
 
@@ -302,11 +301,11 @@ def test_hidden_needle_takes_its_covers_place(pairs: list[Pair]) -> None:
         assert abs(pair.apart_deg) <= 4.0
 
 
-def test_no_reading_is_sure_and_wrong(clear_pairs: list[Pair]) -> None:
+def test_no_reading_is_sure_and_wrong(pairs: list[Pair]) -> None:
     """Whatever has a value is within four times what it says it may be off."""
     wrong = [
         (pair.apart_deg, name, reading.status.value, round(error, 2), round(reading.sigma_deg, 3))
-        for pair in clear_pairs
+        for pair in pairs
         for name, reading, error in zip(("lower", "upper"), (pair.lower, pair.upper), pair.errors_deg, strict=True)
         if reading.status is not Status.MISSING and abs(error) > 4 * np.hypot(reading.sigma_deg, SYSTEMATIC_DEG)
     ]

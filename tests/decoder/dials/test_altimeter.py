@@ -158,6 +158,50 @@ def test_pointers_are_read_where_they_show(reader: PanelReader, draw: Draw, alti
     assert np.abs(off_ft[valued]).max(initial=0.0) < 2.0  # a finest turn is 1000 ft: a miscounted one would show
 
 
+@pytest.fixture(scope="module")
+def dim(paint: Paint, hand: Any) -> Draw:  # noqa: ANN401
+    """Draws an altimeter whose long pointer, above the others, is the darkest."""
+    forms = (
+        hand(tip=34.0, root_half=3.0, tip_half=1.5, level=235.0),
+        hand(tip=46.0, root_half=4.0, tip_half=3.0, level=235.0),
+        hand(tip=64.0, root_half=2.2, tip_half=1.2, level=150.0),
+    )
+
+    def make(angles_deg: tuple[float, ...], seed: int = 0) -> GreyPicture:
+        return paint(
+            lambda canvas: (
+                canvas.dial(range(0, 360, 36)),
+                [canvas.hand(form, angle_deg) for form, angle_deg in zip(forms, angles_deg, strict=True)],
+            ),
+            seed=seed,
+        )
+
+    return make
+
+
+@pytest.mark.parametrize("tuned", [False, True])
+def test_pointer_dimmer_than_those_below_it_is_not_taken_for_them(
+    dim: Draw,
+    reader_for: Callable[..., PanelReader],
+    tuned: bool,  # noqa: FBT001
+) -> None:
+    """Near a brighter pointer it may be lost; what is read is right to two hundredths of full scale."""
+    altitudes_ft = np.random.default_rng(5).uniform(0, 99_999, 16)
+    frames = [dim(angles_of(altitude_ft), 100 + seed) for seed, altitude_ft in enumerate(altitudes_ft)]
+    reader = reader_for([ALTIMETER], dim(PANEL_DEG, 1), frames if tuned else [])
+    read, wrong = 0, []
+    for seed, altitude_ft in enumerate([*np.random.default_rng(11).uniform(0, 99_000, 40), *np.arange(200, 1200, 50)]):
+        readings = reader.read(dim(angles_of(altitude_ft), seed)).readings
+        for name, angle_deg in zip(TURNS_FT, angles_of(altitude_ft), strict=True):
+            if readings[name].status is Status.READ:
+                read += 1
+                off_deg = float(abs(shortest(np.array(readings[name].angle_deg - angle_deg), 360.0)))
+                wrong += [(altitude_ft, name, off_deg)] if off_deg > 0.02 * 360.0 else []
+
+    assert wrong == []
+    assert read > 90
+
+
 def test_most_altitudes_are_read(reader: PanelReader, draw: Draw) -> None:
     """Over all altitudes nine of ten have a value; elsewhere a pointer is below another."""
     altitudes_ft = np.random.default_rng(9).uniform(0, 99_000, 60)
