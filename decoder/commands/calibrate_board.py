@@ -1,0 +1,113 @@
+"""`decode calibrate board`: focal length and distortion from photographs of a chessboard or ChArUco board."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from decoder.calibration.board import BoardFit, charuco, chessboard, fit_boards
+from decoder.calibration.camera_file import known_camera, merged, write_camera
+from decoder.calibration.focal_fit import UNKNOWNS, fit_focal
+from decoder.calibration.photographs import read_photograph, same_size
+from decoder.commands.calibrate_options import camera_output
+from decoder.text_table import text_table
+
+LEAST_SQUARES = 4
+HEADER = ["mm", "photographs", "px/rad", "sigma", "k1", "sigma", "k2", "rms px"]
+EPILOG = """\b
+Six photographs or more for each zoom, the board tilted to different sides and brought into the corners.
+
+\b
+Examples:
+  decode calibrate board board_*.jpg --squares 9x6
+  decode calibrate board board_*.jpg --squares 9x7 --dictionary DICT_5X5_100 --marker-part 0.75
+"""
+
+
+def _squares(_context: click.Context, _option: click.Parameter, value: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d+)x(\d+)", value)
+    if match is None or min(int(match[1]), int(match[2])) < LEAST_SQUARES:
+        raise click.BadParameter("count the squares across and down, such as 9x6, four or more each way")
+    return int(match[1]), int(match[2])
+
+
+@click.command("board", epilog=EPILOG)
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="PHOTOGRAPH...")
+@click.option("--squares", callback=_squares, required=True, metavar="NxM", help="Squares across and down.")
+@click.option("--dictionary", metavar="DICT", help="For a ChArUco board: its markers, such as DICT_5X5_100.")
+@click.option("--marker-part", type=click.FloatRange(0.2, 0.95), default=0.75, show_default=True,
+              help="For a ChArUco board: a marker's width, as a part of a square's.")  # fmt: skip
+@click.option("--replace-focal", is_flag=True, help="Put the focal length into CAMERA even if it has one.")
+@camera_output
+@click.option("--json", "as_json", is_flag=True, help="Print JSON for a script to read.")
+def command(
+    files: tuple[Path, ...],
+    squares: tuple[int, int],
+    dictionary: str | None,
+    marker_part: float,
+    camera_file: Path,
+    *,
+    replace_focal: bool,
+    as_json: bool,
+) -> None:
+    """Photographs of a board, at one zoom or several, give the lens's distortion and focal length.
+
+    The distortion takes its place in camera.yaml beside what is there; the focal length does so if there is none yet.
+    Three zooms or more give the quadratic, fewer the straight line of a pinhole.
+    """
+    known = known_camera(camera_file)
+    photographs = [read_photograph(path) for path in files]
+    size = same_size({photograph.name: photograph.size_px for photograph in photographs})
+    find = chessboard(squares) if dictionary is None else charuco(squares, marker_part, dictionary)
+    fits = fit_boards(photographs, find)
+    new: dict[str, Any] = {
+        "picture_size": size,
+        "distortion": [
+            {"focal_length_mm": fit.focal_length_mm, "k1": fit.k1, "k1_sigma": fit.k1_sigma, "k2": fit.k2}
+            for fit in fits
+        ],
+    }
+    if known is None or replace_focal:
+        new["focal"] = _focal(fits)
+    if known is None and photographs[0].model:
+        new["model"] = photographs[0].model
+    write_camera(camera_file, merged(known, **new))
+    click.echo(json.dumps([asdict(fit) for fit in fits], indent=2) if as_json else _text(fits, camera_file))
+
+
+def _focal(fits: tuple[BoardFit, ...]) -> dict[str, Any]:
+    lengths = np.array([fit.focal_length_mm for fit in fits])
+    values = np.array([fit.pixels_per_radian for fit in fits])
+    sigmas = np.array([fit.sigma for fit in fits])
+    span = [float(lengths.min()), float(lengths.max())]
+    if len(fits) >= UNKNOWNS:
+        found = fit_focal(lengths, values, sigmas, scale_sigma=0.0)
+        return {
+            "pixels_per_radian": found.coefficients.tolist(),
+            "covariance": found.covariance.tolist(),
+            "range_mm": span,
+        }
+    slope = float(np.average(values / lengths, weights=(lengths / sigmas) ** 2))
+    spread = max(float(np.max(sigmas / lengths)), float(np.ptp(values / lengths)))
+    return {
+        "pixels_per_radian": [0.0, slope, 0.0],
+        "covariance": [[0.0, 0.0, 0.0], [0.0, spread**2, 0.0], [0.0, 0.0, 0.0]],
+        "range_mm": span,
+    }
+
+
+def _text(fits: tuple[BoardFit, ...], camera_file: Path) -> str:
+    rows = [
+        [
+            f"{fit.focal_length_mm:.2f}", str(fit.photographs), f"{fit.pixels_per_radian:.2f}", f"{fit.sigma:.2f}",
+            f"{fit.k1:+.5f}", f"{fit.k1_sigma:.5f}", f"{fit.k2:+.5f}", f"{fit.rms_px:.3f}",
+        ]
+        for fit in fits
+    ]  # fmt: skip
+    return f"{text_table(HEADER, rows)}\n\n{camera_file}"

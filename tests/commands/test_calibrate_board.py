@@ -1,0 +1,78 @@
+"""`decode calibrate board`: focal length and distortion from rendered boards, and what users get wrong."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from decoder.camera import camera_from_file
+from fixtures.calibration.board import SIZE_PX, photographs
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+TRUE = 900.0
+
+
+@pytest.fixture
+def shoot(tmp_path: Path) -> Callable[..., list[Path]]:
+    """Six photographs of a board in a folder."""
+
+    def write(*, markers: bool = False, tilted: bool = True) -> list[Path]:
+        paths = []
+        for number, jpeg in enumerate(photographs(TRUE, -0.1, 4.45, markers=markers, tilted=tilted)):
+            paths.append(tmp_path / f"board_{number}.jpg")
+            paths[-1].write_bytes(jpeg)
+        return paths
+
+    return write
+
+
+def says(done: subprocess.CompletedProcess[str], *words: str) -> None:
+    """A program failed with exit code 1 and one sentence that holds all the words."""
+    assert done.returncode == 1, done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert [word for word in words if word not in done.stderr] == []
+
+
+@pytest.mark.parametrize("markers", [False, True], ids=["chessboard", "charuco"])
+def test_a_board_gives_the_lens(run: Run, shoot: Callable[..., list[Path]], tmp_path: Path, markers: bool) -> None:  # noqa: FBT001
+    """Pixels per radian to 0.3 %; what the lens bends at the corner, to half a pixel."""
+    file = tmp_path / "camera.yaml"
+    options = ["--dictionary", "DICT_5X5_100"] if markers else []
+    done = run("decode", "calibrate", "board", *shoot(markers=markers), "--squares", "9x7", *options, "-o", file)
+
+    assert done.returncode == 0, done.stderr
+    lens = camera_from_file(file).lens(4.45, SIZE_PX)
+    radius = 0.35
+    bent = radius * (lens.radial[0] * radius**2 + lens.radial[1] * radius**4) * lens.pixels_per_radian
+    assert lens.pixels_per_radian == pytest.approx(TRUE, rel=3e-3)
+    assert bent == pytest.approx(-0.1 * radius**3 * TRUE, abs=0.5)
+
+
+def test_a_focal_length_that_is_known_stays(run: Run, shoot: Callable[..., list[Path]], tmp_path: Path) -> None:
+    """Unless it is to be replaced."""
+    file = tmp_path / "camera.yaml"
+    file.write_text(
+        "picture_size: [1024, 768]\nfocal: {pixels_per_radian: [0, 200, 0], range_mm: [4, 45]}\n", encoding="utf-8"
+    )
+    photos = shoot()
+    run("decode", "calibrate", "board", *photos, "--squares", "9x7", "-o", file)
+    kept = camera_from_file(file)
+    run("decode", "calibrate", "board", *photos, "--squares", "9x7", "-o", file, "--replace-focal")
+
+    assert kept.focal.at(4.45) == pytest.approx(890)
+    assert kept.distortion[0].k1 == pytest.approx(-0.1, abs=0.02)
+    assert camera_from_file(file).focal.at(4.45) == pytest.approx(TRUE, rel=2e-3)
+
+
+def test_what_is_no_calibration(run: Run, shoot: Callable[..., list[Path]]) -> None:
+    """A board that is counted wrong, too few photographs, one that never tilts, markers that do not exist."""
+    photos, board = shoot(tilted=False), ("decode", "calibrate", "board")
+
+    says(run(*board, photos[0], "--squares", "9x8"), "found in 0 of 1 photographs at 4.45 mm", "--squares")
+    says(run(*board, *photos[:2], "--squares", "9x7"), "found in 2 of 2", "three are needed")
+    says(run(*board, *photos, "--squares", "9x7"), "faces the camera squarely", "tilt it")
+    says(run(*board, *photos, "--squares", "9x7", "--dictionary", "DICT_NONE"), "DICT_NONE is none of")
+    assert run(*board, *photos, "--squares", "9").returncode == 2
