@@ -3,45 +3,159 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from decoder.arrays import Floats
+from decoder.lens import Lens
+from decoder.motion import MotionCovariance
+
+RIGID_PART = 1e-9
+
+Point = tuple[float, float]
+Matrix = NDArray[np.float64]
+"""(3, 3): a plane-to-plane transformation in homogeneous coordinates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What an alignment does around one point: it shifts it (px), turns (degrees, clockwise) and enlarges."""
+
+    shift_px: Point
+    roll_deg: float
+    scale: float
 
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """A shift and a roll that carry points of the panel picture into a frame.
+    """The plane-to-plane transformation that carries points of the panel picture into a frame.
 
-    `frame = rotation(roll) @ panel + offset`, points (x, y) in pixels, roll in degrees, positive clockwise on the
-    screen. `score` is the lowest NCC score of what it rests on.
+    Points are (x, y) pixels, free of the lens's distortion; where the lens distorts, the frame has them where `lens`
+    bends them to.
+
+    Attributes
+    ----------
+    elements
+        The nine elements of the matrix, row by row, the last of them 1.
+    score
+        The lowest NCC score of what it rests on.
+    failed
+        Names of the features that it does not rest on, because they did not match.
+    lens
+        The frame's lens, where it distorts.
+    covariance
+        How uncertain it is, where that is known.
     """
 
-    roll_deg: float
-    offset_px: tuple[float, float]
+    elements: tuple[float, ...]
     score: float
+    failed: tuple[str, ...] = ()
+    lens: Lens | None = None
+    covariance: MotionCovariance | None = field(default=None, compare=False)
 
     @classmethod
-    def pinned(
-        cls, panel_px: tuple[float, float], frame_px: tuple[float, float], roll_deg: float, score: float
-    ) -> Self:
-        """The alignment with `roll_deg` that carries `panel_px` to `frame_px`."""
+    def of(cls, matrix: Floats, score: float, *, lens: Lens | None = None) -> Self:
+        """The alignment with this (3, 3) matrix."""
+        scaled = matrix / matrix[2, 2]
+        return cls(tuple(scaled.ravel().tolist()), score, lens=lens if lens is not None and lens.distorts else None)
+
+    @classmethod
+    def rigid(cls, roll_deg: float, offset_px: Point, score: float) -> Self:
+        """A shift and a roll: `frame = rotation(roll) @ panel + offset`, positive clockwise on the screen."""
+        cos, sin = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
+        return cls((cos, -sin, offset_px[0], sin, cos, offset_px[1], 0.0, 0.0, 1.0), score)
+
+    @classmethod
+    def pinned(cls, panel_px: Point, frame_px: Point, roll_deg: float, score: float) -> Self:
+        """The shift and roll that carry `panel_px` to `frame_px`."""
         cos, sin = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
         x, y = panel_px
-        return cls(roll_deg, (frame_px[0] - (cos * x - sin * y), frame_px[1] - (sin * x + cos * y)), score)
+        return cls.rigid(roll_deg, (frame_px[0] - (cos * x - sin * y), frame_px[1] - (sin * x + cos * y)), score)
 
     @property
-    def matrix(self) -> Floats:
-        """(2, 3) float32: panel picture to frame, as OpenCV's warps take it."""
-        cos, sin = math.cos(math.radians(self.roll_deg)), math.sin(math.radians(self.roll_deg))
-        return np.array([[cos, -sin, self.offset_px[0]], [sin, cos, self.offset_px[1]]], np.float32)
+    def matrix(self) -> Matrix:
+        """(3, 3): panel picture to frame, both without distortion."""
+        return np.array(self.elements).reshape(3, 3)
 
-    def to_frame(self, point_px: tuple[float, float]) -> tuple[float, float]:
+    @property
+    def roll_deg(self) -> float:
+        """The turn at the panel picture's first pixel; of a shift and a roll, everywhere."""
+        return self.motion_at((0.0, 0.0)).roll_deg
+
+    def after(self, matrix: Floats) -> Alignment:
+        """The alignment of points that this (3, 3) matrix carries to the panel picture."""
+        combined = self.matrix @ matrix
+        return replace(self, elements=tuple((combined / combined[2, 2]).ravel().tolist()))
+
+    def motion_at(self, point_px: Point) -> Motion:
+        """What it does to the surroundings of a point of the panel picture, distortion aside."""
+        x, y, depth = self.matrix @ (*point_px, 1.0)
+        place = np.array([[x / depth], [y / depth]])
+        (xx, xy), (yx, yy) = (self.matrix[:2, :2] - place * self.matrix[2, :2]) / depth
+        shift = (float(place[0, 0]) - point_px[0], float(place[1, 0]) - point_px[1])
+        return Motion(shift, math.degrees(math.atan2(yx - xy, xx + yy)), math.sqrt(abs(xx * yy - xy * yx)))
+
+    def to_frame(self, point_px: Point) -> Point:
         """Where a point of the panel picture lies in the frame, (x, y) px."""
-        x, y = self.matrix.astype(np.float64) @ (point_px[0], point_px[1], 1.0)
-        return float(x), float(y)
+        x, y, depth = self.matrix @ (*point_px, 1.0)
+        place = np.array([[x / depth], [y / depth]])
+        if self.lens is not None:
+            place = self.lens.distorted(place)
+        return float(place[0, 0]), float(place[1, 0])
+
+    def places(self, points: Floats, origin: Point = (0.0, 0.0)) -> NDArray[Any]:
+        """Where points lie in the frame.
+
+        Parameters
+        ----------
+        points : (R, C, 2) float32, in the panel picture
+        origin : the frame's pixel that counts as (0, 0)
+
+        Returns
+        -------
+        (R, C, 2) float32
+        """
+        matrix = self.matrix
+        if self.lens is not None:
+            bent = bent(_carried(points, matrix), self.lens)
+            bent -= np.array(origin, np.float32)
+            return bent
+        if origin != (0.0, 0.0):
+            matrix = np.array([[1.0, 0.0, -origin[0]], [0.0, 1.0, -origin[1]], [0.0, 0.0, 1.0]]) @ matrix
+        return _carried(points, matrix)
 
 
-IDENTITY = Alignment(0.0, (0.0, 0.0), 1.0)
+def is_rigid(matrix: Matrix) -> bool:
+    """Whether a (3, 3) matrix is a mere shift and roll, but for rounding."""
+    turn = matrix[:2, :2] @ matrix[:2, :2].T
+    return bool(np.abs(turn - np.eye(2)).max() < RIGID_PART and np.abs(matrix[2, :2]).max() == 0.0)
+
+
+def _carried(points: NDArray[Any], matrix: Matrix) -> NDArray[Any]:
+    if matrix[2, 0] == 0 and matrix[2, 1] == 0:
+        return cv2.transform(points, matrix[:2].astype(np.float32))
+    return cv2.perspectiveTransform(points, matrix)
+
+
+def bent(places: NDArray[Any], lens: Lens) -> NDArray[Any]:
+    """As `Lens.distorted`, in single precision: a thousandth of a pixel, at a tenth of the cost."""
+    middle, focal = np.array(lens.principal_point_px, np.float32), np.float32(lens.pixels_per_radian)
+    normal = (places - middle) / focal
+    x, y = normal[..., 0], normal[..., 1]
+    square = x * x + y * y
+    k1, k2, k3 = (np.float32(k) for k in lens.radial)
+    gain = square * (k1 + square * (k2 + square * k3)) * focal
+    bent = np.asarray(places + normal * gain[..., None], np.float32)
+    if any(lens.tangential):
+        p1, p2 = (np.float32(p) * focal for p in lens.tangential)
+        across = 2 * x * y
+        bent[..., 0] += p1 * across + p2 * (square + 2 * x * x)
+        bent[..., 1] += p1 * (square + 2 * y * y) + p2 * across
+    return bent
+
+
+IDENTITY = Alignment.rigid(0.0, (0.0, 0.0), 1.0)

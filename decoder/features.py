@@ -7,7 +7,8 @@ that into sub-pixel alignment, `anchors` and `level` into a first guess.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 from decoder.alignment import Alignment
 from decoder.arrays import Floats, Mask
 from decoder.pictures import GreyPicture
+
+Carry = Callable[[Floats], Floats]
+"""Takes (2, N) points from one picture to another."""
 
 LEVEL_HALF_WIDTH_PX = 6
 LEVEL_STATIONS = 32
@@ -63,8 +67,7 @@ class Feature:
         return within
 
     def _places(self, alignment: Alignment) -> Floats:
-        matrix = alignment.matrix
-        places: Floats = matrix[:, :2] @ self.points + matrix[:, 2:]
+        places: Floats = alignment.places(np.ascontiguousarray(self.points.T[None], np.float32))[0].T
         return places
 
     def score(self, frame: GreyPicture, alignment: Alignment) -> float:
@@ -92,6 +95,19 @@ def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
     scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * FLAT_LEVELS**2)
     clipped: Floats = np.clip(scores, -1.0, 1.0)
     return clipped
+
+
+def seen_through(feature: Feature, carry: Carry) -> Feature:
+    """The same pixels with their points and gradients where `carry` takes (2, N) points of the panel picture."""
+    half = np.float64(0.5)
+    points = feature.points.astype(np.float64)
+    right, down = np.array([[half], [0.0]]), np.array([[0.0], [half]])
+    along_x, along_y = carry(points + right) - carry(points - right), carry(points + down) - carry(points - down)
+    area = along_x[0] * along_y[1] - along_x[1] * along_y[0]
+    gradient_x, gradient_y = feature.gradient.astype(np.float64)
+    x = (gradient_x * along_y[1] - gradient_y * along_x[1]) / area
+    y = (gradient_y * along_x[0] - gradient_x * along_y[0]) / area
+    return replace(feature, points=carry(points).astype(np.float32), gradient=np.stack([x, y]).astype(np.float32))
 
 
 def anchor_feature(name: str, picture: GreyPicture, box: tuple[float, float, float, float]) -> Feature:

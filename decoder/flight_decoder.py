@@ -13,7 +13,7 @@ from decoder.flight_fitting import fit_to_flight
 from decoder.flight_tuning import SAMPLE_FRAMES
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
-from decoder.pictures import GreyPicture, grey_picture
+from decoder.pictures import FramePicture, grey_picture
 from flight_file.frame import Frame
 from flight_file.reader import Flight
 
@@ -44,7 +44,7 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     for frame in progress(flight.frames()):
         frames += 1
         try:
-            readings = fitted.reader.read(grey_picture(frame.jpeg))
+            readings = fitted.reader.read(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
         except PictureError as error:
             builder.add_missing(frame.sequence, frame.captured_ns, str(error))
             reasons[str(error)] += 1
@@ -56,10 +56,10 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     return fill_gaps(data)
 
 
-def _sample(flight: Flight) -> Iterator[GreyPicture]:
+def _sample(flight: Flight) -> Iterator[FramePicture]:
     for frame in flight.sample_frames(SAMPLE_FRAMES):
         try:
-            yield grey_picture(frame.jpeg)
+            yield FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
         except PictureError:
             continue  # reported when the flight is read
 

@@ -15,7 +15,7 @@ from decoder.arrays import Floats
 from decoder.flight_tuning import tune_on, unwrapped
 from decoder.gauge import Gauge
 from decoder.panel_reader import PanelReader, UnwrappedFrame
-from decoder.pictures import GreyPicture
+from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
 
 # A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
@@ -24,7 +24,7 @@ ROUNDS = 4
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
 
-Sample = Callable[[], Iterable[GreyPicture]]
+Sample = Callable[[], Iterable[GreyPicture | FramePicture]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from decoder.alignment import IDENTITY, Alignment
+from decoder.alignment import IDENTITY, Alignment, is_rigid
 from decoder.arrays import Floats
 from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
@@ -24,7 +24,7 @@ from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.panel_tuning import face_behind
-from decoder.pictures import GreyPicture
+from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.tuning import Tuning
@@ -40,7 +40,7 @@ Readings = Mapping[str, Reading]
 Templates = Mapping[str, NeedleTemplate]
 
 
-def tune(reader: PanelReader, frames: Iterable[GreyPicture]) -> PanelReader:
+def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> PanelReader:
     """The reader fitted to the flight that the frames are a sample of; with too few usable frames, as it was."""
     return tune_on(reader, unwrapped(reader, frames))
 
@@ -49,7 +49,7 @@ def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelRead
     """The same for frames that the reader has unwrapped."""
     if len(samples) < MIN_CUTS:
         return reader
-    usual = _usual([sample.alignment for sample in samples])
+    usual = _usual(reader, samples)
     own = Unwrapper(reader.grids).unwrap(reader.source.picture, IDENTITY)
     strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
     tuners = [
@@ -194,19 +194,27 @@ class _GaugeTuner:
         )
 
 
-def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture]) -> list[UnwrappedFrame]:
+def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> list[UnwrappedFrame]:
     """Those of the frames that can be aligned, unwrapped."""
     samples = []
     for frame in frames:
         try:
-            samples.append(reader.unwrap(frame))
+            taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
+            samples.append(reader.unwrap(taken.pixels, taken.focal_length_mm))
         except PictureError:
             continue  # the frame itself is reported when the flight is read
     return samples
 
 
-def _usual(alignments: Sequence[Alignment]) -> Alignment:
-    """The median alignment."""
-    columns = np.array([[a.roll_deg, *a.offset_px, a.score] for a in alignments])
-    roll_deg, x, y, score = (float(value) for value in np.median(columns, axis=0))
-    return Alignment(roll_deg, (x, y), score)
+def _usual(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Alignment:
+    """The median alignment, each at the panel picture's zoom; where all are mere shifts and rolls, it is one too."""
+    optics = reader.aligner.optics
+    matrices = []
+    for sample in samples:
+        zoom = optics.zoom(sample.focal_length_mm, sample.size_px or optics.size_px)
+        matrix = np.linalg.inv(zoom) @ sample.alignment.matrix
+        matrices.append(matrix / matrix[2, 2])
+    usual = np.median(matrices, axis=0)
+    if all(is_rigid(matrix) for matrix in matrices):
+        usual[:2, :2] /= np.hypot(usual[0, 0], usual[1, 0])
+    return Alignment.of(usual, float(np.median([sample.alignment.score for sample in samples])))

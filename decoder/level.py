@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
+from decoder.alignment import bent
 from decoder.features import Feature, correlation_of_rows, sample
+from decoder.lens import Lens
 from decoder.pictures import GreyPicture
 
 MAX_ROLL_DEG = 8.0
@@ -17,8 +19,9 @@ GOOD_SCORE = 0.8
 class LevelFinder:
     """Finds the roll that carries the level edge into a frame, by trying rolls about a known point."""
 
-    def __init__(self, feature: Feature, pivot_px: tuple[float, float]) -> None:
+    def __init__(self, feature: Feature, pivot_px: tuple[float, float], lens: Lens | None = None) -> None:
         self._feature = feature
+        self._lens = lens if lens is not None and lens.distorts else None
         self._x, self._y = feature.points - np.array(pivot_px, np.float32)[:, None]
         lever_px = float(np.hypot(self._x, self._y).max())
         self._step_deg = math.degrees(1.0 / lever_px)  # one pixel at the edge's far end
@@ -38,6 +41,8 @@ class LevelFinder:
         cos, sin = (f(np.radians(rolls_deg)).astype(np.float32)[:, None] for f in (np.cos, np.sin))
         x = cos * self._x - sin * self._y + np.float32(pivot_px[0])
         y = sin * self._x + cos * self._y + np.float32(pivot_px[1])
+        if self._lens is not None:
+            x, y = np.moveaxis(bent(np.stack([x, y], axis=-1), self._lens), -1, 0)
         scores = correlation_of_rows(sample(frame, x, y), self._feature.pixels)
         best = int(scores.argmax())
         return float(scores[best]), float(rolls_deg[best])

@@ -11,7 +11,6 @@ import numpy as np
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment
 from decoder.card_reader import CardReader
-from decoder.errors import PictureError
 from decoder.gauge_grid import gauge_grid
 from decoder.gauge_reader import GaugeReader, Method
 from decoder.panel_pictures import PanelPictures
@@ -28,20 +27,26 @@ from decoder.unwrapping import UnwrappedGauge, Unwrapper
 class UnwrappedFrame:
     """One frame's alignment, and its unwrapped gauges in the panel's order.
 
-    `whole` tells for each gauge whether all of it lies in the frame.
+    `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
     """
 
     alignment: Alignment
     gauges: Sequence[UnwrappedGauge]
     whole: Sequence[bool]
+    focal_length_mm: float | None = None
+    size_px: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class FrameReadings:
-    """One frame's alignment, and its readings by needle."""
+    """One frame's alignment, and its readings by needle.
+
+    `alignment_sigma_px` is how uncertain the place of each gauge is, in the panel's order.
+    """
 
     alignment: Alignment
     readings: Mapping[str, Reading]
+    alignment_sigma_px: Sequence[float] = ()
 
 
 class PanelReader:
@@ -54,6 +59,7 @@ class PanelReader:
         self.grids = [gauge_grid(gauge) for gauge in source.panel.gauges]
         self.aligner = Aligner(source.panel, source.picture, tuning.usual)
         self._unwrapper = Unwrapper(self.grids)
+        self._centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
         self._rims = [grid.rim() for grid in self.grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
         self._gauges = [
@@ -93,25 +99,29 @@ class PanelReader:
         """The same reader with another tuning."""
         return PanelReader(self.source, self.method, tuning)
 
-    def unwrap(self, frame: GreyPicture) -> UnwrappedFrame:
-        """A frame aligned and unwrapped.
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the panel leaves wanting, a sentence each."""
+        shortcoming = self.aligner.shortcoming
+        return () if shortcoming is None else (shortcoming,)
+
+    def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
+        """A frame aligned and unwrapped; `focal_length_mm` is its own, if it tells.
 
         Raises
         ------
         PictureError
-            If the frame is of another size than the panel picture, or the panel is not found in it.
+            If the frame is of another shape than the panel picture, or the panel is not found in it.
         """
-        if frame.shape != self.source.picture.shape:
-            (height, width), (panel_height, panel_width) = frame.shape, self.source.picture.shape
-            raise PictureError(f"the picture is {width} x {height}, the panel's {panel_width} x {panel_height}")
-        alignment = self.aligner.align(frame)
+        alignment = self.aligner.align(frame, focal_length_mm)
         height, width = frame.shape
         whole = [True] * len(self._rims)
         if not inside(self._all_rims, alignment, width, height):
             whole = [inside(rim, alignment, width, height) for rim in self._rims]
-        return UnwrappedFrame(alignment, self._unwrapper.unwrap(frame, alignment), whole)
+        gauges = self._unwrapper.unwrap(frame, alignment)
+        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height))
 
-    def read(self, frame: GreyPicture) -> FrameReadings:
+    def read(self, frame: GreyPicture, focal_length_mm: float | None = None) -> FrameReadings:
         """The readings of one frame.
 
         Raises
@@ -119,7 +129,7 @@ class PanelReader:
         PictureError
             As `unwrap`.
         """
-        return self.read_unwrapped(self.unwrap(frame))
+        return self.read_unwrapped(self.unwrap(frame, focal_length_mm))
 
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""
@@ -127,4 +137,12 @@ class PanelReader:
         scores = dict(zip(self._names, self._search.scores(unwrapped.gauges), strict=True))
         for gauge, image, whole in zip(self._gauges, unwrapped.gauges, unwrapped.whole, strict=True):
             readings.update(gauge.read(image, scores) if whole else gauge.unread())
-        return FrameReadings(unwrapped.alignment, readings)
+        return FrameReadings(unwrapped.alignment, readings, self._sigma_px(unwrapped.alignment))
+
+    def _sigma_px(self, alignment: Alignment) -> tuple[float, ...]:
+        """For each gauge, by how much its centre may be off, in the panel picture's pixels."""
+        if alignment.covariance is None:
+            return (0.0,) * len(self.grids)
+        there = np.array([alignment.to_frame((float(x), float(y))) for x, y in self._centres.T]).T
+        scale = alignment.motion_at((float(self._centres[0, 0]), float(self._centres[1, 0]))).scale
+        return tuple((alignment.covariance.sigma_px(there) / scale).tolist())

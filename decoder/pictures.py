@@ -7,6 +7,8 @@ obeyed: a camera that senses it would turn its frames in flight.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,14 @@ from decoder.errors import PictureError
 
 GreyPicture = NDArray[np.uint8]
 _FLAGS = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramePicture:
+    """A frame's grey levels, and the focal length at which it was taken, if it tells."""
+
+    pixels: GreyPicture
+    focal_length_mm: float | None = None
 
 
 def grey_picture(encoded: bytes) -> GreyPicture:

@@ -1,7 +1,7 @@
 """Registration: brings a first guess of the alignment to sub-pixel by least squares on the features' own pixels.
 
 Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain, offset and slope
-of light, so light may change; shift and roll are common. All that depends on the panel picture alone is solved once, a
+of light, so light may change; the motion is common. All that depends on the panel picture alone is solved once, a
 frame costs two small products.
 """
 
@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.features import FLAT_LEVELS, Feature
+from decoder.motion import Frame2D, Model, MotionCovariance
 from decoder.pictures import GreyPicture
 from decoder.resampling import Patch, PointMap
 
@@ -29,6 +30,10 @@ PATCH_MARGIN_PX = 8
 EXPECTED_SHRINKAGE = 0.3
 # Steps that shrink by less than this are no sign of more to come, but of noise.
 MAX_SHRINKAGE = 0.9
+# What differs between two pictures of a feature differs over some pixels together: so many times as uncertain as if
+# each pixel had its own noise. By trial on rendered flights with blur, noise and JPEG.
+NOISE_CORRELATION = 2.0
+MIN_BELIEVED_SCORE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +48,7 @@ class Registered:
 class _Solver:
     """What the panel picture alone says of one feature.
 
-    `columns` (2 or 3, N) are how its pixels change with shift and roll, what light can do to them projected out;
+    `columns` (parameters, N) are how its pixels change with the motion, what light can do to them projected out;
     `normal` is the matrix they make; `centred` (N,) are its pixels without their mean, `energy` the sum of their
     squares.
     """
@@ -55,17 +60,20 @@ class _Solver:
 
 
 class Registration:
-    """Least-squares alignment on a set of features; with `rolls` the roll is solved for, otherwise kept."""
+    """Least-squares alignment on a set of features: their own points are moved by a motion of `model`."""
 
-    def __init__(self, features: Sequence[Feature], *, rolls: bool) -> None:
+    def __init__(self, features: Sequence[Feature], model: Model) -> None:
         self._features = tuple(features)
+        self._model = model
         self._maps = [PointMap.of([feature.points]) for feature in features]
-        points = np.concatenate([feature.points for feature in features], axis=1).astype(np.float64)
-        self._middle = points.mean(axis=1)
-        self._lever_px = float(np.hypot(*(points - self._middle[:, None])).max())
-        self._rolls = rolls
+        self._axes = Frame2D.around(np.concatenate([feature.points for feature in features], axis=1))
         self._solvers = [self._solver(feature) for feature in features]
-        self._inverse = _inverse_normal(self._solvers, 3 if rolls else 2)
+        self._inverse = _inverse_normal(self._solvers, model)
+
+    def predicted(self, noise_levels: float) -> MotionCovariance:
+        """How uncertain the motion will be if frames differ from the panel picture by so many grey levels."""
+        variance = (noise_levels * NOISE_CORRELATION) ** 2
+        return MotionCovariance(self._axes, self._model, self._inverse * variance)
 
     def refine(self, frame: GreyPicture, alignment: Alignment) -> Registered | None:
         """The alignment at which the features match best in least squares, starting within some pixels of it.
@@ -83,11 +91,12 @@ class Registration:
             samples = self._samples(frame, alignment, patches)
             # Full steps may go to and fro between two places for ever.
             part = 1.0 if iteration < FULL_STEPS else 0.5
-            shift_x, shift_y, roll = (part * step for step in self._step(samples))
-            reach_px = math.hypot(shift_x, shift_y) + abs(roll) * self._lever_px
+            step = [part * value for value in self._step(samples)]
+            reach_px = math.hypot(step[0], step[1]) + sum(map(abs, step[2:]))
             if reach_px > MAX_STEP_PX:
                 return None
-            alignment = self._moved(alignment, shift_x, shift_y, roll)
+            # Where the alignment expected panel point p the frame shows p moved by the step: move back.
+            alignment = alignment.after(self._axes.matrix([-value for value in step], self._model))
             margin_px -= reach_px
             if before_px > 0:
                 shrinkage = min(reach_px / before_px, MAX_SHRINKAGE)
@@ -97,7 +106,17 @@ class Registration:
         else:
             if reach_px >= NEARLY_SETTLED_PX:
                 return None
-        return Registered(alignment, self._scores(frame, alignment, samples, patches))
+        scores = self._scores(frame, alignment, samples, patches)
+        return Registered(replace(alignment, covariance=self._covariance(scores)), scores)
+
+    def _covariance(self, scores: Mapping[str, float]) -> MotionCovariance:
+        """Of the motion, from what the features' pixels leave unexplained in the frame."""
+        middle = np.zeros_like(self._inverse)
+        for feature, solver in zip(self._features, self._solvers, strict=True):
+            score = max(scores[feature.name], MIN_BELIEVED_SCORE)
+            unexplained = solver.energy * (1.0 / score**2 - 1.0) / solver.centred.size
+            middle += solver.normal * (unexplained * NOISE_CORRELATION**2)
+        return MotionCovariance(self._axes, self._model, self._inverse @ middle @ self._inverse)
 
     def _samples(self, frame: GreyPicture, alignment: Alignment, patches: Sequence[Patch | None]) -> list[Floats]:
         """Each feature's pixels in the frame; where they are not in it, as the others make one expect them."""
@@ -115,20 +134,17 @@ class Registration:
         }
 
     def _solver(self, feature: Feature) -> _Solver:
-        gradient_x, gradient_y = feature.gradient.astype(np.float64)
-        x, y = feature.points.astype(np.float64) - self._middle[:, None]
-        motion = [gradient_x, gradient_y]
-        if self._rolls:
-            motion.append(gradient_y * x - gradient_x * y)
+        jacobian = self._axes.jacobian(feature.points, self._model)
+        columns = np.einsum("in,inp->np", feature.gradient.astype(np.float64), jacobian)
+        x, y = feature.points.astype(np.float64) - feature.points.mean(axis=1, dtype=np.float64)[:, None]
         light = np.stack([feature.pixels.astype(np.float64), np.ones(feature.pixels.size), x, y], axis=1)
         basis, _ = np.linalg.qr(light)
-        columns = np.stack(motion, axis=1)
         columns -= basis @ (basis.T @ columns)
         centred = feature.pixels - feature.pixels.mean()
         energy = max(float(centred @ centred), 1e-9)
         return _Solver(columns.T.astype(np.float32).copy(), columns.T @ columns, centred, energy)
 
-    def _step(self, samples: Sequence[Floats]) -> tuple[float, float, float]:
+    def _step(self, samples: Sequence[Floats]) -> list[float]:
         right = np.zeros(len(self._inverse))
         used = []
         for values, solver in zip(samples, self._solvers, strict=True):
@@ -137,14 +153,8 @@ class Registration:
                 right += solver.columns @ values / gain
                 used.append(solver)
         inverse = self._inverse if len(used) == len(self._solvers) else _inverse_normal(used, len(right))
-        step = (inverse @ right).tolist()
-        return step[0], step[1], step[2] if self._rolls else 0.0
-
-    def _moved(self, alignment: Alignment, shift_x: float, shift_y: float, roll: float) -> Alignment:
-        """Where the alignment expected panel point p the frame shows p + step: shift back, in the panel's axes."""
-        x, y = float(self._middle[0]), float(self._middle[1])
-        target = alignment.to_frame((x - shift_x, y - shift_y))
-        return Alignment.pinned((x, y), target, alignment.roll_deg - math.degrees(roll), alignment.score)
+        step: list[float] = (inverse @ right).tolist()
+        return step
 
 
 def _inverse_normal(solvers: Sequence[_Solver], size: int) -> Floats:

@@ -49,19 +49,18 @@ class PointMap:
         padding = -flat.shape[1] % _WIDTH
         folded = np.pad(flat, ((0, 0), (0, padding)), mode="edge").T.reshape(-1, _WIDTH, 2)
         (left, top), (right, bottom) = flat.min(axis=1), flat.max(axis=1)
-        corners = np.array([[left, right, left, right], [top, top, bottom, bottom]], np.float64)
+        corners = np.array([[[left, top], [right, top], [left, bottom], [right, bottom]]], np.float32)
         return cls(_consecutive([part.shape[1] for part in parts]), np.ascontiguousarray(folded), corners)
 
     def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
         """(N,) float32: all parts one after the other, bilinear; outside the frame its border is repeated."""
-        samples = _sampled(frame, cv2.transform(self._folded, alignment.matrix))
+        samples = _sampled(frame, alignment.places(self._folded))
         flat: Floats = samples[: self.slices[-1].stop].astype(np.float32)
         return flat
 
     def patch(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> Patch | None:
         """The part of the frame with all points and a margin around them; None if that leaves the frame."""
-        matrix = alignment.matrix
-        x, y = matrix[:, :2] @ self._corners + matrix[:, 2:]
+        x, y = alignment.places(self._corners)[0].T
         left, top = math.floor(x.min()) - margin_px, math.floor(y.min()) - margin_px
         right, bottom = math.ceil(x.max()) + margin_px + 1, math.ceil(y.max()) + margin_px + 1
         if left < 0 or top < 0 or right > frame.shape[1] or bottom > frame.shape[0]:
@@ -70,16 +69,14 @@ class PointMap:
 
     def sample_patch(self, patch: Patch, alignment: Alignment) -> Floats:
         """As `sample`, without rounding to whole grey levels; the points must lie in the patch."""
-        matrix = alignment.matrix
-        matrix[:, 2] -= (patch.left, patch.top)
-        samples: Floats = _sampled(patch.pixels, cv2.transform(self._folded, matrix))
+        places = alignment.places(self._folded, (patch.left, patch.top))
+        samples: Floats = _sampled(patch.pixels, places)
         return samples[: self.slices[-1].stop]
 
 
 def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:
     """Whether all points (2, M) of the panel picture lie within the frame."""
-    matrix = alignment.matrix
-    x, y = matrix[:, :2] @ points + matrix[:, 2:]
+    x, y = alignment.places(np.ascontiguousarray(points.T[None], np.float32))[0].T
     return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
 
 

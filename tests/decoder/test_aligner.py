@@ -37,7 +37,7 @@ def test_shift_and_roll_are_recovered(
     found = aligner.align(draw(MOVED, shift_px=shift, roll_deg=roll_deg))
 
     assert found.roll_deg == pytest.approx(roll_deg, abs=0.01)
-    assert found.to_frame(FAR) == pytest.approx(Alignment(roll_deg, shift, 1.0).to_frame(FAR), abs=0.05)
+    assert found.to_frame(FAR) == pytest.approx(Alignment.rigid(roll_deg, shift, 1.0).to_frame(FAR), abs=0.05)
     assert found.score > 0.99
 
 
@@ -68,7 +68,7 @@ def test_roll_away_from_the_usual_is_right_or_refused(aligner: Aligner, draw: Dr
     found = aligner.align(draw(MOVED, roll_deg=roll_deg))
 
     assert found.roll_deg == pytest.approx(roll_deg, abs=0.05)
-    assert found.to_frame(FAR) == pytest.approx(Alignment(roll_deg, (0.0, 0.0), 1.0).to_frame(FAR), abs=0.2)
+    assert found.to_frame(FAR) == pytest.approx(Alignment.rigid(roll_deg, (0.0, 0.0), 1.0).to_frame(FAR), abs=0.2)
 
 
 @pytest.mark.parametrize("roll_deg", [-8.0, -5.0, 5.0, 6.0, 7.0, 8.0])
@@ -79,7 +79,7 @@ def test_large_roll_is_settled_or_refused(aligner: Aligner, draw: Draw, roll_deg
     except AlignmentLost:
         return
 
-    assert found.to_frame(FAR) == pytest.approx(Alignment(roll_deg, (0.0, 0.0), 1.0).to_frame(FAR), abs=0.2)
+    assert found.to_frame(FAR) == pytest.approx(Alignment.rigid(roll_deg, (0.0, 0.0), 1.0).to_frame(FAR), abs=0.2)
 
 
 @pytest.mark.parametrize(("gain", "offset", "noise"), [(0.5, 0.0, 0.0), (0.6, 90.0, 0.0), (1.0, 0.0, 6.0)])
@@ -88,7 +88,7 @@ def test_light_and_noise_hardly_matter(aligner: Aligner, draw: Draw, gain: float
     frame = draw(MOVED, shift_px=(2.3, -1.8), roll_deg=0.6, gain=gain, offset=offset, noise=noise, seed=51)
     found = aligner.align(frame)
 
-    assert found.to_frame(FAR) == pytest.approx(Alignment(0.6, (2.3, -1.8), 1.0).to_frame(FAR), abs=0.2)
+    assert found.to_frame(FAR) == pytest.approx(Alignment.rigid(0.6, (2.3, -1.8), 1.0).to_frame(FAR), abs=0.2)
 
 
 @pytest.mark.parametrize("level", [0, 90, 255])
@@ -137,7 +137,7 @@ def test_usual_alignment_changes_nothing_but_where_the_search_starts(
 ) -> None:
     """A wrong idea of where the camera mostly was leads to the same place."""
     frame = draw(MOVED, shift_px=(4.0, -3.0), roll_deg=0.3)
-    lost_camera = Aligner(parse(document), draw(HANDS), Alignment(-0.2, (-40.0, 35.0), 1.0))
+    lost_camera = Aligner(parse(document), draw(HANDS), Alignment.rigid(-0.2, (-40.0, 35.0), 1.0))
     found, expected = lost_camera.align(frame), Aligner(parse(document), draw(HANDS), IDENTITY).align(frame)
 
     assert found.to_frame(FAR) == pytest.approx(expected.to_frame(FAR), abs=0.02)
@@ -157,7 +157,7 @@ def test_two_anchors_give_the_roll_too(draw: Draw, parse: Parse, document: dict[
     found = aligner.align(draw(HANDS, shift_px=(1.7, 2.2), roll_deg=roll_deg))
 
     assert found.roll_deg == pytest.approx(roll_deg, abs=0.05)
-    assert found.to_frame(FAR) == pytest.approx(Alignment(roll_deg, (1.7, 2.2), 1.0).to_frame(FAR), abs=0.1)
+    assert found.to_frame(FAR) == pytest.approx(Alignment.rigid(roll_deg, (1.7, 2.2), 1.0).to_frame(FAR), abs=0.1)
 
 
 @pytest.mark.parametrize("roll_deg", [-2.0, 1.5, 3.0])

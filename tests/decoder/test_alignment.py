@@ -26,7 +26,7 @@ def test_pinned_point_goes_where_it_is_pinned(
     alignment = Alignment.pinned(panel, frame, roll_deg, 0.9)
 
     assert alignment.to_frame(panel) == pytest.approx(frame, abs=1e-3)
-    assert (alignment.roll_deg, alignment.score) == (roll_deg, 0.9)
+    assert (alignment.roll_deg, alignment.score) == pytest.approx((roll_deg, 0.9))
 
 
 def test_positive_roll_turns_clockwise_on_the_screen() -> None:

@@ -3,59 +3,88 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
 
-from decoder.anchors import AnchorFinder
+from decoder.anchors import AnchorFinder, AnchorHit, check_anchor
 from decoder.errors import PanelError
 from decoder.panel import Anchor
 from decoder.pictures import GreyPicture
 
-KNOB = Anchor(name="knob", box=(140, 12, 40, 40))
 HANDS = {"speed_kt": 214.0, "al_lb": 200.0, "fr_lb": 330.0}
 Draw = Callable[..., GreyPicture]
+
+
+def crop(picture: GreyPicture, turned_deg: float = 0.0) -> GreyPicture:
+    """The knob cut from a picture; it is never turned here."""
+    assert turned_deg == 0.0
+    return np.ascontiguousarray(picture[12:52, 140:180])
 
 
 @pytest.fixture(scope="module")
 def finder(draw: Draw) -> AnchorFinder:
     """A finder of the drawn knob."""
-    return AnchorFinder(KNOB, draw(HANDS), path="anchors[0]")
+    return AnchorFinder("knob", (159.5, 31.5), partial(crop, draw(HANDS)))
 
 
-@pytest.mark.parametrize("shift", [(0, 0), (7, -5), (60, 90), (-30, 120)], ids=str)
-def test_shifted_anchor_is_found_to_the_pixel(finder: AnchorFinder, draw: Draw, shift: tuple[int, int]) -> None:
-    """Near the usual place or far from it, the centre is found where it was drawn."""
-    hit = finder.find(draw(HANDS, shift_px=shift), (0.0, 0.0))
+def anywhere(finder: AnchorFinder, frame: GreyPicture) -> AnchorHit:
+    """The best match in the whole frame."""
+    return max(finder.anywhere(frame), key=lambda hit: hit.score)
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (7, -5), (-16, 15)], ids=str)
+def test_shifted_anchor_is_found_near_its_usual_place(finder: AnchorFinder, draw: Draw, shift: tuple[int, int]) -> None:
+    """Within the margin the centre is found where it was drawn, to the pixel."""
+    hit = finder.near(draw(HANDS, shift_px=shift), finder.centre_px, 16)
 
     assert hit.centre_px == (finder.centre_px[0] + shift[0], finder.centre_px[1] + shift[1])
     assert hit.score > 0.99
 
 
-@pytest.mark.parametrize("usual", [(500.0, 500.0), (-900.0, -900.0), (0.0, 0.0)], ids=str)
-def test_wrong_usual_place_does_not_matter(finder: AnchorFinder, draw: Draw, usual: tuple[float, float]) -> None:
-    """Where the search region holds no anchor, or lies outside the frame, the whole frame is searched."""
-    hit = finder.find(draw(HANDS, shift_px=(40, 60)), usual)
+@pytest.mark.parametrize("shift", [(0, 0), (7, -5), (60, 90), (-31, 121)], ids=str)
+def test_shifted_anchor_is_found_anywhere(finder: AnchorFinder, draw: Draw, shift: tuple[int, int]) -> None:
+    """Far from its place too, the centre is found where it was drawn, to the pixel."""
+    hit = anywhere(finder, draw(HANDS, shift_px=shift))
 
-    assert hit.centre_px == (finder.centre_px[0] + 40, finder.centre_px[1] + 60)
+    assert hit.centre_px == (finder.centre_px[0] + shift[0], finder.centre_px[1] + shift[1])
+    assert hit.score > 0.99
+
+
+@pytest.mark.parametrize("place", [(500.0, 500.0), (-900.0, -900.0)], ids=str)
+def test_nothing_is_found_near_a_place_outside_the_frame(
+    finder: AnchorFinder, draw: Draw, place: tuple[float, float]
+) -> None:
+    """Where there is no room for the anchor the score is 0."""
+    assert finder.near(draw(HANDS), place, 16).score == 0.0
+
+
+def test_features_that_look_alike_are_all_found(finder: AnchorFinder, draw: Draw) -> None:
+    """Of two knobs that are the same both places come out, neither twice."""
+    frame = draw(HANDS)
+    frame[172:212, 60:100] = frame[12:52, 140:180]
+    best = sorted(hit.centre_px for hit in finder.anywhere(frame) if hit.score > 0.95)
+
+    assert best == [(79.5, 191.5), (159.5, 31.5)]
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])
 def test_flat_frame_holds_no_anchor(finder: AnchorFinder, level: int) -> None:
     """A black, grey or white frame scores 0 for a match, never 1."""
-    assert finder.find(np.full((220, 360), level, np.uint8), (0.0, 0.0)).score < 0.3
+    assert max((hit.score for hit in finder.anywhere(np.full((220, 360), level, np.uint8))), default=0.0) < 0.3
 
 
 def test_noise_holds_no_anchor(finder: AnchorFinder) -> None:
     """Noise scores far below what counts as found."""
     noise = np.random.default_rng(41).integers(0, 255, (220, 360)).astype(np.uint8)
 
-    assert finder.find(noise, (0.0, 0.0)).score < 0.5
+    assert max((hit.score for hit in finder.anywhere(noise)), default=0.0) < 0.5
 
 
 def test_frame_smaller_than_the_anchor_holds_none(finder: AnchorFinder) -> None:
     """A tiny frame is no error and no match."""
-    assert finder.find(np.zeros((20, 20), np.uint8), (0.0, 0.0)).score == 0.0
+    assert finder.anywhere(np.zeros((20, 20), np.uint8)) == []
 
 
 @pytest.mark.parametrize(
@@ -66,10 +95,10 @@ def test_frame_smaller_than_the_anchor_holds_none(finder: AnchorFinder) -> None:
 def test_anchor_outside_the_picture_is_refused(draw: Draw, box: tuple[float, float, float, float]) -> None:
     """An anchor that reaches beyond any side of the panel picture is named with its path."""
     with pytest.raises(PanelError, match=r"anchors\[3\]\.box: lies outside the 360 x 220 panel picture"):
-        AnchorFinder(Anchor(name="knob", box=box), draw(HANDS), path="anchors[3]")
+        check_anchor(Anchor(name="knob", box=box), draw(HANDS), path="anchors[3]")
 
 
 def test_flat_anchor_is_refused(draw: Draw) -> None:
     """An anchor without contrast could be found anywhere, so it is no anchor."""
     with pytest.raises(PanelError, match=r"anchors\[0\]\.box: holds nothing that could be found again"):
-        AnchorFinder(Anchor(name="nothing", box=(150, 170, 20, 20)), draw(HANDS), path="anchors[0]")
+        check_anchor(Anchor(name="nothing", box=(150, 170, 20, 20)), draw(HANDS), path="anchors[0]")

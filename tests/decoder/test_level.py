@@ -27,7 +27,7 @@ def level(draw: Draw) -> Feature:
 @pytest.mark.parametrize("roll_deg", [-6.0, -0.5, 0.0, 0.3, 2.0, 7.5])
 def test_roll_is_found_to_a_pixel_at_the_far_end(level: Feature, draw: Draw, roll_deg: float) -> None:
     """Rolls up to eight degrees are found from the known point, to one step of the search."""
-    there = Alignment(roll_deg, (0.0, 0.0), 1.0).to_frame(PIVOT)
+    there = Alignment.rigid(roll_deg, (0.0, 0.0), 1.0).to_frame(PIVOT)
     found = LevelFinder(level, PIVOT).find(draw(HANDS, roll_deg=roll_deg), there, 0.0)
 
     assert found == pytest.approx(roll_deg, abs=0.3)
@@ -35,7 +35,7 @@ def test_roll_is_found_to_a_pixel_at_the_far_end(level: Feature, draw: Draw, rol
 
 def test_search_starts_at_the_usual_roll(level: Feature, draw: Draw) -> None:
     """A camera that hangs at twelve degrees is found when that is what is usual."""
-    there = Alignment(12.0, (60.0, -20.0), 1.0).to_frame(PIVOT)
+    there = Alignment.rigid(12.0, (60.0, -20.0), 1.0).to_frame(PIVOT)
     frame = draw(HANDS, roll_deg=12.0, shift_px=(60.0, -20.0))
 
     assert LevelFinder(level, PIVOT).find(frame, there, 11.8) == pytest.approx(12.0, abs=0.3)
@@ -43,7 +43,7 @@ def test_search_starts_at_the_usual_roll(level: Feature, draw: Draw) -> None:
 
 def test_edge_matches_itself(level: Feature, draw: Draw) -> None:
     """In the panel picture the edge scores 1, whatever the light."""
-    identity = Alignment(0.0, (0.0, 0.0), 1.0)
+    identity = Alignment.rigid(0.0, (0.0, 0.0), 1.0)
 
     same, darker = draw(HANDS), draw(HANDS, gain=0.5, offset=40.0)
 
@@ -56,7 +56,7 @@ def test_flat_frame_scores_zero(level: Feature, grey: int) -> None:
     """Where there is no edge, the edge scores 0."""
     flat = np.full((220, 360), grey, np.uint8)
 
-    identity = Alignment(0.0, (0.0, 0.0), 1.0)
+    identity = Alignment.rigid(0.0, (0.0, 0.0), 1.0)
 
     assert level.score(flat, identity) == 0.0
 

@@ -30,13 +30,15 @@ def expected_ramp(grid: PolarGrid, alignment: Alignment, slope_x: int, slope_y: 
     radius = grid.inner_px + grid.column_px * np.arange(grid.columns)[None, :]
     x, y = grid.centre[0] + radius * np.cos(angle), grid.centre[1] + radius * np.sin(angle)
     cos, sin = math.cos(math.radians(alignment.roll_deg)), math.sin(math.radians(alignment.roll_deg))
-    frame_x = cos * x - sin * y + alignment.offset_px[0]
-    frame_y = sin * x + cos * y + alignment.offset_px[1]
+    frame_x = cos * x - sin * y + alignment.matrix[0, 2]
+    frame_y = sin * x + cos * y + alignment.matrix[1, 2]
     return slope_x * frame_x + slope_y * frame_y
 
 
 @pytest.mark.parametrize(("slope_x", "slope_y"), [(2, 0), (0, 2), (1, 1)])
-@pytest.mark.parametrize("alignment", [IDENTITY, Alignment(3.0, (2.4, -5.6), 1.0)], ids=["as is", "shifted and rolled"])
+@pytest.mark.parametrize(
+    "alignment", [IDENTITY, Alignment.rigid(3.0, (2.4, -5.6), 1.0)], ids=["as is", "shifted and rolled"]
+)
 def test_linear_ramp_is_unwrapped_to_its_formula(slope_x: int, slope_y: int, alignment: Alignment) -> None:
     """On a linear picture bilinear sampling is exact, so every sample equals the formula to rounding."""
     grid = polar_grid(CENTRE, (5.0, 40.0), 110.0, 430.0)
@@ -88,7 +90,7 @@ def test_inside_counts_the_outermost_pixel_centres(shift: tuple[float, float], *
     """A gauge is inside as long as all samples lie between the centres of the first and the last pixels."""
     grid = polar_grid(CENTRE, (5.0, 40.0), 0.0, 360.0)
 
-    assert inside(grid.rim(), Alignment(0.0, shift, 1.0), 120, 100) is expected
+    assert inside(grid.rim(), Alignment.rigid(0.0, shift, 1.0), 120, 100) is expected
 
 
 @given(angle_deg=ANGLES, rows=st.integers(1, 40))

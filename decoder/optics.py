@@ -1,0 +1,104 @@
+"""The optics of one flight: what lens took the panel picture, what lens takes a frame, and how the two zooms differ.
+
+Without a camera a picture counts as free of distortion, and enlarged with the focal length in its EXIF.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.alignment import IDENTITY, Alignment, Matrix
+from decoder.arrays import Floats
+from decoder.camera import Camera
+from decoder.errors import CameraError, PictureError
+from decoder.lens import Lens
+
+Size = tuple[int, int]
+"""Width and height in pixels."""
+
+# Sizes that a camera rounds differ in shape by up to this.
+SHAPE_TOLERANCE = 0.004
+MAX_ENLARGEMENT = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Optics:
+    """How the panel picture and the frames of a flight were taken.
+
+    Attributes
+    ----------
+    size_px
+        Of the panel picture.
+    focal_length_mm
+        At which the panel picture was taken, if known.
+    camera
+        If known.
+    """
+
+    size_px: Size
+    focal_length_mm: float | None = None
+    camera: Camera | None = None
+
+    @property
+    def lens(self) -> Lens | None:
+        """Of the panel picture; None where camera or focal length are unknown.
+
+        Raises
+        ------
+        CameraError
+            If the camera's calibration does not cover it.
+        """
+        if self.camera is None or self.focal_length_mm is None:
+            return None
+        return self.camera.lens(self.focal_length_mm, self.size_px)
+
+    def frame_lens(self, focal_length_mm: float | None, size_px: Size) -> Lens | None:
+        """Of a frame; one that does not tell its focal length has the panel picture's.
+
+        Raises
+        ------
+        PictureError
+            If the camera's calibration does not cover it.
+        """
+        if self.camera is None or self.focal_length_mm is None:
+            return None
+        try:
+            return self.camera.lens(focal_length_mm or self.focal_length_mm, size_px)
+        except CameraError as error:
+            raise PictureError(error.problem) from error
+
+    @property
+    def own(self) -> Alignment:
+        """The alignment of the panel picture with itself, as taken."""
+        return Alignment.of(np.eye(3), 1.0, lens=self.lens) if self.lens is not None else IDENTITY
+
+    def straight(self, points: Floats) -> Floats:
+        """(2, N) points of the panel picture, as taken, without distortion."""
+        lens = self.lens
+        return points if lens is None or not lens.distorts else lens.undistorted(points.astype(np.float64))
+
+    def zoom(self, focal_length_mm: float | None, size_px: Size) -> Matrix:
+        """(3, 3): from the panel picture to a picture of this focal length and size from the same place.
+
+        Raises
+        ------
+        PictureError
+            If the frame has another shape, or the camera's calibration does not cover it.
+        """
+        (width, height), (own_width, own_height) = size_px, self.size_px
+        part = width / own_width
+        same_shape = abs(height / (own_height * part) - 1.0) <= SHAPE_TOLERANCE
+        if not same_shape or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:
+            raise PictureError(f"the picture is {width} x {height}, the panel's {own_width} x {own_height}")
+        own_lens, lens = self.lens, self.frame_lens(focal_length_mm, size_px)
+        if own_lens is not None and lens is not None:
+            return np.asarray(lens.matrix @ np.linalg.inv(own_lens.matrix))
+        scale = part
+        if self.focal_length_mm is not None and focal_length_mm is not None:
+            scale *= focal_length_mm / self.focal_length_mm
+        x, y = (own_width - 1) / 2, (own_height - 1) / 2
+        return np.array(
+            [[scale, 0.0, (width - 1) / 2 - scale * x], [0.0, scale, (height - 1) / 2 - scale * y], [0.0, 0.0, 1.0]]
+        )

@@ -1,0 +1,251 @@
+"""Alignment on several anchors: any view of a plane is found to some hundredths of a pixel, or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from decoder.aligner import Aligner, AlignmentLost
+from decoder.alignment import Alignment
+from decoder.panel import Panel
+from decoder.pictures import GreyPicture
+
+ALL = ("north_west", "north_east", "south_west", "south_east", "north", "south")
+FOUR, THREE, TWO = ALL[:4], ALL[:3], ALL[:2]
+NOISE = {"noise": 1.5, "seed": 7}
+See = Callable[..., GreyPicture]
+Turn = Callable[..., Any]
+OffPx = Callable[..., float]
+PanelOf = Callable[..., Panel]
+
+SLIGHT: list[dict[str, Any]] = [
+    {},
+    {"shift_px": (1.3, -0.7)},
+    {"shift_px": (12.3, -8.7), "roll_deg": 1.0},
+    {"shift_px": (42.3, -33.7), "roll_deg": -3.0},
+    {"roll_deg": 8.0},
+    {"roll_deg": -8.0, "shift_px": (20.0, 20.0)},
+    {"scale": 1.04, "roll_deg": 2.0},
+    {"scale": 0.95, "roll_deg": -4.0},
+]
+OBLIQUE: list[dict[str, Any]] = [
+    {"tilt": (0.1, 0.0)},
+    {"tilt": (-0.2, 0.1)},
+    {"tilt": (0.1, -0.15), "roll_deg": 3.0, "shift_px": (15.0, 10.0)},
+]
+
+
+@pytest.fixture(scope="session")
+def aligner_of(see: See, panel_of: PanelOf) -> Callable[..., Aligner]:
+    """An aligner with these knobs as anchors; its panel picture has noise of its own."""
+
+    def make(names: tuple[str, ...], usual: Alignment | None = None, *, twins: bool = False) -> Aligner:
+        picture = see(np.eye(3), noise=1.0, seed=5, twins=twins)
+        return Aligner(panel_of(names), picture, *([] if usual is None else [usual]))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def aligner(aligner_of: Callable[..., Aligner]) -> Aligner:
+    """With all six anchors."""
+    return aligner_of(ALL)
+
+
+@pytest.mark.parametrize("names", [ALL, FOUR, THREE, TWO], ids=len)
+@pytest.mark.parametrize("motion", SLIGHT, ids=str)
+def test_shift_roll_and_scale_are_found(
+    aligner_of: Callable[..., Aligner],
+    see: See,
+    turn: Turn,
+    furthest_px: OffPx,
+    names: tuple[str, ...],
+    motion: dict[str, Any],
+) -> None:
+    """Two anchors or more tell shift, roll and scale, to three hundredths of a pixel all over the picture."""
+    truth = turn(**motion)
+    found = aligner_of(names).align(see(truth, **NOISE))
+
+    assert furthest_px(found.matrix, truth) < 0.03
+    assert found.score > 0.99
+
+
+@pytest.mark.parametrize("names", [ALL, FOUR], ids=len)
+@pytest.mark.parametrize("motion", OBLIQUE, ids=str)
+def test_perspective_is_found(
+    aligner_of: Callable[..., Aligner],
+    see: See,
+    turn: Turn,
+    furthest_px: OffPx,
+    names: tuple[str, ...],
+    motion: dict[str, Any],
+) -> None:
+    """Four anchors or more tell the perspective too."""
+    truth = turn(**motion)
+    found = aligner_of(names).align(see(truth, **NOISE))
+
+    assert furthest_px(found.matrix, truth) < 0.03
+    assert found.failed == ()
+
+
+@settings(max_examples=40, derandomize=True, phases=[Phase.explicit, Phase.generate])
+@given(
+    shift=st.tuples(st.floats(-30, 30), st.floats(-25, 25)),
+    roll_deg=st.floats(-6, 6),
+    scale=st.floats(0.95, 1.02),
+    tilt=st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08)),
+)
+def test_any_view_within_limits_is_found(
+    aligner: Aligner,
+    see: See,
+    turn: Turn,
+    furthest_px: OffPx,
+    shift: tuple[float, float],
+    roll_deg: float,
+    scale: float,
+    tilt: tuple[float, float],
+) -> None:
+    """Shake, roll, scale and perspective together, without EXIF: found to a twentieth of a pixel."""
+    truth = turn(shift_px=shift, roll_deg=roll_deg, scale=scale, tilt=tilt)
+    found = aligner.align(see(truth, **NOISE))
+
+    assert furthest_px(found.matrix, truth) < 0.05
+
+
+@pytest.mark.parametrize(
+    "light", [{"gain": 0.5, "offset": 60.0}, {"gain": 1.3}, {"slope": 0.1}, {"gain": 0.6, "slope": -0.15}], ids=str
+)
+def test_light_does_not_move_perspective(
+    aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx, light: dict[str, float]
+) -> None:
+    """Another exposure, or a light that grows over the picture, pulls nothing with it."""
+    truth = turn(shift_px=(2.3, 3.1), tilt=(0.02, 0.01))
+
+    assert furthest_px(aligner.align(see(truth, **NOISE, **light)).matrix, truth) < 0.06
+
+
+HANDS = {
+    "one": ((20, 20, 100, 100), {"north_west"}),
+    "half of one": ((45, 0, 35, 110), {"north_west"}),
+    "the upper half": ((0, 0, 640, 200), {"north_west", "north_east", "north"}),
+}
+
+
+@pytest.mark.parametrize("hand", HANDS)
+@pytest.mark.parametrize("motion", [{"shift_px": (2.0, 1.0)}, {"shift_px": (9.0, 5.0), "roll_deg": 1.0}], ids=str)
+def test_hand_over_anchors_is_left_out(
+    aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx, hand: str, motion: dict[str, Any]
+) -> None:
+    """What a hand covers is named and pulls nothing; the rest holds the frame."""
+    (left, top, width, height), covered = HANDS[hand]
+    truth = turn(**motion)
+    frame = see(truth, **NOISE)
+    frame[top : top + height, left : left + width] = np.random.default_rng(1).integers(120, 200, (height, width))
+    found = aligner.align(frame)
+
+    assert set(found.failed) == covered
+    assert furthest_px(found.matrix, truth) < 0.4
+
+
+def test_glare_on_an_anchor_is_left_out(aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx) -> None:
+    """A round reflection that drowns an anchor leaves the alignment where it is."""
+    truth = turn(shift_px=(3.0, -2.0))
+    v, u = np.mgrid[0:480, 0:640]
+    glare = 300.0 * np.exp(-((u - 575) ** 2 + (v - 62) ** 2) / (2 * 14.0**2))
+    found = aligner.align(np.clip(see(truth, **NOISE) + glare, 0, 255).astype(np.uint8))
+
+    assert found.failed == ("north_east",)
+    assert furthest_px(found.matrix, truth) < 0.05
+
+
+def test_panel_that_leaves_the_picture_is_held_by_the_anchors_that_remain(
+    aligner: Aligner, see: See, turn: Turn
+) -> None:
+    """With half of the anchors outside, points near the others are still right."""
+    truth = turn(shift_px=(0.0, 260.0))
+    found = aligner.align(see(truth, **NOISE))
+
+    assert set(found.failed) >= {"south_west", "south_east", "south"}
+    assert found.to_frame((320.0, 100.0)) == pytest.approx((320.0, 360.0), abs=0.3)
+
+
+@pytest.mark.parametrize("motion", [*SLIGHT, *OBLIQUE], ids=str)
+def test_identical_knobs_are_told_apart(
+    aligner_of: Callable[..., Aligner], see: See, turn: Turn, furthest_px: OffPx, motion: dict[str, Any]
+) -> None:
+    """Six knobs of one kind are known by where they stand."""
+    truth = turn(**motion)
+    found = aligner_of(ALL, twins=True).align(see(truth, twins=True, **NOISE))
+
+    assert furthest_px(found.matrix, truth) < 0.03
+
+
+def test_frame_after_a_lost_one_is_found(aligner: Aligner, see: See, turn: Turn) -> None:
+    """A lost frame names all anchors, and leaves no trace in the next one."""
+    frame = see(turn(shift_px=(5.0, 3.0), tilt=(0.05, 0.0)), **NOISE)
+    before = aligner.align(frame)
+    with pytest.raises(AlignmentLost) as lost:
+        aligner.align(np.random.default_rng(8).integers(0, 255, frame.shape).astype(np.uint8))
+
+    assert set(lost.value.failed) == set(ALL)
+    assert aligner.align(frame) == before
+
+
+def test_motion_is_counted_from_the_usual_view(
+    aligner_of: Callable[..., Aligner], see: See, turn: Turn, furthest_px: OffPx
+) -> None:
+    """With two anchors left, the perspective that is usual in this flight stays what it is."""
+    usual = turn(tilt=(0.15, 0.1), shift_px=(-20.0, 0.0))
+    shaken = np.array([[1.0, 0.0, 4.0], [0.0, 1.0, -3.0], [0.0, 0.0, 1.0]]) @ usual
+    frame = see(shaken, **NOISE)
+    frame[:, :385] = 90
+    found = aligner_of(ALL, Alignment.of(usual, 1.0)).align(frame)
+
+    assert set(found.failed) == {"north_west", "south_west", "north", "south"}
+    assert furthest_px(found.matrix, shaken) < 0.3
+
+
+def test_anchors_all_on_one_side_are_not_trusted_with_perspective(
+    see: See, panel_of: PanelOf, turn: Turn, furthest_px: OffPx
+) -> None:
+    """Four small anchors in a row cannot tell perspective: it is said, and shift, roll and scale serve."""
+    panel = panel_of(ALL).model_copy(
+        update={
+            "anchors": tuple(
+                panel_of(ALL).anchors[0].model_copy(update={"name": name, "box": (left, 32.0, 12.0, 40.0)})
+                for name, left in (("a", 40.0), ("b", 50.0), ("c", 60.0), ("d", 68.0))
+            )
+        }
+    )
+    aligner = Aligner(panel, see(np.eye(3), noise=1.0, seed=5))
+    truth = turn(shift_px=(2.0, 1.0), roll_deg=0.3)
+
+    assert aligner.shortcoming is not None
+    assert aligner.shortcoming.startswith("the anchors stand so far to one side that perspective would be uncertain")
+    assert furthest_px(aligner.align(see(truth, **NOISE)).matrix, truth) < 0.6
+
+
+def test_anchors_all_around_leave_nothing_wanting(aligner: Aligner) -> None:
+    """Anchors on all sides carry the full perspective without a word."""
+    assert aligner.shortcoming is None
+
+
+def test_uncertainty_is_what_the_errors_are(aligner: Aligner, see: See, turn: Turn, corners: np.ndarray) -> None:
+    """Over frames with noise the errors are about as large as the alignment claims, and it claims not much more."""
+    ratios = []
+    for seed in range(24):
+        truth = turn(shift_px=(0.13 * seed, -0.21 * seed), roll_deg=0.05 * seed)
+        found = aligner.align(see(truth, noise=3.0, seed=seed))
+        carried = truth @ np.vstack([corners, np.ones(corners.shape[1])])
+        there = carried[:2] / carried[2]
+        own = np.array([found.to_frame((x, y)) for x, y in corners.T]).T
+        assert found.covariance is not None
+        ratios.append(np.sqrt(((own - there) ** 2).mean(axis=0)) / found.covariance.sigma_px(there))
+    spread = float(np.sqrt((np.array(ratios) ** 2).mean()))
+
+    assert 0.3 < spread < 1.3
