@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -31,6 +31,8 @@ MIN_CORRELATION = 0.9
 FIT_STEPS = 4
 # Below this a needle is not taken into account when the others are read.
 LIKELY_SCORE = 0.6
+# A needle covers so much of its axis from where it begins to its tip.
+COVERED = 0.5
 SCORE_THRESHOLD = 0.8
 # What shows of a needle must match the better the less it is.
 SLIVER_THRESHOLD = 0.95
@@ -92,7 +94,7 @@ class StackReader:
         self._names = [needle.name for needle in gauge.needles]
         self._above = {name: _all_above(gauge, name) for name in self._names}
         self._order = sorted(self._names, key=lambda name: len(self._above[name]))
-        self._layers = {name: _layer(templates[name], grid) for name in self._names}
+        self._layers = {name: _layer(_without_dial(templates[name], grid), grid) for name in self._names}
 
     def read(self, unwrapped: UnwrappedGauge) -> dict[str, Reading]:
         """The readings by needle of (R, C) float32, the gauge's grid."""
@@ -179,6 +181,26 @@ class StackReader:
         if self._turn_rows is not None:
             angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
         return Reading(status, angle_deg, sigma_rows * self._grid.step_deg, score)
+
+
+def _without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
+    """A template with nothing but the dial beyond the needle's tip, where a first picture takes numerals for needle."""
+    axis = (template.rows - 1) // 2
+    covered = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > COVERED
+    beyond = np.zeros(grid.columns, bool)
+    tail = grid.tail_columns
+    beyond[tail:] = _beyond_tip(covered[tail:])
+    beyond[:tail] = _beyond_tip(covered[:tail][::-1])[::-1]
+    light = np.where(beyond, 0.0, template.light).astype(np.float32)
+    return replace(template, light=light, transparency=np.where(beyond, 1.0, template.transparency).astype(np.float32))
+
+
+def _beyond_tip(covered: Mask) -> Mask:
+    """(C,): which columns, from the centre outwards, lie beyond a needle that covers its axis in some of them."""
+    bare = ~covered
+    ends = np.flatnonzero(bare[:-2] & bare[1:-1] & bare[2:] & (np.cumsum(covered)[:-2] > 0))
+    first = int(ends[0]) + 1 if ends.size else len(covered)  # the tip's own blurred edge is the needle's
+    return np.arange(len(covered)) >= first
 
 
 def _layer(template: NeedleTemplate, grid: PolarGrid) -> _Layer:
