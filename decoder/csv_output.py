@@ -27,7 +27,7 @@ def write_csv(data: FlightData, stream: IO[str]) -> None:
         fields = [str(data.frame[row]), utc_text(int(data.time_ns[row])), f"{time_s[row]:.{TIME_DECIMALS}f}"]
         for series, places in zip(data.series, decimals, strict=True):
             fields += [
-                _number(_within_turn(series.value[row], places, series.quantity), places),
+                _number(value_within_turn(series.value[row], places, series.quantity), places),
                 STATUSES[series.status[row]].value,
                 _number(series.score[row], SCORE_DECIMALS),
                 _number(series.sigma[row], places + 1),
@@ -40,7 +40,7 @@ def value_decimals(series: NeedleSeries) -> int:
     return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
 
 
-def _within_turn(value: float, decimals: int, quantity: Quantity) -> float:
+def value_within_turn(value: float, decimals: int, quantity: Quantity) -> float:
     """A value as it is written: one that rounds up to a full turn is the lowest."""
     if quantity.wraps is None or not math.isfinite(value):
         return value

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.gauge import FULL_CIRCLE_DEG, Combination, Quantity
 from decoder.panel import Panel
@@ -82,6 +83,8 @@ class FlightData:
         What several needles show together; a series of their own once gaps are filled.
     moved_pivots_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
+    alignments
+        N: where the panel lay in each frame, None in those that could not be read at all.
     """
 
     frame: NDArray[np.int64]
@@ -90,6 +93,7 @@ class FlightData:
     missing_frames: tuple[MissingFrame, ...]
     combinations: tuple[Combination, ...] = ()
     moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    alignments: tuple[Alignment | None, ...] = ()
 
     @property
     def time_s(self) -> Floats:
@@ -119,11 +123,13 @@ class FlightDataBuilder:
         self._quantities = [quantity for gauge in panel.gauges for quantity in gauge.quantities]
         self._columns = {quantity.name: _Column() for quantity in self._quantities}
         self._missing: list[MissingFrame] = []
+        self._alignments: list[Alignment | None] = []
 
     def add(self, frame: int, time_ns: int, readings: FrameReadings) -> None:
         """One frame that was read."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
+        self._alignments.append(readings.alignment)
         for name, column in self._columns.items():
             reading = readings.readings[name]
             column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)
@@ -133,6 +139,7 @@ class FlightDataBuilder:
         self._frame.append(frame)
         self._time_ns.append(time_ns)
         self._missing.append(MissingFrame(frame, reason))
+        self._alignments.append(None)
         for column in self._columns.values():
             column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
 
@@ -140,7 +147,9 @@ class FlightDataBuilder:
         """The flight data so far."""
         series = tuple(_series(quantity, self._columns[quantity.name], systematic_deg) for quantity in self._quantities)
         frame, time_ns = np.array(self._frame), np.array(self._time_ns)
-        return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations)
+        return FlightData(
+            frame, time_ns, series, tuple(self._missing), self._combinations, alignments=tuple(self._alignments)
+        )
 
 
 def _series(quantity: Quantity, column: _Column, systematic_deg: SystematicDeg) -> NeedleSeries:

@@ -11,6 +11,8 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
+from flight_file.reader import open_flight
+
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 A1, TRUTH = FIXTURES / "thesis_a1.mcap", FIXTURES / "thesis_a1_truth.csv"
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -156,3 +158,39 @@ def test_parquet_holds_what_the_csv_does(run: Run, read_decoded: ReadDecoded, tm
     assert table["ftit_c_status"] == [row["ftit_c_status"] for row in rows]
     assert table["ftit_c"] == pytest.approx([float(row["ftit_c"]) for row in rows], abs=0.01)
     assert table["time_utc"][0].isoformat() == "2018-05-04T12:00:00+00:00"
+
+
+def test_flight_for_viewers(run: Run, tmp_path: Path) -> None:
+    """`--format mcap,layout --with-images` writes both files, the same bytes each time, and says where."""
+    for name in ("one", "other"):
+        done = run("decode", A1, "-o", tmp_path / name, "--format", "mcap,layout", "--with-images")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert str(tmp_path / name / "thesis_a1.layout.json") in done.stdout
+
+    files = sorted(path.name for path in (tmp_path / "one").iterdir())
+    assert files == ["thesis_a1.json", "thesis_a1.layout.json", "thesis_a1.mcap"]
+    for name in files:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
+    pictures = sum(len(frame.jpeg) for frame in open_flight([A1]).frames())
+    assert (tmp_path / "one" / "thesis_a1.mcap").stat().st_size > 0.9 * pictures
+
+
+def test_images_without_a_file_for_them_are_wrong_usage(run: Run, tmp_path: Path) -> None:
+    """`--with-images` alone would do nothing, so it is refused before anything is decoded."""
+    done = run("decode", A1, "-o", tmp_path, "--with-images")
+
+    assert done.returncode == 2
+    assert "--with-images needs --format mcap" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_flight_file_is_never_overwritten(run: Run, tmp_path: Path) -> None:
+    """`decode flight.mcap --format mcap` in the flight's own folder is refused, and the recording is untouched."""
+    flight = tmp_path / "flight.mcap"
+    flight.write_bytes(A1.read_bytes())
+    done = run("decode", flight, "-o", tmp_path, "--format", "csv,mcap")
+
+    assert done.returncode == 1
+    assert "would be overwritten by what is decoded from it; choose another folder with -o" in done.stderr
+    assert flight.read_bytes() == A1.read_bytes()
+    assert list(tmp_path.iterdir()) == [flight]

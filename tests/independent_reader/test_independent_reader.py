@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import io
 import json
-import shutil
 import subprocess
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -19,33 +15,8 @@ from flight_file.reader import open_flight
 
 HERE = Path(__file__).parent
 FLIGHT = HERE.parents[1] / "fixtures" / "thesis_a1.mcap"
-UNREACHABLE = ("ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED", "ECONNRESET", "ENETUNREACH", "ETIMEDOUT", "ERR_SOCKET_TIMEOUT")
 
 pytestmark = pytest.mark.xdist_group("npm")  # one worker installs, and reads
-
-
-@pytest.fixture(scope="session")
-def reader_folder(pytestconfig: pytest.Config) -> Path:
-    """The reader with its packages installed as locked, kept from one run to the next."""
-    if shutil.which("node") is None or shutil.which("npm") is None:
-        pytest.skip("node and npm are not installed")
-    lock = (HERE / "package-lock.json").read_bytes()
-    cache = pytestconfig.cache
-    assert cache is not None
-    folder = Path(cache.mkdir("independent_reader")) / hashlib.sha256(lock).hexdigest()[:12]
-    if not folder.exists():  # installed aside and moved into place: another run may do the same at this moment
-        with TemporaryDirectory(dir=folder.parent) as aside:
-            work = Path(aside) / "work"
-            shutil.copytree(HERE, work, ignore=shutil.ignore_patterns("node_modules", "__pycache__"))
-            install = ["npm", "ci", "--ignore-scripts"]
-            done = subprocess.run(install, cwd=work, capture_output=True, text=True, check=False)
-            if any(error in done.stderr for error in UNREACHABLE):
-                pytest.skip("the npm registry cannot be reached")
-            assert done.returncode == 0, done.stderr
-            with contextlib.suppress(OSError):
-                work.rename(folder)
-    shutil.copyfile(HERE / "read.mjs", folder / "read.mjs")
-    return folder
 
 
 @pytest.fixture(scope="session")

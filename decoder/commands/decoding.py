@@ -1,0 +1,103 @@
+"""What commands that decode a flight have in common: opening it, its panel and camera, and telling how far it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+import click
+import cv2
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from decoder.camera import CAMERA_FILE, parse_camera
+from decoder.errors import OutputError, PanelMissing
+from decoder.flight_decoder import decode_flight
+from decoder.formats import Decoded
+from decoder.gauge_reader import Method
+from decoder.json_output import Provenance, SourceFile
+from decoder.panel_pictures import PANEL_FILE, PanelPictures, panel_from_attachments, panel_from_file
+from decoder.panel_reader import PanelReader
+from flight_file.frame import Frame
+from flight_file.reader import Flight
+from flight_file.segments import parse_segment_name
+
+flights_argument = click.argument(
+    "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
+)
+panel_option = click.option(
+    "--panel", "panel_file", type=click.Path(path_type=Path), metavar="PANEL",
+    help="A panel.yaml to read with, instead of the one the flight file carries.",
+)  # fmt: skip
+method_option = click.option(
+    "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
+    show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
+)  # fmt: skip
+
+
+def decoded_flight(flight: Flight, panel_file: Path | None, method: str) -> Decoded:
+    """A flight with all that it was decoded with; progress shows on a terminal."""
+    cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
+    with threadpool_limits(1):
+        source = _panel(flight, panel_file)
+        camera = flight.attachments.get(CAMERA_FILE)
+        data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), progress("decode"))
+        return Decoded(
+            flight=flight,
+            source=source,
+            camera=None if camera is None else parse_camera(camera, source=f"{CAMERA_FILE} in {flight.paths[0].name}"),
+            data=data,
+            provenance=_provenance(flight, source, panel_file, method),
+        )
+
+
+def output_name(flight: Flight) -> str:
+    """The recording's name; of a single file that somebody named otherwise, that name."""
+    if len(flight.paths) > 1 or parse_segment_name(flight.paths[0]) is not None:
+        return flight.recording
+    return flight.paths[0].name.removesuffix(".part").removesuffix(".mcap")
+
+
+def refuse_overwriting(flight: Flight, outputs: Sequence[Path]) -> None:
+    """Keeps the flight's files from being replaced by what is made of it.
+
+    Raises
+    ------
+    OutputError
+        Naming the file.
+    """
+    for path in flight.paths:
+        if any(output.exists() and path.exists() and output.samefile(path) for output in outputs):
+            raise OutputError(f"{path}: would be overwritten by what is decoded from it; choose another folder with -o")
+
+
+def progress(words: str) -> Callable[[Iterator[Frame]], Iterator[Frame]]:
+    """Shows how many frames went by, on a terminal only."""
+
+    def shown(frames: Iterator[Frame]) -> Iterator[Frame]:
+        yield from tqdm(frames, desc=words, unit=" frames", disable=None, leave=False)
+
+    return shown
+
+
+def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
+    if panel_file is not None:
+        return panel_from_file(panel_file)
+    if PANEL_FILE not in flight.attachments:
+        raise PanelMissing(str(flight.paths[0]))
+    return panel_from_attachments(flight.attachments, flight=flight.paths[0].name)
+
+
+def _provenance(flight: Flight, source: PanelPictures, panel_file: Path | None, method: str) -> Provenance:
+    camera = flight.attachments.get(CAMERA_FILE)
+    return Provenance(
+        recording=flight.recording,
+        software=f"image-flight-recorder {version('image-flight-recorder')}",
+        method=method,
+        flight_files=tuple(SourceFile(path.name, digest) for path, digest in flight.sha256_of_files().items()),
+        panel=SourceFile(panel_file.name if panel_file else PANEL_FILE, source.sha256),
+        camera=None if camera is None else SourceFile(CAMERA_FILE, sha256(camera).hexdigest()),
+        losses=tuple(f"{loss.path.name}: {loss.reason}" for loss in flight.losses),
+    )

@@ -1,0 +1,147 @@
+"""What the readings look like on their frame: where each found needle lies, and what to write beside its gauge.
+
+Places follow from the needle's angle, its gauge's grid and the frame's alignment, the same way that the gauge was
+unwrapped; so they lie where the decoder looked, whatever the camera's place.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from decoder.alignment import Alignment
+from decoder.flight_data import STATUSES, FlightData, NeedleSeries
+from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge_grid import gauge_grid
+from decoder.panel import Panel
+from decoder.reading import Status
+from decoder.scale import Scale
+from decoder.unwrapping import PolarGrid, polar_grid
+
+Point = tuple[float, float]
+"""(x, y) in a frame's pixels, pixel centres on whole numbers."""
+
+RIM_STEP_DEG = 6.0
+DIGITS_OF_FULL_SCALE = 5
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnReading:
+    """One value of one frame.
+
+    Attributes
+    ----------
+    text
+        Its value with unit, or the word `missing`.
+    score
+        NaN where the panel was not found.
+    line_px
+        The needle from its bottom to its tip, in the frame; None where there is no value, or no needle of its own.
+    """
+
+    name: str
+    text: str
+    status: Status
+    score: float
+    line_px: tuple[Point, Point] | None
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnGauge:
+    """One gauge in one frame: its pivot, its outer perimeter as a closed polygon, and its readings."""
+
+    name: str
+    pivot_px: Point
+    rim_px: tuple[Point, ...]
+    readings: tuple[DrawnReading, ...]
+
+    @property
+    def radius_px(self) -> float:
+        """The mean distance of the perimeter from the pivot."""
+        return sum(math.dist(self.pivot_px, point) for point in self.rim_px) / len(self.rim_px)
+
+    @property
+    def box_px(self) -> tuple[float, float, float, float]:
+        """The smallest left, top, right, bottom around the perimeter."""
+        xs, ys = zip(*self.rim_px, strict=True)
+        return min(xs), min(ys), max(xs), max(ys)
+
+
+class ReadingPlaces:
+    """Tells of each frame of a flight what to draw where."""
+
+    def __init__(self, panel: Panel, data: FlightData) -> None:
+        self._data = data
+        by_gauge: dict[str, list[NeedleSeries]] = {gauge.name: [] for gauge in panel.gauges}
+        for series in data.series:
+            by_gauge[series.quantity.gauge].append(series)
+        self._gauges = [_PlacedGauge(gauge, by_gauge[gauge.name], data) for gauge in panel.gauges]
+
+    def frame(self, index: int) -> tuple[DrawnGauge, ...]:
+        """The gauges of the frame at this place in the flight data; none where the panel was not found."""
+        alignment = self._data.alignments[index] if self._data.alignments else None
+        return () if alignment is None else tuple(gauge.drawn(index, alignment) for gauge in self._gauges)
+
+
+class _PlacedGauge:
+    """One gauge and what is read off it."""
+
+    def __init__(self, gauge: Gauge, series: list[NeedleSeries], data: FlightData) -> None:
+        self._name = gauge.name
+        moved_x, moved_y = data.moved_pivots_px.get(gauge.name, (0.0, 0.0))
+        own = gauge.model_copy(update={"centre": (gauge.centre[0] + moved_x, gauge.centre[1] + moved_y)})
+        self._pivot: Point = own.centre
+        self._grid = gauge_grid(own)
+        self._rim = _rim(own)
+        needles = {needle.name for needle in gauge.needles}
+        self._series = [
+            (one, _scale_of(one) if one.quantity.name in needles else None, label_decimals(one)) for one in series
+        ]
+
+    def drawn(self, index: int, alignment: Alignment) -> DrawnGauge:
+        return DrawnGauge(
+            name=self._name,
+            pivot_px=alignment.to_frame(self._pivot),
+            rim_px=tuple(alignment.to_frame(point) for point in self._rim),
+            readings=tuple(
+                DrawnReading(
+                    name=series.quantity.name,
+                    text=value_text(float(series.value[index]), decimals, series.quantity.unit),
+                    status=STATUSES[series.status[index]],
+                    score=float(series.score[index]),
+                    line_px=None if scale is None else self._line(series, scale, index, alignment),
+                )
+                for series, scale, decimals in self._series
+            ),
+        )
+
+    def _line(self, series: NeedleSeries, scale: Scale, index: int, alignment: Alignment) -> tuple[Point, Point] | None:
+        value = series.value[index]
+        if not math.isfinite(value):
+            return None
+        points = self._grid.at(float(scale.angles_of(value)), 1).points()[:, 0]
+        (x0, y0), (x1, y1) = points[:, self._grid.tail_columns], points[:, -1]
+        return alignment.to_frame((float(x0), float(y0))), alignment.to_frame((float(x1), float(y1)))
+
+
+def _scale_of(series: NeedleSeries) -> Scale:
+    return Scale.of(series.quantity.marks, series.quantity.wraps)
+
+
+def _rim(gauge: Gauge) -> tuple[Point, ...]:
+    """The outer perimeter, all the way round, in the panel picture."""
+    grid: PolarGrid = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG)
+    outer = grid.points()[:, :: round(RIM_STEP_DEG / grid.step_deg), -1]
+    return tuple((float(x), float(y)) for x, y in outer.T)
+
+
+def label_decimals(series: NeedleSeries) -> int:
+    """Decimals for reading off a picture: a hundred-thousandth of full scale, about as fine as readings are."""
+    return max(0, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
+
+
+def value_text(value: float, decimals: int, unit: str) -> str:
+    """A value with its unit; `missing` where there is none."""
+    if not math.isfinite(value):
+        return Status.MISSING.value
+    return f"{value:.{decimals}f} {unit}".rstrip()

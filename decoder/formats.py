@@ -1,0 +1,110 @@
+"""The files that `decode` can write of a flight, by the names that `--format` takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+
+from decoder.camera import Camera
+from decoder.csv_output import write_csv
+from decoder.flight_data import FlightData
+from decoder.json_output import Provenance, write_json
+from decoder.outputs import Write, as_text
+from decoder.panel_pictures import PanelPictures
+from flight_file.reader import Flight
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A flight that was decoded: all that an output may be made of.
+
+    Attributes
+    ----------
+    flight
+        Its frames can be read again.
+    camera
+        None if the flight file carries none.
+    with_images
+        Whether files that can hold the pictures shall.
+    """
+
+    flight: Flight
+    source: PanelPictures
+    camera: Camera | None
+    data: FlightData
+    provenance: Provenance
+    with_images: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """One kind of file.
+
+    Attributes
+    ----------
+    write
+        Makes its writer.
+    needs
+        The module that it cannot do without, and the extra that brings it; None if all is there.
+    takes_images
+        Whether it can hold the pictures.
+    suffix
+        What its files' names end with, if not with the format's own name.
+    """
+
+    write: Callable[[Decoded], Write]
+    needs: tuple[str, str] | None = None
+    takes_images: bool = False
+    suffix: str | None = None
+
+    @property
+    def lacking(self) -> str | None:
+        """What has to be installed first, as a sentence; None if nothing."""
+        if self.needs is None or find_spec(self.needs[0]) is not None:
+            return None
+        return f"needs {self.needs[0]}: pip install 'image-flight-recorder[{self.needs[1]}]'"
+
+
+def _csv(decoded: Decoded) -> Write:
+    return as_text(partial(write_csv, decoded.data))
+
+
+def _parquet(decoded: Decoded) -> Write:
+    from decoder.parquet_output import write_parquet  # noqa: PLC0415 - half a second that only this format needs
+
+    return partial(write_parquet, decoded.data)
+
+
+def _mcap(decoded: Decoded) -> Write:
+    from decoder.mcap_output import Pictures, write_mcap  # noqa: PLC0415 - only this format needs Foxglove's messages
+
+    height, width = decoded.source.picture.shape
+    pictures = Pictures(
+        frames=decoded.flight.frames if decoded.with_images else None,
+        size_px=(width, height),
+        focal_length_mm=decoded.source.panel.focal_length_mm,
+        camera=decoded.camera,
+    )
+    return partial(write_mcap, decoded.data, decoded.source.panel, decoded.provenance, pictures)
+
+
+def _layout(decoded: Decoded) -> Write:
+    from decoder.foxglove_layout import write_layout  # noqa: PLC0415 - as above
+
+    units = [(series.quantity.name, series.quantity.unit) for series in decoded.data.series]
+    return as_text(partial(write_layout, units))
+
+
+def description(decoded: Decoded) -> Write:
+    """The writer of `NAME.json`, which goes with every other file."""
+    return as_text(partial(write_json, decoded.data, decoded.provenance))
+
+
+FORMATS: dict[str, Format] = {
+    "csv": Format(_csv),
+    "mcap": Format(_mcap, takes_images=True),
+    "layout": Format(_layout, suffix="layout.json"),
+    "parquet": Format(_parquet, needs=("pyarrow", "parquet")),
+}
