@@ -83,6 +83,8 @@ def test_camera_description_is_a_camera() -> None:
         *(["recorder", command] for command in ("run", "simulate", "info", "recover", "verify", "mark")),
         ["decode"],
         ["decode", "accuracy"],
+        ["decode", "calibrate", "focal"],
+        ["decode", "calibrate", "pose"],
     ],
 )
 def test_commands_of_the_readme_exist(words: list[str]) -> None:
