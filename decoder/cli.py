@@ -16,6 +16,7 @@ from flight_file.errors import FlightFileError
 COMMANDS = {
     "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
     "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
+    "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
 }
 DEFAULT_COMMAND = "flight"
@@ -25,6 +26,7 @@ EPILOG = """\b
 Examples:
   decode flight.mcap
   decode flight_0000.mcap flight_0001.mcap -o results --panel panel.yaml
+  decode frames flight.mcap -o pictures --flagged
   decode accuracy results/flight.csv truth.csv
 """
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from decoder.alignment import Alignment
 from decoder.flight_data import STATUSES, FlightData, NeedleSeries
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
@@ -23,6 +25,7 @@ Point = tuple[float, float]
 
 RIM_STEP_DEG = 6.0
 DIGITS_OF_FULL_SCALE = 5
+CONFIDENCE_SIGMAS = 1.96  # 95 % of a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +36,18 @@ class DrawnReading:
     ----------
     text
         Its value with unit, or the word `missing`.
+    spread
+        How far it may be off, such as `± 0.16`, in 95 % of all cases; empty where there is no value.
     score
         NaN where the panel was not found.
     line_px
-        The needle from its bottom to its tip, in the frame; None where there is no value, or no needle of its own.
+        The needle from its bottom to its tip, in the frame, or where a card is read; None where there is no value, or
+        no needle of its own.
     """
 
     name: str
     text: str
+    spread: str
     status: Status
     score: float
     line_px: tuple[Point, Point] | None
@@ -93,10 +100,13 @@ class _PlacedGauge:
         self._pivot: Point = own.centre
         self._grid = gauge_grid(own)
         self._rim = _rim(own)
-        needles = {needle.name for needle in gauge.needles}
-        self._series = [
-            (one, _scale_of(one) if one.quantity.name in needles else None, label_decimals(one)) for one in series
-        ]
+        self._index_deg = {} if gauge.card is None else {gauge.card.name: gauge.card.index}
+        self._scales = {
+            one.quantity.name: Scale.of(one.quantity.marks, one.quantity.wraps)
+            for one in series
+            if one.quantity.name in {needle.name for needle in gauge.needles}
+        }
+        self._series = [(one, label_decimals(one)) for one in series]
 
     def drawn(self, index: int, alignment: Alignment) -> DrawnGauge:
         return DrawnGauge(
@@ -107,25 +117,30 @@ class _PlacedGauge:
                 DrawnReading(
                     name=series.quantity.name,
                     text=value_text(float(series.value[index]), decimals, series.quantity.unit),
+                    spread=_spread(float(series.sigma[index]), decimals),
                     status=STATUSES[series.status[index]],
                     score=float(series.score[index]),
-                    line_px=None if scale is None else self._line(series, scale, index, alignment),
+                    line_px=self._line(series, index, alignment),
                 )
-                for series, scale, decimals in self._series
+                for series, decimals in self._series
             ),
         )
 
-    def _line(self, series: NeedleSeries, scale: Scale, index: int, alignment: Alignment) -> tuple[Point, Point] | None:
-        value = series.value[index]
-        if not math.isfinite(value):
+    def _line(self, series: NeedleSeries, index: int, alignment: Alignment) -> tuple[Point, Point] | None:
+        angle_deg = self._angle_deg(series.quantity.name, float(series.value[index]))
+        if angle_deg is None:
             return None
-        points = self._grid.at(float(scale.angles_of(value)), 1).points()[:, 0]
+        points = self._grid.at(angle_deg, 1).points()[:, 0]
         (x0, y0), (x1, y1) = points[:, self._grid.tail_columns], points[:, -1]
         return alignment.to_frame((float(x0), float(y0))), alignment.to_frame((float(x1), float(y1)))
 
-
-def _scale_of(series: NeedleSeries) -> Scale:
-    return Scale.of(series.quantity.marks, series.quantity.wraps)
+    def _angle_deg(self, name: str, value: float) -> float | None:
+        if not math.isfinite(value):
+            return None
+        if name in self._index_deg:
+            return self._index_deg[name]  # a card is read where its index stands
+        scale = self._scales.get(name)
+        return None if scale is None else float(scale.angles_of(np.array([value]))[0])
 
 
 def _rim(gauge: Gauge) -> tuple[Point, ...]:
@@ -138,6 +153,10 @@ def _rim(gauge: Gauge) -> tuple[Point, ...]:
 def label_decimals(series: NeedleSeries) -> int:
     """Decimals for reading off a picture: a hundred-thousandth of full scale, about as fine as readings are."""
     return max(0, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
+
+
+def _spread(sigma: float, decimals: int) -> str:
+    return f"± {CONFIDENCE_SIGMAS * sigma:.{decimals}f}" if math.isfinite(sigma) else ""
 
 
 def value_text(value: float, decimals: int, unit: str) -> str:

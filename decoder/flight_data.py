@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,7 +129,7 @@ class FlightDataBuilder:
         """One frame that was read."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
-        self._alignments.append(readings.alignment)
+        self._alignments.append(replace(readings.alignment, covariance=None))  # it is many times the size of the rest
         for name, column in self._columns.items():
             reading = readings.readings[name]
             column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import repeat
 from typing import IO
@@ -18,8 +17,9 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from decoder.camera import Camera
 from decoder.drawn_readings import ReadingPlaces
-from decoder.errors import CameraError, OutputError
+from decoder.errors import CameraError
 from decoder.flight_data import FlightData
+from decoder.frames_again import Frames, matched_frames
 from decoder.json_output import Provenance, write_json
 from decoder.lens import Lens
 from decoder.mcap_topics import (
@@ -42,8 +42,6 @@ from flight_file.topics import IMAGE_TOPIC, TOPICS, Topic
 PROFILE = "flight_data"
 PROVENANCE_RECORD = "provenance"
 CHUNK_BYTES = 1024 * 1024
-
-Frames = Callable[[], Iterator[Frame]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +76,8 @@ def write_mcap(data: FlightData, panel: Panel, provenance: Provenance, pictures:
     """
     places, lenses = ReadingPlaces(panel, data), _Lenses(pictures)
     target = _Target(stream, data, provenance, pictures)
-    for index, frame in enumerate(matched_frames(data, pictures.frames)):
+    frames = repeat(None, len(data.frame)) if pictures.frames is None else matched_frames(data, pictures.frames)
+    for index, frame in enumerate(frames):
         time_ns, number = storable(int(data.time_ns[index])), int(data.frame[index])
         for series in data.series:
             target.add(topic_of(series.quantity.name), reading_message(series, index, number), time_ns, number)
@@ -89,26 +88,6 @@ def write_mcap(data: FlightData, panel: Panel, provenance: Provenance, pictures:
             target.add(IMAGE_TOPIC, codec.encode_image(frame), time_ns, number)
         target.add(ANNOTATIONS_TOPIC, annotations_message(places.frame(index), time_ns), time_ns, number)
     target.finish()
-
-
-def matched_frames(data: FlightData, frames: Frames | None) -> Iterator[Frame | None]:
-    """The frames again, one for each row of the flight data; None for each without `frames`.
-
-    Raises
-    ------
-    OutputError
-        If they are others than before.
-    """
-    if frames is None:
-        yield from repeat(None, len(data.frame))
-        return
-    numbers = iter(data.frame.tolist())
-    for frame in frames():
-        if next(numbers, None) != frame.sequence:
-            raise OutputError("the flight file gave other frames than before; is the disk failing?")
-        yield frame
-    if next(numbers, None) is not None:
-        raise OutputError("the flight file gave fewer frames than before; is the disk failing?")
 
 
 class _Target:

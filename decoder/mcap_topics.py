@@ -20,7 +20,7 @@ from foxglove_schemas_protobuf.TextAnnotation_pb2 import TextAnnotation
 from google.protobuf.message import Message
 
 from decoder.csv_output import SCORE_DECIMALS, value_decimals, value_within_turn
-from decoder.drawn_readings import DrawnGauge, DrawnReading
+from decoder.drawn_readings import CONFIDENCE_SIGMAS, DrawnGauge, DrawnReading
 from decoder.flight_data import STATUSES, NeedleSeries
 from decoder.lens import Lens
 from decoder.reading import Status
@@ -40,7 +40,6 @@ QUALITY: dict[Status, int] = {
     Status.MISSING: 0,
 }
 
-_CONFIDENCE_SIGMAS = 1.96
 _NEEDLE_PX = 0.03  # of the dial's radius
 _FONT = 0.26
 _LABEL_BELOW = 1.25
@@ -85,7 +84,7 @@ def reading_message(series: NeedleSeries, index: int, frame: int) -> bytes:
     status = STATUSES[series.status[index]]
     value = value_within_turn(float(series.value[index]), decimals, quantity)
     sigma = float(series.sigma[index])
-    reach = _CONFIDENCE_SIGMAS * sigma
+    reach = CONFIDENCE_SIGMAS * sigma
     document = {
         "value": _rounded(value, decimals),
         "unit": quantity.unit,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from decoder.errors import PictureError
 
 GreyPicture = NDArray[np.uint8]
+ColourPicture = NDArray[np.uint8]
 _FLAGS = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -43,12 +44,35 @@ def grey_picture(encoded: bytes) -> GreyPicture:
     PictureError
         If the bytes are no picture, or one that breaks off.
     """
+    return _decompressed(encoded, _FLAGS)
+
+
+def _decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
     if not encoded:
         raise PictureError("the picture is empty")
     try:
-        picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), _FLAGS)
+        picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error as error:
         raise PictureError("the picture cannot be decompressed") from error
     if picture is None:
         raise PictureError("the picture is damaged or cut short")
     return np.asarray(picture, np.uint8)
+
+
+def colour_picture(encoded: bytes) -> ColourPicture:
+    """The picture in colour, for people to look at; nothing is ever read from it.
+
+    Parameters
+    ----------
+    encoded : JPEG (or PNG) bytes
+
+    Returns
+    -------
+    (H, W, 3) uint8, red, green, blue
+
+    Raises
+    ------
+    PictureError
+        If the bytes are no picture, or one that breaks off.
+    """
+    return np.ascontiguousarray(_decompressed(encoded, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)[..., ::-1])

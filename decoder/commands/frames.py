@@ -1,0 +1,151 @@
+"""`decode frames FLIGHT -o DIR`: pictures of the flight with the readings drawn in."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO
+
+import click
+
+from decoder.commands.decoding import (
+    decoded_flight,
+    flights_argument,
+    method_option,
+    output_name,
+    panel_option,
+    progress,
+)
+from decoder.csv_output import utc_text
+from decoder.drawn_readings import DrawnGauge, ReadingPlaces
+from decoder.errors import PictureError
+from decoder.flight_data import FlightData
+from decoder.formats import Decoded
+from decoder.frame_choice import Rows, every, flagged, nearest
+from decoder.frame_picture import as_jpeg, drawn, gauge_view, whole_view
+from decoder.frames_again import matched_frames
+from decoder.outputs import Write, write_all
+from decoder.pictures import colour_picture
+from flight_file.frame import Frame
+from flight_file.reader import open_flight
+
+EXIT_LOSS = 3
+EPILOG = """\b
+Names: NAME_FRAME_TIME.jpg, with --gauge NAME_FRAME_TIME_GAUGE.jpg; TIME is when the picture was taken, UTC.
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
+
+\b
+Examples:
+  decode frames flight.mcap -o pictures --every 20
+  decode frames flight.mcap -o pictures --at 12.5 --at 13
+  decode frames flight.mcap -o pictures --flagged --gauge fuel
+"""
+
+
+@click.command("frames", epilog=EPILOG)
+@flights_argument
+@click.option(
+    "-o", "--output", "directory", type=click.Path(path_type=Path, file_okay=False), required=True, metavar="DIR",
+    help="Where the pictures go; made if it is not there.",
+)  # fmt: skip
+@click.option(
+    "--at", "at_s", type=float, multiple=True, metavar="T", help="The frame nearest to T seconds; repeatable."
+)
+@click.option("--flagged", "wants_flagged", is_flag=True, help="Frames with a value interpolated, missing or doubtful.")
+@click.option(
+    "--every", "step", type=click.IntRange(min=1), metavar="N", help="Every N-th frame; without a choice all."
+)
+@click.option("--gauge", "gauge_names", multiple=True, metavar="GAUGE", help="Only this gauge, enlarged; repeatable.")
+@panel_option
+@method_option
+def command(
+    flights: tuple[Path, ...],
+    directory: Path,
+    at_s: tuple[float, ...],
+    step: int | None,
+    gauge_names: tuple[str, ...],
+    *,
+    panel_file: Path | None,
+    method: str,
+    wants_flagged: bool,
+) -> None:
+    """Decode FLIGHT and write its pictures with needles, values, status and score drawn in.
+
+    The whole flight is decoded first: what is drawn is what `decode FLIGHT` writes.
+    """
+    if (bool(at_s), wants_flagged, step is not None).count(True) > 1:
+        raise click.UsageError("choose one of --at, --flagged and --every")
+    decoded = decoded_flight(open_flight(flights), panel_file, method)
+    known = [gauge.name for gauge in decoded.source.panel.gauges]
+    for name in gauge_names:
+        if name not in known:
+            raise click.UsageError(f"the panel has no gauge {name}; it has {', '.join(known)}")
+    rows = _rows(decoded.data, at_s, step, wants_flagged=wants_flagged)
+    written = _write(decoded, rows, gauge_names, directory)
+    click.echo(f"{len(written)} pictures of {len(rows)} frames in {directory}")
+    if decoded.provenance.losses:
+        sys.exit(EXIT_LOSS)
+
+
+def _rows(data: FlightData, at_s: tuple[float, ...], step: int | None, *, wants_flagged: bool) -> Rows:
+    if at_s:
+        return nearest(data, at_s)
+    return flagged(data) if wants_flagged else every(data, step or 1)
+
+
+def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: Path) -> list[Path]:
+    """Draws and writes one frame after the other; a frame whose picture is damaged is named and left out."""
+    data, wanted = decoded.data, set(rows.tolist())
+    places = ReadingPlaces(decoded.source.panel, data)
+    reasons = {missing.frame: missing.reason for missing in data.missing_frames}
+    written: list[Path] = []
+    for index, frame in enumerate(progress("draw")(matched_frames(data, decoded.flight.frames))):
+        if index not in wanted:
+            continue
+        stem = f"{output_name(decoded.flight)}_{frame.sequence:06d}_{_file_time(frame.captured_ns)}"
+        caption = _caption(decoded, index, frame.sequence)
+        try:
+            pictures = _pictures(
+                frame, stem, places.frame(index), gauge_names, (caption, reasons.get(frame.sequence, ""))
+            )
+        except PictureError as error:
+            click.echo(f"frame {frame.sequence} not drawn: {error}", err=True)
+            continue
+        written += write_all(directory, {name: _content(jpeg) for name, jpeg in pictures.items()})
+    return written
+
+
+def _pictures(
+    frame: Frame, stem: str, gauges: tuple[DrawnGauge, ...], gauge_names: Sequence[str], caption: tuple[str, str]
+) -> dict[str, bytes]:
+    """JPEGs by name: one of the whole frame, or one of each gauge that was asked for and that is in it."""
+    picture = colour_picture(frame.jpeg)
+    if not gauge_names:
+        return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, caption))}
+    return {
+        f"{stem}_{gauge.name}.jpg": as_jpeg(drawn(picture, gauge_view(picture, gauge), [gauge], caption))
+        for gauge in gauges
+        if gauge.name in gauge_names
+    }
+
+
+def _caption(decoded: Decoded, index: int, number: int) -> str:
+    data = decoded.data
+    when = utc_text(int(data.time_ns[index]))
+    return (
+        f"{decoded.provenance.recording} · frame {number} · {when[:10]} {when[11:23]} UTC · {data.time_s[index]:.3f} s"
+    )
+
+
+def _file_time(time_ns: int) -> str:
+    seconds, rest = divmod(time_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y%m%dT%H%M%S}.{rest // 1_000_000:03d}Z"
+
+
+def _content(jpeg: bytes) -> Write:
+    def write(stream: IO[bytes]) -> None:
+        stream.write(jpeg)
+
+    return write
