@@ -121,9 +121,9 @@ class Alignment:
         """
         matrix = self.matrix
         if self.lens is not None:
-            bent = bent(_carried(points, matrix), self.lens)
-            bent -= np.array(origin, np.float32)
-            return bent
+            places = bent(_carried(points, matrix), self.lens)
+            places -= np.array(origin, np.float32)
+            return places
         if origin != (0.0, 0.0):
             matrix = np.array([[1.0, 0.0, -origin[0]], [0.0, 1.0, -origin[1]], [0.0, 0.0, 1.0]]) @ matrix
         return _carried(points, matrix)
