@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decoder.alignment import Alignment
 from decoder.arrays import Floats
+from decoder.dial_plane import DialPlane
 from decoder.flight_tuning import tune_on, unwrapped
 from decoder.gauge import Gauge
 from decoder.panel_reader import PanelReader, UnwrappedFrame
@@ -68,11 +70,17 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         samples = unwrapped(reader, sample())
         tuned = tune_on(reader, samples)
         pivots = _pivots(tuned, samples)
-        gauges = _moved(tuned.source.panel.gauges, drawn, pivots)
+        gauges = _moved(tuned, drawn, pivots)
         if gauges == reader.source.panel.gauges:
             break
+        planes = tuple(
+            plane if plane is None or gauge == before else plane.around(pivot.offset_px)
+            for gauge, before, plane, pivot in zip(
+                gauges, tuned.source.panel.gauges, _planes(tuned), pivots, strict=True
+            )
+        )
         panel = reader.source.panel.model_copy(update={"gauges": gauges})
-        reader = PanelReader.from_panel(replace(reader.source, panel=panel), reader.method)
+        reader = PanelReader.from_panel(replace(reader.source, panel=panel, planes=planes), reader.method)
     now = tuned.source.panel.gauges
     moved = {
         gauge.name: (gauge.centre[0] - before.centre[0], gauge.centre[1] - before.centre[1])
@@ -98,11 +106,16 @@ def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Piv
     )
 
 
-def _moved(gauges: Sequence[Gauge], drawn: Sequence[Gauge], pivots: Sequence[Pivot]) -> tuple[Gauge, ...]:
+def _planes(reader: PanelReader) -> Sequence[DialPlane | None]:
+    return reader.source.planes or (None,) * len(reader.grids)
+
+
+def _moved(reader: PanelReader, drawn: Sequence[Gauge], pivots: Sequence[Pivot]) -> tuple[Gauge, ...]:
     """The gauges with their pivots where needles turn; one that is right to what can be drawn stays as it is drawn."""
+    own = reader.source.optics.own
     return tuple(
-        _around(gauge, pivot) if _is_off(pivot, was_moved=gauge != before) else gauge
-        for gauge, before, pivot in zip(gauges, drawn, pivots, strict=True)
+        _around(gauge, plane, own, pivot) if _is_off(pivot, was_moved=gauge != before) else gauge
+        for gauge, before, plane, pivot in zip(reader.source.panel.gauges, drawn, _planes(reader), pivots, strict=True)
     )
 
 
@@ -111,6 +124,10 @@ def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:
     return distance_px > SETTLED_PX if was_moved else distance_px > PANEL_PRECISION_PX and pivot.is_certain
 
 
-def _around(gauge: Gauge, pivot: Pivot) -> Gauge:
-    (x, y), (right, down) = gauge.centre, pivot.offset_px
-    return gauge.model_copy(update={"centre": (x + right, y + down)})
+def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, pivot: Pivot) -> Gauge:
+    """The gauge around its true pivot, which is told in the dial's own plane."""
+    if plane is None:
+        (x, y), (right, down) = gauge.centre, pivot.offset_px
+        return gauge.model_copy(update={"centre": (x + right, y + down)})
+    there = plane.to_panel(np.array(pivot.offset_px)[:, None])[:, 0]
+    return gauge.model_copy(update={"centre": own.to_frame((float(there[0]), float(there[1])))})

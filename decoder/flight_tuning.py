@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from decoder.alignment import IDENTITY, Alignment, is_rigid
+from decoder.alignment import Alignment, is_rigid
 from decoder.arrays import Floats
 from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
@@ -50,7 +50,7 @@ def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelRead
     if len(samples) < MIN_CUTS:
         return reader
     usual = _usual(reader, samples)
-    own = Unwrapper(reader.grids).unwrap(reader.source.picture, IDENTITY)
+    own = Unwrapper(reader.grids).unwrap(reader.source.picture, reader.source.optics.own)
     strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
     tuners = [
         _GaugeTuner(gauge, grid, [in_light_of(picture, strip) for strip in seen], first, reader.tuning.templates)

@@ -165,6 +165,7 @@ class Gauge(Strict):
     name: str
     centre: Point
     radius: tuple[Positive, Positive]
+    rim: tuple[Point, ...] | None = None
     sweep: tuple[Number, Number]
     stops: tuple[Number, Number] | None = None
     tail: bool = False
@@ -181,6 +182,13 @@ class Gauge(Strict):
         if radius[1] - radius[0] < 2:  # noqa: PLR2004 - fewer than two pixels hold no needle
             raise ValueError("must run outward from the bottom of the needle to the outer perimeter, at least 2 pixels")
         return radius
+
+    @field_validator("rim")
+    @classmethod
+    def _rim_is_enough(cls, rim: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
+        if rim is not None and len(rim) < 5:  # noqa: PLR2004 - an ellipse has five parameters
+            raise ValueError("needs five points or more, all round a circle about the pivot")
+        return rim
 
     @field_validator("sweep")
     @classmethod

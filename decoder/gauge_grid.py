@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Mask
+from decoder.dial_plane import DialPlane
 from decoder.faces import needle_place
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
 from decoder.unwrapping import PolarGrid, polar_grid
@@ -18,19 +19,20 @@ OVERLAP_DEG = 2.0
 PICTURE_SPAN_DEG = 16.0
 
 
-def gauge_grid(gauge: Gauge) -> PolarGrid:
+def gauge_grid(gauge: Gauge, plane: DialPlane | None = None) -> PolarGrid:
     """The unwrapped gauge's sample points: where needles go, and as much beyond as the widest template needs.
 
     All round, two needles near each other are to lie side by side on it wherever one of them is.
     """
     if gauge.card is not None:
-        return polar_grid(gauge.centre, gauge.radius, *gauge.sweep)
+        return polar_grid(gauge.centre, gauge.radius, *gauge.sweep, plane=plane)
     widest_deg = max(needle.template.span or PICTURE_SPAN_DEG for needle in gauge.needles)
     margin_deg = _beyond_deg(gauge) + widest_deg / 2 + 1.0
     if gauge.is_round and len(gauge.needles) > 1:
         margin_deg += widest_deg
     first_deg, last_deg = gauge.reach
-    return polar_grid(gauge.centre, gauge.radius, first_deg - margin_deg, last_deg + margin_deg, across=gauge.tail)
+    first_deg, last_deg = first_deg - margin_deg, last_deg + margin_deg
+    return polar_grid(gauge.centre, gauge.radius, first_deg, last_deg, across=gauge.tail, plane=plane)
 
 
 def card_rows(grid: PolarGrid) -> int:

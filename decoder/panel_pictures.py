@@ -3,29 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
+from decoder.camera import Camera
+from decoder.dial_plane import DialPlane, dial_plane, inches_to_picture
 from decoder.errors import PanelError, PictureError
+from decoder.gauge_grid import gauge_grid
+from decoder.optics import Optics
 from decoder.panel import Panel, parse_panel
 from decoder.pictures import GreyPicture, grey_picture
+from decoder.unwrapping import PolarGrid
 
 PANEL_FILE = "panel.yaml"
 
 
 @dataclass(frozen=True, slots=True)
 class PanelPictures:
-    """A panel and all pictures it names, grey, by name; `sha256` is of `panel.yaml` itself."""
+    """A panel and all pictures it names, grey, by name; `sha256` is of `panel.yaml` itself.
+
+    Attributes
+    ----------
+    camera
+        That took the pictures, if known.
+    planes
+        Of the dials, in the panel's order, where they are known better than from the panel alone.
+    """
 
     panel: Panel
     pictures: Mapping[str, GreyPicture]
     sha256: str
+    camera: Camera | None = None
+    planes: tuple[DialPlane | None, ...] | None = None
 
     @property
     def picture(self) -> GreyPicture:
         """The panel picture, (H, W) uint8."""
         return self.pictures[self.panel.picture]
+
+    @property
+    def optics(self) -> Optics:
+        """How the panel picture was taken, and how frames are."""
+        height, width = self.picture.shape
+        return Optics((width, height), self.panel.focal_length_mm, self.camera)
+
+    def with_planes(self) -> PanelPictures:
+        """The same with the planes of its dials.
+
+        Raises
+        ------
+        PanelError
+            If reference points or a rim tell no plane.
+        CameraError
+            If the camera's calibration does not cover the panel picture.
+        """
+        if self.planes is not None:
+            return self
+        optics = self.optics
+        inches = inches_to_picture(self.panel, optics)
+        planes = [
+            dial_plane(gauge, f"gauges[{index}]", optics, inches) for index, gauge in enumerate(self.panel.gauges)
+        ]
+        return replace(self, planes=tuple(planes))
+
+    def grid(self, index: int) -> PolarGrid:
+        """The sample points of the gauge at this place in the panel."""
+        planes = self.with_planes().planes
+        return gauge_grid(self.panel.gauges[index], None if planes is None else planes[index])
 
 
 def panel_from_file(path: Path) -> PanelPictures:

@@ -11,7 +11,6 @@ import numpy as np
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment
 from decoder.card_reader import CardReader
-from decoder.gauge_grid import gauge_grid
 from decoder.gauge_reader import GaugeReader, Method
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
@@ -53,13 +52,15 @@ class PanelReader:
     """Reads frames with one panel, one tuning and one method; keeps nothing from frame to frame."""
 
     def __init__(self, source: PanelPictures, method: Method, tuning: Tuning) -> None:
+        source = source.with_planes()
+        optics = source.optics
         self.source = source
         self.method = method
         self.tuning = tuning
-        self.grids = [gauge_grid(gauge) for gauge in source.panel.gauges]
-        self.aligner = Aligner(source.panel, source.picture, tuning.usual)
+        self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
+        self.aligner = Aligner(source.panel, source.picture, tuning.usual, optics)
         self._unwrapper = Unwrapper(self.grids)
-        self._centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
+        self._centres = optics.straight(np.array([gauge.centre for gauge in source.panel.gauges]).T)
         self._rims = [grid.rim() for grid in self.grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
         self._gauges = [

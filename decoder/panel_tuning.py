@@ -10,14 +10,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from decoder.alignment import IDENTITY
+from decoder.alignment import IDENTITY, Alignment
 from decoder.arrays import Floats
 from decoder.card_tuning import first_card
 from decoder.correlation import normxcorr
 from decoder.errors import PanelError
 from decoder.faces import bare_face
 from decoder.gauge import Gauge, Needle
-from decoder.gauge_grid import PICTURE_SPAN_DEG, gauge_grid, needle_places, row_of_angle, rows_in_sweep, turn_rows
+from decoder.gauge_grid import PICTURE_SPAN_DEG, needle_places, row_of_angle, rows_in_sweep, turn_rows
 from decoder.needle_layer import first_layer
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
 from decoder.panel_pictures import PanelPictures
@@ -41,21 +41,25 @@ def tuning_from_panel(source: PanelPictures) -> Tuning:
     """
     templates: dict[str, NeedleTemplate] = {}
     faces, cards = [], {}
+    source = source.with_planes()
     for index, gauge in enumerate(source.panel.gauges):
-        own, face = _gauge_tuning(source, gauge, f"gauges[{index}]")
+        grid = source.grid(index)
+        own, face = _gauge_tuning(source, gauge, grid, f"gauges[{index}]")
         templates |= own
         faces.append(face)
         if gauge.card is not None:
-            cards[gauge.card.name] = first_card(face, gauge_grid(gauge))
+            cards[gauge.card.name] = first_card(face, grid)
     return Tuning(templates, tuple(faces), IDENTITY, evenly_lit_score=FOUND_SCORE, cards=cards)
 
 
-def _gauge_tuning(source: PanelPictures, gauge: Gauge, path: str) -> tuple[dict[str, NeedleTemplate], Floats]:
-    grid = gauge_grid(gauge)
-    _check_inside(grid, source.picture, path)
-    strip = Unwrapper([grid]).unwrap(source.picture, IDENTITY)[0]
+def _gauge_tuning(
+    source: PanelPictures, gauge: Gauge, grid: PolarGrid, path: str
+) -> tuple[dict[str, NeedleTemplate], Floats]:
+    own = source.optics.own
+    _check_inside(grid, source.picture, own, path)
+    strip = Unwrapper([grid]).unwrap(source.picture, own)[0]
     pictures = {
-        needle.name: _template_picture(source, gauge, needle, f"{path}.needles[{index}].template")
+        needle.name: _template_picture(source, gauge, needle, grid, f"{path}.needles[{index}].template")
         for index, needle in enumerate(gauge.needles)
     }
     plain = np.median(strip, axis=0)
@@ -92,9 +96,9 @@ def _row_in_panel_picture(gauge: Gauge, needle: Needle, grid: PolarGrid, strip: 
     return float(scores.argmax()) if scores.max() >= FOUND_SCORE else None
 
 
-def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, path: str) -> Floats:
+def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, grid: PolarGrid, path: str) -> Floats:
     """The needle's picture, (H, C) float32, H odd, its axis in the middle row."""
-    grid, template = gauge_grid(gauge), needle.template
+    template = needle.template
     rows = odd_rows(template.span or PICTURE_SPAN_DEG, grid.step_deg)
     picture = source.picture if template.picture is None else source.pictures[template.picture]
     if template.at is None:
@@ -106,8 +110,9 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, path:
         if not any(start_deg - 45.0 <= template.at + turn <= end_deg + 45.0 for turn in (-360.0, 0.0, 360.0)):
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
-        _check_inside(window, picture, path)
-        pixels = Unwrapper([window]).unwrap(picture, IDENTITY)[0]
+        own = source.optics.own
+        _check_inside(window, picture, own, path)
+        pixels = Unwrapper([window]).unwrap(picture, own)[0]
     if float(pixels.std()) < MIN_CONTRAST_LEVELS:
         raise PanelError(
             path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"
@@ -115,7 +120,7 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, path:
     return pixels
 
 
-def _check_inside(grid: PolarGrid, picture: GreyPicture, path: str) -> None:
+def _check_inside(grid: PolarGrid, picture: GreyPicture, own: Alignment, path: str) -> None:
     height, width = picture.shape
-    if not inside(grid.rim(), IDENTITY, width, height):
+    if not inside(grid.rim(), own, width, height):
         raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")

@@ -14,6 +14,7 @@ import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
+from decoder.dial_plane import DialPlane
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap
 
@@ -37,7 +38,8 @@ class PolarGrid:
 
     Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
     picture pixels. With `tail_columns` as many columns stand before these: what lies opposite, across the centre, from
-    the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row.
+    the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row. With
+    a `plane` angles and radii are those of the dial seen square on; it tells where they lie in the panel picture.
     """
 
     centre: tuple[float, float]
@@ -48,6 +50,7 @@ class PolarGrid:
     column_px: float
     columns: int
     tail_columns: int = 0
+    plane: DialPlane | None = None
 
     @property
     def radii_px(self) -> Floats:
@@ -60,6 +63,9 @@ class PolarGrid:
         """(2, rows, columns) float32: x and y of every sample in the panel picture."""
         angles = np.radians(self.start_deg + self.step_deg * np.arange(self.rows))[:, None]
         radii = self.radii_px[None, :]
+        if self.plane is not None:
+            square_on = np.stack([np.cos(angles) * radii, np.sin(angles) * radii])
+            return self.plane.to_panel(square_on.reshape(2, -1)).reshape(square_on.shape).astype(np.float32)
         x = self.centre[0] + np.cos(angles) * radii
         y = self.centre[1] + np.sin(angles) * radii
         return np.stack([x, y]).astype(np.float32)
@@ -93,10 +99,11 @@ def polar_grid(
     end_deg: float,
     *,
     across: bool = False,
+    plane: DialPlane | None = None,
 ) -> PolarGrid:
     """The grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size.
 
-    With `across` it has what lies opposite as well.
+    With `across` it has what lies opposite as well. A dial that is not seen square on has a `plane`.
     """
     rows_per_deg = min(max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1]))), MAX_ROWS_PER_DEG)
     length_px = radius_px[1] - radius_px[0]
@@ -105,7 +112,7 @@ def polar_grid(
     tail_columns = columns if across else 0
     column_px = length_px / (columns - 1)
     return PolarGrid(
-        centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], column_px, columns + tail_columns, tail_columns
+        centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], column_px, columns + tail_columns, tail_columns, plane
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -12,8 +13,8 @@ import cv2
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from decoder.camera import CAMERA_FILE, parse_camera
-from decoder.errors import OutputError, PanelMissing
+from decoder.camera import CAMERA_FILE, Camera, parse_camera
+from decoder.errors import CameraError, OutputError, PanelMissing
 from decoder.flight_decoder import decode_flight
 from decoder.formats import Decoded
 from decoder.gauge_reader import Method
@@ -31,25 +32,29 @@ panel_option = click.option(
     "--panel", "panel_file", type=click.Path(path_type=Path), metavar="PANEL",
     help="A panel.yaml to read with, instead of the one the flight file carries.",
 )  # fmt: skip
+camera_option = click.option(
+    "--camera", "camera_file", type=click.Path(path_type=Path), metavar="CAMERA",
+    help="A camera.yaml of the camera that took the pictures, instead of the one the flight file carries.",
+)  # fmt: skip
 method_option = click.option(
     "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
     show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
 )  # fmt: skip
 
 
-def decoded_flight(flight: Flight, panel_file: Path | None, method: str) -> Decoded:
+def decoded_flight(flight: Flight, panel_file: Path | None, method: str, camera_file: Path | None = None) -> Decoded:
     """A flight with all that it was decoded with; progress shows on a terminal."""
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
     with threadpool_limits(1):
-        source = _panel(flight, panel_file)
-        camera = flight.attachments.get(CAMERA_FILE)
+        camera, camera_source = _camera(flight, camera_file)
+        source = replace(_panel(flight, panel_file), camera=camera)
         data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), progress("decode"))
         return Decoded(
             flight=flight,
             source=source,
-            camera=None if camera is None else parse_camera(camera, source=f"{CAMERA_FILE} in {flight.paths[0].name}"),
+            camera=camera,
             data=data,
-            provenance=_provenance(flight, source, panel_file, method),
+            provenance=_provenance(flight, source, panel_file, camera_source, method),
         )
 
 
@@ -90,14 +95,30 @@ def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
     return panel_from_attachments(flight.attachments, flight=flight.paths[0].name)
 
 
-def _provenance(flight: Flight, source: PanelPictures, panel_file: Path | None, method: str) -> Provenance:
-    camera = flight.attachments.get(CAMERA_FILE)
+def _camera(flight: Flight, camera_file: Path | None) -> tuple[Camera | None, SourceFile | None]:
+    """The camera that the command line names, or else the one that the flight carries."""
+    if camera_file is not None:
+        try:
+            text = camera_file.read_bytes()
+        except OSError as error:
+            raise CameraError("", f"cannot be read: {error.strerror}", source=str(camera_file)) from error
+        name, source = camera_file.name, str(camera_file)
+    elif CAMERA_FILE in flight.attachments:
+        text, name, source = flight.attachments[CAMERA_FILE], CAMERA_FILE, f"{CAMERA_FILE} in {flight.paths[0].name}"
+    else:
+        return None, None
+    return parse_camera(text, source=source), SourceFile(name, sha256(text).hexdigest())
+
+
+def _provenance(
+    flight: Flight, source: PanelPictures, panel_file: Path | None, camera: SourceFile | None, method: str
+) -> Provenance:
     return Provenance(
         recording=flight.recording,
         software=f"image-flight-recorder {version('image-flight-recorder')}",
         method=method,
         flight_files=tuple(SourceFile(path.name, digest) for path, digest in flight.sha256_of_files().items()),
         panel=SourceFile(panel_file.name if panel_file else PANEL_FILE, source.sha256),
-        camera=None if camera is None else SourceFile(CAMERA_FILE, sha256(camera).hexdigest()),
+        camera=camera,
         losses=tuple(f"{loss.path.name}: {loss.reason}" for loss in flight.losses),
     )

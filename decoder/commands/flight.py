@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from decoder.commands.decoding import (
+    camera_option,
     decoded_flight,
     flights_argument,
     method_option,
@@ -56,6 +57,7 @@ def _formats(_context: click.Context, _option: click.Parameter, value: str) -> t
     help="Where the flight data go; made if it is not there.  [default: the current folder]",
 )  # fmt: skip
 @panel_option
+@camera_option
 @method_option
 @click.option(
     "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
@@ -63,12 +65,13 @@ def _formats(_context: click.Context, _option: click.Parameter, value: str) -> t
 )  # fmt: skip
 @click.option("--with-images", is_flag=True, help="Put the pictures into NAME.mcap, too; needs --format mcap.")
 def command(
+    *,
     flights: tuple[Path, ...],
     directory: Path,
     panel_file: Path | None,
+    camera_file: Path | None,
     method: str,
     formats: tuple[str, ...],
-    *,
     with_images: bool,
 ) -> None:
     """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
@@ -81,7 +84,7 @@ def command(
     name = output_name(flight)
     files = [f"{name}.{FORMATS[each].suffix or each}" for each in formats] + [f"{name}.json"]
     refuse_overwriting(flight, [directory / file for file in files])
-    decoded = replace(decoded_flight(flight, panel_file, method), with_images=with_images)
+    decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
     writers = [*(FORMATS[each].write(decoded) for each in formats), description(decoded)]
     written = write_all(directory, dict(zip(files, writers, strict=True)))
     _report(decoded.data, decoded.provenance, written)

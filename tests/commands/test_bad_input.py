@@ -164,16 +164,16 @@ def test_damaged_jpeg_costs_its_own_frame(
     assert rows[3]["n1_pct"] == rows[3]["n1_pct_sigma"] == ""
 
 
-def test_picture_of_another_size_costs_its_own_frame(
+def test_picture_of_another_shape_costs_its_own_frame(
     run: Run, read_decoded: ReadDecoded, make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path
 ) -> None:
-    """A frame of another size in mid-flight is missing, with both sizes as the reason."""
+    """A frame of another shape in mid-flight is missing, with both sizes as the reason."""
     small = io.BytesIO()
-    Image.open(io.BytesIO(pictures[2])).resize((512, 384)).save(small, "JPEG")
+    Image.open(io.BytesIO(pictures[2])).resize((512, 300)).save(small, "JPEG")
     done = run("decode", make_flight([*pictures[:6], small.getvalue(), *pictures[6:9]]), "-o", tmp_path / "out")
 
     assert done.returncode == 0
-    assert "frame 6 missing: the picture is 512 x 384" in done.stderr
+    assert "frame 6 missing: the picture is 512 x 300" in done.stderr
     assert read_decoded(tmp_path / "out").rows[6]["n1_pct_status"] == "missing"
 
 
