@@ -149,13 +149,13 @@ def bent(places: NDArray[Any], lens: Lens) -> NDArray[Any]:
     square = x * x + y * y
     k1, k2, k3 = (np.float32(k) for k in lens.radial)
     gain = square * (k1 + square * (k2 + square * k3)) * focal
-    bent = np.asarray(places + normal * gain[..., None], np.float32)
+    there = np.asarray(places + normal * gain[..., None], np.float32)
     if any(lens.tangential):
         p1, p2 = (np.float32(p) * focal for p in lens.tangential)
         across = 2 * x * y
-        bent[..., 0] += p1 * across + p2 * (square + 2 * x * x)
-        bent[..., 1] += p1 * (square + 2 * y * y) + p2 * across
-    return bent
+        there[..., 0] += p1 * across + p2 * (square + 2 * x * x)
+        there[..., 1] += p1 * (square + 2 * y * y) + p2 * across
+    return there
 
 
 IDENTITY = Alignment.rigid(0.0, (0.0, 0.0), 1.0)
