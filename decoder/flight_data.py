@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.alignment import Alignment
+from decoder.alignment_series import AlignmentSeries
 from decoder.arrays import Floats
 from decoder.gauge import FULL_CIRCLE_DEG, Combination, Quantity
 from decoder.panel import Panel
@@ -84,7 +84,9 @@ class FlightData:
     moved_pivots_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
     alignments
-        N: where the panel lay in each frame, None in those that could not be read at all.
+        N: where the panel lay in each frame; empty if nobody kept it.
+    warnings
+        What the panel leaves wanting, a sentence each.
     """
 
     frame: NDArray[np.int64]
@@ -93,7 +95,8 @@ class FlightData:
     missing_frames: tuple[MissingFrame, ...]
     combinations: tuple[Combination, ...] = ()
     moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    alignments: tuple[Alignment | None, ...] = ()
+    alignments: AlignmentSeries = field(default_factory=AlignmentSeries)
+    warnings: tuple[str, ...] = ()
 
     @property
     def time_s(self) -> Floats:
@@ -123,23 +126,23 @@ class FlightDataBuilder:
         self._quantities = [quantity for gauge in panel.gauges for quantity in gauge.quantities]
         self._columns = {quantity.name: _Column() for quantity in self._quantities}
         self._missing: list[MissingFrame] = []
-        self._alignments: list[Alignment | None] = []
+        self._alignments = AlignmentSeries()
 
     def add(self, frame: int, time_ns: int, readings: FrameReadings) -> None:
         """One frame that was read."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
-        self._alignments.append(replace(readings.alignment, covariance=None))  # it is many times the size of the rest
+        self._alignments.add(readings.alignment, readings.alignment_sigma_px)
         for name, column in self._columns.items():
             reading = readings.readings[name]
             column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)
 
-    def add_missing(self, frame: int, time_ns: int, reason: str) -> None:
-        """One frame that could not be read at all."""
+    def add_missing(self, frame: int, time_ns: int, reason: str, failed: Sequence[str] = ()) -> None:
+        """One frame that could not be read at all; `failed` are the features of the panel that did not match."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
         self._missing.append(MissingFrame(frame, reason))
-        self._alignments.append(None)
+        self._alignments.add_missing(failed)
         for column in self._columns.values():
             column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
 
@@ -147,9 +150,7 @@ class FlightDataBuilder:
         """The flight data so far."""
         series = tuple(_series(quantity, self._columns[quantity.name], systematic_deg) for quantity in self._quantities)
         frame, time_ns = np.array(self._frame), np.array(self._time_ns)
-        return FlightData(
-            frame, time_ns, series, tuple(self._missing), self._combinations, alignments=tuple(self._alignments)
-        )
+        return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations, alignments=self._alignments)
 
 
 def _series(quantity: Quantity, column: _Column, systematic_deg: SystematicDeg) -> NeedleSeries:

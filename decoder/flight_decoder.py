@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
+from decoder.aligner import AlignmentLost
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.flight_fitting import fit_to_flight
@@ -46,13 +47,14 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
         try:
             readings = fitted.reader.read(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
         except PictureError as error:
-            builder.add_missing(frame.sequence, frame.captured_ns, str(error))
+            failed = error.failed if isinstance(error, AlignmentLost) else ()
+            builder.add_missing(frame.sequence, frame.captured_ns, str(error), failed)
             reasons[str(error)] += 1
         else:
             builder.add(frame.sequence, frame.captured_ns, readings)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
-    data = replace(builder.build(fitted.systematic_deg), moved_pivots_px=fitted.moved_px)
+    data = replace(builder.build(fitted.systematic_deg), moved_pivots_px=fitted.moved_px, warnings=reader.warnings)
     return fill_gaps(data)
 
 

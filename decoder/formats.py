@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 
+from decoder.alignment_output import write_alignment_csv
 from decoder.camera import Camera
 from decoder.csv_output import write_csv
 from decoder.flight_data import FlightData
@@ -100,6 +101,12 @@ def _layout(decoded: Decoded) -> Write:
 def description(decoded: Decoded) -> Write:
     """The writer of `NAME.json`, which goes with every other file."""
     return as_text(partial(write_json, decoded.data, decoded.provenance))
+
+
+def alignment(decoded: Decoded) -> Write:
+    """The writer of `NAME_alignment.csv`, which goes with `NAME.csv`."""
+    height, width = decoded.source.picture.shape
+    return as_text(partial(write_alignment_csv, decoded.data, (width, height)))
 
 
 FORMATS: dict[str, Format] = {

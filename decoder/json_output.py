@@ -53,6 +53,8 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "duration_s": round(float(data.time_s[-1]), 6) if len(data.frame) else 0.0,
         "needles": {series.quantity.name: _needle(series) for series in data.series},
         "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
+        "warnings": list(data.warnings),
+        "failed_anchors": data.alignments.failures(),
         "missing_frames": _missing_frames(data),
         "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],

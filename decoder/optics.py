@@ -54,6 +54,13 @@ class Optics:
             return None
         return self.camera.lens(self.focal_length_mm, self.size_px)
 
+    @property
+    def shortcoming(self) -> str | None:
+        """What cannot be made use of, as a sentence; None if nothing."""
+        if self.camera is not None and self.camera.distortion and self.focal_length_mm is None:
+            return "the lens's distortion is left in: give the panel picture's `focal_length_mm` in panel.yaml"
+        return None
+
     def frame_lens(self, focal_length_mm: float | None, size_px: Size) -> Lens | None:
         """Of a frame; one that does not tell its focal length has the panel picture's.
 

@@ -103,8 +103,7 @@ class PanelReader:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the panel leaves wanting, a sentence each."""
-        shortcoming = self.aligner.shortcoming
-        return () if shortcoming is None else (shortcoming,)
+        return tuple(filter(None, [self.aligner.shortcoming, self.source.optics.shortcoming]))
 
     def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
         """A frame aligned and unwrapped; `focal_length_mm` is its own, if it tells.

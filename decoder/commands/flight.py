@@ -18,7 +18,7 @@ from decoder.commands.decoding import (
     refuse_overwriting,
 )
 from decoder.flight_data import FlightData
-from decoder.formats import FORMATS, description
+from decoder.formats import FORMATS, alignment, description
 from decoder.json_output import Provenance
 from decoder.outliers import find_outliers
 from decoder.outputs import write_all
@@ -83,9 +83,11 @@ def command(
     flight = open_flight(flights)
     name = output_name(flight)
     files = [f"{name}.{FORMATS[each].suffix or each}" for each in formats] + [f"{name}.json"]
+    files += [f"{name}_alignment.csv"] if "csv" in formats else []
     refuse_overwriting(flight, [directory / file for file in files])
     decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
     writers = [*(FORMATS[each].write(decoded) for each in formats), description(decoded)]
+    writers += [alignment(decoded)] if "csv" in formats else []
     written = write_all(directory, dict(zip(files, writers, strict=True)))
     _report(decoded.data, decoded.provenance, written)
     if decoded.provenance.losses:
@@ -101,6 +103,8 @@ def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> No
         click.echo(f"... and {len(data.missing_frames) - MAX_LISTED} more; all are in the JSON file", err=True)
     for outlier in find_outliers(data)[:MAX_LISTED]:
         click.echo(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
+    for warning in data.warnings:
+        click.echo(f"warning: {warning}", err=True)
     for loss in provenance.losses:
         click.echo(f"lost: {loss}", err=True)
     click.echo("\n" + "\n".join(str(path) for path in written))

@@ -82,7 +82,7 @@ def make_flight(tmp_path: Path) -> MakeFlight:
 
 def decoded(folder: Path) -> Decoded:
     """The flight data in a folder that holds one set of them."""
-    (csv_file,) = folder.glob("*.csv")
+    (csv_file,) = (path for path in folder.glob("*.csv") if not path.stem.endswith("_alignment"))
     with csv_file.open(encoding="utf-8", newline="") as stream:
         return Decoded(list(csv.DictReader(stream)), csv_file, csv_file.with_suffix(".json"))
 

@@ -29,7 +29,11 @@ def test_flight_gives_flight_data_by_its_name(run: Run, read_decoded: ReadDecode
 
     assert (done.returncode, done.stderr) == (0, "")
     assert flight.csv_file.name == "thesis_a1.csv"
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["thesis_a1.csv", "thesis_a1.json"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "thesis_a1.csv",
+        "thesis_a1.json",
+        "thesis_a1_alignment.csv",
+    ]
     columns = ["frame", "time_utc", "time_s"]
     columns += [name + suffix for name in NEEDLES for suffix in ("", "_status", "_score", "_sigma")]
     assert list(flight.rows[0]) == columns
