@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.programs import FIXTURES, RENDERED, decode
-from decoder.accuracy import ALL_VALUED, NeedleAccuracy, Table, compare, read_table
+from decoder.accuracy import ALL_VALUED, NeedleAccuracy, compare
+from decoder.tables import Table, read_table
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 REALLY_COVERED = 0.8

@@ -13,8 +13,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.programs import FIXTURES, RENDERED
-from decoder.accuracy import compare, read_table
+from decoder.accuracy import compare
 from decoder.reading import Status
+from decoder.tables import read_table
 from decoder.text_table import text_table
 from fixtures.cockpit.flights import COMMITTED, FLIGHTS, make_flight
 

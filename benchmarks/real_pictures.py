@@ -17,11 +17,12 @@ from PIL import Image
 
 from benchmarks.angauge import values_by_needle
 from benchmarks.programs import decode
-from decoder.accuracy import CONFIDENCE_SIGMAS, Table, read_table
+from decoder.accuracy import CONFIDENCE_SIGMAS
 from decoder.arrays import Floats
 from decoder.gauge import Quantity
 from decoder.panel_pictures import panel_from_file
 from decoder.reading import Status
+from decoder.tables import Table, read_table
 from fixtures.recordings import record_flight
 
 PICTURES = Path(__file__).parents[2] / "shared" / "data"

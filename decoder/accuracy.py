@@ -8,11 +8,8 @@ than the frames is interpolated linearly, never extrapolated.
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -20,21 +17,10 @@ from decoder.arrays import Floats
 from decoder.errors import AccuracyError
 from decoder.reading import Status
 from decoder.scale import shortest
+from decoder.tables import Described, Table, flight_table
 
 ALL_VALUED = "all"
 CONFIDENCE_SIGMAS = 1.96  # 95 % of a normal distribution
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A CSV file by column; text as it stands."""
-
-    path: Path
-    columns: Mapping[str, tuple[str, ...]]
-
-    def numbers(self, column: str) -> Floats:
-        """A column as numbers, NaN where the field is empty or no number."""
-        return np.array([_number(field) for field in self.columns[column]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +44,6 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True)
-class _Described:
-    """What the flight data's own description says of a needle; `wraps` is what a full turn of it is worth."""
-
-    unit: str
-    full_scale: float | None
-    wraps: float | None
-
-
-@dataclass(frozen=True, slots=True)
 class NeedleAccuracy:
     """One needle's errors by status, with `all` for every frame that has a value."""
 
@@ -75,26 +52,6 @@ class NeedleAccuracy:
     full_scale: float | None
     frames_compared: int
     by_status: Mapping[str, Errors]
-
-
-def read_table(path: Path) -> Table:
-    """A CSV file.
-
-    Raises
-    ------
-    AccuracyError
-        If it cannot be read or has no rows.
-    """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise AccuracyError(f"{path}: cannot be read as CSV: {error}") from error
-    if not rows:
-        raise AccuracyError(f"{path}: has no rows to compare")
-    if any(len(row) != len(header) for row in rows):
-        raise AccuracyError(f"{path}: its rows are not all as long as its header")
-    return Table(path, dict(zip(header, zip(*rows, strict=True), strict=True)))
 
 
 def compare(flight: Table, truth: Table) -> list[NeedleAccuracy]:
@@ -107,16 +64,11 @@ def compare(flight: Table, truth: Table) -> list[NeedleAccuracy]:
     AccuracyError
         If the tables share no needle or no row.
     """
-    needles = [name for name in flight.columns if f"{name}_status" in flight.columns]
-    if not needles:
-        raise AccuracyError(f"{flight.path}: is no flight data; give the CSV that `decode` wrote")
-    shared = [name for name in needles if name in truth.columns]
+    described = flight_table(flight)
+    shared = [name for name in described.needles if name in truth.columns]
     if not shared:
-        raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(needles)} as a column")
-    described = _described(flight.path)
-    results = [
-        _needle_accuracy(name, flight, truth, described.get(name, _Described("", None, None))) for name in shared
-    ]
+        raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(described.needles)} as a column")
+    results = [_needle_accuracy(name, flight, truth, described.described(name)) for name in shared]
     if not any(result.frames_compared for result in results):
         raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.path}")
     return results
@@ -139,7 +91,7 @@ def _truth_at(flight: Table, truth: Table, name: str, wraps: float | None) -> Fl
     return np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
 
 
-def _needle_accuracy(name: str, flight: Table, true: Table, described: _Described) -> NeedleAccuracy:
+def _needle_accuracy(name: str, flight: Table, true: Table, described: Described) -> NeedleAccuracy:
     truth = _truth_at(flight, true, name, described.wraps)
     value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
     status = np.array(flight.columns[f"{name}_status"])
@@ -177,22 +129,3 @@ def _errors(error: Floats, truth: Floats, sigma: Floats, full_scale: float | Non
         max_abs_pct_fs=None if of_scale is None else float(np.abs(of_scale).max()),
         within_95=float((np.abs(error) <= CONFIDENCE_SIGMAS * sigma).mean()),
     )
-
-
-def _described(flight_csv: Path) -> dict[str, _Described]:
-    """What is known of each needle, from the JSON beside the flight data; empty where there is none."""
-    try:
-        described = json.loads(flight_csv.with_suffix(".json").read_text(encoding="utf-8"))
-        return {
-            name: _Described(needle["unit"], needle["scale_max"] - needle["scale_min"], needle.get("wraps"))
-            for name, needle in described["needles"].items()
-        }
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
-
-
-def _number(field: str) -> float:
-    try:
-        return float(field)
-    except ValueError:
-        return float("nan")

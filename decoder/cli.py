@@ -17,6 +17,7 @@ COMMANDS = {
     "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
     "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
     "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
+    "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
 }
 DEFAULT_COMMAND = "flight"
@@ -27,6 +28,7 @@ Examples:
   decode flight.mcap
   decode flight_0000.mcap flight_0001.mcap -o results --panel panel.yaml
   decode frames flight.mcap -o pictures --flagged
+  decode export results/flight.csv -o flight.parquet
   decode accuracy results/flight.csv truth.csv
 """
 

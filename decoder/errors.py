@@ -5,14 +5,17 @@ DecoderError                  the decode cannot give what was asked for; one sen
 │   ├── PanelError            the panel's description is wrong or does not fit its picture
 │   │   └── PanelMissing      neither the flight file nor the command line brings a panel
 │   ├── MeasurementsError     the list of a ruler's photographs is wrong
-│   └── CameraError           the camera's description is wrong or does not fit a picture
+│   ├── CameraError           the camera's description is wrong or does not fit a picture
+│   └── MappingError          a file of names and units is wrong
 ├── PictureError              one picture cannot be used; the frame is `missing`, the flight goes on
 ├── FlightUnreadable          no frame of the flight can be read with this panel
 ├── CalibrationError          photographs, points or options from which no camera can be calibrated
 │   └── PoseError             no camera position follows from reference points
 │       └── DegeneratePoints  they lie on one line, or nearly
 ├── OutputError               the flight data cannot be written where they should go
-└── AccuracyError             flight data and truth cannot be compared
+├── UnitError                 a unit that is not known, or not of the kind of another
+└── TableError                a CSV file is not what it should be
+    └── AccuracyError         flight data and truth cannot be compared
 """
 
 from __future__ import annotations
@@ -50,6 +53,10 @@ class MeasurementsError(DescriptionError):
     """The list of a ruler's photographs is wrong."""
 
 
+class MappingError(DescriptionError):
+    """A file that maps names and units is wrong."""
+
+
 class PanelMissing(PanelError):
     """Neither the flight file nor the command line brings a panel."""
 
@@ -81,5 +88,13 @@ class OutputError(DecoderError):
     """The flight data cannot be written where they should go."""
 
 
-class AccuracyError(DecoderError):
+class UnitError(DecoderError):
+    """A unit that is not known, or not of the kind of another."""
+
+
+class TableError(DecoderError):
+    """A CSV file is not what it should be."""
+
+
+class AccuracyError(TableError):
     """Flight data and truth cannot be compared."""

@@ -75,7 +75,7 @@ def _csv(decoded: Decoded) -> Write:
 def _parquet(decoded: Decoded) -> Write:
     from decoder.parquet_output import write_parquet  # noqa: PLC0415 - half a second that only this format needs
 
-    return partial(write_parquet, decoded.data)
+    return partial(write_parquet, decoded.data, decoded.provenance)
 
 
 def _mcap(decoded: Decoded) -> Write:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from decoder.accuracy import Errors, NeedleAccuracy, compare, read_table
+from decoder.accuracy import Errors, NeedleAccuracy, compare
+from decoder.tables import read_table
 from decoder.text_table import text_table
 
 HEADER = ["needle", "status", "frames", "mean%", "signed%", "max%", "mean%FS", "max%FS", "mean", "max", "unit", "in95%"]

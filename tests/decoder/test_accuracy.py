@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from decoder.accuracy import NeedleAccuracy, Table, compare, read_table
-from decoder.errors import AccuracyError
+from decoder.accuracy import NeedleAccuracy, compare
+from decoder.errors import TableError
+from decoder.tables import Table, read_table
 
 TwoTables = Callable[..., list[NeedleAccuracy]]
 FLIGHT = {
@@ -194,7 +195,7 @@ def test_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes | None,
     path = tmp_path / "truth.csv"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(AccuracyError) as refused:
+    with pytest.raises(TableError) as refused:
         read_table(path)
 
     assert str(refused.value).startswith(f"{path}: ")
@@ -228,5 +229,5 @@ def test_tables_that_do_not_fit_are_refused(
     flight: Mapping[str, Sequence[object]], truth: Mapping[str, Sequence[object]], problem: str
 ) -> None:
     """Flight data and truth that cannot be compared say why."""
-    with pytest.raises(AccuracyError, match=problem):
+    with pytest.raises(TableError, match=problem):
         compare(table(flight), table(truth))

@@ -12,7 +12,9 @@ import yaml
 
 from camera_drivers.qx10.simulator.faults import FAULTS
 from decoder.camera import parse_camera
+from decoder.garmin_columns import BY_NAME
 from decoder.gauge import Gauge
+from decoder.name_mapping import read_mapping
 from decoder.panel import parse_panel
 from recorder.config import Qx10Settings, parse_config
 
@@ -70,6 +72,14 @@ def test_gauge_examples_are_gauges() -> None:
         assert Gauge.model_validate(yaml.safe_load(example)).name
 
 
+def test_name_mapping_is_one(tmp_path: Path) -> None:
+    """The mapping of names in docs/flight-data.md is one that `decode export` takes, for columns that there are."""
+    example, *_ = blocks(ROOT / "docs" / "flight-data.md", "yaml")
+    (tmp_path / "names.yaml").write_text(example, encoding="utf-8")
+
+    assert {mapped.name for mapped in read_mapping(tmp_path / "names.yaml").values()} <= set(BY_NAME)
+
+
 def test_camera_description_is_a_camera() -> None:
     """The camera in docs/calibration.md is one that the decoder takes."""
     example = blocks(ROOT / "docs" / "calibration.md", "yaml")[0]
@@ -84,6 +94,7 @@ def test_camera_description_is_a_camera() -> None:
         ["decode"],
         ["decode", "accuracy"],
         ["decode", "frames"],
+        ["decode", "export"],
         ["decode", "calibrate", "focal"],
         ["decode", "calibrate", "pose"],
     ],
