@@ -12,13 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.alignment import Alignment
+from decoder.dial_plane import DialPlane
 from decoder.flight_data import STATUSES, FlightData, NeedleSeries
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
 from decoder.gauge_grid import gauge_grid
-from decoder.panel import Panel
+from decoder.optics import Optics
+from decoder.panel_pictures import PanelPictures
+from decoder.plane_fit import carried
 from decoder.reading import Status
 from decoder.scale import Scale
-from decoder.unwrapping import PolarGrid, polar_grid
+from decoder.unwrapping import polar_grid
 
 Point = tuple[float, float]
 """(x, y) in a frame's pixels, pixel centres on whole numbers."""
@@ -77,12 +80,19 @@ class DrawnGauge:
 class ReadingPlaces:
     """Tells of each frame of a flight what to draw where."""
 
-    def __init__(self, panel: Panel, data: FlightData) -> None:
+    def __init__(self, source: PanelPictures, data: FlightData) -> None:
         self._data = data
-        by_gauge: dict[str, list[NeedleSeries]] = {gauge.name: [] for gauge in panel.gauges}
+        by_gauge: dict[str, list[NeedleSeries]] = {gauge.name: [] for gauge in source.panel.gauges}
         for series in data.series:
             by_gauge[series.quantity.gauge].append(series)
-        self._gauges = [_PlacedGauge(gauge, by_gauge[gauge.name], data) for gauge in panel.gauges]
+        placed = source.with_planes()
+        planes = placed.planes or (None,) * len(by_gauge)
+        self._gauges = [
+            _PlacedGauge(
+                *_around_pivot(gauge, plane, placed.optics, data.moved_pivots_px.get(gauge.name)), by_gauge[gauge.name]
+            )
+            for gauge, plane in zip(source.panel.gauges, planes, strict=True)
+        ]
 
     def frame(self, index: int) -> tuple[DrawnGauge, ...]:
         """The gauges of the frame at this place in the flight data; none where the panel was not found."""
@@ -93,13 +103,14 @@ class ReadingPlaces:
 class _PlacedGauge:
     """One gauge and what is read off it."""
 
-    def __init__(self, gauge: Gauge, series: list[NeedleSeries], data: FlightData) -> None:
+    def __init__(self, gauge: Gauge, plane: DialPlane | None, series: list[NeedleSeries]) -> None:
         self._name = gauge.name
-        moved_x, moved_y = data.moved_pivots_px.get(gauge.name, (0.0, 0.0))
-        own = gauge.model_copy(update={"centre": (gauge.centre[0] + moved_x, gauge.centre[1] + moved_y)})
-        self._pivot: Point = own.centre
-        self._grid = gauge_grid(own)
-        self._rim = _rim(own)
+        self._grid = gauge_grid(gauge, plane)
+        around = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG, plane=plane)
+        outer = around.points()[:, :: round(RIM_STEP_DEG / around.step_deg), -1]
+        self._rim = tuple((float(x), float(y)) for x, y in outer.T)
+        pivot = np.array(gauge.centre) if plane is None else plane.to_panel(np.zeros((2, 1)))[:, 0]
+        self._pivot: Point = (float(pivot[0]), float(pivot[1]))
         self._index_deg = {} if gauge.card is None else {gauge.card.name: gauge.card.index}
         self._scales = {
             one.quantity.name: Scale.of(one.quantity.marks, one.quantity.wraps)
@@ -143,11 +154,18 @@ class _PlacedGauge:
         return None if scale is None else float(scale.angles_of(np.array([value]))[0])
 
 
-def _rim(gauge: Gauge) -> tuple[Point, ...]:
-    """The outer perimeter, all the way round, in the panel picture."""
-    grid: PolarGrid = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG)
-    outer = grid.points()[:, :: round(RIM_STEP_DEG / grid.step_deg), -1]
-    return tuple((float(x), float(y)) for x, y in outer.T)
+def _around_pivot(
+    gauge: Gauge, plane: DialPlane | None, optics: Optics, moved_px: Point | None
+) -> tuple[Gauge, DialPlane | None]:
+    """A gauge and its plane around the pivot that was found; `moved_px` in the panel picture as taken."""
+    if moved_px is None:
+        return gauge, plane
+    centre = (gauge.centre[0] + moved_px[0], gauge.centre[1] + moved_px[1])
+    if plane is not None:
+        there = np.asarray(optics.straight(np.array(centre, np.float64)[:, None]), np.float64)
+        offset = carried(np.asarray(np.linalg.inv(plane.matrix), np.float64), there)[:, 0]
+        plane = plane.around((float(offset[0]), float(offset[1])))
+    return gauge.model_copy(update={"centre": centre}), plane
 
 
 def label_decimals(series: NeedleSeries) -> int:

@@ -88,7 +88,7 @@ def _mcap(decoded: Decoded) -> Write:
         focal_length_mm=decoded.source.panel.focal_length_mm,
         camera=decoded.camera,
     )
-    return partial(write_mcap, decoded.data, decoded.source.panel, decoded.provenance, pictures)
+    return partial(write_mcap, decoded.data, decoded.source, decoded.provenance, pictures)
 
 
 def _layout(decoded: Decoded) -> Write:

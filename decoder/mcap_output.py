@@ -33,7 +33,7 @@ from decoder.mcap_topics import (
     reading_message,
     topic_of,
 )
-from decoder.panel import Panel
+from decoder.panel_pictures import PanelPictures
 from flight_file import codec
 from flight_file.frame import Frame
 from flight_file.moments import storable
@@ -66,7 +66,9 @@ class Pictures:
     camera: Camera | None
 
 
-def write_mcap(data: FlightData, panel: Panel, provenance: Provenance, pictures: Pictures, stream: IO[bytes]) -> None:
+def write_mcap(
+    data: FlightData, source: PanelPictures, provenance: Provenance, pictures: Pictures, stream: IO[bytes]
+) -> None:
     """Writes flight data as MCAP: values and annotations of every frame, and its picture and its lens where known.
 
     Raises
@@ -74,7 +76,7 @@ def write_mcap(data: FlightData, panel: Panel, provenance: Provenance, pictures:
     OutputError
         If the flight file does not give the frames that it gave before.
     """
-    places, lenses = ReadingPlaces(panel, data), _Lenses(pictures)
+    places, lenses = ReadingPlaces(source, data), _Lenses(pictures)
     target = _Target(stream, data, provenance, pictures)
     frames = repeat(None, len(data.frame)) if pictures.frames is None else matched_frames(data, pictures.frames)
     for index, frame in enumerate(frames):

@@ -11,6 +11,7 @@ from typing import IO
 import click
 
 from decoder.commands.decoding import (
+    camera_option,
     decoded_flight,
     flights_argument,
     method_option,
@@ -59,6 +60,7 @@ Examples:
 )
 @click.option("--gauge", "gauge_names", multiple=True, metavar="GAUGE", help="Only this gauge, enlarged; repeatable.")
 @panel_option
+@camera_option
 @method_option
 def command(
     flights: tuple[Path, ...],
@@ -68,6 +70,7 @@ def command(
     gauge_names: tuple[str, ...],
     *,
     panel_file: Path | None,
+    camera_file: Path | None,
     method: str,
     wants_flagged: bool,
 ) -> None:
@@ -77,7 +80,7 @@ def command(
     """
     if (bool(at_s), wants_flagged, step is not None).count(True) > 1:
         raise click.UsageError("choose one of --at, --flagged and --every")
-    decoded = decoded_flight(open_flight(flights), panel_file, method)
+    decoded = decoded_flight(open_flight(flights), panel_file, method, camera_file)
     known = [gauge.name for gauge in decoded.source.panel.gauges]
     for name in gauge_names:
         if name not in known:
@@ -98,7 +101,7 @@ def _rows(data: FlightData, at_s: tuple[float, ...], step: int | None, *, wants_
 def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: Path) -> list[Path]:
     """Draws and writes one frame after the other; a frame whose picture is damaged is named and left out."""
     data, wanted = decoded.data, set(rows.tolist())
-    places = ReadingPlaces(decoded.source.panel, data)
+    places = ReadingPlaces(decoded.source, data)
     reasons = {missing.frame: missing.reason for missing in data.missing_frames}
     written: list[Path] = []
     for index, frame in enumerate(progress("draw")(matched_frames(data, decoded.flight.frames))):

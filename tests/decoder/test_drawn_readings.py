@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decoder.alignment import Alignment
+from decoder.alignment import IDENTITY, Alignment
 from decoder.drawn_readings import ReadingPlaces, value_text
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.gaps import fill_gaps
 from decoder.panel import Panel
+from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import FrameReadings, PanelReader
 from decoder.reading import Reading, Status
 
@@ -53,7 +54,7 @@ def test_needle_lies_on_the_drawn_needle(draw: Draw, reader: PanelReader) -> Non
     builder.add(0, 0, reader.read(frame))
     data = builder.build(lambda _, angles_deg: np.zeros_like(angles_deg))
 
-    gauges = ReadingPlaces(reader.source.panel, data).frame(0)
+    gauges = ReadingPlaces(reader.source, data).frame(0)
 
     drawn = {reading.name: reading for gauge in gauges for reading in gauge.readings}
     centres = {"speed_kt": SPEED_CENTRE, "al_lb": np.array([235.6, 108.3]), "fr_lb": np.array([235.6, 108.3])}
@@ -70,7 +71,7 @@ def test_rim_is_the_outer_perimeter(draw: Draw, reader: PanelReader) -> None:
         reader.source.panel, reader.read(draw({"speed_kt": 200.0})).readings, Alignment.pinned((0, 0), (5, 7), 3.0, 1.0)
     )
 
-    (speed, _) = ReadingPlaces(reader.source.panel, data).frame(0)
+    (speed, _) = ReadingPlaces(reader.source, data).frame(0)
 
     assert [math.dist(speed.pivot_px, point) for point in speed.rim_px] == pytest.approx([52.0] * 60, abs=1e-3)
     left, top, right, bottom = speed.box_px
@@ -81,13 +82,13 @@ def test_rim_is_the_outer_perimeter(draw: Draw, reader: PanelReader) -> None:
 def test_moved_pivot_moves_needle_and_rim(
     reading: Callable[..., Reading],
     fly: Callable[..., FlightData],
-    parse: Callable[[Any], Panel],
+    source_of: Callable[..., PanelPictures],
     document: dict[str, Any],
 ) -> None:
     """Where the decoder found the pivot elsewhere, the needle is drawn around that."""
     data = fly([{"speed_kt": reading(270.0)}])
     moved = replace(data, moved_pivots_px={"speed": (2.0, -1.0)})
-    panel = parse(document)
+    panel = source_of(document)
 
     (before, _), (after, _) = (ReadingPlaces(panel, each).frame(0) for each in (data, moved))
 
@@ -100,31 +101,31 @@ def test_moved_pivot_moves_needle_and_rim(
 def test_missing_value_has_no_needle(
     reading: Callable[..., Reading],
     fly: Callable[..., FlightData],
-    parse: Callable[[Any], Panel],
+    source_of: Callable[..., PanelPictures],
     document: dict[str, Any],
 ) -> None:
     """A needle that could not be read is named `missing` and not drawn; the others are."""
     data = fly([{"speed_kt": reading(270.0, Status.MISSING, 0.4)}])
 
-    (speed, fuel) = ReadingPlaces(parse(document), data).frame(0)
+    (speed, fuel) = ReadingPlaces(source_of(document), data).frame(0)
 
     assert (speed.readings[0].text, speed.readings[0].line_px) == ("missing", None)
     assert all(each.line_px is not None for each in fuel.readings)
 
 
 def test_frame_without_panel_has_no_gauges(
-    fly: Callable[..., FlightData], parse: Callable[[Any], Panel], document: dict[str, Any]
+    fly: Callable[..., FlightData], source_of: Callable[..., PanelPictures], document: dict[str, Any]
 ) -> None:
     """Where the panel was not found there is nothing to draw on."""
     data = fly(["knob not found", {}])
-    places = ReadingPlaces(parse(document), data)
+    places = ReadingPlaces(source_of(document), data)
 
     assert places.frame(0) == ()
     assert len(places.frame(1)) == 2
 
 
 def test_combined_value_has_a_label_but_no_needle(
-    reading: Callable[..., Reading], parse: Callable[[Any], Panel], document: dict[str, Any]
+    reading: Callable[..., Reading], source_of: Callable[..., PanelPictures], document: dict[str, Any]
 ) -> None:
     """What several pointers show together is written beside their gauge."""
     content = copy.deepcopy(document)
@@ -132,9 +133,9 @@ def test_combined_value_has_a_label_but_no_needle(
     gauge |= {"sweep": [0, 360], "unit": "ft", "scale": [[0, 0], [360, 1000]], "wraps": 1000}
     gauge["needles"][1] |= {"scale": [[0, 0], [360, 10000]], "wraps": 10000}
     gauge["combined"] = {"name": "altitude_ft", "needles": ["al_lb", "fr_lb"]}
-    panel = parse(content)
+    panel = source_of(content)
     readings = {"speed_kt": reading(200.0), "al_lb": reading(180.0), "fr_lb": reading(90.0)}
-    data = fill_gaps(built(panel, readings, Alignment.pinned((0, 0), (0, 0), 0.0, 1.0)))
+    data = fill_gaps(built(panel.panel, readings, Alignment.pinned((0, 0), (0, 0), 0.0, 1.0)))
 
     (_, altimeter) = ReadingPlaces(panel, data).frame(0)
 
@@ -149,3 +150,21 @@ def test_combined_value_has_a_label_but_no_needle(
 def test_value_is_written_with_its_unit(value: float, unit: str, text: str) -> None:
     """A value has its unit beside it, if it has one; no value is a word."""
     assert value_text(value, 2, unit) == text
+
+
+def test_needle_of_an_oblique_dial_follows_its_rim(
+    reading: Callable[..., Reading], source_of: Callable[..., PanelPictures], document: dict[str, Any]
+) -> None:
+    """A dial seen from the side is half as wide: its rim is that ellipse, and a needle half way is drawn shorter."""
+    x, y = SPEED_CENTRE
+    angles = np.radians(np.arange(0, 360, 30))
+    document["gauges"][0]["rim"] = [[float(x + 26 * np.cos(a)), float(y + 52 * np.sin(a))] for a in angles]
+    source = source_of(document)
+    shown = {"speed_kt": reading(270.0), "al_lb": reading(200.0), "fr_lb": reading(300.0)}
+    (speed, _) = ReadingPlaces(source, built(source.panel, shown, IDENTITY)).frame(0)
+
+    left, top, right, bottom = speed.box_px
+    assert (right - left) / (bottom - top) == pytest.approx(0.5, abs=0.03)
+    line = speed.readings[0].line_px
+    assert line is not None
+    assert line[1] == pytest.approx((x, top), abs=1.0)

@@ -17,7 +17,7 @@ from decoder.errors import OutputError
 from decoder.flight_data import FlightData
 from decoder.json_output import Provenance, SourceFile
 from decoder.mcap_output import Pictures, write_mcap
-from decoder.panel import Panel
+from decoder.panel_pictures import PanelPictures
 from decoder.reading import Reading, Status
 from decoder.status_colours import STATUS_COLOURS
 from flight_file.frame import ClockReading, Exif, Frame, HostTimes
@@ -36,9 +36,9 @@ START_NS = 1_525_435_200_000_000_000
 
 
 @pytest.fixture
-def panel(parse: Callable[[Any], Panel], document: dict[str, Any]) -> Panel:
+def panel(source_of: Callable[..., PanelPictures], document: dict[str, Any]) -> PanelPictures:
     """The drawn cockpit's panel."""
-    return parse(document)
+    return source_of(document)
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def pictures(frames: list[Frame], camera: Any = None) -> Pictures:  # noqa: ANN4
     return Pictures(lambda: iter(frames), (360, 220), None, camera)
 
 
-def written(data: FlightData, panel: Panel, pictures: Pictures = NO_PICTURES) -> bytes:
+def written(data: FlightData, panel: PanelPictures, pictures: Pictures = NO_PICTURES) -> bytes:
     """The file's bytes."""
     stream = io.BytesIO()
     write_mcap(data, panel, PROVENANCE, pictures, stream)
@@ -90,7 +90,7 @@ def messages(content: bytes, topic: str) -> Iterator[tuple[Any, Any, Any]]:
             yield schema, message, json.loads(message.data)
 
 
-def test_each_needle_is_a_topic_of_flat_json(data: FlightData, panel: Panel) -> None:
+def test_each_needle_is_a_topic_of_flat_json(data: FlightData, panel: PanelPictures) -> None:
     """Every message fits the schema in the file, has no nested values, and no number is a text."""
     jsonschema = pytest.importorskip("jsonschema")
     content = written(data, panel)
@@ -107,7 +107,7 @@ def test_each_needle_is_a_topic_of_flat_json(data: FlightData, panel: Panel) -> 
             assert {key for key, value in document.items() if isinstance(value, str)} == {"unit", "status"}
 
 
-def test_schema_has_plain_types_only(data: FlightData, panel: Panel) -> None:
+def test_schema_has_plain_types_only(data: FlightData, panel: PanelPictures) -> None:
     """Viewers know one type for each property, not lists of types."""
     schema, _, _ = next(messages(written(data, panel), "/speed_kt"))
 
@@ -115,7 +115,7 @@ def test_schema_has_plain_types_only(data: FlightData, panel: Panel) -> None:
     assert {one["type"] for one in properties.values()} == {"number", "integer", "string"}
 
 
-def test_times_are_capture_times(data: FlightData, panel: Panel) -> None:
+def test_times_are_capture_times(data: FlightData, panel: PanelPictures) -> None:
     """Log time and publish time of every message are when the frame was taken."""
     content = written(data, panel)
 
@@ -124,7 +124,7 @@ def test_times_are_capture_times(data: FlightData, panel: Panel) -> None:
         assert times == [(START_NS + step * 500_000_000,) * 2 for step in range(4)]
 
 
-def test_values_are_those_of_the_flight_data(data: FlightData, panel: Panel) -> None:
+def test_values_are_those_of_the_flight_data(data: FlightData, panel: PanelPictures) -> None:
     """Value, bounds and score are there where the flight data has them; 270 degrees show 400 kt, 345 show 700."""
     documents = [document for _, _, document in messages(written(data, panel), "/speed_kt")]
 
@@ -140,7 +140,7 @@ def test_values_are_those_of_the_flight_data(data: FlightData, panel: Panel) -> 
     )
 
 
-def test_what_is_not_known_is_left_out(data: FlightData, panel: Panel) -> None:
+def test_what_is_not_known_is_left_out(data: FlightData, panel: PanelPictures) -> None:
     """A missing value has a status and, if there was one, a score; no null, no NaN, no zero in its place."""
     documents = [document for _, _, document in messages(written(data, panel), "/speed_kt")]
 
@@ -148,7 +148,7 @@ def test_what_is_not_known_is_left_out(data: FlightData, panel: Panel) -> None:
     assert documents[2] == {"unit": "kt", "status": "missing", "quality": 0, "frame": 2}
 
 
-def test_annotations_draw_needles_and_values(data: FlightData, panel: Panel) -> None:
+def test_annotations_draw_needles_and_values(data: FlightData, panel: PanelPictures) -> None:
     """Needle, pivot and value lie half a pixel on, because Foxglove counts from the picture's corner."""
     (_, _, first), (_, _, second), (_, _, lost), _ = messages(written(data, panel), "/camera/annotations")
 
@@ -164,7 +164,7 @@ def test_annotations_draw_needles_and_values(data: FlightData, panel: Panel) -> 
     assert {annotation.timestamp.seconds for annotation in first.points} == {START_NS // 10**9}
 
 
-def test_colour_tells_the_status(data: FlightData, panel: Panel) -> None:
+def test_colour_tells_the_status(data: FlightData, panel: PanelPictures) -> None:
     """Needle and value have the colour of their status."""
     found = [decoded for _, _, decoded in messages(written(data, panel), "/camera/annotations")]
 
@@ -173,7 +173,7 @@ def test_colour_tells_the_status(data: FlightData, panel: Panel) -> None:
         assert (colour.r * 255, colour.g * 255, colour.b * 255) == pytest.approx(STATUS_COLOURS[status])
 
 
-def test_pictures_go_in_as_they_were_recorded(data: FlightData, panel: Panel) -> None:
+def test_pictures_go_in_as_they_were_recorded(data: FlightData, panel: PanelPictures) -> None:
     """With images each frame's JPEG stands at its capture time, byte for byte."""
     content = written(data, panel, pictures([frame(number) for number in range(4)]))
     found = list(messages(content, "/camera/image"))
@@ -185,7 +185,7 @@ def test_pictures_go_in_as_they_were_recorded(data: FlightData, panel: Panel) ->
     assert [message.log_time for _, message, _ in found] == data.time_ns.tolist()
 
 
-def test_frames_that_changed_meanwhile_are_an_error(data: FlightData, panel: Panel) -> None:
+def test_frames_that_changed_meanwhile_are_an_error(data: FlightData, panel: PanelPictures) -> None:
     """Pictures are never put beside another frame's values."""
     for frames in (
         [frame(0), frame(2)],
@@ -196,7 +196,7 @@ def test_frames_that_changed_meanwhile_are_an_error(data: FlightData, panel: Pan
             written(data, panel, pictures(frames))
 
 
-def test_lens_is_told_when_it_changes(data: FlightData, panel: Panel) -> None:
+def test_lens_is_told_when_it_changes(data: FlightData, panel: PanelPictures) -> None:
     """One calibration for each zoom in a row, with OpenCV's matrix and coefficients; none for a zoom not calibrated."""
     frames = [frame(0, 5.0), frame(1, 5.0), frame(2, 8.0), frame(3, 40.0)]
     found = list(messages(written(data, panel, pictures(frames, CAMERA)), "/camera/calibration"))
@@ -211,7 +211,7 @@ def test_lens_is_told_when_it_changes(data: FlightData, panel: Panel) -> None:
     assert (first.width, first.height, first.frame_id) == (360, 220, "camera")
 
 
-def test_file_says_where_it_comes_from(data: FlightData, panel: Panel) -> None:
+def test_file_says_where_it_comes_from(data: FlightData, panel: PanelPictures) -> None:
     """The profile, the hashes as metadata, and the whole description as an attachment."""
     reader = make_reader(io.BytesIO(written(data, panel)))
 
@@ -224,18 +224,18 @@ def test_file_says_where_it_comes_from(data: FlightData, panel: Panel) -> None:
     assert json.loads(attachment.data)["needles"]["speed_kt"]["unit"] == "kt"
 
 
-def test_same_flight_gives_the_same_bytes(data: FlightData, panel: Panel) -> None:
+def test_same_flight_gives_the_same_bytes(data: FlightData, panel: PanelPictures) -> None:
     """Nothing in the file depends on when or where it was written."""
     assert written(data, panel) == written(data, panel)
 
 
 def test_value_that_rounds_to_a_full_turn_is_the_lowest(
-    fly: Fly, reading: MakeReading, document: dict[str, Any], parse: Callable[[Any], Panel]
+    fly: Fly, reading: MakeReading, document: dict[str, Any], source_of: Callable[..., PanelPictures]
 ) -> None:
     """As in the CSV, a compass never shows 360."""
     document["gauges"][0] |= {"sweep": [0, 360], "scale": [[0, 0], [360, 360]], "wraps": 360}
     data = fly([{"speed_kt": reading(360.0 - 1e-9)}], content=document)
-    (_, _, shown), *_ = messages(written(data, parse(document)), "/speed_kt")
+    (_, _, shown), *_ = messages(written(data, source_of(document)), "/speed_kt")
 
     assert shown["value"] == 0.0
     assert math.isfinite(shown["low_95"])
