@@ -46,7 +46,7 @@ class Alignment:
     failed
         Names of the features that it does not rest on, because they did not match.
     lens
-        The frame's lens, where it distorts.
+        The frame's, where it is known.
     covariance
         How uncertain it is, where that is known.
     """
@@ -61,7 +61,7 @@ class Alignment:
     def of(cls, matrix: Floats, score: float, *, lens: Lens | None = None) -> Self:
         """The alignment with this (3, 3) matrix."""
         scaled = matrix / matrix[2, 2]
-        return cls(tuple(scaled.ravel().tolist()), score, lens=lens if lens is not None and lens.distorts else None)
+        return cls(tuple(scaled.ravel().tolist()), score, lens=lens)
 
     @classmethod
     def rigid(cls, roll_deg: float, offset_px: Point, score: float) -> Self:
@@ -103,7 +103,7 @@ class Alignment:
         """Where a point of the panel picture lies in the frame, (x, y) px."""
         x, y, depth = self.matrix @ (*point_px, 1.0)
         place = np.array([[x / depth], [y / depth]])
-        if self.lens is not None:
+        if self.lens is not None and self.lens.distorts:
             place = self.lens.distorted(place)
         return float(place[0, 0]), float(place[1, 0])
 
@@ -120,7 +120,7 @@ class Alignment:
         (R, C, 2) float32
         """
         matrix = self.matrix
-        if self.lens is not None:
+        if self.lens is not None and self.lens.distorts:
             places = bent(_carried(points, matrix), self.lens)
             places -= np.array(origin, np.float32)
             return places

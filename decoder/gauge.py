@@ -166,6 +166,7 @@ class Gauge(Strict):
     centre: Point
     radius: tuple[Positive, Positive]
     rim: tuple[Point, ...] | None = None
+    needle_height_inches: Annotated[float, Field(ge=0, le=2)] = 0.0
     sweep: tuple[Number, Number]
     stops: tuple[Number, Number] | None = None
     tail: bool = False

@@ -98,6 +98,7 @@ class MotionCovariance:
 
     def sigma_px(self, points: Floats) -> Floats:
         """(N,): one number for each of (2, N) points, the root mean square of the uncertainty along x and y."""
-        covariance = self.at(points)
-        sigma: Floats = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
+        jacobian = self.axes.jacobian(points, self.model)
+        variance = ((jacobian @ self.covariance) * jacobian).sum(axis=(0, 2)) / 2
+        sigma: Floats = np.sqrt(np.maximum(variance, 0.0))
         return sigma

@@ -13,6 +13,7 @@ from decoder.errors import PanelError, PictureError
 from decoder.gauge_grid import gauge_grid
 from decoder.optics import Optics
 from decoder.panel import Panel, parse_panel
+from decoder.parallax import Raised
 from decoder.pictures import GreyPicture, grey_picture
 from decoder.unwrapping import PolarGrid
 
@@ -69,8 +70,26 @@ class PanelPictures:
 
     def grid(self, index: int) -> PolarGrid:
         """The sample points of the gauge at this place in the panel."""
-        planes = self.with_planes().planes
-        return gauge_grid(self.panel.gauges[index], None if planes is None else planes[index])
+        planes, gauge = self.with_planes().planes, self.panel.gauges[index]
+        grid = gauge_grid(gauge, None if planes is None else planes[index])
+        return replace(grid, raised=self._raised(index)) if gauge.needle_height_inches else grid
+
+    def _raised(self, index: int) -> Raised:
+        """The plane in which a gauge's needles turn, above its face."""
+        optics = self.optics
+        inches = inches_to_picture(self.panel, optics)
+        lacking = {
+            "four `reference_points`": inches is None,
+            "`focal_length_mm`": optics.focal_length_mm is None,
+            "a camera.yaml": optics.camera is None,
+        }
+        if inches is None or optics.lens is None:
+            missing = " and ".join(what for what, is_lacking in lacking.items() if is_lacking)
+            raise PanelError(
+                f"gauges[{index}].needle_height_inches", f"tells nothing without the camera's position: give {missing}"
+            )
+        height_inches = self.panel.gauges[index].needle_height_inches
+        return Raised(height_inches, tuple((inches / inches[2, 2]).ravel().tolist()))
 
 
 def panel_from_file(path: Path) -> PanelPictures:

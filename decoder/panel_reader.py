@@ -60,7 +60,8 @@ class PanelReader:
         self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
         self.aligner = Aligner(source.panel, source.picture, tuning.usual, optics)
         self._unwrapper = Unwrapper(self.grids)
-        self._centres = optics.straight(np.array([gauge.centre for gauge in source.panel.gauges]).T)
+        centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
+        self._centres = np.vstack([optics.straight(centres), np.ones(centres.shape[1])])
         self._rims = [grid.rim() for grid in self.grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
         self._gauges = [
@@ -143,6 +144,7 @@ class PanelReader:
         """For each gauge, by how much its centre may be off, in the panel picture's pixels."""
         if alignment.covariance is None:
             return (0.0,) * len(self.grids)
-        there = np.array([alignment.to_frame((float(x), float(y))) for x, y in self._centres.T]).T
+        there = alignment.matrix @ self._centres
+        there = there[:2] / there[2]
         scale = alignment.motion_at((float(self._centres[0, 0]), float(self._centres[1, 0]))).scale
         return tuple((alignment.covariance.sigma_px(there) / scale).tolist())

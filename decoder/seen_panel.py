@@ -129,7 +129,7 @@ class SeenPanel:
 
     @property
     def _is_as_drawn(self) -> bool:
-        return self.start.lens is None and bool((self.usual == np.eye(3)).all())
+        return not (self.start.lens is not None and self.start.lens.distorts) and bool((self.usual == np.eye(3)).all())
 
     def _scale(self, picture: GreyPicture) -> float:
         height, width = picture.shape

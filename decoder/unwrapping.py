@@ -15,6 +15,7 @@ import numpy as np
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
+from decoder.parallax import Raised
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap
 
@@ -39,7 +40,8 @@ class PolarGrid:
     Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
     picture pixels. With `tail_columns` as many columns stand before these: what lies opposite, across the centre, from
     the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row. With
-    a `plane` angles and radii are those of the dial seen square on; it tells where they lie in the panel picture.
+    a `plane` angles and radii are those of the dial seen square on; it tells where they lie in the panel picture. What
+    is `raised` above the panel is looked up where the camera sees it.
     """
 
     centre: tuple[float, float]
@@ -51,6 +53,7 @@ class PolarGrid:
     columns: int
     tail_columns: int = 0
     plane: DialPlane | None = None
+    raised: Raised | None = None
 
     @property
     def radii_px(self) -> Floats:
@@ -121,17 +124,36 @@ class Unwrapper:
 
     def __init__(self, grids: Sequence[PolarGrid]) -> None:
         self.grids = tuple(grids)
-        self._map = PointMap.of([grid.points().reshape(2, -1) for grid in self.grids])
+        flat = [grid for grid in self.grids if grid.raised is None]
+        self._map = PointMap.of([grid.points().reshape(2, -1) for grid in flat]) if flat else None
+        self._raised = {
+            index: (grid.raised, PointMap.of([grid.points().reshape(2, -1)]))
+            for index, grid in enumerate(self.grids)
+            if grid.raised is not None
+        }
 
     def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
         """One (rows, columns) float32 array for each grid, in their order.
 
         Samples outside the frame repeat its border; `inside` tells whether there are any.
         """
+        parts = iter(self._flat_parts(frame, alignment))
+        unwrapped = []
+        for index, grid in enumerate(self.grids):
+            if index in self._raised:
+                raised, points = self._raised[index]
+                part = points.sample(frame, alignment.after(raised.seen_in(alignment)))
+            else:
+                part = next(parts)
+            unwrapped.append(part.reshape(grid.rows, grid.columns))
+        return unwrapped
+
+    def _flat_parts(self, frame: GreyPicture, alignment: Alignment) -> list[Floats]:
+        """The samples of the grids that lie in the panel's own plane."""
+        if self._map is None:
+            return []
         flat = self._map.sample(frame, alignment)
-        return [
-            flat[part].reshape(grid.rows, grid.columns) for part, grid in zip(self._map.slices, self.grids, strict=True)
-        ]
+        return [flat[part] for part in self._map.slices]
 
 
 def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:

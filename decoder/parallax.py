@@ -1,0 +1,61 @@
+"""Parallax: a needle turns above its dial's face, so a camera that is not square on sees it displaced over the scale.
+
+The needle's plane seen from the camera is the face's plane enlarged about the camera's foot, by its distance over its
+distance from the needle. Where the camera stands follows in each frame from where the panel lies in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.alignment import Alignment
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Raised:
+    """A plane above the panel's.
+
+    Attributes
+    ----------
+    height_inches
+        Towards the camera.
+    inches
+        The nine elements of the matrix that carries inches on the panel to its picture, without distortion.
+    """
+
+    height_inches: float
+    inches: tuple[float, ...]
+
+    def seen_in(self, alignment: Alignment) -> Matrix:
+        """(3, 3), on the panel picture: from a point's foot on the panel to where the camera sees the raised point.
+
+        `alignment` must know the frame's lens.
+        """
+        if alignment.lens is None:
+            return np.eye(3)
+        inches = np.array(self.inches).reshape(3, 3)
+        x, y, distance = camera_over_panel(np.linalg.inv(alignment.lens.matrix) @ alignment.matrix @ inches)
+        enlarged = distance / (distance - self.height_inches)
+        about = np.array([[enlarged, 0, x * (1 - enlarged)], [0, enlarged, y * (1 - enlarged)], [0, 0, 1.0]])
+        return np.asarray(inches @ about @ np.linalg.inv(inches))
+
+
+def camera_over_panel(normalised: Matrix) -> tuple[float, float, float]:
+    """The camera's foot on a plane, and its distance from it, in the plane's units.
+
+    Parameters
+    ----------
+    normalised : (3, 3) from the plane to normalised coordinates of the camera
+    """
+    size = np.sqrt(np.linalg.norm(normalised[:, 0]) * np.linalg.norm(normalised[:, 1]))
+    columns = normalised / size
+    left, _, right = np.linalg.svd(columns[:, :2], full_matrices=False)
+    axes = left @ right  # the nearest two that are square to each other
+    rotation = np.column_stack([axes, np.cross(axes[:, 0], axes[:, 1])])
+    x, y, z = -rotation.T @ columns[:, 2]
+    return float(x), float(y), abs(float(z))
