@@ -24,11 +24,13 @@ PLACES = np.array([[-2.0, 0.0, 3.0], [1.0, -1.5, 2.0], [1.0, 1.0, 1.0]])
 
 
 @settings(derandomize=True, max_examples=50)
-@given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES, x=st.floats(-8, 8), y=st.floats(-8, 8), y_up=st.booleans())
-def test_camera_is_found_over_the_panel(**where: Any) -> None:
+@given(attitude=st.tuples(ANGLES, ANGLES, ANGLES), x=st.floats(-8, 8), y=st.floats(-8, 8), y_up=st.booleans())
+def test_camera_is_found_over_the_panel(
+    attitude: tuple[float, float, float], x: float, y: float, *, y_up: bool
+) -> None:
     """Foot and distance come back from the plane's homography, whichever way y is counted."""
-    position = (where["x"], where["y"], 14.0)
-    pose = pose_at(position, (where["roll"], where["pitch"], where["yaw"]), y_up=where["y_up"])
+    position = (x, y, 14.0)
+    pose = pose_at(position, attitude, y_up=y_up)
     found = camera_over_panel(np.linalg.inv(LENS.matrix) @ pose.homography(LENS))
 
     assert found == pytest.approx(position, abs=1e-6)
