@@ -37,6 +37,8 @@ UNMISTAKABLE_SCORE = 0.9
 # A rolled or slightly blurred anchor still scores this much before the roll is known; what the alignment rests on in
 # the end is held to the same 0.8 as the needles.
 MIN_FIRST_SCORE = 0.5
+# Nor does one that is not held in place by others, but counts only with them.
+MIN_HIT_SCORE = 0.6
 # In the whole frame anchors are looked for upright, then turned: at four degrees off one still matches.
 TURNS_DEG = (-5.0, 5.0)
 # Where a common shift, roll and scale leave an anchor in another perspective.
@@ -99,6 +101,19 @@ class Aligner:
         height, width = frame.shape
         return _Search(self._seen_at(focal_length_mm, (width, height)), frame).alignment()
 
+    def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """The same for a panel that is no plane: where its features disagree, what most anchors agree on roughly.
+
+        Raises
+        ------
+        AlignmentLost, PictureError
+            As `align`.
+        """
+        height, width = frame.shape
+        search = _Search(self._seen_at(focal_length_mm, (width, height)), frame)
+        rough = search.rough_alignment()
+        return search.alignment() if rough is None else rough
+
     def _seen_at(self, focal_length_mm: float | None, size_px: tuple[int, int]) -> SeenPanel:
         key = (focal_length_mm, *size_px)
         if key not in self._seen:
@@ -133,6 +148,18 @@ class _Search:
             self._check(self._seen.start, self._scores(self._seen.start))
             raise AlignmentLost("the panel's features do not settle on one place")
         raise min(losses, key=lambda loss: len(loss.failed))  # the first of those that came nearest
+
+    def rough_alignment(self) -> Alignment | None:
+        """What most anchors agree on, each found by itself; None if fewer than two are found well."""
+        finders = self._seen.finders
+        hits = [[hit for hit in finder.anywhere(self._frame) if hit.score >= MIN_HIT_SCORE] for finder in finders]
+        for agreement in agreements([finder.centre_px for finder in finders], hits):
+            failed = tuple(
+                anchor.name for index, anchor in enumerate(self._seen.anchors) if index not in agreement.hits
+            )
+            score = min(hit.score for hit in agreement.hits.values())
+            return replace(self._moved(agreement.motion).after(self._seen.usual), score=score, failed=failed)
+        return None
 
     def _guesses(self) -> Iterator[Alignment]:
         """First guesses, from the likeliest to the most laborious; not more than a few."""

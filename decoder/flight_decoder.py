@@ -11,7 +11,6 @@ from decoder.aligner import AlignmentLost
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.flight_fitting import fit_to_flight
-from decoder.flight_tuning import SAMPLE_FRAMES
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
 from decoder.pictures import FramePicture, grey_picture
@@ -58,8 +57,8 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     return fill_gaps(data)
 
 
-def _sample(flight: Flight) -> Iterator[FramePicture]:
-    for frame in flight.sample_frames(SAMPLE_FRAMES):
+def _sample(flight: Flight, frames: int) -> Iterator[FramePicture]:
+    for frame in flight.sample_frames(frames):
         try:
             yield FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
         except PictureError:

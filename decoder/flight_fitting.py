@@ -11,22 +11,38 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from decoder.alignment import Alignment
+from decoder.alignment import Alignment, Matrix
 from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
-from decoder.flight_tuning import tune_on, unwrapped
+from decoder.errors import PictureError
+from decoder.first_sight import FirstSight
+from decoder.flight_tuning import SAMPLE_FRAMES, tune_on, unwrapped
 from decoder.gauge import Gauge
 from decoder.panel_reader import PanelReader, UnwrappedFrame
+from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
+from decoder.tuning import Tuning
 
 # A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
 PANEL_PRECISION_PX = 0.1
 ROUNDS = 4
+# With so many of the sampled frames found there is no need to look for the camera elsewhere.
+MIN_FOUND = 8
+SIGHTS = 3
+# While the camera moves needles tell less of their pivots.
+MORE_FRAMES = 3 * SAMPLE_FRAMES
+SETTLED_LIFT = 0.01
+# A camera that moves by less than this at the panel picture's corners shows no depth.
+STILL_PX = 6.0
+LOOKED_AT = 6
+# Dials that lie this near to where the anchors have them are where they should be.
+IN_PLACE_PX = 0.3
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
 
-Sample = Callable[[], Iterable[GreyPicture | FramePicture]]
+Sample = Callable[[int], Iterable[GreyPicture | FramePicture]]
+"""Gives so many frames, spread over the flight; the same ones each time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +80,24 @@ class FittedReader:
 
 
 def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
-    """The reader fitted to the flight of which `sample` gives some frames, the same each time it is called."""
+    """The reader fitted to the flight of which `sample` gives some frames."""
     drawn = reader.source.panel.gauges
+    samples = unwrapped(reader, sample(SAMPLE_FRAMES))
+    usual = None if len(samples) >= MIN_FOUND else _first_sight(reader, sample, len(samples))
+    if usual is not None:
+        reader = reader.tuned(replace(reader.tuning, usual=usual))
+        samples = unwrapped(reader, sample(SAMPLE_FRAMES))
+    if _camera_moves(reader, samples):
+        one_by_one = reader.tuned(replace(reader.tuning, dials_move=True))
+        if _dials_move(one_by_one, sample):
+            reader = one_by_one
+            samples = unwrapped(reader, sample(MORE_FRAMES))
     for _ in range(ROUNDS):
-        samples = unwrapped(reader, sample())
         tuned = tune_on(reader, samples)
         pivots = _pivots(tuned, samples)
         gauges = _moved(tuned, drawn, pivots)
-        if gauges == reader.source.panel.gauges:
+        lifts = _lifts(reader.tuning, pivots)
+        if gauges == reader.source.panel.gauges and lifts == reader.tuning.lifts:
             break
         planes = tuple(
             plane if plane is None or gauge == before else plane.around(pivot.offset_px)
@@ -80,7 +106,18 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             )
         )
         panel = reader.source.panel.model_copy(update={"gauges": gauges})
-        reader = PanelReader.from_panel(replace(reader.source, panel=panel, planes=planes), reader.method)
+        source = replace(reader.source, panel=panel, planes=planes)
+        reader = PanelReader(
+            source,
+            reader.method,
+            replace(
+                tuning_from_panel(source),
+                usual=tuned.tuning.usual,
+                dials_move=reader.tuning.dials_move,
+                lifts=lifts,
+            ),
+        )
+        samples = unwrapped(reader, sample(MORE_FRAMES if reader.tuning.dials_move else SAMPLE_FRAMES))
     now = tuned.source.panel.gauges
     moved = {
         gauge.name: (gauge.centre[0] - before.centre[0], gauge.centre[1] - before.centre[1])
@@ -88,6 +125,50 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         if gauge.centre != before.centre
     }
     return FittedReader(tuned, pivots, moved)
+
+
+def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
+    """Whether the camera stands so far from where the panel picture was taken that depth may show."""
+    height, width = reader.source.picture.shape
+    corners = [(x, y) for x in (0.0, float(width)) for y in (0.0, float(height))]
+    shifts_px = [math.dist(corner, sample.alignment.to_frame(corner)) for sample in samples for corner in corners]
+    return max(shifts_px, default=0.0) > STILL_PX
+
+
+def _dials_move(reader: PanelReader, sample: Sample) -> bool:
+    """Whether dials lie elsewhere than the anchors have them, in some of the sampled frames."""
+    shifts_px: list[float] = []
+    frames = 0
+    for frame in sample(SAMPLE_FRAMES):
+        taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
+        try:
+            shifts = reader.dial_shifts_px(taken.pixels, taken.focal_length_mm)
+        except PictureError:
+            continue
+        shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
+        frames += 1
+        if frames == LOOKED_AT:
+            break
+    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
+
+
+def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
+    """Where the camera stands, by the first frames that first sight makes out; None where it makes out too few."""
+    optics, sight = reader.aligner.optics, FirstSight(reader.source.picture)
+    seen: list[Matrix] = []
+    frames = 0
+    for frame in sample(SAMPLE_FRAMES):
+        taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
+        frames += 1
+        motion = sight.find(taken.pixels) if len(seen) < SIGHTS else None
+        if motion is not None:
+            height, width = taken.pixels.shape
+            at_panels_zoom = np.linalg.inv(optics.zoom(taken.focal_length_mm, (width, height))) @ motion
+            seen.append(at_panels_zoom / at_panels_zoom[2, 2])
+    if 2 * found >= frames or not seen:
+        return None
+    apart = [sum(float(np.abs(one - other)[:2, 2].sum()) for other in seen) for one in seen]
+    return Alignment.of(seen[int(np.argmin(apart))], 1.0)
 
 
 def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Pivot, ...]:
@@ -98,7 +179,10 @@ def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Piv
             grid,
             face,
             reader.tuning.templates,
-            [(sample.gauges[index], readings) for sample, readings in zip(samples, found, strict=True)],
+            [
+                (sample.gauges[index], readings, sample.dial_shifts_px[index] if sample.dial_shifts_px else (0.0, 0.0))
+                for sample, readings in zip(samples, found, strict=True)
+            ],
         )
         for index, (gauge, grid, face) in enumerate(
             zip(reader.source.panel.gauges, reader.grids, reader.tuning.faces, strict=True)
@@ -108,6 +192,15 @@ def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Piv
 
 def _planes(reader: PanelReader) -> Sequence[DialPlane | None]:
     return reader.source.planes or (None,) * len(reader.grids)
+
+
+def _lifts(tuning: Tuning, pivots: Sequence[Pivot]) -> tuple[float, ...]:
+    """How far needles go beyond their dials, with what was found to be missing; none where dials do not move."""
+    if not tuning.dials_move:
+        return ()
+    so_far = tuning.lifts or (0.0,) * len(pivots)
+    missing = [pivot.lift if abs(pivot.lift) > SETTLED_LIFT else 0.0 for pivot in pivots]
+    return tuple(lift + more for lift, more in zip(so_far, missing, strict=True))
 
 
 def _moved(reader: PanelReader, drawn: Sequence[Gauge], pivots: Sequence[Pivot]) -> tuple[Gauge, ...]:

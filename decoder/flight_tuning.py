@@ -9,6 +9,7 @@ the face behind it, so marks and numerals no longer pull at it. Searches start w
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +28,6 @@ from decoder.panel_tuning import face_behind
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
-from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
 SAMPLE_FRAMES = 16
@@ -75,7 +75,16 @@ def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelRead
         faces = [tuner.face(found, templates) for tuner in tuners]
         for tuner, face in zip(tuners, faces, strict=True):
             templates |= tuner.templates(found, templates, face)
-        reader = reader.tuned(Tuning(templates, tuple(faces), usual, EVENLY_LIT_SCORE, cards))
+        reader = reader.tuned(
+            replace(
+                reader.tuning,
+                templates=templates,
+                faces=tuple(faces),
+                usual=usual,
+                evenly_lit_score=EVENLY_LIT_SCORE,
+                cards=cards,
+            )
+        )
     return reader
 
 

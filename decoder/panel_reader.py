@@ -9,8 +9,9 @@ from typing import Self
 import numpy as np
 
 from decoder.aligner import Aligner
-from decoder.alignment import Alignment
+from decoder.alignment import Alignment, Matrix, Point
 from decoder.card_reader import CardReader
+from decoder.gauge_places import GaugePlacer, place_all
 from decoder.gauge_reader import GaugeReader, Method
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
@@ -27,6 +28,7 @@ class UnwrappedFrame:
     """One frame's alignment, and its unwrapped gauges in the panel's order.
 
     `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
+    `dial_shifts_px` are how far dials that were found by themselves lie from where the anchors have them.
     """
 
     alignment: Alignment
@@ -34,6 +36,7 @@ class UnwrappedFrame:
     whole: Sequence[bool]
     focal_length_mm: float | None = None
     size_px: tuple[int, int] | None = None
+    dial_shifts_px: Sequence[Point] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +65,11 @@ class PanelReader:
         self._unwrapper = Unwrapper(self.grids)
         centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
         self._centres = np.vstack([optics.straight(centres), np.ones(centres.shape[1])])
+        self._placers = [
+            None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, optics.own)
+            for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), self.grids, strict=False)
+        ]
+        self._unwrappers = [Unwrapper([grid]) for grid in self.grids if tuning.dials_move]
         self._rims = [grid.rim() for grid in self.grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
         self._gauges = [
@@ -114,6 +122,8 @@ class PanelReader:
         PictureError
             If the frame is of another shape than the panel picture, or the panel is not found in it.
         """
+        if self.tuning.dials_move:
+            return self._unwrap_one_by_one(frame, focal_length_mm)
         alignment = self.aligner.align(frame, focal_length_mm)
         height, width = frame.shape
         whole = [True] * len(self._rims)
@@ -121,6 +131,32 @@ class PanelReader:
             whole = [inside(rim, alignment, width, height) for rim in self._rims]
         gauges = self._unwrapper.unwrap(frame, alignment)
         return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height))
+
+    def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
+        """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
+
+        Raises
+        ------
+        PictureError
+            As `unwrap`.
+        """
+        alignment = self.aligner.align_roughly(frame, focal_length_mm)
+        places = place_all(self._placers, frame, alignment)
+        return [None if place is None else place.shift_px for place in places]
+
+    def _unwrap_one_by_one(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
+        """Each gauge where its own marks are; one whose marks are not found is not read."""
+        alignment = self.aligner.align_roughly(frame, focal_length_mm)
+        height, width = frame.shape
+        lifts = self.tuning.lifts or (0.0,) * len(self.grids)
+        gauges, whole, shifts = [], [], []
+        places = place_all(self._placers, frame, alignment)
+        for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
+            there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
+            gauges += unwrapper.unwrap(frame, there)
+            whole.append(place is not None and inside(rim, there, width, height))
+            shifts.append((0.0, 0.0) if place is None else place.shift_px)
+        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts)
 
     def read(self, frame: GreyPicture, focal_length_mm: float | None = None) -> FrameReadings:
         """The readings of one frame.
@@ -148,3 +184,7 @@ class PanelReader:
         there = there[:2] / there[2]
         scale = alignment.motion_at((float(self._centres[0, 0]), float(self._centres[1, 0]))).scale
         return tuple((alignment.covariance.sigma_px(there) / scale).tolist())
+
+
+def _shift(shift_px: Point, part: float) -> Matrix:
+    return np.array([[1.0, 0.0, part * shift_px[0]], [0.0, 1.0, part * shift_px[1]], [0.0, 0.0, 1.0]])

@@ -25,6 +25,8 @@ PRIOR_PX = 0.5
 # Uneven light and marks that are not quite known tilt a needle by about this, pixels.
 TILT_FLOOR_PX = 0.03
 MIN_TILTS = 5
+# A needle stands a few millimetres above a dial that lies some centimetres from the anchors' plane.
+PRIOR_LIFT = 0.2
 HUBER_SPREADS = 2.0
 ROBUST_PASSES = 4
 SIGNIFICANT_SPREADS = 2.5
@@ -32,7 +34,7 @@ SIGNIFICANT_SPREADS = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Tilt:
-    """How far one needle in one frame is turned out of the radius.
+    """How far one needle in one frame is turned out of the radius, and where its dial stood against the anchors.
 
     A needle `kappa_px` beside the point around which the dial is unwrapped appears `kappa_px / r` radians further on
     at radius r. It is relative to the needle's template.
@@ -42,6 +44,7 @@ class Tilt:
     angle_deg: float
     kappa_px: float
     sigma_px: float
+    dial_shift_px: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +57,14 @@ class Pivot:
         (x, y).
     covariance_px2
         (2, 2) of the offset.
+    lift
+        How far the needle goes beyond its dial, for each pixel that the dial moves against the anchors: it stands
+        nearer to the camera.
     """
 
     offset_px: tuple[float, float]
     covariance_px2: Floats
+    lift: float = 0.0
 
     @property
     def is_certain(self) -> bool:
@@ -91,12 +98,12 @@ def pivot_of(
     grid: PolarGrid,
     face: UnwrappedGauge,
     templates: Mapping[str, NeedleTemplate],
-    frames: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading]]],
+    frames: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading], tuple[float, float]]],
 ) -> Pivot:
-    """The pivot of a gauge from some frames: each the unwrapped gauge and its readings."""
+    """The pivot of a gauge from some frames: each the unwrapped gauge, its readings, and its dial's shift."""
     tilts = [
-        Tilt(needle.name, readings[needle.name].angle_deg, *tilt)
-        for strip, readings in frames
+        Tilt(needle.name, readings[needle.name].angle_deg, *tilt, shift)
+        for strip, readings, shift in frames
         for needle in gauge.needles
         if _stands_alone(needle.name, gauge, readings, templates)
         for tilt in [_tilt(readings[needle.name].angle_deg, strip, face, grid, templates[needle.name])]
@@ -113,10 +120,13 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
     if not tilts:
         return UNKNOWN
     own = np.array([[tilt.needle == name for name in names] for tilt in tilts], np.float64)
-    rows = np.concatenate([_across(np.array([tilt.angle_deg for tilt in tilts])), own], axis=1)
+    across = _across(np.array([tilt.angle_deg for tilt in tilts]))
+    shifts = np.array([tilt.dial_shift_px for tilt in tilts])
+    lifted = (across * (shifts - shifts.mean(axis=0))).sum(axis=1, keepdims=True)
+    rows = np.concatenate([across, own, lifted], axis=1)
     seen = np.array([tilt.kappa_px for tilt in tilts])
     sigma = np.hypot([tilt.sigma_px for tilt in tilts], TILT_FLOOR_PX)
-    prior = np.diag([1 / PRIOR_PX**2] * 2 + [1e-6] * len(names))
+    prior = np.diag([1 / PRIOR_PX**2] * 2 + [1e-6] * len(names) + [1 / PRIOR_LIFT**2])
     weights = 1 / sigma**2
     for _ in range(ROBUST_PASSES):
         normal = rows.T @ (weights[:, None] * rows) + prior
@@ -125,7 +135,7 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         scale = max(float(np.median(spreads)) / 0.6745, 1.0)
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
     covariance = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)[:2, :2]
-    return Pivot((float(solution[0]), float(solution[1])), covariance)
+    return Pivot((float(solution[0]), float(solution[1])), covariance, float(solution[-1]))
 
 
 def _across(angles_deg: Floats) -> Floats:

@@ -43,6 +43,10 @@ class Tuning:
         the dial, which moves its reading.
     cards
         By name, of the gauges that have a card.
+    dials_move
+        Whether the camera moves so far that dials move against the anchors, and each is to be found by itself.
+    lifts
+        By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
     """
 
     templates: Mapping[str, NeedleTemplate]
@@ -50,3 +54,5 @@ class Tuning:
     usual: Alignment
     evenly_lit_score: float
     cards: Mapping[str, CardPicture] = field(default_factory=dict)
+    dials_move: bool = False
+    lifts: tuple[float, ...] = ()

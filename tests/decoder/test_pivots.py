@@ -113,7 +113,7 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right(
 ) -> None:
     """The gauge is unwrapped where its needle turns, and then reads as a panel that was right."""
     reader = reader_of(moved(x_px, y_px), panel=draw(PANEL_HANDS, ticks=True))
-    fitted = fit_to_flight(reader, lambda: frames(draw))
+    fitted = fit_to_flight(reader, lambda _: frames(draw))
 
     assert fitted.moved_px["speed"] == pytest.approx((-x_px, -y_px), abs=0.05)
     assert "fuel" not in fitted.moved_px
@@ -126,7 +126,7 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right(
 
 def test_panel_that_is_right_is_left_alone(reader_of: MakeReader, draw: Draw) -> None:
     """Noise moves no pivot."""
-    fitted = fit_to_flight(reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True)), lambda: frames(draw))
+    fitted = fit_to_flight(reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True)), lambda _: frames(draw))
 
     assert not fitted.moved_px
 
@@ -135,7 +135,7 @@ def test_doubt_about_the_pivot_grows_away_from_the_needles_zero(reader_of: MakeR
     """Where the template was cut a wrong pivot does no harm; across the dial it does."""
     reader = reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True))
     still = [draw({**angles_of(seed), "speed_kt": 225.0}, noise=2.0, seed=seed, ticks=True) for seed in range(900, 916)]
-    fitted = fit_to_flight(reader, lambda: still)
+    fitted = fit_to_flight(reader, lambda _: still)
     near, far = fitted.systematic_deg("speed_kt", np.array([225.0, 405.0]))
 
     assert near == pytest.approx(math.degrees(0.1 / 36.0), rel=0.01)

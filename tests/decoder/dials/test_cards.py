@@ -152,7 +152,7 @@ def test_card_goes_into_the_flight_data(first: PanelReader, draw: Draw) -> None:
     """Fitted to its flight the card is a column like any needle, with a heading for every frame and a fair sigma."""
     turns_deg = [300.0 + 6.0 * step for step in range(24)]
     frames = [draw(turn_deg, 300 + seed) for seed, turn_deg in enumerate(turns_deg)]
-    fitted = fit_to_flight(first, lambda: frames[::2])
+    fitted = fit_to_flight(first, lambda _: frames[::2])
     builder = FlightDataBuilder(first.source.panel)
     for index, frame in enumerate(frames):
         builder.add(index, index * 500_000_000, fitted.reader.read(frame))
