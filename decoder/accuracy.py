@@ -54,10 +54,11 @@ class NeedleAccuracy:
     by_status: Mapping[str, Errors]
 
 
-def compare(flight: Table, truth: Table) -> list[NeedleAccuracy]:
+def compare(flight: Table, truth: Table, *, offset_s: float | None = None) -> list[NeedleAccuracy]:
     """The accuracy of every needle that both tables have, in the flight data's order.
 
-    Rows are matched by `frame` where both tables have that column, otherwise by `time_s`.
+    Rows are matched by `frame` where both tables have that column, otherwise by `time_s`. With an `offset_s` they are
+    matched by time in any case: it is what the truth's clock lacks to the flight data's.
 
     Raises
     ------
@@ -68,16 +69,25 @@ def compare(flight: Table, truth: Table) -> list[NeedleAccuracy]:
     shared = [name for name in described.needles if name in truth.columns]
     if not shared:
         raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(described.needles)} as a column")
-    results = [_needle_accuracy(name, flight, truth, described.described(name)) for name in shared]
+    results = []
+    for name in shared:
+        known = described.described(name)
+        results.append(_needle_accuracy(name, flight, truth_at(flight, truth, name, known.wraps, offset_s), known))
     if not any(result.frames_compared for result in results):
         raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.path}")
     return results
 
 
-def _truth_at(flight: Table, truth: Table, name: str, wraps: float | None) -> Floats:
-    """The truth at every row of the flight data, NaN where there is none."""
+def truth_at(flight: Table, truth: Table, name: str, wraps: float | None, offset_s: float | None = None) -> Floats:
+    """The truth at every row of the flight data, NaN where there is none; see `compare`.
+
+    Raises
+    ------
+    AccuracyError
+        If rows cannot be matched.
+    """
     values = truth.numbers(name)
-    if "frame" in flight.columns and "frame" in truth.columns:
+    if offset_s is None and "frame" in flight.columns and "frame" in truth.columns:
         by_frame = dict(zip(truth.numbers("frame").tolist(), values.tolist(), strict=True))
         return np.array([by_frame.get(frame, np.nan) for frame in flight.numbers("frame").tolist()])
     if "time_s" not in truth.columns:
@@ -86,13 +96,13 @@ def _truth_at(flight: Table, truth: Table, name: str, wraps: float | None) -> Fl
     usable = np.isfinite(known_s) & np.isfinite(values)
     if not usable.any() or np.any(np.diff(known_s[usable]) <= 0):
         raise AccuracyError(f"{truth.path}: its `time_s` must rise from row to row")
-    wanted_s = flight.numbers("time_s")
+    wanted_s = flight.numbers("time_s") - (offset_s or 0.0)
     known = values[usable] if wraps is None else np.unwrap(values[usable], period=wraps)
-    return np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
+    interpolated: Floats = np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
+    return interpolated
 
 
-def _needle_accuracy(name: str, flight: Table, true: Table, described: Described) -> NeedleAccuracy:
-    truth = _truth_at(flight, true, name, described.wraps)
+def _needle_accuracy(name: str, flight: Table, truth: Floats, described: Described) -> NeedleAccuracy:
     value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
     status = np.array(flight.columns[f"{name}_status"])
     full_scale = described.full_scale

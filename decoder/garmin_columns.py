@@ -1,19 +1,14 @@
 """The columns of a Garmin G1000 log, and which of our names belong into which.
 
-A name is `STEM_UNIT`, with the engine's number at the end of the stem (`oil_temp_2_c`) or none for the first. Only
-what a G1000 has a column for can be told by name; anything else needs a name mapping.
+Only what a G1000 has a column for can be told by name; anything else needs a name mapping.
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
-# What a name may end with; a stem that is left over is what is meant.
-UNIT_SUFFIXES = {
-    *("a", "amps", "bar", "c", "deg", "f", "fpm", "ft", "g", "gal", "gph", "hpa", "inhg", "k", "kph", "kt", "kts"),
-    *("lb", "lph", "mph", "pct", "pph", "psi", "v", "volts"),
-}
+from decoder.parameter_names import engine_stem_of, stem_of
+
 ENGINES = 2
 
 
@@ -83,12 +78,9 @@ _BY_ENGINE_STEM = {stem: column for stems, column in _ENGINE.items() for stem in
 
 def column_of(name: str) -> GarminColumn | None:
     """The column that a name of ours belongs into; None if the name alone does not tell."""
-    stem, _, suffix = name.lower().rpartition("_")
-    if suffix not in UNIT_SUFFIXES or not stem:
-        stem = name.lower()
+    stem = stem_of(name)
     if stem in _BY_STEM:
         return _BY_STEM[stem]
-    parts = re.fullmatch(r"(.+?)(?:_([1-9]))?", stem)
-    column = _BY_ENGINE_STEM.get(parts[1]) if parts else None
-    engine = int(parts[2] or 1) if parts else 1
+    stem, engine = engine_stem_of(name)
+    column = _BY_ENGINE_STEM.get(stem)
     return _of_engine(column, engine) if column is not None and engine <= ENGINES else None

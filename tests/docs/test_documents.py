@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -72,12 +73,43 @@ def test_gauge_examples_are_gauges() -> None:
         assert Gauge.model_validate(yaml.safe_load(example)).name
 
 
-def test_name_mapping_is_one(tmp_path: Path) -> None:
-    """The mapping of names in docs/flight-data.md is one that `decode export` takes, for columns that there are."""
-    example, *_ = blocks(ROOT / "docs" / "flight-data.md", "yaml")
-    (tmp_path / "names.yaml").write_text(example, encoding="utf-8")
+def test_name_mappings_are_such(tmp_path: Path) -> None:
+    """The mappings of names in docs/flight-data.md are such as the commands take, the first for columns that there are."""
+    found = []
+    for number, example in enumerate(blocks(ROOT / "docs" / "flight-data.md", "yaml")):
+        path = tmp_path / f"{number}.yaml"
+        path.write_text(example, encoding="utf-8")
+        found.append(read_mapping(path))
 
-    assert {mapped.name for mapped in read_mapping(tmp_path / "names.yaml").values()} <= set(BY_NAME)
+    assert {mapped.name for mapped in found[0].values()} <= set(BY_NAME)
+    assert found[1]["airspeed_kt"].unit == "km/h"
+
+
+def test_commands_of_flight_data_run(tmp_path: Path) -> None:
+    """Every command in docs/flight-data.md runs on the demo flight, one after the other, and writes what it says."""
+    program = Path(sys.executable).parent
+    shutil.copy(ROOT / "fixtures" / "thesis_a2.mcap", tmp_path / "flight.mcap")
+    shutil.copy(ROOT / "fixtures" / "thesis_a2_truth.csv", tmp_path / "truth.csv")
+    shutil.copy(ROOT / "fixtures" / "thesis_a2_truth.csv", tmp_path / "fdr.csv")
+    (tmp_path / "names.yaml").write_text("n1_pct: {name: E1 NG, unit: '%'}\n", encoding="utf-8")
+    text = (ROOT / "docs" / "flight-data.md").read_text(encoding="utf-8")
+    inline = re.findall(r"`(decode flight\.mcap -o results[^`]*)`", text)
+    fenced = [line for block in blocks(ROOT / "docs" / "flight-data.md") for line in block.splitlines()]
+    commands = [*inline, *(line for line in fenced if line.startswith("decode ") and "fdr.csv" not in line)]
+
+    for line in commands:
+        words = [
+            str(program / "decode"),
+            *line.replace(
+                "results/flight.csv -o flight_g1000.csv", "results/flight.csv -o flight_g1000.csv --map names.yaml"
+            ).split()[1:],
+        ]
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, (line, done.stderr)
+    assert len(commands) >= 8
+    assert (tmp_path / "results" / "flight.layout.json").exists()
+    assert (tmp_path / "flight_g1000.csv").exists()
+    assert any((tmp_path / "pictures").glob("*_fuel.jpg"))
 
 
 def test_camera_description_is_a_camera() -> None:
