@@ -74,7 +74,7 @@ def test_gauge_examples_are_gauges() -> None:
 
 
 def test_name_mappings_are_such(tmp_path: Path) -> None:
-    """The mappings of names in docs/flight-data.md are such as the commands take, the first for columns that there are."""
+    """The mappings of names in docs/flight-data.md are such as the commands take; the first names G1000 columns."""
     found = []
     for number, example in enumerate(blocks(ROOT / "docs" / "flight-data.md", "yaml")):
         path = tmp_path / f"{number}.yaml"
@@ -98,12 +98,8 @@ def test_commands_of_flight_data_run(tmp_path: Path) -> None:
     commands = [*inline, *(line for line in fenced if line.startswith("decode ") and "fdr.csv" not in line)]
 
     for line in commands:
-        words = [
-            str(program / "decode"),
-            *line.replace(
-                "results/flight.csv -o flight_g1000.csv", "results/flight.csv -o flight_g1000.csv --map names.yaml"
-            ).split()[1:],
-        ]
+        mapped = line.endswith("-o flight_g1000.csv")  # the demo's needles have no column of their own there
+        words = [str(program / "decode"), *line.split()[1:], *(["--map", "names.yaml"] if mapped else [])]
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, (line, done.stderr)
     assert len(commands) >= 8
