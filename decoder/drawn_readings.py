@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.alignment import Alignment
+from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
 from decoder.flight_data import STATUSES, FlightData, NeedleSeries
 from decoder.gauge import FULL_CIRCLE_DEG, Gauge
@@ -108,9 +109,8 @@ class _PlacedGauge:
         self._grid = gauge_grid(gauge, plane)
         around = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG, plane=plane)
         outer = around.points()[:, :: round(RIM_STEP_DEG / around.step_deg), -1]
-        self._rim = tuple((float(x), float(y)) for x, y in outer.T)
-        pivot = np.array(gauge.centre) if plane is None else plane.to_panel(np.zeros((2, 1)))[:, 0]
-        self._pivot: Point = (float(pivot[0]), float(pivot[1]))
+        pivot = np.array(gauge.centre)[:, None] if plane is None else plane.to_panel(np.zeros((2, 1)))
+        self._pivot_and_rim: Floats = np.concatenate([pivot, outer], axis=1)
         self._index_deg = {} if gauge.card is None else {gauge.card.name: gauge.card.index}
         self._scales = {
             one.quantity.name: Scale.of(one.quantity.marks, one.quantity.wraps)
@@ -120,10 +120,11 @@ class _PlacedGauge:
         self._series = [(one, label_decimals(one)) for one in series]
 
     def drawn(self, index: int, alignment: Alignment) -> DrawnGauge:
+        pivot_px, *rim_px = _in_frame(self._pivot_and_rim, alignment)
         return DrawnGauge(
             name=self._name,
-            pivot_px=alignment.to_frame(self._pivot),
-            rim_px=tuple(alignment.to_frame(point) for point in self._rim),
+            pivot_px=pivot_px,
+            rim_px=tuple(rim_px),
             readings=tuple(
                 DrawnReading(
                     name=series.quantity.name,
@@ -142,8 +143,8 @@ class _PlacedGauge:
         if angle_deg is None:
             return None
         points = self._grid.at(angle_deg, 1).points()[:, 0]
-        (x0, y0), (x1, y1) = points[:, self._grid.tail_columns], points[:, -1]
-        return alignment.to_frame((float(x0), float(y0))), alignment.to_frame((float(x1), float(y1)))
+        bottom_px, tip_px = _in_frame(points[:, [self._grid.tail_columns, -1]], alignment)
+        return bottom_px, tip_px
 
     def _angle_deg(self, name: str, value: float) -> float | None:
         if not math.isfinite(value):
@@ -152,6 +153,12 @@ class _PlacedGauge:
             return self._index_deg[name]  # a card is read where its index stands
         scale = self._scales.get(name)
         return None if scale is None else float(scale.angles_of(np.array([value]))[0])
+
+
+def _in_frame(points: Floats, alignment: Alignment) -> list[Point]:
+    """Where (2, N) points of the panel picture lie in the frame."""
+    places = alignment.places(np.ascontiguousarray(points.T[None], np.float32))
+    return [(x, y) for x, y in places[0].tolist()]
 
 
 def _around_pivot(

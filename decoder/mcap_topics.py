@@ -112,8 +112,8 @@ def annotations_message(gauges: tuple[DrawnGauge, ...], time_ns: int) -> bytes:
         radius_px = gauge.radius_px
         for number, reading in enumerate(gauge.readings):
             if reading.line_px is not None:
-                message.points.append(_needle(gauge, reading, time_ns))
-            message.texts.append(_label(gauge, reading, number, time_ns))
+                message.points.append(_needle(reading, radius_px, time_ns))
+            message.texts.append(_label(reading, _below(gauge, radius_px, number), radius_px, time_ns))
         pivot = CircleAnnotation(
             position=_point(*gauge.pivot_px), diameter=radius_px / 8, thickness=radius_px * _NEEDLE_PX
         )
@@ -123,29 +123,37 @@ def annotations_message(gauges: tuple[DrawnGauge, ...], time_ns: int) -> bytes:
     return message.SerializeToString(deterministic=True)
 
 
-def _needle(gauge: DrawnGauge, reading: DrawnReading, time_ns: int) -> PointsAnnotation:
+def _needle(reading: DrawnReading, radius_px: float, time_ns: int) -> PointsAnnotation:
     line = PointsAnnotation(
         type=PointsAnnotation.LINE_STRIP,
         points=[_point(*point) for point in reading.line_px or ()],
         outline_color=_colour(reading.status),
-        thickness=max(gauge.radius_px * _NEEDLE_PX, 1.0),
+        thickness=max(radius_px * _NEEDLE_PX, 1.0),
     )
     _stamp(line, time_ns)
     return line
 
 
-def _label(gauge: DrawnGauge, reading: DrawnReading, number: int, time_ns: int) -> TextAnnotation:
+def _below(gauge: DrawnGauge, radius_px: float, number: int) -> Point2:
+    """Where the label of one of a gauge's readings begins."""
     x, y = gauge.pivot_px
-    font_px = max(gauge.radius_px * _FONT, 8.0)
+    return _point(x - radius_px, y + radius_px * _LABEL_BELOW + number * 1.4 * _font_px(radius_px))
+
+
+def _label(reading: DrawnReading, position: Point2, radius_px: float, time_ns: int) -> TextAnnotation:
     text = TextAnnotation(
-        position=_point(x - gauge.radius_px, y + gauge.radius_px * _LABEL_BELOW + number * 1.4 * font_px),
+        position=position,
         text=f"{reading.name} {reading.text}",
-        font_size=font_px,
+        font_size=_font_px(radius_px),
         text_color=_colour(reading.status),
         background_color=Color(r=0.0, g=0.0, b=0.0, a=0.7),
     )
     _stamp(text, time_ns)
     return text
+
+
+def _font_px(radius_px: float) -> float:
+    return max(radius_px * _FONT, 8.0)
 
 
 def calibration_message(lens: Lens, time_ns: int) -> bytes:
