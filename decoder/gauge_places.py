@@ -31,7 +31,9 @@ POINTS_ACROSS = 48
 SEARCH_PX = 24
 MIN_FIRST_SCORE = 0.45
 MIN_SCORE = 0.8
-MIN_OTHERS = 3
+MIN_OTHERS = 4
+# A dial that is bent otherwise than the others by more than this is looked for again.
+ODD_BEND_PART = 0.015
 # On a dark dial most pixels are alike wherever it lies; marks that are not yet in place must not count as outliers.
 SPREADS_LEVELS = (25.0, 15.0, 10.0, 8.0, 6.0, 6.0)
 SETTLED_PX = 0.005
@@ -92,7 +94,7 @@ def place_all(
         for placer, place in zip(placers, places, strict=True)
         if placer is not None and place is not None
     ]
-    if len(found) < MIN_OTHERS or None not in places:
+    if len(found) < MIN_OTHERS:
         return places
     here = np.array([middle for middle, _ in found])
     there = np.array([place.motion_of(middle) for middle, place in found])
@@ -100,8 +102,11 @@ def place_all(
     if common is None:
         return places
     where_others_are = alignment.after(np.vstack([common, [0.0, 0.0, 1.0]]))
+    bend = np.median([place.motion[:2, :2] for _, place in found], axis=0)
     return [
-        place if place is not None or placer is None else placer.place(frame, where_others_are, alignment)
+        place
+        if placer is None or (place is not None and np.abs(place.motion[:2, :2] - bend).max() < ODD_BEND_PART)
+        else placer.place(frame, where_others_are, alignment) or place
         for placer, place in zip(placers, places, strict=True)
     ]
 

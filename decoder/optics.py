@@ -18,8 +18,9 @@ from decoder.lens import Lens
 Size = tuple[int, int]
 """Width and height in pixels."""
 
-# Sizes that a camera rounds differ in shape by up to this.
+# Sizes that a camera rounds differ in shape by up to this; pictures that somebody cut to size by more.
 SHAPE_TOLERANCE = 0.004
+CUT_SHAPE_TOLERANCE = 0.05
 MAX_ENLARGEMENT = 8.0
 
 
@@ -96,7 +97,8 @@ class Optics:
         """
         (width, height), (own_width, own_height) = size_px, self.size_px
         part = width / own_width
-        same_shape = abs(height / (own_height * part) - 1.0) <= SHAPE_TOLERANCE
+        tolerance = CUT_SHAPE_TOLERANCE if self.camera is None else SHAPE_TOLERANCE
+        same_shape = abs(height / (own_height * part) - 1.0) <= tolerance
         if not same_shape or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:
             raise PictureError(f"the picture is {width} x {height}, the panel's {own_width} x {own_height}")
         own_lens, lens = self.lens, self.frame_lens(focal_length_mm, size_px)

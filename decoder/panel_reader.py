@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment, Matrix, Point
+from decoder.arrays import Floats
 from decoder.card_reader import CardReader
 from decoder.gauge_places import GaugePlacer, place_all
 from decoder.gauge_reader import GaugeReader, Method
@@ -22,13 +24,17 @@ from decoder.searching import Search, Sought
 from decoder.tuning import Tuning
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
+# What a dial that is found by itself may be off by beyond its own pixels' noise, by the simulator's moving camera.
+FOUND_DIAL_PX = 0.2
+
 
 @dataclass(frozen=True, slots=True)
 class UnwrappedFrame:
     """One frame's alignment, and its unwrapped gauges in the panel's order.
 
     `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
-    `dial_shifts_px` are how far dials that were found by themselves lie from where the anchors have them.
+    `dial_shifts_px` are how far dials that were found by themselves lie from where the anchors have them, and
+    `dial_sigmas_px` how uncertain that is.
     """
 
     alignment: Alignment
@@ -37,6 +43,7 @@ class UnwrappedFrame:
     focal_length_mm: float | None = None
     size_px: tuple[int, int] | None = None
     dial_shifts_px: Sequence[Point] = ()
+    dial_sigmas_px: Sequence[float] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +76,7 @@ class PanelReader:
             None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, optics.own)
             for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), self.grids, strict=False)
         ]
+        self._radii_px = np.array([sum(gauge.radius) / 2 for gauge in source.panel.gauges])
         self._unwrappers = [Unwrapper([grid]) for grid in self.grids if tuning.dials_move]
         self._rims = [grid.rim() for grid in self.grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
@@ -149,14 +157,15 @@ class PanelReader:
         alignment = self.aligner.align_roughly(frame, focal_length_mm)
         height, width = frame.shape
         lifts = self.tuning.lifts or (0.0,) * len(self.grids)
-        gauges, whole, shifts = [], [], []
+        gauges, whole, shifts, sigmas = [], [], [], []
         places = place_all(self._placers, frame, alignment)
         for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
             there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
             gauges += unwrapper.unwrap(frame, there)
             whole.append(place is not None and inside(rim, there, width, height))
             shifts.append((0.0, 0.0) if place is None else place.shift_px)
-        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts)
+            sigmas.append(0.0 if place is None else place.sigma_px)
+        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas)
 
     def read(self, frame: GreyPicture, focal_length_mm: float | None = None) -> FrameReadings:
         """The readings of one frame.
@@ -172,9 +181,20 @@ class PanelReader:
         """The readings of a frame that is unwrapped already."""
         readings: dict[str, Reading] = {}
         scores = dict(zip(self._names, self._search.scores(unwrapped.gauges), strict=True))
-        for gauge, image, whole in zip(self._gauges, unwrapped.gauges, unwrapped.whole, strict=True):
-            readings.update(gauge.read(image, scores) if whole else gauge.unread())
-        return FrameReadings(unwrapped.alignment, readings, self._sigma_px(unwrapped.alignment))
+        sigma_px = self._dial_sigmas_px(unwrapped)
+        for gauge, image, whole, sigma_deg in zip(
+            self._gauges, unwrapped.gauges, unwrapped.whole, np.degrees(sigma_px / self._radii_px).tolist(), strict=True
+        ):
+            own = gauge.read(image, scores) if whole else gauge.unread()
+            for name, reading in own.items():
+                readings[name] = replace(reading, sigma_deg=math.hypot(reading.sigma_deg, sigma_deg))
+        return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()))
+
+    def _dial_sigmas_px(self, unwrapped: UnwrappedFrame) -> Floats:
+        """(gauges,): how uncertain the place of each dial is, in the panel picture's pixels."""
+        if unwrapped.dial_sigmas_px:
+            return np.hypot(unwrapped.dial_sigmas_px, FOUND_DIAL_PX)
+        return np.array(self._sigma_px(unwrapped.alignment))
 
     def _sigma_px(self, alignment: Alignment) -> tuple[float, ...]:
         """For each gauge, by how much its centre may be off, in the panel picture's pixels."""

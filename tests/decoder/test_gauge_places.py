@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decoder.alignment import IDENTITY
+from decoder.alignment import IDENTITY, Alignment
 from decoder.gauge import Gauge
-from decoder.gauge_places import GaugePlacer
+from decoder.gauge_places import GaugePlace, GaugePlacer, place_all
 from decoder.pictures import GreyPicture
 
 SIDE_PX = 240
@@ -104,3 +104,31 @@ def test_dial_that_is_not_there_is_not_found(placer: GaugePlacer, kind: str) -> 
     }[kind]
 
     assert placer.place(frame, IDENTITY) is None
+
+
+def test_dials_that_are_lost_or_bent_alone_are_looked_for_where_the_others_are() -> None:
+    """One dial whose marks are too far off for itself is found when the others say where."""
+    motion = shifted(0.0, 0.0)
+    motion[:2, 2] += (34.0, 2.0)
+    picture, frame = drawn(250.0, np.eye(3), noise=1.0), drawn(300.0, motion)
+    alone = GaugePlacer(GAUGE, None, picture, IDENTITY)
+    assert alone.place(frame, IDENTITY) is None
+
+    class Elsewhere(GaugePlacer):
+        """A dial that finds itself where all of them are, whatever it is told."""
+
+        def place(
+            self, frame: GreyPicture, alignment: Alignment, anchored: Alignment | None = None
+        ) -> GaugePlace | None:
+            """Always the same place."""
+            there = np.array([[1.0, 0.0, 34.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0]])
+            return GaugePlace(alignment.after(there), there, (34.0, 2.0), 0.1, 0.95)
+
+    others = [
+        Elsewhere(GAUGE.model_copy(update={"centre": centre}), None, picture, IDENTITY)
+        for centre in [(80.0, 90.0), (150.0, 90.0), (90.0, 150.0), (150.0, 140.0)]
+    ]
+    *_, place = place_all([*others, None, alone], frame, IDENTITY)
+
+    assert place is not None
+    assert place.shift_px == pytest.approx((34.0, 2.0), abs=0.2)
