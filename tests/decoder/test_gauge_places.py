@@ -118,7 +118,10 @@ def test_dials_that_are_lost_or_bent_alone_are_looked_for_where_the_others_are()
         """A dial that finds itself where all of them are, whatever it is told."""
 
         def place(
-            self, frame: GreyPicture, alignment: Alignment, anchored: Alignment | None = None
+            self,
+            frame: GreyPicture,  # noqa: ARG002 - it knows
+            alignment: Alignment,
+            anchored: Alignment | None = None,  # noqa: ARG002
         ) -> GaugePlace | None:
             """Always the same place."""
             there = np.array([[1.0, 0.0, 34.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0]])
