@@ -5,7 +5,7 @@ READY := .venv/.ready
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench kills fixtures refs docs lock clean
+.PHONY: help demo test lint format bench kills screenshots fixtures refs docs lock clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -43,6 +43,9 @@ bench: $(READY)  ## Measure accuracy and speed beside the thesis's tables
 
 kills: $(READY)  ## Kill the recorder 200 times and look for what is lost
 	$(BIN)/python -m benchmarks.kills
+
+screenshots: $(READY)  ## Take the documents' pictures of the real pages
+	$(BIN)/python -m benchmarks.screenshots
 
 fixtures: $(READY)  ## Render the cockpit animation and record its flights
 	$(BIN)/python -m fixtures.make

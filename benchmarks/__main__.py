@@ -14,6 +14,7 @@ from benchmarks.cost import memory, speed
 from benchmarks.pages import accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
 from benchmarks.real_pictures import available, measure_source
+from benchmarks.setup_page import setup_page
 from fixtures.make import FLIGHTS
 from fixtures.make import main as make_fixtures
 
@@ -46,7 +47,12 @@ def measured_cost() -> str:
     return cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)])
 
 
-PAGES = {"accuracy": measured_accuracy, "performance": measured_cost, "cockpit": cockpit_page}
+PAGES = {
+    "accuracy": measured_accuracy,
+    "performance": measured_cost,
+    "cockpit": cockpit_page,
+    "setup-speed": setup_page,
+}
 
 
 def main(words: list[str]) -> None:

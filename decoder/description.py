@@ -6,6 +6,7 @@ from typing import Annotated, Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from decoder.errors import DescriptionError
 
@@ -49,24 +50,48 @@ def parse_description(
         raise error(where, f"is not YAML; see {page} for the format", source=source) from problem
     if not isinstance(content, dict):
         raise error("", f"holds no {thing}; see {page} for the format", source=source)
+    return check_description(model, content, error=error, thing=thing, source=source)
+
+
+def check_description(
+    model: type[Described], content: object, *, error: type[DescriptionError], thing: str, source: str
+) -> Described:
+    """What the content of a YAML text describes; see `parse_description`."""
     try:
         return model.model_validate(content)
     except ValidationError as problem:
         raise _first_problem(problem, error, thing, source) from problem
 
 
+def problems_in(model: type[Strict], content: object, *, thing: str) -> list[tuple[str, str]]:
+    """Everything that is wrong with a content: the path of each value and what is wrong with it."""
+    try:
+        model.model_validate(content)
+    except ValidationError as found:
+        return [_sentence(problem, thing) for problem in _telling(found)]
+    return []
+
+
 def _first_problem(found: ValidationError, error: type[DescriptionError], thing: str, source: str) -> DescriptionError:
+    problems = _telling(found)
+    path, message = _sentence(problems[0], thing)
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return error(path, message + more, source=source)
+
+
+def _telling(found: ValidationError) -> list[ErrorDetails]:
     # A list too short only because its items are wrong is no news.
     problems = [problem for problem in found.errors(include_url=False) if problem["type"] != "too_short"]
-    problems = problems or found.errors(include_url=False)
-    first = problems[0]
+    return problems or found.errors(include_url=False)
+
+
+def _sentence(problem: ErrorDetails, thing: str) -> tuple[str, str]:
     path = ""
-    for part in first["loc"]:
+    for part in problem["loc"]:
         path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
+    message = problem["msg"].removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
         message = f"is not a key of the {thing} format; remove it or correct its spelling"
-    elif first["type"] == "missing":
+    elif problem["type"] == "missing":
         message = "is missing"
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return error(path, message[0].lower() + message[1:] + more, source=source)
+    return path, message[0].lower() + message[1:]

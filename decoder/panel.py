@@ -11,7 +11,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from decoder.description import Number, Point, Positive, Strict, parse_description
+from decoder.description import Number, Point, Positive, Strict, check_description, parse_description
 from decoder.errors import PanelError
 from decoder.gauge import Combination, Gauge, Needle, Quantity
 
@@ -94,3 +94,8 @@ def parse_panel(text: bytes | str, *, source: str = "panel.yaml") -> Panel:
         Naming the path of the first wrong value, such as `gauges[2].sweep`.
     """
     return parse_description(Panel, text, error=PanelError, thing="panel", page="docs/panel.md", source=source)
+
+
+def parse_content(content: object, *, source: str = "panel.yaml") -> Panel:
+    """The panel that a content describes which is no YAML text any more; see `parse_panel`."""
+    return check_description(Panel, content, error=PanelError, thing="panel", source=source)

@@ -120,6 +120,7 @@ def test_camera_description_is_a_camera() -> None:
     [
         *(["recorder", command] for command in ("run", "simulate", "info", "recover", "verify", "mark")),
         ["decode"],
+        ["decode", "setup"],
         ["decode", "accuracy"],
         ["decode", "frames"],
         ["decode", "export"],

@@ -1,0 +1,65 @@
+"""`python -m benchmarks.screenshots`: takes the documents' pictures of the real pages, in dark and in light."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+from playwright.sync_api import Browser, sync_playwright
+
+from benchmarks.setup_page import FIXTURES, chromium, served
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+VIEW = {"width": 1440, "height": 900}
+COMMON, RARE = 190, 64
+
+
+def main() -> int:
+    """Takes all pictures."""
+    path = chromium()
+    if path is None:
+        sys.stderr.write("there is no Chromium on this machine; apt-get install chromium\n")
+        return 1
+    PICTURES.mkdir(exist_ok=True)
+    with sync_playwright() as playwright, TemporaryDirectory() as name:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        target = Path(name) / "panel.yaml"
+        with served(FIXTURES / "thesis_a1.mcap", None, target) as url:
+            for scheme in ("dark", "light"):
+                setup_picture(browser, url, scheme, PICTURES / f"setup_{scheme}.png")
+        browser.close()
+    return 0
+
+
+def setup_picture(browser: Browser, url: str, scheme: str, path: Path) -> None:
+    """The set-up page with a gauge selected and read."""
+    page = browser.new_page(viewport=VIEW, color_scheme="dark" if scheme == "dark" else "light")  # type: ignore[arg-type]
+    page.goto(url)
+    page.wait_for_selector("body[data-ready]")
+    page.locator("#outline .dot.good").nth(5).wait_for()
+    page.locator("#outline li button", has_text="fuel_flow").click()
+    page.locator("#picture").press("f")
+    page.locator("#film .cell").nth(19).wait_for()
+    page.wait_for_timeout(500)
+    save_small(page.screenshot(), path)
+    page.close()
+
+
+def save_small(png: bytes, path: Path) -> None:
+    """A picture in few colours, which is a third of the size and looks the same."""
+    from PIL import Image  # noqa: PLC0415
+
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    whole = Image.fromarray(cv2.cvtColor(np.asarray(picture), cv2.COLOR_BGR2RGB))
+    # The commonest colours, and with them the rare ones in which things are drawn.
+    common, rare = whole.quantize(COMMON), whole.quantize(RARE, Image.Quantize.MAXCOVERAGE)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((common.getpalette() or [])[: 3 * COMMON] + (rare.getpalette() or [])[: 3 * RARE])
+    whole.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

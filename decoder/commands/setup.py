@@ -1,0 +1,53 @@
+"""`decode setup FLIGHT|PICTURE`: draw or edit a panel in the browser."""
+
+from __future__ import annotations
+
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+EPILOG = """\b
+Examples:
+  decode setup flight.mcap
+  decode setup flight.mcap --panel cockpit/panel.yaml
+  decode setup other_flight.mcap --panel cockpit/panel.yaml --save-as other/panel.yaml
+  decode setup cockpit.jpg --no-browser
+"""
+
+
+@click.command("setup", epilog=EPILOG)
+@click.argument("pictures", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT...|PICTURE")
+@click.option(
+    "--panel", "panel_file", type=click.Path(path_type=Path, dir_okay=False), metavar="PANEL",
+    help="The panel.yaml to open; a new one is begun if it is not there.  [default: the flight's own]",
+)  # fmt: skip
+@click.option(
+    "--save-as", "target", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+    help="Where it is saved, its pictures beside it.  [default: PANEL, or panel.yaml in the current folder]",
+)  # fmt: skip
+@click.option("--browser/--no-browser", default=True, help="Open the page, or only print its address.")
+def command(pictures: tuple[Path, ...], panel_file: Path | None, target: Path | None, *, browser: bool) -> None:
+    """Draw or edit the panel of FLIGHT, or of one PICTURE, in the browser.
+
+    The page is served on this machine alone, until Ctrl-C. Every change is tried on frames of the flight at once.
+    """
+    if find_spec("uvicorn") is None or find_spec("starlette") is None:
+        raise click.UsageError(
+            "the set-up page needs starlette and uvicorn: pip install 'image-flight-recorder[setup]'"
+        )
+    # Half a second that only this command needs.
+    import cv2  # noqa: PLC0415
+
+    from decoder.setup.server import setup_server  # noqa: PLC0415
+    from decoder.setup.session import SetupSession  # noqa: PLC0415
+    from decoder.setup.sources import open_source  # noqa: PLC0415
+
+    cv2.setNumThreads(1)  # as `decode` does: what is tried here is what will be read there
+    session = SetupSession(open_source(pictures), panel_file, target or panel_file or Path("panel.yaml"))
+    server = setup_server(session)
+    click.echo(f"Draw the panel at {server.url}\nIt is saved to {session.target}; Ctrl-C ends the page.")
+    if browser:
+        webbrowser.open(server.url)
+    server.run()

@@ -1,0 +1,194 @@
+"""The set-up page's application: which question is answered where, and how failures are told."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from http import HTTPStatus
+from importlib.resources import files
+from typing import TypeVar
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from decoder.errors import DecoderError, DescriptionError
+from decoder.setup import answers, requests
+from decoder.setup.guard import BodyTooLarge
+from decoder.setup.requests import NeedlesQuestion, NotUnderstood, Question, TrialQuestion, question
+from decoder.setup.session import NotValid, SavedElsewhere, SetupSession
+from decoder.setup.trial import Stale, Superseded
+from decoder.setup.views import Part, part_view, whole_view
+from flight_file.errors import FlightFileError
+
+KINDS = {
+    "html": "text/html; charset=utf-8",
+    "css": "text/css; charset=utf-8",
+    "js": "text/javascript; charset=utf-8",
+    "svg": "image/svg+xml",
+}
+PAGE = "index.html"
+Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion)
+
+
+class Turns:
+    """Which question of each tab and kind is the latest: all earlier ones are stale."""
+
+    def __init__(self) -> None:
+        self._latest: dict[str, int] = {}
+        self._lock = threading.Lock()
+
+    def take(self, name: str) -> Stale:
+        """A question's turn; the answer tells whether a later one has come."""
+        with self._lock:
+            number = self._latest[name] = self._latest.get(name, 0) + 1
+        return lambda: self._latest[name] != number
+
+
+def page_files() -> dict[str, bytes]:
+    """The page's own files by name: what is not in this table cannot be asked for."""
+    return {
+        entry.name: entry.read_bytes()
+        for entry in files("decoder.setup").joinpath("page").iterdir()
+        if entry.name.rpartition(".")[2] in KINDS
+    }
+
+
+def setup_app(session: SetupSession) -> Starlette:
+    """The application, to be put behind a `Guard`."""
+    return Starlette(
+        routes=[
+            *_page_routes(),
+            *_session_routes(session),
+            *_picture_routes(session),
+            *_question_routes(session),
+        ],
+        exception_handlers={
+            BodyTooLarge: _told(HTTPStatus.REQUEST_ENTITY_TOO_LARGE),
+            NotUnderstood: _told(HTTPStatus.BAD_REQUEST),
+            SavedElsewhere: _told(HTTPStatus.CONFLICT),
+            NotValid: _problems,
+            DescriptionError: _problem,
+            DecoderError: _told(HTTPStatus.UNPROCESSABLE_ENTITY),
+            FlightFileError: _told(HTTPStatus.UNPROCESSABLE_ENTITY),
+            Superseded: _superseded,
+        },
+    )
+
+
+def _page_routes() -> list[Route]:
+    pages = page_files()
+
+    async def page(request: Request) -> Response:
+        name = request.path_params.get("name", PAGE)
+        if name not in pages:
+            return JSONResponse({"error": "there is no such file"}, HTTPStatus.NOT_FOUND)
+        return Response(pages[name], media_type=KINDS[name.rpartition(".")[2]])
+
+    return [Route("/", page), Route("/page/{name}", page)]
+
+
+def _picture_routes(session: SetupSession) -> list[Route]:
+    async def size(request: Request) -> Response:
+        return JSONResponse(await run_in_threadpool(answers.picture_answer, session, request.path_params["key"]))
+
+    async def whole(request: Request) -> Response:
+        key = request.path_params["key"]
+        width = (await run_in_threadpool(session.store.grey, key)).shape[1]
+        return Response(await run_in_threadpool(whole_view, session.store, key, width), media_type="image/jpeg")
+
+    async def part(request: Request) -> Response:
+        box = _box(request)
+        encoded = await run_in_threadpool(part_view, session.store, request.path_params["key"], box)
+        return Response(encoded, media_type="image/jpeg")
+
+    return [
+        Route("/api/pictures/{key}/size", size),
+        Route("/api/pictures/{key}/whole", whole),
+        Route("/api/pictures/{key}/part", part),
+    ]
+
+
+def _session_routes(session: SetupSession) -> list[Route]:
+    async def begin(_request: Request) -> Response:
+        return JSONResponse(await run_in_threadpool(answers.session_answer, session))
+
+    async def ping(_request: Request) -> Response:
+        return JSONResponse({"revision": session.revision})
+
+    async def save(request: Request) -> Response:
+        asked = await question(request, requests.SaveQuestion)
+        revision = session.accept_others() if asked.over else asked.revision
+        saved = await run_in_threadpool(session.save, asked.document, asked.picture, revision)
+        return JSONResponse({"revision": saved, "target": str(session.target)})
+
+    return [
+        Route("/api/session", begin),
+        Route("/api/ping", ping),
+        Route("/api/panel", save, methods=["PUT"]),
+    ]
+
+
+def _question_routes(session: SetupSession) -> list[Route]:
+    turns = Turns()
+
+    def plain(path: str, model: type[Question], answer: Callable[[SetupSession, Question], answers.Answer]) -> Route:
+        async def handler(request: Request) -> Response:
+            asked = await question(request, model)
+            return JSONResponse(await run_in_threadpool(answer, session, asked))
+
+        return Route(path, handler, methods=["POST"])
+
+    def in_turn(
+        path: str, model: type[Turned], answer: Callable[[SetupSession, Turned, Stale], answers.Answer]
+    ) -> Route:
+        async def handler(request: Request) -> Response:
+            asked = await question(request, model)
+            stale = turns.take(f"{path} {asked.tab}")
+            return JSONResponse(await run_in_threadpool(answer, session, asked, stale))
+
+        return Route(path, handler, methods=["POST"])
+
+    return [
+        plain("/api/unwrap", requests.DialQuestion, answers.unwrap_answer),
+        plain("/api/rim", requests.RimQuestion, answers.rim_answer),
+        plain("/api/mark", requests.MarkQuestion, answers.mark_answer),
+        plain("/api/check", requests.DraftQuestion, answers.check_answer),
+        plain("/api/paste", requests.PasteQuestion, answers.paste_answer),
+        in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer),
+        in_turn("/api/trial", requests.TrialQuestion, answers.trial_answer),
+    ]
+
+
+def _box(request: Request) -> Part:
+    try:
+        numbers = [int(request.query_params[name]) for name in ("left", "top", "width", "height", "wanted")]
+    except (KeyError, ValueError) as error:
+        raise NotUnderstood("the request was not understood: a part needs left, top, width, height, wanted") from error
+    left, top, width, height, wanted = numbers
+    return Part(left, top, max(width, 1), max(height, 1), min(max(wanted, 1), 4096))
+
+
+def _told(status: int) -> Callable[[Request, Exception], Response]:
+    def handler(_request: Request, error: Exception) -> Response:
+        return JSONResponse({"error": str(error)}, status)
+
+    return handler
+
+
+def _problem(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, DescriptionError)  # noqa: S101 - starlette calls it for nothing else
+    content = {"error": str(error), "problems": [{"path": error.path, "problem": error.problem}]}
+    return JSONResponse(content, HTTPStatus.UNPROCESSABLE_ENTITY)
+
+
+def _problems(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, NotValid)  # noqa: S101 - starlette calls it for nothing else
+    problems = [{"path": each.path, "problem": each.problem} for each in error.problems]
+    return JSONResponse({"error": str(error), "problems": problems}, HTTPStatus.UNPROCESSABLE_ENTITY)
+
+
+def _superseded(_request: Request, _error: Exception) -> Response:
+    return Response(status_code=HTTPStatus.NO_CONTENT)

@@ -1,0 +1,104 @@
+// Fields of the inspector: each writes one value of the draft, and shows beside it what is wrong there.
+import { h } from "./dom.js";
+
+const PARTS = /[^.[\]]+/g;
+
+export const partsOf = (path) => path.match(PARTS).map((part) => (/^\d+$/.test(part) ? Number(part) : part));
+
+export function valueAt(document, path) {
+  return partsOf(path).reduce((value, part) => value?.[part], document);
+}
+
+export function setAt(document, path, value) {
+  const parts = partsOf(path);
+  const last = parts.pop();
+  const parent = parts.reduce((each, part) => (each[part] ??= {}), document);
+  if (value === undefined) delete parent[last];
+  else parent[last] = value;
+}
+
+const shown = (value) => (typeof value === "number" ? String(Number(value.toFixed(4))) : (value ?? ""));
+
+const READERS = {
+  text: (text) => text,
+  // What is no number stays as it was typed: the program says what is wrong with it.
+  number: (text) => (text.trim() === "" ? null : Number.isFinite(Number(text.replace(",", "."))) ? Number(text.replace(",", ".")) : text),
+  optional: (text) => (text.trim() === "" ? undefined : READERS.number(text)),
+  optionalText: (text) => (text.trim() === "" ? undefined : text),
+};
+
+export function input(store, path, { kind = "text", label, placeholder, onenter, width, write } = {}) {
+  const commit = (event) => {
+    if (event.target.value === event.target.dataset.shown) return;
+    event.target.dataset.shown = event.target.value;
+    const value = READERS[kind](event.target.value);
+    if (value === valueAt(store.document, path)) return;
+    store.change(`type ${path}`, (document) => (write ? write(document, value) : setAt(document, path, value)));
+  };
+  const field = h("input", {
+    id: `f:${path}`,
+    "data-path": path,
+    "aria-label": label,
+    value: shown(valueAt(store.document, path)),
+    "data-shown": shown(valueAt(store.document, path)),
+    placeholder,
+    inputmode: kind === "number" || kind === "optional" ? "decimal" : undefined,
+    autocomplete: "off",
+    spellcheck: "false",
+    onchange: commit,
+    onblur: (event) => event.target.closest("#inspector:not([data-drawing])") && commit(event),
+    onkeydown: (event) => {
+      if (event.key !== "Enter") return;
+      event.preventDefault();
+      commit(event);
+      onenter?.(event.target.value);
+    },
+  });
+  if (width) field.style.width = width;
+  return field;
+}
+
+export function choice(store, path, options, label) {
+  const now = valueAt(store.document, path) ?? "";
+  return h(
+    "select",
+    { id: `f:${path}`, "data-path": path, "aria-label": label, onchange: (event) => store.change(`choose ${path}`, (document) => setAt(document, path, event.target.value || undefined)) },
+    ...options.map(([value, name]) => h("option", { value, selected: value === now }, name)),
+  );
+}
+
+export function check(store, path, label) {
+  const box = h("input", { id: `f:${path}`, type: "checkbox", "data-path": path, onchange: (event) => store.change(`check ${path}`, (document) => setAt(document, path, event.target.checked || undefined)) });
+  box.checked = Boolean(valueAt(store.document, path));
+  return h("div", { class: "field" }, h("span"), h("label", { class: "inputs", for: `f:${path}` }, box, label));
+}
+
+export function field(label, ...inputs) {
+  const labelled = inputs.length === 1 ? h("label", { for: inputs[0].id }, label) : h("span", { class: "label" }, label);
+  return h("div", { class: "field" }, labelled, h("div", { class: "inputs" }, ...inputs));
+}
+
+// Puts each problem beside the field it belongs to: the one with the longest path that the problem's path begins with.
+export function showProblems(root, problems, whole) {
+  const fields = [...root.querySelectorAll("[data-path]")];
+  for (const { path, problem } of problems) {
+    const inside = fields.filter(({ dataset }) => path === dataset.path || path.startsWith(`${dataset.path}.`) || path.startsWith(`${dataset.path}[`));
+    inside.sort((one, other) => other.dataset.path.length - one.dataset.path.length);
+    const beneath = inside[0] || (path.startsWith(whole) && path !== whole ? fields.find(({ dataset }) => dataset.path.startsWith(path)) : null);
+    const own = inside[0] || beneath;
+    if (!own && !(path === whole || (path.startsWith(whole) && whole))) continue;
+    const id = `problem ${path}`;
+    const note = h("p", { class: "problem", id, "data-problem": path }, problem);
+    if (!own) {
+      root.querySelector("[data-whole]")?.after(note);
+      continue;
+    }
+    if (/INPUT|SELECT/.test(own.tagName)) {
+      own.setAttribute("aria-invalid", "true");
+      own.setAttribute("aria-describedby", id);
+    }
+    const place = own.closest(".field") || own.closest("td") || own;
+    if (place.tagName === "TH" || place.tagName === "H3") place.after(note);
+    else place.append(note);
+  }
+}

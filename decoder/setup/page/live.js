@@ -1,0 +1,101 @@
+// Every change is tried at once: the selected gauge first, then the others; answers that come too late are dropped.
+import { ask, Lost, TAB } from "./server.js";
+
+const TRIAL_MS = 160;
+const CHECK_MS = 220;
+const GOOD_SCORE = 0.9;
+
+export class Live {
+  constructor(store) {
+    this.store = store;
+    this.results = new Map(); // what was tried of a gauge, by all that it depends on
+    this.latest = new Map(); // the last result of each gauge by its index, while a new one is awaited
+    store.on("change", () => this.later());
+    store.on("select", () => this.later());
+    this.later();
+  }
+
+  // All that a gauge's reading depends on; null while it cannot be read.
+  keyOf(index) {
+    const { document, picture } = this.store.now;
+    const gauge = document.gauges?.[index];
+    if (!document.anchors?.length || !gauge?.needles?.length || (gauge.scale || []).length < 2) return null;
+    return JSON.stringify([picture, document.anchors, document.level, document.reference_points, gauge]);
+  }
+
+  resultOf(index) {
+    return this.results.get(this.keyOf(index)) || null;
+  }
+
+  later() {
+    clearTimeout(this.trialTimer);
+    clearTimeout(this.checkTimer);
+    this.trialTimer = setTimeout(() => this.tryNext(), TRIAL_MS);
+    this.checkTimer = setTimeout(() => this.check(), CHECK_MS);
+  }
+
+  next() {
+    const gauges = this.store.document.gauges || [];
+    const order = gauges.map((_, index) => index);
+    const { kind, index } = this.store.selection;
+    if (kind === "gauge") order.sort((one, other) => (other === index) - (one === index));
+    return order.find((each) => this.keyOf(each) && !this.results.has(this.keyOf(each)));
+  }
+
+  async tryNext() {
+    const index = this.next();
+    if (index === undefined) return;
+    const key = this.keyOf(index);
+    if (this.running === key) return;
+    this.abort?.abort();
+    this.abort = new AbortController();
+    this.running = key;
+    const { document, picture } = this.store.now;
+    let result = null;
+    try {
+      result = await ask("trial", { document, picture, gauge: index, tab: TAB }, { signal: this.abort.signal });
+    } catch (error) {
+      if (error instanceof Lost) {
+        this.running = null;
+        return;
+      }
+      result = { error: error.message, problems: error.problems || [], frames: [] };
+    }
+    if (this.running !== key) return;
+    this.running = null;
+    if (result) {
+      this.results.set(key, result);
+      if (this.keyOf(index) === key) this.latest.set(index, result);
+      this.store.tell("trial");
+    }
+    this.tryNext();
+  }
+
+  async check() {
+    const { document, picture } = this.store.now;
+    const asked = JSON.stringify([document, picture]);
+    if (this.checked === asked) return;
+    this.checked = asked;
+    try {
+      const { problems } = await ask("check", { document, picture });
+      if (this.checked !== asked) return;
+      this.store.problems = problems;
+      this.store.tell("problems");
+    } catch (error) {
+      this.checked = null;
+      if (!(error instanceof Lost)) this.store.tell("say", error.message);
+    }
+  }
+
+  // How a gauge is read, for the outline.
+  summary(index) {
+    const result = this.resultOf(index);
+    if (!result) return { dot: "", count: this.keyOf(index) ? "…" : "" };
+    if (result.error) return { dot: "bad", count: "" };
+    const all = result.frames.flatMap((frame) => (frame.needles.length ? frame.needles : [{ status: "missing", score: 0 }]));
+    const read = all.filter(({ status }) => status !== "missing");
+    const sure = read.every(({ score }) => score >= GOOD_SCORE);
+    const dot = read.length === all.length && sure ? "good" : read.length > all.length / 2 ? "warn" : "bad";
+    return { dot, count: `${read.length}/${all.length}` };
+  }
+}

@@ -1,0 +1,45 @@
+// Puts the page together.
+import { byId } from "./dom.js";
+import { showFilm } from "./film.js";
+import { showFrames } from "./frames.js";
+import { showInspector } from "./inspector.js";
+import { closeUp, followKeys, showKeys } from "./keys.js";
+import { Live } from "./live.js";
+import { showOutline } from "./outline.js";
+import { Overlay } from "./overlay.js";
+import { followPointer } from "./pointer.js";
+import { showSaving } from "./saving.js";
+import { ask, watch } from "./server.js";
+import { Store } from "./store.js";
+import { showTools } from "./tools.js";
+import { showUnwrapped } from "./unwrapped.js";
+import { View } from "./view.js";
+
+const session = await ask("session");
+const store = new Store(session);
+const view = new View(byId("picture"), store.now.size, store.now.picture);
+const overlay = new Overlay(store, view);
+const live = new Live(store);
+const close = () => closeUp(store, view);
+
+byId("subtitle").textContent = `${session.name}, ${session.frames} ${session.frames === 1 ? "picture" : "frames"} · saves to ${session.target}`;
+const { save } = showSaving(store);
+const { step } = showFrames(store, live, view);
+showTools(store);
+showOutline(store, live, (selection) => {
+  store.select(selection);
+  close();
+});
+showInspector(store, live, close);
+showUnwrapped(store);
+showFilm(store, live);
+followPointer(store, view, overlay);
+followKeys(store, view, { save, step });
+byId("undo").addEventListener("click", () => store.undo());
+byId("redo").addEventListener("click", () => store.redo());
+byId("help").addEventListener("click", showKeys);
+byId("zoomin").addEventListener("click", () => view.zoom(1.4));
+byId("zoomout").addEventListener("click", () => view.zoom(1 / 1.4));
+byId("fit").addEventListener("click", () => view.fit());
+watch();
+document.body.dataset.ready = "true";

@@ -1,0 +1,58 @@
+// The outline: everything that is drawn, and how well it is read.
+import { byId, h } from "./dom.js";
+import { pick } from "./tools.js";
+
+// Which thing a problem's path belongs to.
+export function selectionOf(path) {
+  const match = /^(anchors|reference_points|gauges)\[(\d+)\](?:\.(scale|needles)\[(\d+)\])?/.exec(path);
+  if (!match) return { kind: path.startsWith("level") ? "level" : "panel" };
+  const [, list, index, part, place] = match;
+  const kind = { anchors: "anchor", reference_points: "reference", gauges: "gauge" }[list];
+  const inside = { scale: { mark: Number(place) }, needles: { needle: Number(place) } }[part] || {};
+  return { kind, index: Number(index), ...inside };
+}
+
+export function showOutline(store, live, view) {
+  const nav = byId("outline");
+
+  function row(selection, name, { dot = "", count = "" } = {}) {
+    const wrong = store.problems.some(({ path }) => {
+      const other = selectionOf(path);
+      return other.kind === selection.kind && other.index === selection.index;
+    });
+    const current = store.selection.kind === selection.kind && store.selection.index === selection.index;
+    const title = wrong ? "has something to put right" : "";
+    return h(
+      "li",
+      {},
+      h(
+        "button",
+        { "aria-current": current ? "true" : "false", title, onclick: () => store.select(selection), ondblclick: () => view(selection) },
+        h("span", { class: `dot ${wrong ? "bad" : dot}` }),
+        h("span", { class: "name" }, name || "(no name)"),
+        h("span", { class: "count" }, wrong ? "!" : count),
+      ),
+    );
+  }
+
+  function part(title, tool, rows, empty) {
+    return [
+      h("h3", {}, title, tool && h("button", { class: "link", "aria-label": `Add: ${title}`, onclick: () => pick(store, tool) }, "+ add")),
+      rows.length ? h("ul", {}, ...rows) : h("p", { class: "empty" }, empty),
+    ];
+  }
+
+  function show() {
+    const { anchors = [], level, reference_points: points = [], gauges = [] } = store.document;
+    nav.replaceChildren(
+      ...part("Panel", null, [row({ kind: "panel" }, store.document.name)]),
+      ...part("Anchors", "anchor", anchors.map(({ name }, index) => row({ kind: "anchor", index }, name)), "at least one"),
+      ...part("Level edge", "level", level ? [row({ kind: "level" }, "level")] : [], "tells the roll"),
+      ...part("Reference points", "reference", points.map(({ inches }, index) => row({ kind: "reference", index }, `${inches.map((each) => each ?? "?").join(", ")} in`)), "for an oblique view"),
+      ...part("Gauges", "gauge", gauges.map(({ name }, index) => row({ kind: "gauge", index }, name, live.summary(index))), "at least one"),
+    );
+  }
+
+  store.on("change select problems trial", show);
+  show();
+}

@@ -1,0 +1,215 @@
+// The drawing over the panel picture: everything in the picture's own pixels, lines as thick at every zoom.
+import { s } from "./dom.js";
+import { arc, at, distance, recentre, rounded } from "./geometry.js";
+import { dragSweep, sweepEnd } from "./items.js";
+
+export class Overlay {
+  constructor(store, view) {
+    this.store = store;
+    this.view = view;
+    this.grips = new WeakMap();
+    this.draw = this.draw.bind(this);
+    store.on("change select tool cursor looking", this.draw);
+    view.addEventListener("place", this.draw);
+  }
+
+  // An element that selects something, and perhaps moves it: `drag(document, point)` changes the draft.
+  grip(element, selection, drag) {
+    this.grips.set(element, { selection, drag });
+    return element;
+  }
+
+  gripOf(element) {
+    for (let each = element; each && each !== this.view.svg; each = each.parentNode) {
+      if (this.grips.has(each)) return this.grips.get(each);
+    }
+    return null;
+  }
+
+  get unit() {
+    return 1 / this.view.scale;
+  }
+
+  draw() {
+    const { document, looking } = this.store;
+    this.view.layer.setAttribute("class", looking ? "dimmed" : "");
+    this.view.layer.replaceChildren(
+      ...(document.anchors || []).map((anchor, index) => this.anchor(anchor, index)),
+      ...(document.level ? [this.level(document.level)] : []),
+      ...(document.reference_points || []).map((point, index) => this.reference(point, index)),
+      ...(document.gauges || []).map((gauge, index) => this.gauge(gauge, index)),
+      ...this.pending(),
+    );
+  }
+
+  chosen(kind, index) {
+    const { selection } = this.store;
+    return selection.kind === kind && selection.index === index ? "chosen" : "";
+  }
+
+  text(words, [x, y], { size = 12, anchor = "middle" } = {}) {
+    const unit = this.unit;
+    const label = s("text", { x, y, "font-size": size * unit, "stroke-width": 3 * unit, "text-anchor": anchor });
+    label.textContent = words;
+    return label;
+  }
+
+  handle([x, y], selection, drag) {
+    return this.grip(s("circle", { class: "handle", cx: x, cy: y, r: 5 * this.unit }), selection, drag);
+  }
+
+  line([x1, y1], [x2, y2], name = "shape") {
+    return s("line", { x1, y1, x2, y2, class: name });
+  }
+
+  anchor({ name, box }, index) {
+    const [x, y, width, height] = box;
+    const selection = { kind: "anchor", index };
+    const chosen = this.chosen("anchor", index);
+    const rect = { x: x - 0.5, y: y - 0.5, width, height };
+    const move = (document, [px, py], grabbed) => {
+      document.anchors[index].box[0] = Math.round(px - grabbed[0] + box[0]);
+      document.anchors[index].box[1] = Math.round(py - grabbed[1] + box[1]);
+    };
+    const resize = (document, [px, py]) => {
+      const own = document.anchors[index].box;
+      own[2] = Math.max(Math.round(px - own[0]), 8);
+      own[3] = Math.max(Math.round(py - own[1]), 8);
+    };
+    return s(
+      "g",
+      { class: `anchor ${chosen}` },
+      s("rect", { ...rect, class: "halo" }),
+      s("rect", { ...rect, class: "shape" }),
+      this.grip(s("rect", { ...rect, class: "hit" }), selection, move),
+      this.text(name, [x + width / 2, y - 5 * this.unit]),
+      chosen && this.handle([x + width, y + height], selection, resize),
+    );
+  }
+
+  level(ends) {
+    const chosen = this.store.selection.kind === "level";
+    const drag = (end) => (document, point) => {
+      document.level[end] = point.map((value) => rounded(value, 1));
+    };
+    return s(
+      "g",
+      { class: `level ${chosen ? "chosen" : ""}` },
+      this.line(...ends, "halo"),
+      this.line(...ends),
+      this.grip(this.line(...ends, "hit"), { kind: "level" }),
+      this.text("level", [ends[0][0] + 8 * this.unit, ends[0][1]], { anchor: "start" }),
+      ...[0, 1].map((end) => chosen && this.handle(ends[end], { kind: "level", end }, drag(end))),
+    );
+  }
+
+  reference({ at: [x, y], inches }, index) {
+    const r = 7 * this.unit;
+    const drag = (document, point) => {
+      document.reference_points[index].at = point.map((value) => rounded(value, 2));
+    };
+    const path = { d: `M${x - r} ${y}h${2 * r}M${x} ${y - r}v${2 * r}` };
+    return s(
+      "g",
+      { class: `reference ${this.chosen("reference", index)}` },
+      s("path", { ...path, class: "halo" }),
+      s("path", { ...path, class: "shape" }),
+      this.grip(s("circle", { cx: x, cy: y, r, class: "hit" }), { kind: "reference", index }, drag),
+      this.text(inches.map((each) => each ?? "?").join(", ") + " in", [x + r * 1.4, y - r * 0.6], { anchor: "start", size: 11 }),
+    );
+  }
+
+  gauge(gauge, index) {
+    const { centre, radius, sweep } = gauge;
+    const { selection } = this.store;
+    const chosen = this.chosen("gauge", index);
+    const whole = { kind: "gauge", index };
+    const rim = { d: arc(centre, radius[1], ...sweep) };
+    return s(
+      "g",
+      { class: `gauge ${chosen}` },
+      s("path", { ...rim, class: "halo" }),
+      s("path", { ...rim, class: "shape" }),
+      chosen && s("path", { d: arc(centre, radius[0], ...sweep), class: "shape thin" }),
+      this.grip(s("circle", { cx: centre[0], cy: centre[1], r: radius[1], class: "hit" }), whole),
+      ...(chosen ? (gauge.scale || []).map((mark, place) => this.mark(gauge, index, mark, place)) : []),
+      ...(gauge.needles || []).map((needle, place) => this.needle(gauge, index, needle, place)),
+      !chosen && this.text(gauge.name, at(centre, 90, radius[1] + 14 * this.unit)),
+      ...(chosen ? this.handles(gauge, index) : []),
+      chosen && selection.mark === undefined && selection.needle === undefined && this.crossAt(centre),
+    );
+  }
+
+  crossAt([x, y]) {
+    const r = 6 * this.unit;
+    return s("path", { d: `M${x - r} ${y}h${2 * r}M${x} ${y - r}v${2 * r}`, class: "shape chosen" });
+  }
+
+  mark(gauge, index, [angle, value], place) {
+    const { centre, radius } = gauge;
+    const ends = [at(centre, angle, radius[1] * 0.9), at(centre, angle, radius[1] * 1.06)];
+    const own = this.store.selection.mark === place ? "chosen" : "";
+    return s(
+      "g",
+      { class: `mark ${own}` },
+      this.line(...ends, "halo"),
+      this.line(...ends, `shape ${own}`),
+      this.grip(this.line(...ends, "hit"), { kind: "gauge", index, mark: place }),
+      this.text(value ?? "?", at(at(centre, angle, radius[1] * 1.08 + 13 * this.unit), 90, 4 * this.unit), { size: own ? 14 : 12 }),
+    );
+  }
+
+  needle({ centre, radius }, index, { template }, place) {
+    if (typeof template?.at !== "number") return s("g");
+    const ends = [at(centre, template.at, radius[0]), at(centre, template.at, radius[1])];
+    const name = `shape needle ${place % 2 ? "other" : ""}`;
+    return s(
+      "g",
+      {},
+      this.line(...ends, "halo"),
+      this.line(...ends, name),
+      this.grip(this.line(...ends, "hit"), { kind: "gauge", index, needle: place }),
+    );
+  }
+
+  handles(gauge, index) {
+    const whole = { kind: "gauge", index };
+    const { centre, radius, sweep } = gauge;
+    const middle = sweep[0] + (sweep[1] - sweep[0]) * 0.31;
+    const { dragCentre, dragRadius, dragEnd } = this.drags(index);
+    return [
+      this.handle(centre, whole, dragCentre),
+      this.handle(at(centre, middle, radius[0]), whole, dragRadius(0)),
+      this.handle(at(centre, middle, radius[1]), whole, dragRadius(1)),
+      ...[0, 1].map((end) => this.handle(sweepEnd(gauge, end), whole, dragEnd(end))),
+    ];
+  }
+
+  drags(index) {
+    return {
+      dragCentre: (document, point) => recentre(document.gauges[index], point),
+      dragRadius: (which) => (document, point) => {
+        const { centre, radius } = document.gauges[index];
+        const length = rounded(distance(centre, point), 1);
+        radius[which] = which ? Math.max(length, radius[0] + 2) : Math.min(Math.max(length, 1), radius[1] - 2);
+      },
+      dragEnd: (end) => (document, point) => dragSweep(document.gauges[index], end, point),
+    };
+  }
+
+  pending() {
+    const { clicks, cursor, tool } = this.store;
+    if (tool === "select") return [];
+    const unit = this.unit;
+    const dots = clicks.map(([x, y]) => s("circle", { cx: x, cy: y, r: 4 * unit, class: "handle" }));
+    const [x, y] = cursor;
+    const r = 14 * unit;
+    dots.push(s("path", { class: "cross", d: `M${x - r} ${y}h${r * 0.7}M${x + r} ${y}h${-r * 0.7}M${x} ${y - r}v${r * 0.7}M${x} ${y + r}v${-r * 0.7}` }));
+    if (clicks.length && tool === "anchor") {
+      const [[ax, ay]] = clicks;
+      dots.push(s("rect", { class: "shape", x: Math.min(ax, x), y: Math.min(ay, y), width: Math.abs(x - ax), height: Math.abs(y - ay) }));
+    }
+    if (clicks.length && tool === "level") dots.push(this.line(clicks[0], cursor));
+    return dots;
+  }
+}

@@ -1,0 +1,56 @@
+// The pointer on the panel picture: click with a tool, drag what is drawn, pan what is not.
+import { click } from "./tools.js";
+
+const STILL_PX = 4;
+
+export function followPointer(store, view, overlay) {
+  const { svg } = view;
+  let press = null;
+
+  svg.addEventListener("pointerdown", (event) => {
+    if (event.button > 1) return;
+    svg.focus({ preventScroll: true });
+    const grip = store.tool === "select" && event.button === 0 ? overlay.gripOf(event.target) : null;
+    press = { grip, from: view.at(event), x: event.clientX, y: event.clientY, moved: false, pans: event.button === 1 };
+    svg.setPointerCapture(event.pointerId);
+    event.preventDefault();
+  });
+
+  svg.addEventListener("pointermove", (event) => {
+    const point = view.at(event);
+    if (store.tool !== "select") {
+      store.cursor = point;
+      store.tell("cursor");
+    }
+    if (!press) return;
+    if (!press.moved && Math.hypot(event.clientX - press.x, event.clientY - press.y) < STILL_PX) return;
+    if (!press.moved && press.grip) store.select(press.grip.selection);
+    press.moved = true;
+    if (press.grip?.drag) {
+      store.change(`drag ${JSON.stringify(press.grip.selection)} ${press.x} ${press.y}`, (document) => {
+        press.grip.drag(document, point, press.from);
+      });
+    } else if (store.tool === "select" || press.pans) {
+      svg.classList.add("panning");
+      view.pan(event.movementX, event.movementY);
+    }
+  });
+
+  svg.addEventListener("pointerup", async (event) => {
+    const { grip, from, moved, pans } = press || {};
+    press = null;
+    svg.classList.remove("panning");
+    if (from === undefined || pans) return;
+    if (store.tool === "select") {
+      if (!moved && grip) store.select(grip.selection);
+      return;
+    }
+    if (moved && store.tool === "anchor" && !store.clicks.length) await click(store, from);
+    await click(store, view.at(event));
+  });
+
+  svg.addEventListener("dblclick", (event) => {
+    if (store.tool === "select" && store.gauge) view.closeUp(store.gauge.centre, store.gauge.radius[1]);
+    event.preventDefault();
+  });
+}

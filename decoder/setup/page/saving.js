@@ -1,0 +1,88 @@
+// Saving, what keeps the draft from being saved, and what to do if somebody else has saved it meanwhile.
+import { byId, h } from "./dom.js";
+import { selectionOf } from "./outline.js";
+import { ask, onLost } from "./server.js";
+
+export function showSaving(store) {
+  const state = byId("state");
+  const banner = byId("banner");
+  let said = 0;
+
+  function show() {
+    const count = store.problems.length;
+    const open = count ? `${count} thing${count > 1 ? "s" : ""} to put right` : "";
+    const saved = store.isSaved ? (store.revision ? "saved" : "not changed") : "not saved";
+    state.textContent = [open, saved].filter(Boolean).join(" · ");
+    state.classList.toggle("unsaved", !store.isSaved);
+    byId("undo").disabled = !store.past.length;
+    byId("redo").disabled = !store.future.length;
+    byId("title").textContent = store.document.name || "Panel set-up";
+    document.title = `${store.isSaved ? "" : "• "}${store.document.name || "Panel"} – set-up`;
+  }
+
+  function say(words, ...buttons) {
+    banner.replaceChildren(h("span", {}, words), ...buttons, h("button", { class: "remove", "aria-label": "Close", onclick: () => { banner.hidden = true; } }, "×"));
+    banner.hidden = false;
+    clearTimeout(said);
+    if (!buttons.length) said = setTimeout(() => { banner.hidden = true; }, 9000);
+  }
+
+  function lead() {
+    const [{ path }] = store.problems;
+    const count = store.problems.length;
+    store.select(selectionOf(path));
+    store.tell("problems");
+    banner.classList.remove("good");
+    say(`Not saved: ${count} thing${count > 1 ? "s" : ""} to put right first.`);
+  }
+
+  async function save(over) {
+    if (store.problems.length) {
+      lead();
+      return;
+    }
+    const now = JSON.stringify(store.now);
+    const { document: drawn, picture } = store.now;
+    const body = { document: drawn, picture, revision: store.revision };
+    if (over === true) body.over = true;
+    try {
+      const { revision, target } = await ask("panel", body, { method: "PUT" });
+      store.revision = revision;
+      store.saved = now;
+      store.problems = [];
+      store.tell("problems");
+      say(`Saved to ${target}.`);
+      banner.classList.add("good");
+    } catch (error) {
+      banner.classList.remove("good");
+      if (error.status === 409) say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save(true) }, "Save this one over it"));
+      else if (error.problems?.length) {
+        store.problems = error.problems;
+        lead();
+      } else say(error.message);
+    }
+  }
+
+  async function load() {
+    store.replace(await ask("session"));
+    banner.hidden = true;
+  }
+
+  onLost((lost) => {
+    banner.classList.remove("good");
+    if (lost) say("The program has ended. What you drew is still in this page; start decode setup again to go on.", h("span"));
+    else banner.hidden = true;
+    byId("save").disabled = lost;
+  });
+  store.on("say", ({ detail }) => {
+    banner.classList.remove("good");
+    say(detail);
+  });
+  store.on("change problems select", show);
+  addEventListener("beforeunload", (event) => {
+    if (!store.isSaved) event.preventDefault();
+  });
+  byId("save").addEventListener("click", () => save());
+  show();
+  return { save: () => save() };
+}

@@ -1,0 +1,104 @@
+// What is drawn, what is selected, and the way back: one document, changed only through `change`.
+const TOGETHER_MS = 700;
+
+export class Store extends EventTarget {
+  constructor(session) {
+    super();
+    this.session = session;
+    this.now = { document: session.document, picture: session.picture, size: session.size };
+    this.revision = session.revision;
+    this.saved = JSON.stringify(this.now);
+    this.past = [];
+    this.future = [];
+    this.selection = { kind: "panel" };
+    this.tool = "select";
+    this.clicks = [];
+    this.cursor = [session.size[0] / 2, session.size[1] / 2];
+    this.looking = null; // the key of another frame that is looked at
+    this.problems = [];
+    this.offers = new Map(); // proposed needles by gauge
+    this.label = null;
+  }
+
+  get document() {
+    return this.now.document;
+  }
+
+  get gauge() {
+    return this.selection.kind === "gauge" ? this.document.gauges?.[this.selection.index] : undefined;
+  }
+
+  get isSaved() {
+    return this.saved === JSON.stringify(this.now);
+  }
+
+  // Changes with the same label that follow each other closely are one step back.
+  change(label, edit, { picture, size } = {}) {
+    const together = label === this.label && performance.now() - this.changed < TOGETHER_MS;
+    if (!together) this.past.push(structuredClone(this.now));
+    this.label = label;
+    this.changed = performance.now();
+    this.future = [];
+    const next = structuredClone(this.now);
+    const replaced = edit(next.document);
+    if (replaced && typeof replaced === "object") next.document = replaced;
+    if (picture) Object.assign(next, { picture, size });
+    this.now = next;
+    this.tell("change");
+  }
+
+  undo() {
+    this.travel(this.past, this.future);
+  }
+
+  redo() {
+    this.travel(this.future, this.past);
+  }
+
+  travel(from, to) {
+    if (!from.length) return;
+    to.push(this.now);
+    this.now = from.pop();
+    this.label = null;
+    if (!this.exists(this.selection)) this.selection = { kind: "panel" };
+    this.tell("change");
+  }
+
+  replace(session) {
+    this.past.push(structuredClone(this.now));
+    this.future = [];
+    this.now = { document: session.document, picture: session.picture, size: session.size };
+    this.revision = session.revision;
+    this.saved = JSON.stringify(this.now);
+    this.selection = { kind: "panel" };
+    this.tell("change");
+  }
+
+  exists({ kind, index, mark, needle }) {
+    if (kind === "panel") return true;
+    if (kind === "level") return Boolean(this.document.level);
+    const list = { anchor: "anchors", reference: "reference_points", gauge: "gauges" }[kind];
+    const item = this.document[list]?.[index];
+    if (!item) return false;
+    return (mark === undefined || mark < (item.scale || []).length) && (needle === undefined || needle < (item.needles || []).length);
+  }
+
+  select(selection) {
+    this.selection = selection;
+    this.tell("select");
+  }
+
+  use(tool) {
+    this.tool = tool;
+    this.clicks = [];
+    this.tell("tool");
+  }
+
+  tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+
+  on(types, listener) {
+    types.split(" ").forEach((type) => this.addEventListener(type, listener));
+  }
+}

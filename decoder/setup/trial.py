@@ -1,0 +1,104 @@
+"""The trial: one gauge of a draft read in some frames spread over the flight, exactly as `decode` would read it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.alignment import Alignment
+from decoder.errors import PictureError
+from decoder.flight_fitting import fit_to_flight
+from decoder.gauge_reader import Method
+from decoder.panel_pictures import PanelPictures
+from decoder.panel_reader import PanelReader
+from decoder.pictures import GreyPicture
+from decoder.reading import Reading, Status
+from decoder.scale import Scale
+from flight_file.sampling import spread
+
+Stale = Callable[[], bool]
+
+
+class Superseded(Exception):
+    """A later change made this trial pointless."""
+
+
+@dataclass(frozen=True, slots=True)
+class NeedleTrial:
+    """One needle in one frame; `value` is None where it has none."""
+
+    name: str
+    status: Status
+    value: float | None
+    angle_deg: float | None
+    score: float
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTrial:
+    """One frame: where the panel lies in it, or why it was not found."""
+
+    index: int
+    alignment: Alignment | None
+    reason: str
+    needles: tuple[NeedleTrial, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A gauge read in all frames; `moved_px` is how far from its drawn centre its needles really turn."""
+
+    frames: tuple[FrameTrial, ...]
+    moved_px: tuple[float, float] | None
+
+
+def tried(source: PanelPictures, frames: Sequence[tuple[int, GreyPicture]], stale: Stale) -> Trial:
+    """Reads the only gauge of a panel in some frames.
+
+    Parameters
+    ----------
+    frames : their numbers in the flight, and grey
+    stale : asked between frames; whether nobody waits for the answer any more
+
+    Raises
+    ------
+    PanelError
+        If the panel does not fit its picture.
+    Superseded
+        If nobody waits for the answer.
+    """
+
+    def sample(count: int) -> Iterator[GreyPicture]:
+        for index in sorted(spread(len(frames), count)):
+            if stale():
+                raise Superseded
+            yield frames[index][1]
+
+    (gauge,) = source.panel.gauges
+    fitted = fit_to_flight(PanelReader.from_panel(source, Method.NORMXCORR), sample)
+    scales = {each.name: Scale.of(each.marks, each.wraps) for each in gauge.quantities}
+    found = []
+    for index, frame in frames:
+        if stale():
+            raise Superseded
+        found.append(_frame(fitted.reader, index, frame, scales))
+    return Trial(tuple(found), fitted.moved_px.get(gauge.name))
+
+
+def _frame(reader: PanelReader, index: int, frame: GreyPicture, scales: dict[str, Scale]) -> FrameTrial:
+    try:
+        read = reader.read(frame)
+    except PictureError as error:
+        return FrameTrial(index, None, str(error), ())
+    needles = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items())
+    return FrameTrial(index, read.alignment, "", needles)
+
+
+def _needle(name: str, reading: Reading, scale: Scale) -> NeedleTrial:
+    if reading.status is Status.MISSING or not math.isfinite(reading.angle_deg):
+        return NeedleTrial(name, Status.MISSING, None, None, reading.score)
+    value = float(scale.values_at(np.array([reading.angle_deg]))[0])
+    return NeedleTrial(name, reading.status, value, reading.angle_deg, reading.score)

@@ -1,0 +1,101 @@
+"""What the page looks at: scaled pictures, parts of them, unwrapped gauges and strips of dials, encoded."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.alignment import Alignment
+from decoder.arrays import Floats
+from decoder.pictures import GreyPicture
+from decoder.setup.picture_store import PictureStore
+
+VIEW_PX = 1600
+MAX_PART_PX = 2048
+SHRINKS = (8, 4, 2, 1)
+JPEG_QUALITY = 88
+DIAL_PX = 112
+# How much of its surroundings a dial in the filmstrip is shown with.
+DIAL_MARGIN = 1.12
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a picture: its box in pixels and the width at which it is wanted."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+    wanted_px: int
+
+
+def jpeg(picture: NDArray[np.uint8]) -> bytes:
+    """A picture as JPEG."""
+    _, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return encoded.tobytes()
+
+
+def data_url(encoded: bytes, kind: str) -> str:
+    """Bytes as an address that a page can show."""
+    return f"data:image/{kind};base64,{base64.b64encode(encoded).decode('ascii')}"
+
+
+def whole_view(store: PictureStore, key: str, width_px: int) -> bytes:
+    """The whole picture, at most `VIEW_PX` or a little more wide, as JPEG; `width_px` is the picture's own."""
+    store.forget_colours(but=key)
+    shrink = next(each for each in SHRINKS if each == 1 or width_px / each >= VIEW_PX * 0.75)
+    return jpeg(store.colour(key, shrink))
+
+
+def part_view(store: PictureStore, key: str, part: Part) -> bytes:
+    """A part of the picture at the width that is wanted, but no larger than it is, as JPEG."""
+    picture = store.colour(key)
+    height, width = picture.shape[:2]
+    left, top = min(max(part.left, 0), width - 1), min(max(part.top, 0), height - 1)
+    right, bottom = min(max(part.left + part.width, left + 1), width), min(max(part.top + part.height, top + 1), height)
+    piece = picture[top:bottom, left:right]
+    scale = min(part.wanted_px / piece.shape[1], MAX_PART_PX / max(piece.shape[:2]), 1.0)
+    if scale < 1.0:
+        piece = np.asarray(cv2.resize(piece, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+    return jpeg(piece)
+
+
+def unwrapped_view(strip: Floats) -> str:
+    """An unwrapped gauge lying on its side, angle to the right and radius upwards, as an address."""
+    lying = np.ascontiguousarray(np.clip(strip.T[::-1], 0, 255).astype(np.uint8))
+    _, encoded = cv2.imencode(".png", lying, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return data_url(encoded.tobytes(), "png")
+
+
+def film_view(
+    frames: Sequence[tuple[GreyPicture, Alignment | None]], centre: tuple[float, float], outer_px: float
+) -> str:
+    """One dial in all frames, side by side, each where the panel picture has it; dark where the panel is not found."""
+    half = outer_px * DIAL_MARGIN
+    x, y = centre
+    corners = [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
+    wanted = np.array([(0, 0), (DIAL_PX, 0), (DIAL_PX, DIAL_PX), (0, DIAL_PX)], np.float32) - 0.5
+    strip = np.zeros((DIAL_PX, DIAL_PX * max(len(frames), 1)), np.uint8)
+    for number, (frame, alignment) in enumerate(frames):
+        if alignment is None:
+            continue
+        seen = np.array([alignment.to_frame(corner) for corner in corners], np.float32)
+        part, offset = _around(frame, seen)
+        matrix = cv2.getPerspectiveTransform(seen - offset, wanted)
+        dial = cv2.warpPerspective(part, matrix, (DIAL_PX, DIAL_PX), flags=cv2.INTER_LINEAR)
+        strip[:, number * DIAL_PX : (number + 1) * DIAL_PX] = dial
+    return data_url(jpeg(strip), "jpeg")
+
+
+def _around(frame: GreyPicture, corners: Floats) -> tuple[GreyPicture, Floats]:
+    """The part of a frame that holds the corners, shrunk by nothing, and where it begins."""
+    height, width = frame.shape
+    left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2, 0, [width - 1, height - 1])
+    right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + 3, [left + 1, top + 1], [width, height])
+    return frame[top:bottom, left:right], np.array([left, top], np.float32)

@@ -1,0 +1,208 @@
+"""The set-up page's server in a thread, a real Chromium to look at it, and a hand to draw with."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from decoder.setup.server import SetupServer, setup_server
+from decoder.setup.session import SetupSession
+from decoder.setup.sources import open_source
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+A1 = FIXTURES / "thesis_a1.mcap"
+CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
+
+
+expect.set_options(timeout=20_000)  # a busy machine is no failure
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A server at work."""
+
+    server: SetupServer
+    session: SetupSession
+    thread: threading.Thread
+
+    @property
+    def url(self) -> str:
+        """Where its page is."""
+        return self.server.url
+
+    def stop(self) -> None:
+        """Ends it, as Ctrl-C does."""
+        self.server.server.should_exit = True
+        self.thread.join(10.0)
+
+
+Start = Callable[..., Running]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts servers; a new panel is begun unless one is named."""
+    running: list[Running] = []
+
+    def begin(
+        flight: Path = A1, panel: Path | None = tmp_path / "new" / "panel.yaml", save_as: Path | None = None
+    ) -> Running:
+        target = save_as or panel or tmp_path / "panel.yaml"
+        session = SetupSession(open_source([flight]), panel, target)
+        server = setup_server(session)
+        server.listening.listen()
+        thread = threading.Thread(target=server.run, daemon=True)
+        thread.start()
+        running.append(Running(server, session, thread))
+        return running[-1]
+
+    yield begin
+    for each in running:
+        each.stop()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """A real browser."""
+    found = next((path for name in CHROMIUMS if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip("no Chromium on this machine; apt-get install chromium")
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-dev-shm-usage"])
+        yield chromium
+        chromium.close()
+
+
+OpenPage = Callable[[Running], Page]
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[OpenPage]:
+    """Opens the page in a tab of its own; what it says on the console fails the test at its end."""
+    said: list[str] = []
+    pages: list[Page] = []
+
+    def opened(running: Running, *, quiet: bool = True) -> Page:
+        page = browser.new_context(viewport={"width": 1500, "height": 940}).new_page()
+        page.set_default_timeout(15_000)
+        if quiet:
+            page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
+            page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(running.url)
+        page.wait_for_selector("body[data-ready]")
+        pages.append(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.context.close()
+    assert said == []
+
+
+XY = tuple[float, float]
+# How far beside what they mean a person's clicks land, in pixels of the picture.
+UNSTEADY_PX = 0.6
+
+
+@dataclass
+class Hand:
+    """Draws on a page; `seed` decides how unsteady each click is."""
+
+    page: Page
+    seed: int = 5
+
+    def __post_init__(self) -> None:
+        self._chance = np.random.default_rng(self.seed)
+
+    def unsteady(self, place: XY) -> XY:
+        """A place as a hand hits it."""
+        right, down = self._chance.uniform(-UNSTEADY_PX, UNSTEADY_PX, 2)
+        return place[0] + float(right), place[1] + float(down)
+
+    def press(self, key: str) -> None:
+        """A key, on the picture."""
+        self.page.locator("#picture").press(key)
+
+    def click(self, place: XY) -> None:
+        """A click on a place of the panel picture."""
+        x, y = self.page.evaluate(
+            """([x, y]) => {
+                const place = new DOMPoint(x, y).matrixTransform(document.getElementById("picture").getScreenCTM());
+                return [place.x, place.y];
+            }""",
+            list(place),
+        )
+        self.page.mouse.click(x, y)
+
+    def type_into(self, path: str, text: str) -> None:
+        """A value, into the field of that path."""
+        field = self.page.locator(f'[id="f:{path}"]')
+        field.fill(text)
+        field.press("Tab")
+
+    def anchor(self, name: str, box: list[float]) -> None:
+        """An anchor by two corners."""
+        left, top, width, height = box
+        self.press("a")
+        self.click((left, top))
+        self.click((left + width, top + height))
+        index = int(self.page.evaluate("document.querySelectorAll('.anchor').length")) - 1
+        self.type_into(f"anchors[{index}].name", name)
+
+    def level(self, ends: list[list[float]]) -> None:
+        """The level edge."""
+        self.press("l")
+        for end in ends:
+            self.click((end[0], end[1]))
+
+    def gauge(self, index: int, gauge: dict[str, Any], ring_px: float) -> None:
+        """A gauge by three clicks on the ring of its marks, then its marks and their values."""
+        self.press("0")
+        self.press("g")
+        for angle in (150.0, 262.0, 390.0):
+            self.click(self.unsteady(on_dial(gauge["centre"], angle, ring_px)))
+        self.page.wait_for_selector(f'[id="f:gauges[{index}].name"]:focus')
+        self.type_into(f"gauges[{index}].name", gauge["name"])
+        self.type_into(f"gauges[{index}].unit", gauge["unit"])
+        self.press("f")
+        self.press("t")
+        for number, (angle, value) in enumerate(gauge["scale"]):
+            self.click(self.unsteady(on_dial(gauge["centre"], angle, ring_px - 2.0)))
+            self.page.wait_for_selector(f'[id="f:gauges[{index}].scale[{number}][1]"]:focus')
+            self.page.keyboard.type(f"{value:g}")
+            self.page.keyboard.press("Enter")
+            self.page.wait_for_selector("#picture:focus")
+        self.press("Escape")
+
+    def needle(self, index: int, needle: int, centre: XY, at_deg: float, name: str) -> None:
+        """A needle by pointing at it, and its name."""
+        self.press("n")
+        self.click(self.unsteady(on_dial(centre, at_deg, 40.0)))
+        self.page.wait_for_selector(f'[id="f:gauges[{index}].needles[{needle}].name"]:focus')
+        self.type_into(f"gauges[{index}].needles[{needle}].name", name)
+
+    def save(self) -> None:
+        """The panel."""
+        self.press("Control+s")
+        expect(self.page.locator("#banner")).to_contain_text("Saved to")
+
+
+def on_dial(centre: XY, angle_deg: float, radius_px: float) -> XY:
+    """A place on a dial."""
+    angle = math.radians(angle_deg)
+    return centre[0] + radius_px * math.cos(angle), centre[1] + radius_px * math.sin(angle)
+
+
+@pytest.fixture
+def hand_on() -> Callable[[Page], Hand]:
+    """A hand to draw on a page."""
+    return Hand

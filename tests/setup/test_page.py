@@ -1,0 +1,228 @@
+"""The page in a real browser: what it says, what it keeps, and that it can be used without a pointer."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from playwright.sync_api import Page, expect
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+Start = Callable[..., Any]
+OpenPage = Callable[..., Page]
+HandOn = Callable[[Page], Any]
+Running = Any
+PNG = re.compile("^data:image/png")
+
+
+@pytest.fixture
+def opened(start: Start, tmp_path: Path) -> Running:
+    """A page with the flight's own panel."""
+    return start(panel=None, save_as=tmp_path / "saved" / "panel.yaml")
+
+
+def drawn(running: Running) -> dict[str, Any]:
+    """What was saved."""
+    content: dict[str, Any] = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))
+    return content
+
+
+def test_opened_panel_is_read_at_once(opened: Running, open_page: OpenPage) -> None:
+    """Every gauge of the flight's own panel is tried on the flight, and shown with value and score."""
+    page = open_page(opened)
+    expect(page.locator("#outline .dot.good")).to_have_count(6)
+    page.locator("#outline li button", has_text="fuel_flow").click()
+
+    expect(page.locator("#film .cell")).to_have_count(20)
+    assert float(page.locator("#film .value").first.inner_text()) > 40_000
+    assert page.locator("#film svg line.needle").count() == 20
+    expect(page.locator("#unwrapped img")).to_have_attribute("src", PNG)
+
+
+def test_wrong_setup_is_seen(opened: Running, open_page: OpenPage) -> None:
+    """A gauge whose centre is pushed away is no longer read well, and undo brings it back."""
+    page = open_page(opened)
+    expect(page.locator("#outline .dot.good")).to_have_count(6)
+    page.locator("#outline li button", has_text="n1").click()
+    field = page.locator('[id="f:gauges[0].needles[0].template.at"]')
+    field.fill("150")
+    field.press("Tab")
+    expect(page.locator("#outline .dot.good")).to_have_count(5)
+
+    page.locator("#undo").click()
+    expect(page.locator("#outline .dot.good")).to_have_count(6)
+    page.locator("#redo").click()
+    expect(page.locator('[id="f:gauges[0].needles[0].template.at"]')).to_have_value("150")
+
+
+def test_what_is_not_valid_is_said_beside_its_field(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+    """A value that cannot be saved is marked where it stands; saving leads to it and writes nothing."""
+    page = open_page(opened)
+    hand = hand_on(page)
+    page.locator("#outline li button", has_text="n2").click()
+    hand.type_into("gauges[1].sweep[0]", "460")
+    problem = page.locator('[data-problem="gauges[1].sweep"]')
+    expect(problem).to_contain_text("give it clockwise")
+    hand.type_into("gauges[1].scale[2][1]", "forty")
+    expect(page.locator('[id="f:gauges[1].scale[2][1]"]')).to_have_attribute("aria-invalid", "true")
+
+    page.locator("#outline li button", has_text="ftit").click()
+    page.locator("#save").click()
+    expect(problem).to_be_visible()
+    assert not opened.session.target.exists()
+
+
+def test_two_tabs_do_not_overwrite_each_other(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+    """The second tab to save is told, and may load the other's or save over it."""
+    one, other = open_page(opened), open_page(opened, quiet=False)
+    hand_on(one).type_into("name", "first")
+    hand_on(one).save()
+    hand_on(other).type_into("name", "second")
+    other.locator("#save").click()
+    expect(other.locator("#banner")).to_contain_text("saved from somewhere else")
+    assert drawn(opened)["name"] == "first"
+
+    other.locator("#loadtheirs").click()
+    expect(other.locator('[id="f:name"]')).to_have_value("first")
+    hand_on(other).type_into("name", "third")
+    hand_on(other).save()
+    assert drawn(opened)["name"] == "third"
+
+
+def test_file_changed_by_another_program_is_not_overwritten(
+    opened: Running, open_page: OpenPage, hand_on: HandOn
+) -> None:
+    """What an editor wrote meanwhile is not lost silently either; saving over it must be asked for."""
+    page = open_page(opened, quiet=False)
+    hand_on(page).type_into("name", "mine")
+    opened.session.target.parent.mkdir(parents=True)
+    opened.session.target.write_text("name: theirs\n", encoding="utf-8")
+    page.locator("#save").click()
+    expect(page.locator("#banner")).to_contain_text("saved from somewhere else")
+    assert drawn(opened)["name"] == "theirs"
+
+    page.locator("#saveover").click()
+    expect(page.locator("#banner")).to_contain_text("Saved to")
+    assert drawn(opened)["name"] == "mine"
+
+
+def test_lost_server_is_said(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+    """When the program has ended the page says so, and keeps what was drawn."""
+    page = open_page(opened, quiet=False)
+    hand_on(page).type_into("name", "not lost")
+    opened.stop()
+
+    expect(page.locator("#banner")).to_contain_text("The program has ended")
+    expect(page.locator("#save")).to_be_disabled()
+    expect(page.locator('[id="f:name"]')).to_have_value("not lost")
+
+
+def test_keyboard_alone_draws(start: Start, open_page: OpenPage) -> None:
+    """Anchor, level and gauge are drawn without a pointer: keys choose the tool, move its cross and place."""
+    running = start()
+    page = open_page(running)
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.id") == "picture":
+            break
+    page.keyboard.press("a")  # the cross begins in the middle of the picture, (512, 384)
+    page.keyboard.press("Enter")
+    for key in ["Shift+ArrowRight"] * 4 + ["ArrowRight"] * 4 + ["Shift+ArrowDown"] * 4:
+        page.keyboard.press(key)
+    page.keyboard.press("Enter")
+    expect(page.locator('[id="f:anchors[0].box[2]"]')).to_have_value("44")
+    page.locator("#picture").focus()
+    for key in ["ArrowLeft", "Shift+ArrowUp"]:
+        page.keyboard.press(key)
+    expect(page.locator('[id="f:anchors[0].box[0]"]')).to_have_value("511")
+    expect(page.locator('[id="f:anchors[0].box[1]"]')).to_have_value("374")
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Delete")
+    expect(page.locator(".anchor")).to_have_count(0)
+
+
+def test_everything_has_a_name_for_screen_readers(opened: Running, open_page: OpenPage) -> None:
+    """No button, field or drawing is without a word that says what it is."""
+    page = open_page(opened)
+    for name in ("n1", "knob", "level", "F-16 animation"):
+        page.locator("#outline li button", has_text=name).first.click()
+        nameless = page.evaluate(
+            """() => [...document.querySelectorAll("button, input, select, svg[role], nav, aside, section")]
+                .filter((each) => !each.closest("[hidden], dialog"))
+                .filter((each) => !(each.getAttribute("aria-label") || each.innerText?.trim()
+                    || each.labels?.length || each.title))
+                .map((each) => each.outerHTML.slice(0, 120))"""
+        )
+        assert nameless == []
+
+
+def test_dark_and_light(opened: Running, open_page: OpenPage) -> None:
+    """The page follows the system's colours."""
+    page = open_page(opened)
+    grounds = {}
+    for scheme in ("dark", "light"):
+        page.emulate_media(color_scheme=scheme)
+        grounds[scheme] = page.evaluate("getComputedStyle(document.body).backgroundColor")
+
+    assert grounds["dark"] == "rgb(15, 20, 24)"
+    assert grounds["light"] == "rgb(243, 245, 247)"
+
+
+def test_panel_is_pasted_onto_another_flight(
+    start: Start, open_page: OpenPage, hand_on: HandOn, tmp_path: Path
+) -> None:
+    """A panel opened on another flight of the cockpit is carried over to one of its frames and reads there."""
+    running = start(FIXTURES / "thesis_a2.mcap", FIXTURES / "panel.yaml", tmp_path / "pasted" / "panel.yaml")
+    page = open_page(running)
+    page.locator("#frame").focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    page.locator("#useframe").click()
+    expect(page.locator("#banner")).to_contain_text("Carried over: moved by")
+    expect(page.locator("#frames output")).to_have_text("3 of 20")
+    hand_on(page).save()
+
+    saved = drawn(running)
+    written = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    assert [gauge["name"] for gauge in saved["gauges"]] == [gauge["name"] for gauge in written["gauges"]]
+    assert saved["gauges"][0]["centre"] == pytest.approx(written["gauges"][0]["centre"], abs=1.0)
+    frame = list(running.session.source.flight.frames())[3]
+    assert (running.session.target.parent / saved["picture"]).read_bytes() == frame.jpeg
+
+
+def test_needle_is_proposed_and_accepted(start: Start, open_page: OpenPage, hand_on: HandOn) -> None:
+    """What moves on a new gauge is offered as its needle."""
+    page = open_page(start())
+    hand = hand_on(page)
+    hand.press("g")
+    for place in ((297.3, 117.4), (346.3, 168.4), (262.0, 205.0)):
+        hand.click(place)
+    page.locator("#accept-0").click()
+    angle = float(page.locator('[id="f:gauges[0].needles[0].template.at"]').input_value())
+
+    assert angle == pytest.approx(359.5, abs=0.5)
+
+
+def test_needle_is_cropped_on_the_unwrapped_gauge(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+    """Dragging over the unwrapped gauge crops the selected needle there."""
+    page = open_page(opened)
+    page.locator("#outline li button", has_text="n1").click()
+    page.locator(".card b", has_text="n1_pct").wait_for()
+    hand_on(page).press("v")
+    page.locator("#unwrapped svg .band").wait_for()
+    box = page.locator("#unwrapped svg").bounding_box()
+    assert box is not None
+    start, end = 110.0 - 12.0, 440.0 + 12.0
+    places = [box["x"] + (angle - start) / (end - start) * box["width"] for angle in (273.5, 295.5)]
+    page.mouse.move(places[0], box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(places[1], box["y"] + 60, steps=4)
+    page.mouse.up()
+
+    expect(page.locator('[id="f:gauges[0].needles[1].template.span"]')).to_have_value(re.compile(r"^2"))
+    angle = float(page.locator('[id="f:gauges[0].needles[1].template.at"]').input_value())
+    assert angle == pytest.approx(284.4545, abs=0.1)

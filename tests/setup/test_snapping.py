@@ -1,0 +1,145 @@
+"""Clicks are drawn to what they mean: rings, marks and needles of dials that were drawn from formulas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from decoder.alignment import IDENTITY
+from decoder.errors import PictureError
+from decoder.setup.marks import mark_angle_deg
+from decoder.setup.proposals import Dial, needle_at, proposed
+from decoder.setup.rims import circle_through, fitted_rim
+
+Picture = NDArray[np.uint8]
+CENTRE, RING_PX = (80.3, 79.6), 50.0
+TICKS_DEG = range(0, 360, 15)
+
+
+def inside(distance_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """1 within an outline, 0 outside, blurred like a lens does."""
+    return 0.5 * (1.0 - np.tanh(distance_px / 0.9))
+
+
+def dial(needle_deg: float | None, *, dark: float = 30.0, light: float = 210.0, seed: int = 0) -> Picture:
+    """A dial with marks that end at `RING_PX`, and a needle whose halves are lit differently."""
+    y, x = np.mgrid[0:160, 0:160].astype(np.float64)
+    x, y = x - CENTRE[0], y - CENTRE[1]
+    radius = np.hypot(x, y)
+    away = (np.degrees(np.arctan2(y, x)) + 7.5) % 15.0 - 7.5
+    ticks = inside(np.abs(np.radians(away) * radius) - 1.2) * inside(radius - RING_PX) * inside(42.0 - radius)
+    picture = dark + (light - dark) * ticks
+    if needle_deg is not None:
+        cos, sin = math.cos(math.radians(needle_deg)), math.sin(math.radians(needle_deg))
+        along, across = x * cos + y * sin, y * cos - x * sin
+        shape = inside(np.abs(across) - 4.0 + 3.0 * along / 46.0) * inside(along - 46.0) * inside(-along)
+        tone = light + 0.35 * (dark - light) * inside(across)
+        picture += (tone - picture) * shape
+    noisy = picture + np.random.default_rng(seed).normal(0.0, 1.5, picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def around(angle_deg: float, radius_px: float) -> tuple[float, float]:
+    """A place on the dial."""
+    angle = math.radians(angle_deg)
+    return CENTRE[0] + radius_px * math.cos(angle), CENTRE[1] + radius_px * math.sin(angle)
+
+
+@given(
+    x=st.floats(-500, 5000), y=st.floats(-500, 5000), radius=st.floats(5, 2000), turn=st.floats(0, 360)
+)  # fmt: skip
+def test_circle_goes_through_its_points(x: float, y: float, radius: float, turn: float) -> None:
+    """Three points of a circle give that circle."""
+    places = [
+        (x + radius * math.cos(math.radians(turn + step)), y + radius * math.sin(math.radians(turn + step)))
+        for step in (0, 100, 230)
+    ]
+    rim = circle_through(places)
+
+    assert math.dist(rim.centre, (x, y)) < 1e-4
+    assert rim.radius_px == pytest.approx(radius, abs=1e-4)
+
+
+@pytest.mark.parametrize("places", [[(0, 0), (1, 1), (2, 2)], [(5, 5), (5, 5), (5, 5)], [(0, 0), (100, 0), (50, 0.5)]])
+def test_points_on_a_line_are_no_circle(places: list[tuple[float, float]]) -> None:
+    """Clicks that lie on a line are refused in a sentence."""
+    with pytest.raises(PictureError, match="lie on a line"):
+        circle_through(places)
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 1000))
+def test_ring_is_found_from_unsteady_clicks(seed: int) -> None:
+    """Clicks a pixel beside the ends of the marks give the centre to a tenth of a pixel."""
+    chance = np.random.default_rng(seed)
+    clicks = [
+        (x + float(chance.uniform(-0.8, 0.8)), y + float(chance.uniform(-0.8, 0.8)))
+        for x, y in (around(angle, RING_PX) for angle in (150.0, 270.0, 390.0))
+    ]
+    rim = fitted_rim(dial(200.0), circle_through(clicks))
+
+    assert math.dist(rim.centre, CENTRE) < 0.1
+
+
+def test_no_ring_leaves_the_circle_as_it_was_drawn() -> None:
+    """On a flat picture nothing is made up."""
+    drawn = circle_through([around(angle, RING_PX) for angle in (0.0, 100.0, 200.0)])
+
+    assert fitted_rim(np.full((160, 160), 90, np.uint8), drawn) == drawn
+
+
+@pytest.mark.parametrize(("dark", "light"), [(30.0, 210.0), (220.0, 40.0)])
+@settings(max_examples=20)
+@given(tick=st.sampled_from(TICKS_DEG), off_px=st.floats(-1.5, 1.5))
+def test_mark_is_found_from_an_unsteady_click(dark: float, light: float, tick: int, off_px: float) -> None:
+    """A click beside a mark, bright or dark, gives the mark's own angle to a seventh of a degree, or 0.12 pixels."""
+    picture = dial(None, dark=dark, light=light)
+    found = mark_angle_deg(picture, CENTRE, around(tick + math.degrees(off_px / 46.0), 46.0))
+
+    assert abs((found - tick + 180.0) % 360.0 - 180.0) < 0.15
+
+
+def test_click_where_no_mark_is_stands() -> None:
+    """On an empty part of a dial the click's own angle is taken."""
+    assert mark_angle_deg(np.full((160, 160), 90, np.uint8), CENTRE, around(33.0, 40.0)) == pytest.approx(33.0)
+
+
+FULL = Dial(CENTRE, (14.0, 46.0), (0.0, 360.0))
+
+
+@pytest.mark.parametrize("angle_deg", [20.0, 97.3, 188.8, 261.6])
+def test_axis_of_a_needle_with_two_tones(angle_deg: float) -> None:
+    """However a needle is lit, its axis is found to a seventh of a degree, from a guess a degree beside it."""
+    frames = [(dial(angle_deg + turn, seed=number), IDENTITY) for number, turn in enumerate((40.0, 90.0, 170.0, 250.0))]
+    own = dial(angle_deg, seed=9)
+
+    for guess_deg in (angle_deg - 1.0, angle_deg, angle_deg + 1.0):
+        assert needle_at(own, FULL, frames, guess_deg) == pytest.approx(angle_deg, abs=0.15)
+
+
+def test_axis_of_a_needle_that_never_moves() -> None:
+    """Without a frame in which the needle is away the plain dial stands for it."""
+    frames = [(dial(127.3, seed=number), IDENTITY) for number in range(4)]
+
+    assert needle_at(dial(127.3, seed=9), FULL, frames, 126.8) == pytest.approx(127.3, abs=0.2)
+
+
+def test_what_moves_is_proposed() -> None:
+    """The needle of the panel picture is proposed, not the places where other frames have it."""
+    frames = [(dial(angle, seed=number), IDENTITY) for number, angle in enumerate((60.0, 61.0, 62.0, 63.0, 200.0))]
+    (found,) = proposed(dial(200.0, seed=9), FULL, frames)
+
+    assert found.at_deg == pytest.approx(200.0, abs=0.15)
+    assert 8.0 <= found.span_deg <= 40.0
+
+
+def test_nothing_is_proposed_where_nothing_moves() -> None:
+    """A dial that stands still has no proposals."""
+    frames = [(dial(60.0, seed=number), IDENTITY) for number in range(5)]
+
+    assert proposed(dial(60.0, seed=9), FULL, frames) == []
