@@ -7,8 +7,12 @@ import statistics
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from decoder.alignment import IDENTITY, Alignment
+from decoder.dial_plane import DialPlane
 from decoder.errors import PanelError, PictureError
+from decoder.gauge import Gauge
 from decoder.gauge_reader import Method
 from decoder.panel_reader import PanelReader
 from decoder.reading import Status
@@ -116,14 +120,17 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     """A gauge read in the sample's frames, with its dial in each of them."""
     frames = session.frames()
     try:
-        source = panel_of_gauge(asked.document, asked.gauge, session.pictures(asked.document, asked.picture))
+        source = panel_of_gauge(
+            asked.document, asked.gauge, session.pictures(asked.document, asked.picture), session.camera
+        )
         trial = tried(source, frames, stale)
     except PanelError as error:  # a gauge half drawn is no failure: this is what there is to say of it
         return {"frames": [], "error": error.problem, "problems": [{"path": error.path, "problem": error.problem}]}
     (gauge,) = source.panel.gauges
-    seen = [(grey, each.alignment) for (_, grey), each in zip(frames, trial.frames, strict=True)]
+    (plane,) = source.with_planes().planes or (None,)
+    seen = [(taken.pixels, each.alignment) for (_, taken), each in zip(frames, trial.frames, strict=True)]
     return {
-        "frames": [_frame(each) for each in trial.frames],
+        "frames": [_frame(each, gauge, plane) for each in trial.frames],
         "moved": None if trial.moved_px is None else [round(at, PLACES) for at in trial.moved_px],
         "offset": _offset(trial, gauge.centre),
         "film": film_view(seen, gauge.centre, gauge.radius[1]),
@@ -166,7 +173,7 @@ def _angles(session: SetupSession, asked: PasteQuestion) -> dict[str, float]:
     angles: dict[str, float] = {}
     for index in range(len(asked.document.get("gauges") or [])):
         try:
-            source = panel_of_gauge(asked.document, index, pictures)
+            source = panel_of_gauge(asked.document, index, pictures, session.camera)
             read = PanelReader.from_panel(source, Method.NORMXCORR).read(target)
         except (PanelError, PictureError):
             continue  # it keeps the angle it has
@@ -174,7 +181,7 @@ def _angles(session: SetupSession, asked: PasteQuestion) -> dict[str, float]:
     return angles
 
 
-def _frame(trial: FrameTrial) -> Answer:
+def _frame(trial: FrameTrial, gauge: Gauge, plane: DialPlane | None) -> Answer:
     return {
         "index": trial.index,
         "reason": trial.reason,
@@ -183,12 +190,21 @@ def _frame(trial: FrameTrial) -> Answer:
                 "name": needle.name,
                 "status": needle.status.value,
                 "value": needle.value,
-                "angle": needle.angle_deg,
+                "line": None if needle.angle_deg is None else _line(gauge, plane, needle.angle_deg),
                 "score": round(needle.score, 3) if math.isfinite(needle.score) else 0.0,
             }
             for needle in trial.needles
         ],
     }
+
+
+def _line(gauge: Gauge, plane: DialPlane | None, angle_deg: float) -> list[list[float]]:
+    """Both ends of a needle's axis, from the gauge's centre in the panel picture, pixels."""
+    angle = math.radians(angle_deg)
+    ends = np.array(gauge.radius) * np.array([[math.cos(angle)], [math.sin(angle)]])
+    if plane is not None:
+        ends = plane.to_panel(ends) - np.array(gauge.centre)[:, None]
+    return [[round(float(x), 2), round(float(y), 2)] for x, y in ends.T]
 
 
 def _offset(trial: Trial, at: tuple[float, float]) -> Answer | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from decoder.aligner import Aligner
+from decoder.camera import Camera
 from decoder.description import problems_in
 from decoder.errors import DecoderError, PanelError
 from decoder.panel import Panel, parse_content
@@ -29,7 +30,7 @@ class Problem:
     problem: str
 
 
-def problems_of(document: Document, pictures: Mapping[str, GreyPicture]) -> list[Problem]:
+def problems_of(document: Document, pictures: Mapping[str, GreyPicture], camera: Camera | None = None) -> list[Problem]:
     """Everything that keeps a draft from being a panel; none if it can be saved.
 
     Parameters
@@ -38,10 +39,10 @@ def problems_of(document: Document, pictures: Mapping[str, GreyPicture]) -> list
     pictures : by the names that the draft gives them
     """
     found = [Problem(path, problem) for path, problem in problems_in(Panel, document, thing="panel")]
-    return found or _misfits(parse_content(document), pictures)
+    return found or _misfits(parse_content(document), pictures, camera)
 
 
-def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture]) -> list[Problem]:
+def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera | None) -> list[Problem]:
     """What does not fit the pictures, part by part, so that one fault does not hide another."""
     missing = [name for name in panel.pictures if name not in pictures]
     if missing:
@@ -54,13 +55,15 @@ def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture]) -> list[Problem]
     for index, gauge in enumerate(panel.gauges):
         one = panel.model_copy(update={"gauges": (gauge,)})
         try:
-            tuning_from_panel(PanelPictures(one, pictures, ""))
+            tuning_from_panel(PanelPictures(one, pictures, "", camera))
         except PanelError as error:
             found.append(Problem(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem))
     return found
 
 
-def panel_of_gauge(document: Document, index: int, pictures: Mapping[str, GreyPicture]) -> PanelPictures:
+def panel_of_gauge(
+    document: Document, index: int, pictures: Mapping[str, GreyPicture], camera: Camera | None = None
+) -> PanelPictures:
     """One gauge of a draft with all that finds the panel, whatever is wrong with the other gauges.
 
     Raises
@@ -73,7 +76,7 @@ def panel_of_gauge(document: Document, index: int, pictures: Mapping[str, GreyPi
         raise PanelError("gauges", "has no such gauge")
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **document, "gauges": [gauges[index]]}
     try:
-        source = PanelPictures(parse_content(content), pictures, "")
+        source = PanelPictures(parse_content(content), pictures, "", camera)
     except PanelError as error:
         raise PanelError(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem) from error
     missing = [name for name in source.panel.pictures if name not in pictures]

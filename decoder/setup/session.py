@@ -13,9 +13,10 @@ import yaml
 
 from decoder.aligner import Aligner
 from decoder.alignment import IDENTITY, Alignment
+from decoder.camera import CAMERA_FILE, Camera, parse_camera
 from decoder.errors import DecoderError, PanelError, PictureError
 from decoder.panel_pictures import PANEL_FILE, panel_from_attachments, panel_from_file
-from decoder.pictures import GreyPicture, grey_picture
+from decoder.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.setup.drafts import Document, Problem, aligner_of, problems_of
 from decoder.setup.picture_store import PANEL_KEY, PictureStore
 from decoder.setup.saving import digest, plain_name, save_files
@@ -59,6 +60,7 @@ class SetupSession:
         self.store = PictureStore(source, panel_picture)
         self.picture_key = PANEL_KEY if panel_picture is not None else f"frame-{source.sample[0]}"
         self.document: dict[str, Any] = document or _empty(source)
+        self.camera = _camera(source)
         self._digest = digest(target)
         self._aligned: OrderedDict[str, Aligned] = OrderedDict()
         self._lock = threading.Lock()
@@ -70,7 +72,7 @@ class SetupSession:
 
     def problems(self, document: Document, key: str) -> list[Problem]:
         """What keeps a draft from being saved."""
-        found = problems_of(document, self.pictures(document, key))
+        found = problems_of(document, self.pictures(document, key), self.camera)
         try:
             plain_name(str(document.get("picture", "")), "picture")
         except PanelError as error:
@@ -124,7 +126,8 @@ class SetupSession:
         aligner = self.aligner(document, key)
         picture = self.store.grey(key)
         found: Aligned = []
-        for _, frame in self.frames():
+        for _, taken in self.frames():
+            frame = taken.pixels
             if stale():
                 break
             alignment = _where(aligner, frame) if frame.shape == picture.shape else None
@@ -137,12 +140,13 @@ class SetupSession:
                     self._aligned.popitem(last=False)
         return found
 
-    def frames(self) -> list[tuple[int, GreyPicture]]:
+    def frames(self) -> list[tuple[int, FramePicture]]:
         """The sample's frames that can be decompressed, with their numbers."""
         found = []
         for index in self.source.sample:
             try:
-                found.append((index, self.store.grey(f"frame-{index}")))
+                grey = self.store.grey(f"frame-{index}")
+                found.append((index, FramePicture(grey, self.source.focal_length_mm(index))))
             except PictureError:
                 continue  # `decode` reports it
         return found
@@ -189,6 +193,12 @@ def _opened(source: PictureSource, panel_file: Path | None) -> tuple[str, dict[s
         pictures = {name: attachments[name] for name in panel.pictures if name in attachments}
         return f"{PANEL_FILE} in {source.name}", yaml.safe_load(attachments[PANEL_FILE]), pictures
     return "", None, {}
+
+
+def _camera(source: PictureSource) -> Camera | None:
+    """The camera's calibration that a flight carries."""
+    attachments = source.flight.attachments if isinstance(source, FlightSource) else {}
+    return parse_camera(attachments[CAMERA_FILE]) if CAMERA_FILE in attachments else None
 
 
 def _empty(source: PictureSource) -> dict[str, Any]:

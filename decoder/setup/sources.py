@@ -37,6 +37,10 @@ class PictureSource(Protocol):
         """One picture as it was recorded; PictureError if it cannot be had."""
         ...
 
+    def focal_length_mm(self, index: int) -> float | None:
+        """The zoom of a picture that was read before, if it tells."""
+        ...
+
 
 class FlightSource:
     """The frames of a flight, each read when it is asked for."""
@@ -47,6 +51,7 @@ class FlightSource:
         self._counts = [count_images(segment) for segment in flight.segments]
         self.count = sum(counts.total for counts in self._counts)
         self.sample = tuple(sorted(spread(self.count, SAMPLE_FRAMES)))
+        self._focal_lengths_mm: dict[int, float | None] = {}
 
     def encoded(self, index: int) -> bytes:
         """One frame's JPEG."""
@@ -54,9 +59,14 @@ class FlightSource:
         for segment, counts in zip(self.flight.segments, self._counts, strict=True):
             if first <= index < first + counts.total:
                 for frame in sampled(segment, counts, {index - first}):
+                    self._focal_lengths_mm[index] = frame.exif.focal_length_mm
                     return frame.jpeg
             first += counts.total
         raise PictureError(f"frame {index} cannot be read; choose another")
+
+    def focal_length_mm(self, index: int) -> float | None:
+        """A frame's zoom, as its EXIF tells it."""
+        return self._focal_lengths_mm.get(index)
 
 
 class SinglePicture:
@@ -81,6 +91,10 @@ class SinglePicture:
         if index:
             raise PictureError("there is only one picture")
         return self._encoded
+
+    def focal_length_mm(self, index: int) -> float | None:  # noqa: ARG002 - as of a flight
+        """Unknown: the panel's own zoom is taken."""
+        return None
 
 
 def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:

@@ -14,7 +14,7 @@ from decoder.flight_fitting import fit_to_flight
 from decoder.gauge_reader import Method
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import PanelReader
-from decoder.pictures import GreyPicture
+from decoder.pictures import FramePicture
 from decoder.reading import Reading, Status
 from decoder.scale import Scale
 from flight_file.sampling import spread
@@ -55,12 +55,12 @@ class Trial:
     moved_px: tuple[float, float] | None
 
 
-def tried(source: PanelPictures, frames: Sequence[tuple[int, GreyPicture]], stale: Stale) -> Trial:
+def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
     """Reads the only gauge of a panel in some frames.
 
     Parameters
     ----------
-    frames : their numbers in the flight, and grey
+    frames : with their numbers in the flight
     stale : asked between frames; whether nobody waits for the answer any more
 
     Raises
@@ -71,7 +71,7 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, GreyPicture]], stal
         If nobody waits for the answer.
     """
 
-    def sample(count: int) -> Iterator[GreyPicture]:
+    def sample(count: int) -> Iterator[FramePicture]:
         for index in sorted(spread(len(frames), count)):
             if stale():
                 raise Superseded
@@ -88,9 +88,9 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, GreyPicture]], stal
     return Trial(tuple(found), fitted.moved_px.get(gauge.name))
 
 
-def _frame(reader: PanelReader, index: int, frame: GreyPicture, scales: dict[str, Scale]) -> FrameTrial:
+def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: dict[str, Scale]) -> FrameTrial:
     try:
-        read = reader.read(frame)
+        read = reader.read(frame.pixels, frame.focal_length_mm)
     except PictureError as error:
         return FrameTrial(index, None, str(error), ())
     needles = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items())

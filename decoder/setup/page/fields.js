@@ -90,7 +90,7 @@ export function showProblems(root, problems, whole) {
     const id = `problem ${path}`;
     const note = h("p", { class: "problem", id, "data-problem": path }, problem);
     if (!own) {
-      root.querySelector("[data-whole]")?.after(note);
+      root.querySelector("[data-whole]")?.closest("header").after(note);
       continue;
     }
     if (/INPUT|SELECT/.test(own.tagName)) {

@@ -1,6 +1,5 @@
 // The filmstrip: the selected gauge in frames spread over the flight, the found needles drawn in, value and score.
 import { byId, h, s } from "./dom.js";
-import { RADIANS } from "./geometry.js";
 
 const DOUBTFUL_SCORE = 0.9;
 
@@ -10,15 +9,12 @@ const plain = (value, unit) => {
   return `${value.toFixed(places)}${unit ? ` ${unit}` : ""}`;
 };
 
-function hand(angle, { size, half }, radius, name) {
-  const scale = size / (2 * half);
-  const [cos, sin] = [Math.cos(angle * RADIANS), Math.sin(angle * RADIANS)];
-  const end = (length) => [size / 2 + cos * length * scale, size / 2 + sin * length * scale];
-  const [[x1, y1], [x2, y2]] = [end(radius[0]), end(radius[1])];
+function hand(line, { size, half }, name) {
+  const [[x1, y1], [x2, y2]] = line.map((end) => end.map((value) => size / 2 + (value * size) / (2 * half)));
   return s("line", { x1, y1, x2, y2, class: name });
 }
 
-function cell(frame, place, result, gauge) {
+function cell(frame, place, result) {
   const { size } = result.dial;
   const dial = h("div", { class: "dial" });
   const count = result.frames.length;
@@ -26,8 +22,8 @@ function cell(frame, place, result, gauge) {
   dial.style.backgroundSize = `${count * 100}% 100%`;
   dial.style.backgroundPosition = `${count > 1 ? (place / (count - 1)) * 100 : 0}% 0`;
   const drawing = s("svg", { viewBox: `0 0 ${size} ${size}`, "aria-hidden": "true" });
-  const lines = frame.needles.map(({ name, status, value, score, angle }, number) => {
-    if (angle !== null) drawing.append(hand(angle, result.dial, gauge.radius, `shape needle ${number % 2 ? "other" : ""}`));
+  const lines = frame.needles.map(({ name, status, value, score, line }, number) => {
+    if (line) drawing.append(hand(line, result.dial, `shape needle ${number % 2 ? "other" : ""}`));
     if (value === null) return h("p", {}, h("span", { class: "value missing" }, "missing"), h("span", { class: "score" }, score.toFixed(2)));
     const doubt = score < DOUBTFUL_SCORE || status !== "read" ? "doubt" : "";
     return h("p", { title: `${name}: ${status}` }, h("span", { class: `value ${doubt}` }, plain(value, "")), h("span", { class: `score ${doubt}` }, score.toFixed(2)));
@@ -73,7 +69,7 @@ export function showFilm(store, live) {
     root.classList.remove("old");
     root.setAttribute("role", "list");
     root.setAttribute("aria-label", `${gauge.name} in ${result.frames.length} frames, ${gauge.unit || "no unit"}`);
-    root.replaceChildren(...result.frames.map((frame, place) => cell(frame, place, result, gauge)));
+    root.replaceChildren(...result.frames.map((frame, place) => cell(frame, place, result)));
   }
 
   store.on("change select trial", show);

@@ -85,6 +85,9 @@ export function showInspector(store, live, closeUp) {
       const { selection } = store;
       return [
         heading(gauge.name || "Gauge"),
+        isOblique(gauge)
+          ? h("p", { class: "card small" }, "This dial is squared up (rim or reference points), so its angles are those of the dial seen square on. The drawing here does not lean with it: trust the values, and type angles rather than clicking them.")
+          : null,
         field("Name", input(store, `${path}.name`)),
         field("Unit", input(store, `${path}.unit`, { placeholder: "such as kt" })),
         field("Centre", ...[0, 1].map((axis) => input(store, `${path}.centre[${axis}]`, { kind: "number", label: `centre ${"xy"[axis]}`, write: (document, value) => place(document.gauges[index], axis, value) }))),
@@ -97,6 +100,9 @@ export function showInspector(store, live, closeUp) {
       ];
     },
   };
+
+  // Whether the decoder reads a gauge in a plane of its own.
+  const isOblique = (gauge) => Boolean(gauge.rim) || (store.document.reference_points || []).length >= 3;
 
   function place(gauge, axis, value) {
     if (typeof value !== "number") gauge.centre[axis] = value;

@@ -19,7 +19,8 @@ export class Live {
   keyOf(index) {
     const { document, picture } = this.store.now;
     const gauge = document.gauges?.[index];
-    if (!document.anchors?.length || !gauge?.needles?.length || (gauge.scale || []).length < 2) return null;
+    if (!document.anchors?.length || !gauge) return null;
+    if (!gauge.card && (!gauge.needles?.length || (gauge.scale || []).length < 2)) return null;
     return JSON.stringify([picture, document.anchors, document.level, document.reference_points, gauge]);
   }
 
