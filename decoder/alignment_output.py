@@ -1,4 +1,4 @@
-"""`NAME_alignment.csv`: where the panel lay in each frame, how well it was found, and which anchors failed."""
+"""`NAME_alignment.tsv`: where the panel lay in each frame, how well it was found, and which anchors failed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from decoder.flight_data import FlightData
 COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shift_y_px", "roll_deg", "scale")
 
 
-def write_alignment_csv(data: FlightData, size_px: tuple[int, int], stream: IO[str]) -> None:
+def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str]) -> None:
     """Writes one row for each frame; shift, roll and scale are those at the panel picture's middle.
 
     Parameters
     ----------
     size_px : width and height of the panel picture
     """
-    writer = csv.writer(stream, lineterminator="\n")
+    writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
     writer.writerow(COLUMNS)
     middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
     for row, (frame, time_ns) in enumerate(zip(data.frame.tolist(), data.time_ns.tolist(), strict=True)):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 
-from decoder.alignment_output import write_alignment_csv
+from decoder.alignment_output import write_alignment
 from decoder.camera import Camera
 from decoder.csv_output import write_csv
 from decoder.flight_data import FlightData
@@ -104,9 +104,9 @@ def description(decoded: Decoded) -> Write:
 
 
 def alignment(decoded: Decoded) -> Write:
-    """The writer of `NAME_alignment.csv`, which goes with `NAME.csv`."""
+    """The writer of `NAME_alignment.tsv`, which goes with `NAME.csv`."""
     height, width = decoded.source.picture.shape
-    return as_text(partial(write_alignment_csv, decoded.data, (width, height)))
+    return as_text(partial(write_alignment, decoded.data, (width, height)))
 
 
 FORMATS: dict[str, Format] = {

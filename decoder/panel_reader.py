@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -15,6 +15,7 @@ from decoder.arrays import Floats
 from decoder.card_reader import CardReader
 from decoder.gauge_places import GaugePlacer, place_all
 from decoder.gauge_reader import GaugeReader, Method
+from decoder.motion import Frame2D, Model
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
@@ -76,6 +77,7 @@ class PanelReader:
             None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, optics.own)
             for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), self.grids, strict=False)
         ]
+        self._levers: dict[tuple[Frame2D, Model], Floats] = {}
         self._radii_px = np.array([sum(gauge.radius) / 2 for gauge in source.panel.gauges])
         self._unwrappers = [Unwrapper([grid]) for grid in self.grids if tuning.dials_move]
         self._rims = [grid.rim() for grid in self.grids]
@@ -187,7 +189,8 @@ class PanelReader:
         ):
             own = gauge.read(image, scores) if whole else gauge.unread()
             for name, reading in own.items():
-                readings[name] = replace(reading, sigma_deg=math.hypot(reading.sigma_deg, sigma_deg))
+                total_deg = math.hypot(reading.sigma_deg, sigma_deg)
+                readings[name] = Reading(reading.status, reading.angle_deg, total_deg, reading.score)
         return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()))
 
     def _dial_sigmas_px(self, unwrapped: UnwrappedFrame) -> Floats:
@@ -200,10 +203,16 @@ class PanelReader:
         """For each gauge, by how much its centre may be off, in the panel picture's pixels."""
         if alignment.covariance is None:
             return (0.0,) * len(self.grids)
-        there = alignment.matrix @ self._centres
-        there = there[:2] / there[2]
-        scale = alignment.motion_at((float(self._centres[0, 0]), float(self._centres[1, 0]))).scale
-        return tuple((alignment.covariance.sigma_px(there) / scale).tolist())
+        known = alignment.covariance
+        if (known.axes, known.model) not in self._levers:  # where the camera usually stands is near enough for a doubt
+            usual = self.tuning.usual
+            there = usual.matrix @ self._centres
+            scale = usual.motion_at((float(self._centres[0, 0]), float(self._centres[1, 0]))).scale
+            levers = known.axes.jacobian(there[:2] / there[2], known.model) / scale
+            self._levers[known.axes, known.model] = levers.transpose(1, 0, 2).reshape(2 * len(self.grids), -1)
+        levers = self._levers[known.axes, known.model]
+        variance = ((levers @ known.covariance) * levers).sum(axis=1).reshape(-1, 2).sum(axis=1) / 2
+        return tuple(np.sqrt(np.maximum(variance, 0.0)).tolist())
 
 
 def _shift(shift_px: Point, part: float) -> Matrix:

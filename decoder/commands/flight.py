@@ -83,7 +83,7 @@ def command(
     flight = open_flight(flights)
     name = output_name(flight)
     files = [f"{name}.{FORMATS[each].suffix or each}" for each in formats] + [f"{name}.json"]
-    files += [f"{name}_alignment.csv"] if "csv" in formats else []
+    files += [f"{name}_alignment.tsv"] if "csv" in formats else []
     refuse_overwriting(flight, [directory / file for file in files])
     decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
     writers = [*(FORMATS[each].write(decoded) for each in formats), description(decoded)]

@@ -32,7 +32,7 @@ def test_flight_gives_flight_data_by_its_name(run: Run, read_decoded: ReadDecode
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "thesis_a1.csv",
         "thesis_a1.json",
-        "thesis_a1_alignment.csv",
+        "thesis_a1_alignment.tsv",
     ]
     columns = ["frame", "time_utc", "time_s"]
     columns += [name + suffix for name in NEEDLES for suffix in ("", "_status", "_score", "_sigma")]

@@ -1,4 +1,4 @@
-"""`NAME_alignment.csv` and what the JSON says of alignment: every frame, also the lost ones."""
+"""`NAME_alignment.tsv` and what the JSON says of alignment: every frame, also the lost ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from decoder.alignment import Alignment
-from decoder.alignment_output import COLUMNS, write_alignment_csv
+from decoder.alignment_output import COLUMNS, write_alignment
 from decoder.alignment_series import AlignmentSeries
 from decoder.csv_output import utc_text
 from decoder.flight_data import FlightData, FlightDataBuilder
@@ -42,8 +42,8 @@ def flight_of(panel: Panel) -> FlightData:
 def test_rows_tell_score_failures_and_motion(panel_of: Callable[..., Any]) -> None:
     """Shift, roll and scale are those at the picture's middle; lost frames name what was looked for."""
     text = io.StringIO()
-    write_alignment_csv(flight_of(panel_of(("north", "south"))), SIZE_PX, text)
-    rows = list(csv.reader(io.StringIO(text.getvalue())))
+    write_alignment(flight_of(panel_of(("north", "south"))), SIZE_PX, text)
+    rows = list(csv.reader(io.StringIO(text.getvalue()), delimiter="\t"))
 
     assert rows == [
         list(COLUMNS),
