@@ -292,8 +292,8 @@ class _Search:
             raise AlignmentLost(f"level edge not found (score {scores['level']:.2f})", failed)
         if good == 1 and not self._seen.level and len(anchors) > 1:
             raise AlignmentLost(f"only anchor {name} found, and the roll is unknown without another", failed)
-        shift_px = float(np.hypot(*moved.motion_at(self._seen.finders[0].centre_px).shift_px))
-        if good <= 2 < FEW_ANCHORS < len(anchors) and shift_px > MAX_FEW_SHIFT_PX:  # noqa: PLR2004
+        few = good <= 2 < FEW_ANCHORS < len(anchors)  # noqa: PLR2004
+        if few and np.hypot(*moved.motion_at(self._seen.finders[0].centre_px).shift_px) > MAX_FEW_SHIFT_PX:
             raise AlignmentLost(f"only {good} of {len(anchors)} anchors found, far from where they usually are", failed)
 
 

@@ -22,6 +22,7 @@ from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
+from decoder.reading import Reading
 from decoder.tuning import Tuning
 
 # A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
@@ -93,8 +94,11 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             reader = one_by_one
             samples = unwrapped(reader, sample(MORE_FRAMES))
     for _ in range(ROUNDS):
-        tuned = tune_on(reader, samples)
-        pivots = _pivots(tuned, samples)
+        found = [reader.read_unwrapped(sample).readings for sample in samples]
+        tuned = tune_on(reader, samples, found)
+        if tuned.tuning.dials_move:  # then each tilt counts; otherwise the fit of one needs no better guess
+            found = [tuned.read_unwrapped(sample).readings for sample in samples]
+        pivots = _pivots(tuned, samples, found)
         gauges = _moved(tuned, drawn, pivots)
         lifts = _lifts(reader.tuning, pivots)
         if gauges == reader.source.panel.gauges and lifts == reader.tuning.lifts:
@@ -171,8 +175,10 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
     return Alignment.of(seen[int(np.argmin(apart))], 1.0)
 
 
-def _pivots(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> tuple[Pivot, ...]:
-    found = [reader.read_unwrapped(sample).readings for sample in samples]
+def _pivots(
+    reader: PanelReader, samples: Sequence[UnwrappedFrame], found: Sequence[Mapping[str, Reading]]
+) -> tuple[Pivot, ...]:
+    """By the tuned needles, near where they were found."""
     return tuple(
         pivot_of(
             gauge,

@@ -31,7 +31,6 @@ from decoder.scale import shortest
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
 SAMPLE_FRAMES = 16
-ROUNDS = 1
 MIN_CUTS = 5
 # Learned needles over learned faces score 0.99 as a rule.
 EVENLY_LIT_SCORE = 0.97
@@ -45,8 +44,10 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> P
     return tune_on(reader, unwrapped(reader, frames))
 
 
-def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
-    """The same for frames that the reader has unwrapped."""
+def tune_on(
+    reader: PanelReader, samples: Sequence[UnwrappedFrame], found: Sequence[Readings] | None = None
+) -> PanelReader:
+    """The same for frames that the reader has unwrapped, and `found` what it reads in them, if that is known."""
     if len(samples) < MIN_CUTS:
         return reader
     usual = _usual(reader, samples)
@@ -69,23 +70,20 @@ def tune_on(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelRead
         for gauge, grid, picture, seen in zip(reader.source.panel.gauges, reader.grids, own, strips, strict=True)
         if gauge.card is not None
     }
-    for _ in range(ROUNDS):
-        found = [reader.read_unwrapped(sample).readings for sample in samples]
-        templates = dict(reader.tuning.templates)
-        faces = [tuner.face(found, templates) for tuner in tuners]
-        for tuner, face in zip(tuners, faces, strict=True):
-            templates |= tuner.templates(found, templates, face)
-        reader = reader.tuned(
-            replace(
-                reader.tuning,
-                templates=templates,
-                faces=tuple(faces),
-                usual=usual,
-                evenly_lit_score=EVENLY_LIT_SCORE,
-                cards=cards,
-            )
-        )
-    return reader
+    found = found or [reader.read_unwrapped(sample).readings for sample in samples]
+    templates = dict(reader.tuning.templates)
+    faces = [tuner.face(found, templates) for tuner in tuners]
+    for tuner, face in zip(tuners, faces, strict=True):
+        templates |= tuner.templates(found, templates, face)
+    tuning = replace(
+        reader.tuning,
+        templates=templates,
+        faces=tuple(faces),
+        usual=usual,
+        evenly_lit_score=EVENLY_LIT_SCORE,
+        cards=cards,
+    )
+    return reader.tuned(tuning)
 
 
 class _GaugeTuner:
