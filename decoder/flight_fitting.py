@@ -22,7 +22,7 @@ from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
-from decoder.reading import Reading
+from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
 
 # A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
@@ -96,7 +96,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     for _ in range(ROUNDS):
         found = [reader.read_unwrapped(sample).readings for sample in samples]
         tuned = tune_on(reader, samples, found)
-        if tuned.tuning.dials_move:  # then each tilt counts; otherwise the fit of one needs no better guess
+        if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
             found = [tuned.read_unwrapped(sample).readings for sample in samples]
         pivots = _pivots(tuned, samples, found)
         gauges = _moved(tuned, drawn, pivots)
@@ -129,6 +129,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         if gauge.centre != before.centre
     }
     return FittedReader(tuned, pivots, moved)
+
+
+def _any_missing(found: Sequence[Mapping[str, Reading]]) -> bool:
+    return any(reading.status is Status.MISSING for readings in found for reading in readings.values())
 
 
 def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
