@@ -162,18 +162,24 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
 
 def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
     """Where the camera stands, by the first frames that first sight makes out; None where it makes out too few."""
+    if 2 * found >= sum(1 for _ in sample(SAMPLE_FRAMES)):
+        return None
     optics, sight = reader.aligner.optics, FirstSight(reader.source.picture)
     seen: list[Matrix] = []
-    frames = 0
     for frame in sample(SAMPLE_FRAMES):
         taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
-        frames += 1
-        motion = sight.find(taken.pixels) if len(seen) < SIGHTS else None
+        height, width = taken.pixels.shape
+        try:
+            zoom = optics.zoom(taken.focal_length_mm, (width, height))
+        except PictureError:
+            continue  # of another shape, or a zoom that is not calibrated: reported when the flight is read
+        motion = sight.find(taken.pixels)
         if motion is not None:
-            height, width = taken.pixels.shape
-            at_panels_zoom = np.linalg.inv(optics.zoom(taken.focal_length_mm, (width, height))) @ motion
+            at_panels_zoom = np.linalg.inv(zoom) @ motion
             seen.append(at_panels_zoom / at_panels_zoom[2, 2])
-    if 2 * found >= frames or not seen:
+        if len(seen) == SIGHTS:
+            break
+    if not seen:
         return None
     apart = [sum(float(np.abs(one - other)[:2, 2].sum()) for other in seen) for one in seen]
     return Alignment.of(seen[int(np.argmin(apart))], 1.0)

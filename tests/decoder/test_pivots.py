@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decoder.flight_fitting import fit_to_flight
+from decoder.gauge_reader import Method
+from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
 from decoder.pivots import UNKNOWN, Tilt, pivot_from
@@ -19,6 +22,7 @@ from decoder.reading import Status
 
 Draw = Callable[..., GreyPicture]
 MakeReader = Callable[..., PanelReader]
+FIXTURES = Path(__file__).parents[2] / "fixtures"
 PANEL_HANDS = {"speed_kt": 225.0, "al_lb": 195.0, "fr_lb": 345.0}
 offsets_px = st.floats(-2.0, 2.0)
 
@@ -140,3 +144,13 @@ def test_doubt_about_the_pivot_grows_away_from_the_needles_zero(reader_of: MakeR
 
     assert near == pytest.approx(math.degrees(0.1 / 36.0), rel=0.01)
     assert far > 0.5
+
+
+def test_frames_of_another_shape_do_not_end_the_fit() -> None:
+    """They show the panel well enough for first sight, but were cut: the reader stays as it is."""
+    reader = PanelReader.from_panel(panel_from_file(FIXTURES / "panel.yaml"), Method.NORMXCORR)
+    cut = np.ascontiguousarray(reader.source.picture[:-200])
+    fitted = fit_to_flight(reader, lambda _: [cut] * 6)
+
+    assert fitted.reader.tuning.usual == reader.tuning.usual
+    assert not fitted.moved_px
