@@ -1,4 +1,4 @@
-"""The flight decoder: from a flight file to flight data, one frame in memory at a time."""
+"""The flight decoder: from a flight file to flight data, one batch of frames in memory at a time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-from decoder.aligner import AlignmentLost
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.flight_fitting import fit_to_flight
+from decoder.frame_batch import Outcome, RawFrame, Unread, batch_frames, batches, read_batch
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
 from decoder.pictures import FramePicture, grey_picture
@@ -41,20 +41,24 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     builder = FlightDataBuilder(reader.source.panel)
     reasons: Counter[str] = Counter()
     frames = 0
-    for frame in progress(flight.frames()):
-        frames += 1
-        try:
-            readings = fitted.reader.read(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
-        except PictureError as error:
-            failed = error.failed if isinstance(error, AlignmentLost) else ()
-            builder.add_missing(frame.sequence, frame.captured_ns, str(error), failed)
-            reasons[str(error)] += 1
-        else:
-            builder.add(frame.sequence, frame.captured_ns, readings)
+    height, width = reader.source.picture.shape
+    for batch in batches(progress(flight.frames()), batch_frames((width, height))):
+        for frame, outcome in zip(batch, read_batch(fitted.reader, batch), strict=True):
+            _add(builder, frame, outcome)
+            if isinstance(outcome, Unread):
+                reasons[outcome.reason] += 1
+        frames += len(batch)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
     data = replace(builder.build(fitted.systematic_deg), moved_pivots_px=fitted.moved_px, warnings=reader.warnings)
     return fill_gaps(data)
+
+
+def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:
+    if isinstance(outcome, Unread):
+        builder.add_missing(frame.sequence, frame.captured_ns, outcome.reason, outcome.failed)
+    else:
+        builder.add(frame.sequence, frame.captured_ns, outcome)
 
 
 def _sample(flight: Flight, frames: int) -> Iterator[FramePicture]:

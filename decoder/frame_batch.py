@@ -1,0 +1,69 @@
+"""Reading frames in batches: the one place where many frames are read at once.
+
+A flight's frames are cut into batches by their position alone, so a frame always has the same company: what is read of
+it depends neither on who reads the batch nor on when. In a batch no frame's failure touches another's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from decoder.aligner import AlignmentLost
+from decoder.errors import PictureError
+from decoder.panel_reader import FrameReadings, PanelReader
+from decoder.pictures import grey_picture
+from flight_file.frame import Frame
+
+MAX_BATCH_FRAMES = 16
+# Sixteen pictures of 1024 x 768: larger ones come in smaller batches, so that a batch's memory stays the same.
+MAX_BATCH_PIXELS = 16 * 1024 * 768
+
+
+@dataclass(frozen=True, slots=True)
+class RawFrame:
+    """Of a frame what reading it takes; `focal_length_mm` is None if it does not tell."""
+
+    sequence: int
+    captured_ns: int
+    jpeg: bytes
+    focal_length_mm: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """Why a frame could not be read at all; `failed` are the features of the panel that did not match."""
+
+    reason: str
+    failed: tuple[str, ...] = ()
+
+
+Outcome = FrameReadings | Unread
+
+
+def batch_frames(size_px: tuple[int, int]) -> int:
+    """How many frames make a batch where the panel picture is of this size (width, height)."""
+    width, height = size_px
+    return max(1, min(MAX_BATCH_FRAMES, MAX_BATCH_PIXELS // (width * height)))
+
+
+def batches(frames: Iterable[Frame], size: int) -> Iterator[tuple[RawFrame, ...]]:
+    """The frames in their order, so many at a time; the last batch may be smaller."""
+    raw = (RawFrame(frame.sequence, frame.captured_ns, frame.jpeg, frame.exif.focal_length_mm) for frame in frames)
+    while batch := tuple(islice(raw, size)):
+        yield batch
+
+
+def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
+    """What is read of each frame, in their order; keeps nothing from batch to batch."""
+    return [_read(reader, frame) for frame in frames]
+
+
+def _read(reader: PanelReader, frame: RawFrame) -> Outcome:
+    try:
+        return reader.read(grey_picture(frame.jpeg), frame.focal_length_mm)
+    except AlignmentLost as error:
+        return Unread(str(error), error.failed)
+    except PictureError as error:
+        return Unread(str(error))
