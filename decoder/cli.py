@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 
 import click
 
+from decoder.commands.group import CommandGroup
 from decoder.errors import DecoderError
 from flight_file.errors import FlightFileError
 
@@ -35,33 +35,17 @@ Examples:
 """
 
 
-class DecodeGroup(click.Group):
-    """Commands from the table above, imported late; an argument that names none of them is a flight to decode."""
+class DecodeGroup(CommandGroup):
+    """A table of commands; an argument that names none of them is a flight to decode."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Puts the default command before arguments that start with no command."""
-        if args and args[0] not in COMMANDS and args[0] not in ("--help", "--version"):
+        if args and args[0] not in self.table and args[0] not in ("--help", "--version"):
             args = [DEFAULT_COMMAND, *args]
         return super().parse_args(ctx, args)
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """The names in the table."""
-        return list(COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
-        """The command of that name, its module imported now."""
-        if cmd_name not in COMMANDS:
-            return None
-        command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
-        return command
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """The help of every command from the table, so that `--help` imports none of them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
-
-
-@click.group(cls=DecodeGroup, epilog=EPILOG, no_args_is_help=True)
+@click.group(cls=DecodeGroup, table=COMMANDS, epilog=EPILOG, no_args_is_help=True)
 @click.version_option(package_name="image-flight-recorder")
 def cli() -> None:
     """Turn the pictures of a flight file into flight data."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-
 import click
+
+from decoder.commands.group import CommandGroup
 
 COMMANDS = {
     "focal": ("decoder.commands.calibrate_focal", "Pixels per radian over focal length, from a ruler."),
@@ -21,26 +21,6 @@ Examples:
 """
 
 
-class CalibrateGroup(click.Group):
-    """Commands from the table above, imported late."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """The names in the table."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
-        """The command of that name, its module imported now."""
-        if cmd_name not in COMMANDS:
-            return None
-        found: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
-        return found
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """The help of every command from the table, so that `--help` imports none of them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
-
-
-@click.group("calibrate", cls=CalibrateGroup, epilog=EPILOG)
+@click.group("calibrate", cls=CommandGroup, table=COMMANDS, epilog=EPILOG)
 def command() -> None:
     """Make camera.yaml from photographs of things whose size is known, and find where a camera was."""
