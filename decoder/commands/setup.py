@@ -27,8 +27,14 @@ Examples:
     "--save-as", "target", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
     help="Where it is saved, its pictures beside it.  [default: PANEL, or panel.yaml in the current folder]",
 )  # fmt: skip
+@click.option(
+    "--camera", "camera_file", type=click.Path(path_type=Path, dir_okay=False), metavar="CAMERA",
+    help="A camera.yaml of the camera that took the pictures.  [default: the flight's own]",
+)  # fmt: skip
 @click.option("--browser/--no-browser", default=True, help="Open the page, or only print its address.")
-def command(pictures: tuple[Path, ...], panel_file: Path | None, target: Path | None, *, browser: bool) -> None:
+def command(
+    pictures: tuple[Path, ...], panel_file: Path | None, target: Path | None, camera_file: Path | None, *, browser: bool
+) -> None:
     """Draw or edit the panel of FLIGHT, or of one PICTURE, in the browser.
 
     The page is served on this machine alone, until Ctrl-C. Every change is tried on frames of the flight at once.
@@ -40,12 +46,15 @@ def command(pictures: tuple[Path, ...], panel_file: Path | None, target: Path | 
     # Half a second that only this command needs.
     import cv2  # noqa: PLC0415
 
+    from decoder.camera import camera_from_file  # noqa: PLC0415
     from decoder.setup.server import setup_server  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 
     cv2.setNumThreads(1)  # as `decode` does: what is tried here is what will be read there
-    session = SetupSession(open_source(pictures), panel_file, target or panel_file or Path("panel.yaml"))
+    camera = None if camera_file is None else camera_from_file(camera_file)
+    target = target or panel_file or Path("panel.yaml")
+    session = SetupSession(open_source(pictures), panel_file, target, camera=camera)
     server = setup_server(session)
     click.echo(f"Draw the panel at {server.url}\nIt is saved to {session.target}; Ctrl-C ends the page.")
     if browser:

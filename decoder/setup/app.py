@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 from importlib.resources import files
 from typing import TypeVar
@@ -14,7 +15,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from decoder.errors import DecoderError, DescriptionError
+from decoder.errors import DecoderError, DescriptionError, PictureError
 from decoder.setup import answers, requests
 from decoder.setup.guard import BodyTooLarge
 from decoder.setup.requests import NeedlesQuestion, NotUnderstood, Question, TrialQuestion, question
@@ -68,11 +69,10 @@ def setup_app(session: SetupSession) -> Starlette:
         exception_handlers={
             BodyTooLarge: _told(HTTPStatus.REQUEST_ENTITY_TOO_LARGE),
             NotUnderstood: _told(HTTPStatus.BAD_REQUEST),
-            SavedElsewhere: _told(HTTPStatus.CONFLICT),
-            NotValid: _problems,
-            DescriptionError: _problem,
-            DecoderError: _told(HTTPStatus.UNPROCESSABLE_ENTITY),
-            FlightFileError: _told(HTTPStatus.UNPROCESSABLE_ENTITY),
+            SavedElsewhere: _declined("elsewhere"),
+            NotValid: _declined("invalid"),
+            DecoderError: _declined("cannot"),
+            FlightFileError: _declined("cannot"),
             Superseded: _superseded,
         },
     )
@@ -94,15 +94,18 @@ def _picture_routes(session: SetupSession) -> list[Route]:
     async def size(request: Request) -> Response:
         return JSONResponse(await run_in_threadpool(answers.picture_answer, session, request.path_params["key"]))
 
+    async def image(view: Callable[[str], bytes], key: str) -> Response:
+        try:
+            return Response(await run_in_threadpool(view, key), media_type="image/jpeg")
+        except (PictureError, FlightFileError) as error:  # an <img> reads no sentence, but it must not show one either
+            return JSONResponse({"error": str(error)}, HTTPStatus.NOT_FOUND)
+
     async def whole(request: Request) -> Response:
-        key = request.path_params["key"]
-        width = (await run_in_threadpool(session.store.grey, key)).shape[1]
-        return Response(await run_in_threadpool(whole_view, session.store, key, width), media_type="image/jpeg")
+        return await image(partial(whole_view, session.store), request.path_params["key"])
 
     async def part(request: Request) -> Response:
         box = _box(request)
-        encoded = await run_in_threadpool(part_view, session.store, request.path_params["key"], box)
-        return Response(encoded, media_type="image/jpeg")
+        return await image(lambda key: part_view(session.store, key, box), request.path_params["key"])
 
     return [
         Route("/api/pictures/{key}/size", size),
@@ -178,16 +181,20 @@ def _told(status: int) -> Callable[[Request, Exception], Response]:
     return handler
 
 
-def _problem(_request: Request, error: Exception) -> Response:
-    assert isinstance(error, DescriptionError)  # noqa: S101 - starlette calls it for nothing else
-    content = {"error": str(error), "problems": [{"path": error.path, "problem": error.problem}]}
-    return JSONResponse(content, HTTPStatus.UNPROCESSABLE_ENTITY)
+def _declined(why: str) -> Callable[[Request, Exception], Response]:
+    """An answer like any other: the question was understood, and this is why what it asks for cannot be."""
+
+    def handler(_request: Request, error: Exception) -> Response:
+        problems = [{"path": path, "problem": problem} for path, problem in _problems(error)]
+        return JSONResponse({"declined": why, "error": str(error), "problems": problems})
+
+    return handler
 
 
-def _problems(_request: Request, error: Exception) -> Response:
-    assert isinstance(error, NotValid)  # noqa: S101 - starlette calls it for nothing else
-    problems = [{"path": each.path, "problem": each.problem} for each in error.problems]
-    return JSONResponse({"error": str(error), "problems": problems}, HTTPStatus.UNPROCESSABLE_ENTITY)
+def _problems(error: Exception) -> list[tuple[str, str]]:
+    if isinstance(error, NotValid):
+        return [(each.path, each.problem) for each in error.problems]
+    return [(error.path, error.problem)] if isinstance(error, DescriptionError) else []
 
 
 def _superseded(_request: Request, _error: Exception) -> Response:

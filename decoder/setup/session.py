@@ -50,9 +50,13 @@ class SetupSession:
         The panel to open; a new one is begun if it is not there. If None, the flight's own is opened.
     target
         Where the panel is saved, its pictures beside it.
+    camera
+        That took the pictures; if None, the one that the flight carries.
     """
 
-    def __init__(self, source: PictureSource, panel_file: Path | None, target: Path) -> None:
+    def __init__(
+        self, source: PictureSource, panel_file: Path | None, target: Path, *, camera: Camera | None = None
+    ) -> None:
         self.source, self.target = source, target
         self.revision = 0
         self.opened_from, document, self._pictures = _opened(source, panel_file)
@@ -60,7 +64,7 @@ class SetupSession:
         self.store = PictureStore(source, panel_picture)
         self.picture_key = PANEL_KEY if panel_picture is not None else f"frame-{source.sample[0]}"
         self.document: dict[str, Any] = document or _empty(source)
-        self.camera = _camera(source)
+        self.camera = camera or _camera(source)
         self._digest = digest(target)
         self._aligned: OrderedDict[str, Aligned] = OrderedDict()
         self._lock = threading.Lock()

@@ -46,8 +46,9 @@ def data_url(encoded: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(encoded).decode('ascii')}"
 
 
-def whole_view(store: PictureStore, key: str, width_px: int) -> bytes:
-    """The whole picture, at most `VIEW_PX` or a little more wide, as JPEG; `width_px` is the picture's own."""
+def whole_view(store: PictureStore, key: str) -> bytes:
+    """The whole picture, at most `VIEW_PX` or a little more wide, as JPEG."""
+    width_px = store.grey(key).shape[1]
     store.forget_colours(but=key)
     shrink = next(each for each in SHRINKS if each == 1 or width_px / each >= VIEW_PX * 0.75)
     return jpeg(store.colour(key, shrink))

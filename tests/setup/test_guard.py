@@ -96,7 +96,7 @@ def test_nothing_but_the_pages_files_is_served(send: Send, path: str) -> None:
 @pytest.mark.parametrize("key", ["../panel", "frame-99", "frame--1", "frame-1e3", "panel"])
 def test_pictures_that_are_not_there(send: Send, key: str) -> None:
     """A picture's key is looked up, never made a path of."""
-    assert send("GET", f"/api/pictures/{key}/whole")[0] in {404, 422}
+    assert send("GET", f"/api/pictures/{key}/whole")[0] == 404
 
 
 def test_body_that_says_it_is_large_is_refused(send: Send) -> None:
@@ -147,6 +147,23 @@ def test_drafts_of_any_shape_are_told_what_is_wrong(send: Send, document: dict[s
 
     assert status == 200
     assert answer["problems"]
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "more", "why"),
+    [
+        ("PUT", "/api/panel", {"document": {"gauges": []}, "revision": 0}, "invalid"),
+        ("PUT", "/api/panel", {"document": {}, "revision": 7}, "elsewhere"),
+        ("POST", "/api/rim", {"points": [[0, 0], [9, 9], [20, 20]]}, "cannot"),
+        ("POST", "/api/paste", {"document": {"gauges": [{}]}, "to": "frame-1"}, "cannot"),
+    ],
+)
+def test_what_cannot_be_done_is_an_answer(send: Send, method: str, path: str, more: dict[str, Any], why: str) -> None:
+    """A question that was understood is answered, also with no: the browser's log is for what went wrong."""
+    status, answer, _ = send(method, path, json.dumps({"picture": "frame-0", **more}))
+
+    assert (status, answer["declined"]) == (200, why)
+    assert answer["error"]
 
 
 def test_answers_allow_nothing_from_elsewhere(send: Send) -> None:

@@ -78,7 +78,7 @@ def test_what_is_not_valid_is_said_beside_its_field(opened: Running, open_page: 
 
 def test_two_tabs_do_not_overwrite_each_other(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
     """The second tab to save is told, and may load the other's or save over it."""
-    one, other = open_page(opened), open_page(opened, quiet=False)
+    one, other = open_page(opened), open_page(opened)
     hand_on(one).type_into("name", "first")
     hand_on(one).save()
     hand_on(other).type_into("name", "second")
@@ -97,7 +97,7 @@ def test_file_changed_by_another_program_is_not_overwritten(
     opened: Running, open_page: OpenPage, hand_on: HandOn
 ) -> None:
     """What an editor wrote meanwhile is not lost silently either; saving over it must be asked for."""
-    page = open_page(opened, quiet=False)
+    page = open_page(opened)
     hand_on(page).type_into("name", "mine")
     opened.session.target.parent.mkdir(parents=True)
     opened.session.target.write_text("name: theirs\n", encoding="utf-8")

@@ -55,7 +55,7 @@ export function showSaving(store) {
       banner.classList.add("good");
     } catch (error) {
       banner.classList.remove("good");
-      if (error.status === 409) say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save(true) }, "Save this one over it"));
+      if (error.why === "elsewhere") say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save(true) }, "Save this one over it"));
       else if (error.problems?.length) {
         store.problems = error.problems;
         lead();

@@ -3,11 +3,12 @@ const BASE = new URL("api/", location.href.replace(/[^/]*$/, ""));
 const PING_MS = 2500;
 export const TAB = crypto.randomUUID();
 
-export class Refused extends Error {
-  constructor(status, answer) {
-    super(answer.error || `the program answered ${status}`);
-    this.status = status;
-    this.problems = answer.problems || [];
+// What was asked for cannot be, and why: `why` is "elsewhere", "invalid" or "cannot".
+export class Declined extends Error {
+  constructor({ error, declined, problems }) {
+    super(error);
+    this.why = declined;
+    this.problems = problems || [];
   }
 }
 
@@ -43,7 +44,7 @@ export async function ask(path, body, { method = body === undefined ? "GET" : "P
   told(false);
   if (response.status === 204) return null;
   const answer = await response.json();
-  if (!response.ok) throw new Refused(response.status, answer);
+  if (!response.ok || answer.declined) throw new Declined(answer);
   return answer;
 }
 
