@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -115,3 +115,12 @@ FORMATS: dict[str, Format] = {
     "layout": Format(_layout, suffix="layout.json"),
     "parquet": Format(_parquet, needs=("pyarrow", "parquet")),
 }
+
+
+def planned_files(name: str, formats: Sequence[str]) -> dict[str, Callable[[Decoded], Write]]:
+    """Every file that is made of a flight with this name: what makes its writer, by the file's name."""
+    files = {f"{name}.{FORMATS[each].suffix or each}": FORMATS[each].write for each in formats}
+    files[f"{name}.json"] = description
+    if "csv" in formats:
+        files[f"{name}_alignment.tsv"] = alignment
+    return files

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -15,8 +15,8 @@ from tqdm import tqdm
 
 from decoder.camera import CAMERA_FILE, Camera, parse_camera
 from decoder.errors import CameraError, OutputError, PanelMissing
-from decoder.flight_decoder import decode_flight
-from decoder.formats import Decoded
+from decoder.flight_decoder import Progress, decode_flight
+from decoder.formats import FORMATS, Decoded
 from decoder.gauge_reader import Method
 from decoder.json_output import Provenance, SourceFile
 from decoder.panel_pictures import PANEL_FILE, PanelPictures, panel_from_attachments, panel_from_file
@@ -24,6 +24,18 @@ from decoder.panel_reader import PanelReader
 from flight_file.frame import Frame
 from flight_file.reader import Flight
 from flight_file.segments import parse_segment_name
+
+
+def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:
+    formats = tuple(dict.fromkeys(value.split(",")))
+    for name in formats:
+        if name not in FORMATS:
+            raise click.BadParameter(f"{name!r} is none of {', '.join(FORMATS)}")
+        lacking = FORMATS[name].lacking
+        if lacking is not None:
+            raise click.BadParameter(f"{name} {lacking}")
+    return formats
+
 
 flights_argument = click.argument(
     "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
@@ -40,15 +52,35 @@ method_option = click.option(
     "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
     show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
 )  # fmt: skip
+format_option = click.option(
+    "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
+    help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",
+)  # fmt: skip
+images_option = click.option(
+    "--with-images", is_flag=True, help="Put the pictures into NAME.mcap, too; needs --format mcap."
+)
 
 
-def decoded_flight(flight: Flight, panel_file: Path | None, method: str, camera_file: Path | None = None) -> Decoded:
-    """A flight with all that it was decoded with; progress shows on a terminal."""
+def refuse_unheld_images(formats: Sequence[str], *, with_images: bool) -> None:
+    """Ends with wrong usage where pictures are wanted and no format can hold them."""
+    if with_images and not any(FORMATS[name].takes_images for name in formats):
+        raise click.UsageError("--with-images needs --format mcap")
+
+
+def decoded_flight(
+    flight: Flight,
+    panel_file: Path | None,
+    method: str,
+    camera_file: Path | None = None,
+    *,
+    shown: Progress | None = None,
+) -> Decoded:
+    """A flight with all it was decoded with; `shown` wraps its frames, by default to show progress on a terminal."""
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
     with threadpool_limits(1):
         camera, camera_source = _camera(flight, camera_file)
         source = replace(_panel(flight, panel_file), camera=camera)
-        data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), progress("decode"))
+        data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), shown or progress("decode"))
         return Decoded(
             flight=flight,
             source=source,
@@ -78,7 +110,7 @@ def refuse_overwriting(flight: Flight, outputs: Sequence[Path]) -> None:
             raise OutputError(f"{path}: would be overwritten by what is decoded from it; choose another folder with -o")
 
 
-def progress(words: str) -> Callable[[Iterator[Frame]], Iterator[Frame]]:
+def progress(words: str) -> Progress:
     """Shows how many frames went by, on a terminal only."""
 
     def shown(frames: Iterator[Frame]) -> Iterator[Frame]:

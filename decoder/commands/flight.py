@@ -12,13 +12,16 @@ from decoder.commands.decoding import (
     camera_option,
     decoded_flight,
     flights_argument,
+    format_option,
+    images_option,
     method_option,
     output_name,
     panel_option,
     refuse_overwriting,
+    refuse_unheld_images,
 )
 from decoder.flight_data import FlightData
-from decoder.formats import FORMATS, alignment, description
+from decoder.formats import planned_files
 from decoder.json_output import Provenance
 from decoder.outliers import find_outliers
 from decoder.outputs import write_all
@@ -39,17 +42,6 @@ Examples:
 """
 
 
-def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:
-    formats = tuple(dict.fromkeys(value.split(",")))
-    for name in formats:
-        if name not in FORMATS:
-            raise click.BadParameter(f"{name!r} is none of {', '.join(FORMATS)}")
-        lacking = FORMATS[name].lacking
-        if lacking is not None:
-            raise click.BadParameter(f"{name} {lacking}")
-    return formats
-
-
 @click.command("flight", epilog=EPILOG)
 @flights_argument
 @click.option(
@@ -59,11 +51,8 @@ def _formats(_context: click.Context, _option: click.Parameter, value: str) -> t
 @panel_option
 @camera_option
 @method_option
-@click.option(
-    "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
-    help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",
-)  # fmt: skip
-@click.option("--with-images", is_flag=True, help="Put the pictures into NAME.mcap, too; needs --format mcap.")
+@format_option
+@images_option
 def command(
     *,
     flights: tuple[Path, ...],
@@ -78,17 +67,12 @@ def command(
 
     NAME is the recording's; a single file that was given another name keeps that one.
     """
-    if with_images and not any(FORMATS[name].takes_images for name in formats):
-        raise click.UsageError("--with-images needs --format mcap")
+    refuse_unheld_images(formats, with_images=with_images)
     flight = open_flight(flights)
-    name = output_name(flight)
-    files = [f"{name}.{FORMATS[each].suffix or each}" for each in formats] + [f"{name}.json"]
-    files += [f"{name}_alignment.tsv"] if "csv" in formats else []
+    files = planned_files(output_name(flight), formats)
     refuse_overwriting(flight, [directory / file for file in files])
     decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
-    writers = [*(FORMATS[each].write(decoded) for each in formats), description(decoded)]
-    writers += [alignment(decoded)] if "csv" in formats else []
-    written = write_all(directory, dict(zip(files, writers, strict=True)))
+    written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
     _report(decoded.data, decoded.provenance, written)
     if decoded.provenance.losses:
         sys.exit(EXIT_LOSS)
