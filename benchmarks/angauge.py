@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from PIL import Image
 from ppf.angauge import read_single_gauge
 
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
 from decoder.scale import Scale
+from decoder.scale_marks import FULL_CIRCLE_DEG
 
 Floats = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from benchmarks.angauge import values_by_needle
 from benchmarks.programs import decode
 from decoder.accuracy import CONFIDENCE_SIGMAS
 from decoder.arrays import Floats
-from decoder.gauge import Quantity
 from decoder.panel_pictures import panel_from_file
+from decoder.quantity import Quantity
 from decoder.reading import Status
 from decoder.tables import Table, read_table
 from fixtures.recordings import record_flight

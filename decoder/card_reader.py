@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from decoder.arrays import Floats
 from decoder.correlation import MIN_SPREAD_LEVELS
-from decoder.gauge import FULL_CIRCLE_DEG, Card, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_grid import card_rows
+from decoder.pointers import Card
 from decoder.reading import Reading, Status
 from decoder.rivals import CLEARLY_WORSE
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.tuning import CardPicture
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
 

@@ -12,9 +12,11 @@ import numpy as np
 
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader, turned
-from decoder.gauge import FULL_CIRCLE_DEG, Card, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_grid import card_rows
 from decoder.needle_layer import MAD_TO_SIGMA, NOISE_LEVELS
+from decoder.pointers import Card
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.tuning import CardPicture
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 

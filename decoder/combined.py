@@ -13,7 +13,7 @@ import numpy as np
 
 from decoder.arrays import Floats, Mask
 from decoder.flight_data import CODE, NOWHERE, NeedleSeries
-from decoder.gauge import Combination
+from decoder.quantity import Combination
 from decoder.reading import Status
 from decoder.scale import in_turn, shortest
 

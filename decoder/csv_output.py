@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from typing import IO
 
 from decoder.flight_data import STATUSES, FlightData, NeedleSeries
-from decoder.gauge import Quantity
 from decoder.panel import LEADING_COLUMNS, NEEDLE_SUFFIXES
+from decoder.quantity import Quantity
 
 SCORE_DECIMALS = 4
 TIME_DECIMALS = 6

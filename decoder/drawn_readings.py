@@ -15,13 +15,14 @@ from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
 from decoder.flight_data import STATUSES, FlightData, NeedleSeries
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_grid import gauge_grid
 from decoder.optics import Optics
 from decoder.panel_pictures import PanelPictures
 from decoder.plane_fit import carried
 from decoder.reading import Status
 from decoder.scale import Scale
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import polar_grid
 
 Point = tuple[float, float]

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from decoder.alignment_series import AlignmentSeries
 from decoder.arrays import Floats
-from decoder.gauge import FULL_CIRCLE_DEG, Combination, Quantity
 from decoder.panel import Panel
 from decoder.panel_reader import FrameReadings
+from decoder.quantity import Combination, Quantity
 from decoder.reading import Status
 from decoder.scale import Scale, shortest
+from decoder.scale_marks import FULL_CIRCLE_DEG
 
 STATUSES = tuple(Status)
 CODE = {status: code for code, status in enumerate(STATUSES)}

@@ -19,7 +19,7 @@ from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
 from decoder.faces import in_light_of, learn_face
 from decoder.fitting import Fitter
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, turn_rows
 from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
@@ -28,6 +28,7 @@ from decoder.panel_tuning import face_behind
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
 SAMPLE_FRAMES = 16

@@ -5,158 +5,15 @@ A part of the panel format, see `decoder.panel`; for its writers docs/panel.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from decoder.description import Number, Point, Positive, Strict
-
-FULL_CIRCLE_DEG = 360.0
-MIN_TEMPLATE_SPAN_DEG = 2.0
-
-Marks = tuple[tuple[Number, Number], ...]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-
-
-class Template(Strict):
-    """Where a needle's template comes from.
-
-    `at` and `span`: cut from the panel picture (or from `picture`, another picture of the same panel and size) around
-    the angle `at`, `span` degrees wide. `picture` without `at`: a cropped unwrapped needle, rows of angle by columns
-    of radius over the gauge's whole `radius`, `span` degrees high, its needle in the middle row.
-    """
-
-    at: Number | None = None
-    span: Annotated[float, Field(ge=MIN_TEMPLATE_SPAN_DEG, le=90)] | None = None
-    picture: str | None = None
-
-    @model_validator(mode="after")
-    def _has_a_source(self) -> Self:
-        if self.at is None and self.picture is None:
-            raise ValueError(
-                "give `at` (the needle's angle in the panel picture) or `picture` (a cropped unwrapped needle)"
-            )
-        if self.at is not None and self.span is None:
-            raise ValueError("`at` needs `span`, the degrees that the template covers")
-        return self
-
-
-class Needle(Strict):
-    """One pointer. `covered_by` names the needle of the same gauge that turns above it.
-
-    A `scale` of its own, with its own `wraps`, stands in for the gauge's. `max_rate` is how fast its value can change,
-    in its unit a second.
-    """
-
-    name: Name
-    template: Template
-    covered_by: str | None = None
-    scale: Marks | None = None
-    wraps: Positive | None = None
-    max_rate: Positive | None = None
-
-    @field_validator("scale")
-    @classmethod
-    def _scale_is_monotone(cls, scale: Marks | None) -> Marks | None:
-        return None if scale is None else _monotone(scale)
-
-    @model_validator(mode="after")
-    def _turn_closes(self) -> Self:
-        if self.wraps is not None:
-            if self.scale is None:
-                raise ValueError("`wraps` of a needle needs a `scale` beside it; the gauge's scale has the gauge's")
-            _check_turn(self.scale, self.wraps)
-        return self
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """What one column of values means.
-
-    Attributes
-    ----------
-    name, gauge, unit
-        Of the column, of the gauge it comes from, and of its values.
-    marks
-        (angle, value) each, sorted by angle.
-    wraps
-        What a full turn is worth where the values begin again after it: they lie in [lowest, lowest + wraps).
-    covered_by
-        The needle that turns above this one.
-    max_rate
-        How fast the value can change, in its unit a second, if that is known.
-    """
-
-    name: str
-    gauge: str
-    unit: str
-    marks: Marks
-    wraps: float | None
-    covered_by: str | None
-    max_rate: float | None
-    lowest: float = 0.0
-
-    @property
-    def full_scale(self) -> float:
-        """The span of values between the outermost marks, or of a full turn."""
-        return self.wraps or abs(self.marks[-1][1] - self.marks[0][1])
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """The lowest and the highest value of the scale."""
-        if self.wraps is not None:
-            return self.lowest, self.lowest + self.wraps
-        values = [value for _, value in self.marks]
-        return min(values), max(values)
-
-
-class Card(Strict):
-    """A card that turns under a fixed index, at an angle of the dial. The gauge's scale is the card's own.
-
-    The scale tells the angles at which its marks lie in the panel picture.
-    """
-
-    name: Name
-    index: Number
-    max_rate: Positive | None = None
-
-
-class Combined(Strict):
-    """A value that several pointers of one gauge show together, such as the altitude of a three-pointer altimeter.
-
-    Values lie in a turn of the coarsest pointer that begins at `lowest`. `tolerance` is how far a coarser pointer may
-    be from where the finer one puts it, in turns of the finer.
-    """
-
-    name: Name
-    needles: Annotated[tuple[Name, ...], Field(min_length=2)]
-    tolerance: Annotated[float, Field(gt=0, lt=0.5)] = 0.2
-    lowest: Number = 0.0
-    max_rate: Positive | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Combination:
-    """How a quantity comes about from others.
-
-    Attributes
-    ----------
-    quantity
-        That it is.
-    parts
-        The names of the pointers, the finest first.
-    turn
-        What a turn of the coarsest is worth.
-    tolerance
-        In turns of the finer of two pointers.
-    """
-
-    quantity: Quantity
-    parts: tuple[str, ...]
-    turn: float
-    tolerance: float
+from decoder.pointers import Card, Combined, Needle
+from decoder.quantity import Combination, Quantity
+from decoder.scale_marks import FULL_CIRCLE_DEG, Marks, check_turn, monotone
 
 
 class Gauge(Strict):
@@ -201,7 +58,7 @@ class Gauge(Strict):
     @field_validator("scale")
     @classmethod
     def _scale_is_monotone(cls, scale: Marks) -> Marks:
-        return _monotone(scale)
+        return monotone(scale)
 
     @model_validator(mode="after")
     def _something_turns(self) -> Self:
@@ -219,7 +76,7 @@ class Gauge(Strict):
             if self.stops is not None:
                 raise ValueError("a scale that `wraps` has no `stops`: such a needle goes all the way round")
         if self.wraps is not None:
-            _check_turn(self.scale, self.wraps)
+            check_turn(self.scale, self.wraps)
         return self
 
     @model_validator(mode="after")
@@ -319,27 +176,3 @@ class Gauge(Strict):
     def is_round(self) -> bool:
         """Whether the dial is read all the way round, with no seam."""
         return self.sweep[1] - self.sweep[0] == FULL_CIRCLE_DEG
-
-
-def _monotone(scale: Marks) -> Marks:
-    if len(scale) < 2:  # noqa: PLR2004 - a line needs two points
-        raise ValueError("needs at least two [angle, value] marks")
-    marks = sorted(scale)
-    turns = {after[0] > before[0] for before, after in pairwise(marks)}
-    steps = {(after[1] > before[1]) - (after[1] < before[1]) for before, after in pairwise(marks)}
-    if turns != {True} or steps not in ({1}, {-1}):
-        raise ValueError(
-            "must be monotone: each mark at another angle, values only rising or only falling along the dial"
-        )
-    return tuple(marks)
-
-
-def _check_turn(scale: Marks, wraps: float) -> None:
-    """Marks of a turn must lie in one turn, and leave something of its value for the way back to the first mark."""
-    (first_deg, first), (last_deg, last) = scale[0], scale[-1]
-    if last_deg - first_deg == FULL_CIRCLE_DEG and abs(last - first) == wraps:
-        return
-    if last_deg - first_deg >= FULL_CIRCLE_DEG or abs(last - first) >= wraps:
-        raise ValueError(
-            f"`scale` does not fit `wraps: {wraps:g}`: its marks must lie within one turn and one turn's value"
-        )

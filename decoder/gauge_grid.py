@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from decoder.arrays import Mask
 from decoder.dial_plane import DialPlane
 from decoder.faces import needle_place
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import PolarGrid, polar_grid
 
 # A needle may stand a little beyond the last mark, or beyond the stop that is behind it.

@@ -14,7 +14,7 @@ from decoder.arrays import Floats
 from decoder.clutter import MIN_VISIBLE as MIN_CLEAR
 from decoder.clutter import without_clutter
 from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
 from decoder.glare import ThroughGlare
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
@@ -22,6 +22,7 @@ from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.reading import Reading, Status
 from decoder.rivals import Rivals
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.stack_reader import StackReader
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 

@@ -13,7 +13,9 @@ from pydantic import Field, field_validator, model_validator
 
 from decoder.description import Number, Point, Positive, Strict, check_description, parse_description
 from decoder.errors import PanelError
-from decoder.gauge import Combination, Gauge, Needle, Quantity
+from decoder.gauge import Gauge
+from decoder.pointers import Needle
+from decoder.quantity import Combination, Quantity
 
 LEADING_COLUMNS = ("frame", "time_utc", "time_s")
 NEEDLE_SUFFIXES = ("", "_status", "_score", "_sigma")

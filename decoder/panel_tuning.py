@@ -16,12 +16,13 @@ from decoder.card_tuning import first_card
 from decoder.correlation import normxcorr
 from decoder.errors import PanelError
 from decoder.faces import bare_face
-from decoder.gauge import Gauge, Needle
+from decoder.gauge import Gauge
 from decoder.gauge_grid import PICTURE_SPAN_DEG, needle_places, row_of_angle, rows_in_sweep, turn_rows
 from decoder.needle_layer import first_layer
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
+from decoder.pointers import Needle
 from decoder.resampling import inside
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, Unwrapper, rows_at

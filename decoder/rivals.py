@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from decoder.arrays import Floats, Mask
-from decoder.gauge import FULL_CIRCLE_DEG
 from decoder.gauge_grid import same_rows
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import PolarGrid
 
 # A needle that matches elsewhere with no more than this times its own unexplained variance may be there instead.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
-from decoder.gauge import FULL_CIRCLE_DEG
+from decoder.scale_marks import FULL_CIRCLE_DEG
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,12 +16,13 @@ import numpy as np
 
 from decoder.arrays import Floats, Mask
 from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.over_face import face_moments, partial_normxcorr
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.searching import COARSE_STEP, thinned
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
 

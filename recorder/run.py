@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from flight_file.errors import FlightNotWrittenError
 from recorder.assembly import Assembly, in_one_line
@@ -16,7 +17,7 @@ from recorder.attachments import gather_attachments
 from recorder.camera_reports import CameraReports
 from recorder.capture import Capture
 from recorder.config import RecorderConfig
-from recorder.drivers import wire
+from recorder.drivers import Wiring, wire
 from recorder.drops import Drops
 from recorder.errors import RecorderError
 from recorder.evidence import configured_signer
@@ -105,50 +106,83 @@ def record(
         The camera's thread crashed; what it gave before is stored and the files are closed. Or a disk that hangs kept
         the recording from ending in time.
     """
-    stop = stop or Stop()
-    journal = journal or Journal()
-    attachments = gather_attachments(config.attach, configuration)
-    signer = configured_signer(config.evidence)
-    drops, queue, signs = Drops(), FrameQueue(), SignsOfLife(host.clock)
-    wiring = wire(config, host, CameraReports(queue=queue, drops=drops, signs=signs, clock=host.clock))
-    assembly = Assembly(
-        config=config, host=host, wiring=wiring, journal=journal, drops=drops, queue=queue, signer=signer
+    run = _Run.of(
+        config, host, stop=stop or Stop(), journal=journal or Journal(), configuration=configuration, name=name
     )
-    store = assembly.store(attachments=attachments, name=name, salvager=assembly.salvager())
-    start = wiring.clock.read()
-    recording = Recording(store, gauges=assembly.gauges(), drops=drops, journal=journal, at=start)
-    if not wiring.live:
-        store.open(start)  # before the camera turns the clock; a disk that fails now is an error at once
-    Capture(wiring, queue=queue, drops=drops, signs=signs, stop=stop).start()
-    writing = Writing(recording, store, queue=queue, wiring=wiring, stop=stop, signs=signs)
-    writing.start()
-    supervision = Supervision(
-        stop=stop,
-        signs=signs,
-        service=service or ServiceManager(),
-        journal=journal,
-        describe=lambda: in_one_line(store, recording, drops),
-    )
-    supervision.wait_for(writing, limited=wiring.live)
-    ended = _result(writing, store, queue, journal)
-    journal.log.info("recording_finished", reason=ended.reason, stored=store.stored, dropped=drops.total)
-    _raise_failure(ended)
-    paths = tuple(path for path in store.paths if path.exists())
-    return Outcome(store.recording, ended.reason, paths, store.stored, drops.total)
+    writing = run.started()
+    run.supervise(writing, service or ServiceManager())
+    return run.outcome(writing)
 
 
-def _result(writing: Writing, store: Store, queue: FrameQueue, journal: Journal) -> Ended:
-    writing.join(_CRASH_S)
-    try:
-        return writing.result()
-    except FlightNotWrittenError as failure:
-        lost = store.unwritten_frames() + len(queue)
-        journal.log.critical("recording_failed", reason=str(failure), unwritten_frames=lost)
-        raise
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """The parts of one run, which its threads share."""
 
+    wiring: Wiring
+    drops: Drops
+    queue: FrameQueue
+    signs: SignsOfLife
+    stop: Stop
+    journal: Journal
+    store: Store
+    recording: Recording
 
-def _raise_failure(ended: Ended) -> None:
-    if ended.error is not None:
-        raise ended.error
-    if ended.crashed:
-        raise RecorderError("The camera's thread crashed; its traceback is above, please report it.")
+    @classmethod
+    def of(
+        cls, config: RecorderConfig, host: Host, *, stop: Stop, journal: Journal, configuration: bytes, name: str | None
+    ) -> Self:
+        """The parts that a configuration asks for; a replay's store is open."""
+        attachments = gather_attachments(config.attach, configuration)
+        signer = configured_signer(config.evidence)
+        drops, queue, signs = Drops(), FrameQueue(), SignsOfLife(host.clock)
+        wiring = wire(config, host, CameraReports(queue=queue, drops=drops, signs=signs, clock=host.clock))
+        assembly = Assembly(
+            config=config, host=host, wiring=wiring, journal=journal, drops=drops, queue=queue, signer=signer
+        )
+        store = assembly.store(attachments=attachments, name=name, salvager=assembly.salvager())
+        start = wiring.clock.read()
+        recording = Recording(store, gauges=assembly.gauges(), drops=drops, journal=journal, at=start)
+        if not wiring.live:
+            store.open(start)  # before the camera turns the clock; a disk that fails now is an error at once
+        return cls(wiring, drops, queue, signs, stop, journal, store, recording)
+
+    def started(self) -> Writing:
+        """Start the camera's thread and the writer's; gives the writer's."""
+        Capture(self.wiring, queue=self.queue, drops=self.drops, signs=self.signs, stop=self.stop).start()
+        writing = Writing(
+            self.recording, self.store, queue=self.queue, wiring=self.wiring, stop=self.stop, signs=self.signs
+        )
+        writing.start()
+        return writing
+
+    def supervise(self, writing: Writing, service: ServiceManager) -> None:
+        """Wait until it is over, and tell `service` how it goes meanwhile."""
+        supervision = Supervision(
+            stop=self.stop,
+            signs=self.signs,
+            service=service,
+            journal=self.journal,
+            describe=lambda: in_one_line(self.store, self.recording, self.drops),
+        )
+        supervision.wait_for(writing, limited=self.wiring.live)
+
+    def outcome(self, writing: Writing) -> Outcome:
+        """What was recorded; raises what the run failed with."""
+        ended = self._ended(writing)
+        stored, dropped = self.store.stored, self.drops.total
+        self.journal.log.info("recording_finished", reason=ended.reason, stored=stored, dropped=dropped)
+        if ended.error is not None:
+            raise ended.error
+        if ended.crashed:
+            raise RecorderError("The camera's thread crashed; its traceback is above, please report it.")
+        paths = tuple(path for path in self.store.paths if path.exists())
+        return Outcome(self.store.recording, ended.reason, paths, stored, dropped)
+
+    def _ended(self, writing: Writing) -> Ended:
+        writing.join(_CRASH_S)
+        try:
+            return writing.result()
+        except FlightNotWrittenError as failure:
+            lost = self.store.unwritten_frames() + len(self.queue)
+            self.journal.log.critical("recording_failed", reason=str(failure), unwritten_frames=lost)
+            raise

@@ -9,8 +9,8 @@ import numpy as np
 
 from decoder.alignment import IDENTITY, Alignment
 from decoder.arrays import Floats
-from decoder.gauge import FULL_CIRCLE_DEG
 from decoder.pictures import GreyPicture
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.setup.needle_axis import REACH_DEG, axis_deg
 from decoder.unwrapping import PolarGrid, Unwrapper, polar_grid
 

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from camera_drivers.clock import Clock
 from camera_drivers.qx10.remote_api import Code
 from camera_drivers.qx10.simulator.behaviour import Behaviour
+from camera_drivers.qx10.simulator.camera_time import CameraTime
 from camera_drivers.qx10.simulator.event_objects import snapshot
 from camera_drivers.qx10.simulator.ledger import Ledger
 from camera_drivers.qx10.simulator.lens import DIRECTIONS, Lens
 from camera_drivers.qx10.simulator.methods import CHOICES, SYSTEM_METHODS, offered
 from camera_drivers.qx10.simulator.pictures import Source, Taken, as_small, with_exif
+from camera_drivers.qx10.simulator.settings import Settings
 
 KEPT_PICTURES = 8
 POLL_LOOK_S = 0.02
@@ -28,7 +29,6 @@ UNFINISHED_ANSWERS = 2  # so often "not finished" after a shot that takes long
 
 # Not with a clock of the same second: pictures in the camera's own name carry whole seconds and a number.
 _QUERY = "?%211234%21http%2dget%3a%2a%3aimage%2fjpeg%3a%2a%21%21%21%21%21"
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _NS_PER_S = 1_000_000_000
 
 
@@ -59,7 +59,7 @@ class CameraModel:
         self._address = address
         self._lock = threading.RLock()
         self._shots = 0
-        self._offset_ns = round(behaviour.clock_offset_s * _NS_PER_S)
+        self._time = CameraTime(clock, behaviour.clock_offset_s)
         self._pictures: dict[str, bytes] = {}
         self._changes = 0
         self.switch_on()
@@ -68,9 +68,7 @@ class CameraModel:
         """As after switching it on: the lens at wide, every setting as it is at first, nothing under way."""
         with self._lock:
             self._lens = Lens(self._clock, self.behaviour.zoom_percent_per_s)
-            self._settings: dict[str, object] = {name: choice.first for name, choice in CHOICES.items()}
-            self._shown = dict(self._settings)
-            self._shows_at_ns = 0
+            self.settings = Settings(self._clock, self.behaviour.apply_s)
             self._capturing = False
             self._idle_at_ns = 0
             self._failed = False
@@ -83,7 +81,7 @@ class CameraModel:
     def turn_clock(self, seconds: float) -> None:
         """Set the camera's clock ahead by so much, or behind."""
         with self._lock:
-            self._offset_ns += round(seconds * _NS_PER_S)
+            self._time.turn(seconds)
 
     def fail(self, *, failed: bool) -> None:
         """Overheat, or cool down."""
@@ -141,13 +139,11 @@ class CameraModel:
 
     def _offered(self) -> list[str]:
         with self._lock:
-            return offered(self._settings["ShootMode"], self._settings["ExposureMode"])
+            return offered(self.settings.chosen["ShootMode"], self.settings.chosen["ExposureMode"])
 
     def _get(self, name: str, _params: list[Any]) -> list[Any]:
         with self._lock:
-            if self._clock.read().monotonic_ns >= self._shows_at_ns:
-                self._shown = dict(self._settings)
-            value = self._shown[name]
+            value = self.settings.shown(name)
         if name == "WhiteBalance":
             return [{"whiteBalanceMode": value, "colorTemperature": -1}]
         if isinstance(value, tuple):
@@ -164,9 +160,7 @@ class CameraModel:
         if self.status != "IDLE":
             raise RefusedCallError(Code.ANY)
         with self._lock:
-            self._get(name, [])
-            self._settings[name] = value
-            self._shows_at_ns = self._clock.read().monotonic_ns + round(self.behaviour.apply_s * _NS_PER_S)
+            self.settings.put(name, value)
             self._changes += 1
         return [0]
 
@@ -175,7 +169,7 @@ class CameraModel:
 
     def _shoot(self, _params: list[Any]) -> list[Any]:
         with self._lock:
-            if self._settings["ShootMode"] != "still" or self.status != "IDLE":
+            if self.settings.chosen["ShootMode"] != "still" or self.status != "IDLE":
                 raise RefusedCallError(Code.NOT_READY)
             self._capturing = True
             self._changes += 1
@@ -190,11 +184,11 @@ class CameraModel:
     def _keep_picture(self) -> str:
         number = self._shots
         self._shots += 1
-        now = self._now()
+        now = self._time.now()
         # The camera appends a number to the second; ours counts all shots, so that no name comes twice.
         name = f"pict{now:%y%m%d_%H%M%S}{number % 10000:04d}.JPG"
         jpeg = self._source(number)
-        if self._settings["PostviewImageSize"] == "2M":
+        if self.settings.chosen["PostviewImageSize"] == "2M":
             jpeg = as_small(jpeg)
         self._pictures[name] = with_exif(jpeg, Taken(number, now, self._lens.focal_length_mm, 0.01))
         for old in list(self._pictures)[:-KEPT_PICTURES]:
@@ -233,13 +227,10 @@ class CameraModel:
 
     def _set_time(self, params: list[Any]) -> list[Any]:
         try:
-            shown = datetime.strptime(params[0]["dateTime"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
-            zone = timedelta(minutes=params[0]["timeZoneOffsetMinute"] + params[0]["dstOffsetMinute"])
+            with self._lock:
+                self._time.set(params[0])
         except (LookupError, TypeError, ValueError) as error:
             raise RefusedCallError(Code.ILLEGAL_ARGUMENT) from error
-        with self._lock:
-            set_ns = (shown + zone - _EPOCH) // timedelta(microseconds=1) * 1000
-            self._offset_ns = set_ns - self._clock.read().realtime_ns
         return []
 
     def _event(self, params: list[Any]) -> list[Any]:
@@ -274,14 +265,11 @@ class CameraModel:
                 liveview=self.liveview,
                 told=self._url(self._told) if self._told else "",
                 room=CARD_PICTURES - len(self._ledger.taken),
-                settings=self._settings,
+                settings=self.settings.chosen,
             )
 
     def _url(self, name: str) -> str:
         return f"{self._address}/{name}{_QUERY}"
-
-    def _now(self) -> datetime:
-        return _EPOCH + timedelta(microseconds=(self._clock.read().realtime_ns + self._offset_ns) // 1000)
 
     def _sleep(self, seconds: float) -> None:
         self._clock.wait_until(self._clock.read().monotonic_ns + round(seconds * _NS_PER_S), threading.Event())

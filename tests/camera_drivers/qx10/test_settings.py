@@ -39,7 +39,7 @@ def test_every_setting_is_as_wanted(make_bench: MakeBench) -> None:
     bench.take(1)
 
     assert set(SHOWN) == set(CHOICES)
-    assert bench.simulated.model._settings == SHOWN
+    assert bench.simulated.model.settings.chosen == SHOWN
     assert bench.listener.reasons("setting") == []
 
 
@@ -49,7 +49,7 @@ def test_setting_that_shows_late_is_waited_for(make_bench: MakeBench) -> None:
     bench.take(1)
 
     assert bench.listener.reasons("setting") == []
-    assert bench.simulated.model._settings == SHOWN
+    assert bench.simulated.model.settings.chosen == SHOWN
 
 
 def test_setting_that_never_shows_is_reported(make_bench: MakeBench) -> None:
@@ -98,7 +98,7 @@ def test_size_is_set_in_whichever_order_the_camera_takes_it(
     monkeypatch.setattr(model, "_set", lambda name, params: set_as_is(name, params[::order]))
     bench.take(1)
 
-    assert model._settings["StillSize"] == ("16:9", "2M")
+    assert model.settings.chosen["StillSize"] == ("16:9", "2M")
 
 
 def test_small_pictures_are_small(make_bench: MakeBench) -> None:
@@ -106,16 +106,16 @@ def test_small_pictures_are_small(make_bench: MakeBench) -> None:
     bench = make_bench(picture="2M")
     bench.take(1)
 
-    assert bench.simulated.model._settings["PostviewImageSize"] == "2M"
+    assert bench.simulated.model.settings.chosen["PostviewImageSize"] == "2M"
 
 
 def test_camera_in_its_movie_mode_is_set_to_stills(make_bench: MakeBench) -> None:
     """Its list of calls is asked for again after that."""
     bench = make_bench(**WANTED)
-    bench.simulated.model._settings["ShootMode"] = "movie"
+    bench.simulated.model.settings.chosen["ShootMode"] = "movie"
     bench.take(1)
 
-    assert bench.simulated.model._settings == SHOWN
+    assert bench.simulated.model.settings.chosen == SHOWN
 
 
 def test_simulated_lists_have_the_recorded_lengths() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,13 @@ Turn = Callable[..., Any]
 OffPx = Callable[..., float]
 PanelOf = Callable[..., Panel]
 
+PUSHED_OUT: dict[str, Any] = {"shift_px": (42.3, -33.7), "roll_deg": -3.0}
+"""The knob in the south-east touches the picture's edge."""
 SLIGHT: list[dict[str, Any]] = [
     {},
     {"shift_px": (1.3, -0.7)},
     {"shift_px": (12.3, -8.7), "roll_deg": 1.0},
-    {"shift_px": (42.3, -33.7), "roll_deg": -3.0},
+    PUSHED_OUT,
     {"roll_deg": 8.0},
     {"roll_deg": -8.0, "shift_px": (20.0, 20.0)},
     {"scale": 1.04, "roll_deg": 2.0},
@@ -57,9 +60,12 @@ def aligner(aligner_of: Callable[..., Aligner]) -> Aligner:
     return aligner_of(ALL)
 
 
-@pytest.mark.parametrize("names", [ALL, FOUR, THREE, TWO], ids=len)
-@pytest.mark.parametrize("motion", SLIGHT, ids=str)
-def test_shift_roll_and_scale_are_found(
+@pytest.mark.parametrize(
+    ("names", "motion"),
+    [*product((ALL, FOUR, THREE, TWO), SLIGHT), *product((ALL, FOUR), OBLIQUE)],
+    ids=lambda value: len(value) if isinstance(value, tuple) else str(value),
+)
+def test_views_are_found(
     aligner_of: Callable[..., Aligner],
     see: See,
     turn: Turn,
@@ -67,30 +73,13 @@ def test_shift_roll_and_scale_are_found(
     names: tuple[str, ...],
     motion: dict[str, Any],
 ) -> None:
-    """Two anchors or more tell shift, roll and scale, to three hundredths of a pixel all over the picture."""
+    """Two anchors or more tell shift, roll and scale, four the perspective too: to 0.03 pixels all over the picture."""
     truth = turn(**motion)
     found = aligner_of(names).align(see(truth, **NOISE))
 
     assert furthest_px(found.matrix, truth) < 0.03
     assert found.score > 0.99
-
-
-@pytest.mark.parametrize("names", [ALL, FOUR], ids=len)
-@pytest.mark.parametrize("motion", OBLIQUE, ids=str)
-def test_perspective_is_found(
-    aligner_of: Callable[..., Aligner],
-    see: See,
-    turn: Turn,
-    furthest_px: OffPx,
-    names: tuple[str, ...],
-    motion: dict[str, Any],
-) -> None:
-    """Four anchors or more tell the perspective too."""
-    truth = turn(**motion)
-    found = aligner_of(names).align(see(truth, **NOISE))
-
-    assert furthest_px(found.matrix, truth) < 0.03
-    assert found.failed == ()
+    assert set(found.failed) == (set(names) & {"south_east"} if motion == PUSHED_OUT else set())
 
 
 @settings(max_examples=40, derandomize=True, phases=[Phase.explicit, Phase.generate])
