@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.programs import RENDERED, decode, peak_memory_mib
 from decoder.flight_decoder import decode_flight
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_pictures import panel_from_attachments
 from decoder.panel_reader import PanelReader
 from decoder.pictures import grey_picture

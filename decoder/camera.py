@@ -14,13 +14,13 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from decoder.attachments import CAMERA_FILE
 from decoder.description import Number, Point, Positive, Strict, parse_description
 from decoder.errors import CameraError
 from decoder.lens import Lens, Points
 
 __all__ = ["Camera", "Distortion", "Focal", "Lens", "Points", "camera_from_file", "parse_camera"]
 
-CAMERA_FILE = "camera.yaml"
 FOCAL_TOLERANCE = 0.005
 """How far outside the calibration, as a part of it, a focal length still counts as inside: EXIF rounds it."""
 

@@ -11,6 +11,7 @@ import click
 
 from decoder.commands.group import CommandGroup
 from decoder.errors import DecoderError
+from decoder.interrupts import EXIT_FAILED, INTERRUPTED
 from flight_file.errors import FlightFileError
 
 COMMANDS = {
@@ -22,7 +23,6 @@ COMMANDS = {
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
 }
 DEFAULT_COMMAND = "flight"
-EXIT_FAILED = 1
 
 EPILOG = """\b
 Examples:
@@ -61,7 +61,7 @@ def main() -> None:
         error.show()
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort):
-        click.echo("decode: interrupted; nothing was written", err=True)
+        click.echo(INTERRUPTED, err=True)
         sys.exit(EXIT_FAILED)
     except (DecoderError, FlightFileError) as error:
         click.echo(f"decode: {error}", err=True)

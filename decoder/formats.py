@@ -1,4 +1,9 @@
-"""The files that `decode` can write of a flight, by the names that `--format` takes."""
+"""The files that `decode` can write of a flight, by the names that `--format` takes.
+
+What writes them is imported when it is wanted: the names are needed before anything else.
+"""
+
+# ruff: noqa: PLC0415
 
 from __future__ import annotations
 
@@ -6,15 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
-from decoder.alignment_output import write_alignment
-from decoder.camera import Camera
-from decoder.csv_output import write_csv
-from decoder.flight_data import FlightData
-from decoder.json_output import Provenance, write_json
 from decoder.outputs import Write, as_text
-from decoder.panel_pictures import PanelPictures
-from flight_file.reader import Flight
+
+if TYPE_CHECKING:
+    from decoder.camera import Camera
+    from decoder.flight_data import FlightData
+    from decoder.json_output import Provenance
+    from decoder.panel_pictures import PanelPictures
+    from flight_file.reader import Flight
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +75,19 @@ class Format:
 
 
 def _csv(decoded: Decoded) -> Write:
+    from decoder.csv_output import write_csv
+
     return as_text(partial(write_csv, decoded.data))
 
 
 def _parquet(decoded: Decoded) -> Write:
-    from decoder.parquet_output import write_parquet  # noqa: PLC0415 - half a second that only this format needs
+    from decoder.parquet_output import write_parquet
 
     return partial(write_parquet, decoded.data, decoded.provenance)
 
 
 def _mcap(decoded: Decoded) -> Write:
-    from decoder.mcap_output import Pictures, write_mcap  # noqa: PLC0415 - only this format needs Foxglove's messages
+    from decoder.mcap_output import Pictures, write_mcap
 
     height, width = decoded.source.picture.shape
     pictures = Pictures(
@@ -92,7 +100,7 @@ def _mcap(decoded: Decoded) -> Write:
 
 
 def _layout(decoded: Decoded) -> Write:
-    from decoder.foxglove_layout import write_layout  # noqa: PLC0415 - as above
+    from decoder.foxglove_layout import write_layout
 
     units = [(series.quantity.name, series.quantity.unit) for series in decoded.data.series]
     return as_text(partial(write_layout, units))
@@ -100,11 +108,15 @@ def _layout(decoded: Decoded) -> Write:
 
 def description(decoded: Decoded) -> Write:
     """The writer of `NAME.json`, which goes with every other file."""
+    from decoder.json_output import write_json
+
     return as_text(partial(write_json, decoded.data, decoded.provenance))
 
 
 def alignment(decoded: Decoded) -> Write:
     """The writer of `NAME_alignment.tsv`, which goes with `NAME.csv`."""
+    from decoder.alignment_output import write_alignment
+
     height, width = decoded.source.picture.shape
     return as_text(partial(write_alignment, decoded.data, (width, height)))
 

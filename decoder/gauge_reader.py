@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import cv2
 import numpy as np
@@ -18,6 +17,7 @@ from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
 from decoder.glare import ThroughGlare
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
+from decoder.method import Method
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.reading import Reading, Status
@@ -44,13 +44,6 @@ MIN_BESIDE_SCORE = 0.4
 
 # So many needles on one dial are read by what is known of all the others.
 STACKED = 3
-
-
-class Method(StrEnum):
-    """How the best row is found."""
-
-    NORMXCORR = "normxcorr"
-    XCORR = "xcorr"
 
 
 @dataclass(frozen=True, slots=True)

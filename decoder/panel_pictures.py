@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
+from decoder.attachments import PANEL_FILE
 from decoder.camera import Camera
 from decoder.dial_plane import DialPlane, dial_plane, inches_to_picture
 from decoder.errors import PanelError, PictureError
@@ -16,8 +17,6 @@ from decoder.panel import Panel, parse_panel
 from decoder.parallax import Raised
 from decoder.pictures import GreyPicture, grey_picture
 from decoder.unwrapping import PolarGrid
-
-PANEL_FILE = "panel.yaml"
 
 
 @dataclass(frozen=True, slots=True)

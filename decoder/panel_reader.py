@@ -14,7 +14,8 @@ from decoder.alignment import Alignment, Matrix, Point
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader
 from decoder.gauge_places import GaugePlacer, place_all
-from decoder.gauge_reader import GaugeReader, Method
+from decoder.gauge_reader import GaugeReader
+from decoder.method import Method
 from decoder.motion import Frame2D, Model
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel

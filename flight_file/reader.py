@@ -70,6 +70,16 @@ class Flight:
                 expected = frame.sequence + 1
                 yield frame
 
+    def count(self) -> int:
+        """How many frames the file's own index names; those that are damaged are among them.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails.
+        """
+        return sum(count_images(segment).total for segment in self.segments)
+
     def sample_frames(self, count: int) -> Iterator[Frame]:
         """At most `count` frames spread evenly from the first to the last, in order; always the same ones.
 

@@ -1,35 +1,32 @@
-"""`decode FLIGHT...`: a flight file in, flight data out."""
+"""`decode FLIGHT...`: a flight file in, flight data out.
+
+What takes time to import is imported when the flight has been opened and named.
+"""
 
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import click
 
-from decoder.commands.decoding import (
+from decoder.attachments import PANEL_FILE
+from decoder.commands.decode_options import (
     camera_option,
-    decoded_flight,
     flights_argument,
     format_option,
     images_option,
     method_option,
-    output_name,
     panel_option,
-    refuse_overwriting,
     refuse_unheld_images,
 )
-from decoder.flight_data import FlightData
+from decoder.errors import PanelMissing
 from decoder.formats import planned_files
-from decoder.json_output import Provenance
-from decoder.outliers import find_outliers
-from decoder.outputs import write_all
-from decoder.summary import summary_table
-from flight_file.reader import open_flight
+from decoder.interrupts import ends_at_once
+from decoder.output_names import output_name, refuse_overwriting
+from flight_file.reader import Flight, open_flight
 
 EXIT_LOSS = 3
-MAX_LISTED = 10
 EPILOG = """\b
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
 
@@ -71,24 +68,26 @@ def command(
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
     refuse_overwriting(flight, [directory / file for file in files])
-    decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
-    written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
-    _report(decoded.data, decoded.provenance, written)
-    if decoded.provenance.losses:
+    click.echo(_beginning(flight, panel_file))
+    with ends_at_once():
+        from decoder.commands.flight_work import decode_and_write  # noqa: PLC0415 - as the module's first lines say
+    provenance = decode_and_write(
+        flight,
+        directory,
+        files,
+        panel_file=panel_file,
+        camera_file=camera_file,
+        method=method,
+        with_images=with_images,
+    )
+    if provenance.losses:
         sys.exit(EXIT_LOSS)
 
 
-def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> None:
-    click.echo(f"{provenance.recording}: {len(data.frame)} frames, {data.time_s[-1]:.2f} s\n")
-    click.echo(summary_table(data))
-    for missing in data.missing_frames[:MAX_LISTED]:
-        click.echo(f"frame {missing.frame} missing: {missing.reason}", err=True)
-    if len(data.missing_frames) > MAX_LISTED:
-        click.echo(f"... and {len(data.missing_frames) - MAX_LISTED} more; all are in the JSON file", err=True)
-    for outlier in find_outliers(data)[:MAX_LISTED]:
-        click.echo(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
-    for warning in data.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    for loss in provenance.losses:
-        click.echo(f"lost: {loss}", err=True)
-    click.echo("\n" + "\n".join(str(path) for path in written))
+def _beginning(flight: Flight, panel_file: Path | None) -> str:
+    """What is going to be done, in a sentence; raises PanelMissing if there is no panel."""
+    if panel_file is None and PANEL_FILE not in flight.attachments:
+        raise PanelMissing(str(flight.paths[0]))
+    files = f" in {len(flight.paths)} files" if len(flight.paths) > 1 else ""
+    panel = "the panel it carries" if panel_file is None else panel_file
+    return f"{flight.recording}: decoding {flight.count()} frames{files} with {panel}"

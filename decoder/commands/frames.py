@@ -10,15 +10,8 @@ from typing import IO
 
 import click
 
-from decoder.commands.decoding import (
-    camera_option,
-    decoded_flight,
-    flights_argument,
-    method_option,
-    output_name,
-    panel_option,
-    progress,
-)
+from decoder.commands.decode_options import camera_option, flights_argument, method_option, panel_option
+from decoder.commands.decoding import decoded_flight, progress
 from decoder.csv_output import utc_text
 from decoder.drawn_readings import DrawnGauge, ReadingPlaces
 from decoder.errors import PictureError
@@ -27,6 +20,7 @@ from decoder.formats import Decoded
 from decoder.frame_choice import Rows, every, flagged, nearest
 from decoder.frame_picture import as_jpeg, drawn, gauge_view, whole_view
 from decoder.frames_again import matched_frames
+from decoder.output_names import output_name
 from decoder.outputs import Write, write_all
 from decoder.pictures import colour_picture
 from flight_file.frame import Frame

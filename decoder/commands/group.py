@@ -11,6 +11,8 @@ from typing import Any
 
 import click
 
+from decoder.interrupts import ends_at_once
+
 CommandTable = Mapping[str, tuple[str, str]]
 """Name: the module that has the click command as `command`, and the line for the group's `--help`."""
 
@@ -30,7 +32,8 @@ class CommandGroup(click.Group):
         """The command of that name, its module imported now."""
         if cmd_name not in self.table:
             return None
-        command: click.Command = importlib.import_module(self.table[cmd_name][0]).command
+        with ends_at_once():
+            command: click.Command = importlib.import_module(self.table[cmd_name][0]).command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002

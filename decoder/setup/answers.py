@@ -13,7 +13,7 @@ from decoder.alignment import IDENTITY, Alignment
 from decoder.dial_plane import DialPlane
 from decoder.errors import PanelError, PictureError
 from decoder.gauge import Gauge
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_reader import PanelReader
 from decoder.reading import Status
 from decoder.setup.drafts import panel_of_gauge

@@ -13,9 +13,10 @@ import yaml
 
 from decoder.aligner import Aligner
 from decoder.alignment import IDENTITY, Alignment
-from decoder.camera import CAMERA_FILE, Camera, parse_camera
+from decoder.attachments import CAMERA_FILE, PANEL_FILE
+from decoder.camera import Camera, parse_camera
 from decoder.errors import DecoderError, PanelError, PictureError
-from decoder.panel_pictures import PANEL_FILE, panel_from_attachments, panel_from_file
+from decoder.panel_pictures import panel_from_attachments, panel_from_file
 from decoder.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.setup.drafts import Document, Problem, aligner_of, problems_of
 from decoder.setup.picture_store import PANEL_KEY, PictureStore

@@ -11,7 +11,7 @@ import numpy as np
 from decoder.alignment import Alignment
 from decoder.errors import PictureError
 from decoder.flight_fitting import fit_to_flight
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import PanelReader
 from decoder.pictures import FramePicture

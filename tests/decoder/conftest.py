@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from decoder.alignment import IDENTITY
 from decoder.flight_data import FlightData, FlightDataBuilder
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel import Panel, parse_panel
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import FrameReadings, PanelReader

@@ -9,7 +9,7 @@ import pytest
 
 from decoder.flight_fitting import fit_to_flight
 from decoder.frame_batch import RawFrame, Unread, batch_frames, batches, read_batch
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_pictures import panel_from_attachments
 from decoder.panel_reader import FrameReadings, PanelReader
 from decoder.pictures import FramePicture, grey_picture

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decoder.errors import PanelError, PictureError
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading, Status

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decoder.flight_fitting import fit_to_flight
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from playwright.sync_api import expect
 
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import grey_picture

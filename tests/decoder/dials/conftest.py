@@ -18,7 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from decoder.flight_tuning import tune
-from decoder.gauge_reader import Method
+from decoder.method import Method
 from decoder.panel import parse_panel
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import PanelReader

@@ -17,8 +17,8 @@ from decoder.alignment_output import COLUMNS, write_alignment
 from decoder.alignment_series import AlignmentSeries
 from decoder.csv_output import utc_text
 from decoder.flight_data import FlightData, FlightDataBuilder
-from decoder.gauge_reader import Method
 from decoder.json_output import Provenance, SourceFile, describe
+from decoder.method import Method
 from decoder.panel import Panel, parse_panel
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import FrameReadings, PanelReader

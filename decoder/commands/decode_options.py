@@ -1,0 +1,52 @@
+"""The arguments that commands that decode a flight have in common; imports nothing that takes time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from decoder.formats import FORMATS
+from decoder.method import Method
+
+
+def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:
+    formats = tuple(dict.fromkeys(value.split(",")))
+    for name in formats:
+        if name not in FORMATS:
+            raise click.BadParameter(f"{name!r} is none of {', '.join(FORMATS)}")
+        lacking = FORMATS[name].lacking
+        if lacking is not None:
+            raise click.BadParameter(f"{name} {lacking}")
+    return formats
+
+
+flights_argument = click.argument(
+    "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
+)
+panel_option = click.option(
+    "--panel", "panel_file", type=click.Path(path_type=Path), metavar="PANEL",
+    help="A panel.yaml to read with, instead of the one the flight file carries.",
+)  # fmt: skip
+camera_option = click.option(
+    "--camera", "camera_file", type=click.Path(path_type=Path), metavar="CAMERA",
+    help="A camera.yaml of the camera that took the pictures, instead of the one the flight file carries.",
+)  # fmt: skip
+method_option = click.option(
+    "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
+    show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
+)  # fmt: skip
+format_option = click.option(
+    "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
+    help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",
+)  # fmt: skip
+images_option = click.option(
+    "--with-images", is_flag=True, help="Put the pictures into NAME.mcap, too; needs --format mcap."
+)
+
+
+def refuse_unheld_images(formats: Sequence[str], *, with_images: bool) -> None:
+    """Ends with wrong usage where pictures are wanted and no format can hold them."""
+    if with_images and not any(FORMATS[name].takes_images for name in formats):
+        raise click.UsageError("--with-images needs --format mcap")

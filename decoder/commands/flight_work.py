@@ -1,0 +1,53 @@
+"""What `decode FLIGHT` does once the flight is open: decode, write, and report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from decoder.commands.decoding import decoded_flight
+from decoder.flight_data import FlightData
+from decoder.formats import Decoded
+from decoder.json_output import Provenance
+from decoder.outliers import find_outliers
+from decoder.outputs import Write, write_all
+from decoder.summary import summary_table
+from flight_file.reader import Flight
+
+MAX_LISTED = 10
+
+
+def decode_and_write(
+    flight: Flight,
+    directory: Path,
+    files: Mapping[str, Callable[[Decoded], Write]],
+    *,
+    panel_file: Path | None,
+    camera_file: Path | None,
+    method: str,
+    with_images: bool,
+) -> Provenance:
+    """Decodes a flight, writes its files and says what came out."""
+    decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
+    written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
+    _report(decoded.data, decoded.provenance, written)
+    return decoded.provenance
+
+
+def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> None:
+    click.echo(f"{len(data.frame)} frames, {data.time_s[-1]:.2f} s\n")
+    click.echo(summary_table(data))
+    for missing in data.missing_frames[:MAX_LISTED]:
+        click.echo(f"frame {missing.frame} missing: {missing.reason}", err=True)
+    if len(data.missing_frames) > MAX_LISTED:
+        click.echo(f"... and {len(data.missing_frames) - MAX_LISTED} more; all are in the JSON file", err=True)
+    for outlier in find_outliers(data)[:MAX_LISTED]:
+        click.echo(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
+    for warning in data.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    for loss in provenance.losses:
+        click.echo(f"lost: {loss}", err=True)
+    click.echo("\n" + "\n".join(str(path) for path in written))

@@ -1,0 +1,12 @@
+"""Where `decode` starts: ready for Ctrl-C before anything that takes time is imported."""
+
+from __future__ import annotations
+
+from decoder.interrupts import ends_at_once
+
+
+def main() -> None:
+    """Runs `decode`; expected failures are one sentence on stderr and exit code 1."""
+    with ends_at_once():
+        from decoder.cli import main as run  # noqa: PLC0415 - click alone takes longer than a finger
+    run()
