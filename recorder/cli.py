@@ -13,8 +13,10 @@ import click
 # Name: module that has the click command under the same name, and the line for `recorder --help`.
 COMMANDS = {
     "run": ("recorder.command_run", "Record until told to stop, or until a replay is over."),
+    "replay": ("recorder.command_replay", "Make one flight file of a folder of photographs."),
     "simulate": ("recorder.command_simulate", "Be a camera on this machine, for trying things without one."),
     "info": ("recorder.command_info", "Say what is in a flight, and whether all of it is there."),
+    "extract": ("recorder.command_extract", "Take the pictures out of a flight, byte for byte."),
     "recover": ("recorder.command_recover", "Repair what a power cut left behind."),
     "verify": ("recorder.command_verify", "Check CRCs, digests, chain and signatures; name the first misfit."),
     "mark": ("recorder.command_mark", "Keep the newest segment, and the one before, whatever the disk has room for."),
@@ -45,6 +47,7 @@ class _LazyGroup(click.Group):
     epilog="""\b
 Examples:
   recorder run --config recorder.yaml
+  recorder replay photographs -o flight.mcap
   recorder info flights/20180504T120000Z_*.mcap
 
 \b

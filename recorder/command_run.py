@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import faulthandler
 import os
-import signal
-import threading
 from pathlib import Path
 
 import click
@@ -15,9 +13,8 @@ from recorder.failures import failures_as_sentences
 from recorder.host import this_host
 from recorder.run import record
 from recorder.service_manager import ServiceManager
+from recorder.signals import stop_on_signals
 from recorder.stop import Stop
-
-_ENDING = (signal.SIGTERM, signal.SIGINT)
 
 
 @click.command(
@@ -46,7 +43,7 @@ def run(config_path: Path) -> None:
     with failures_as_sentences():
         config, configuration = load_config(config_path)
         stop = Stop()
-        _stop_on_signals(stop)
+        stop_on_signals(stop)
         faulthandler.enable()  # the watchdog's SIGABRT then leaves in the log where each thread hung
         outcome = record(
             config,
@@ -57,17 +54,3 @@ def run(config_path: Path) -> None:
         )
     for path in outcome.paths:
         click.echo(path)
-
-
-def _stop_on_signals(stop: Stop) -> None:
-    # A thread of its own waits for them: a handler would run in the middle of whatever the main thread does, and might
-    # find a lock taken. The other threads inherit the mask.
-    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
-    # A terminal that goes away must not end a recording.
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    threading.Thread(target=_wait_for_signals, args=(stop,), name="signals", daemon=True).start()
-
-
-def _wait_for_signals(stop: Stop) -> None:
-    while True:
-        stop.request(f"stopped by {signal.Signals(signal.sigwait(_ENDING)).name}")

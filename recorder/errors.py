@@ -2,6 +2,8 @@
 
     RecorderError
     ├── ConfigurationError       recorder.yaml, or a file it names, is not as it should be
+    ├── ReplayNotPossibleError   what `recorder replay` is to make cannot be called so
+    ├── FileNotWrittenError      a file that a command makes cannot be written
     ├── NothingToMarkError       no segment is where one should be marked
     └── NotMarkedError           the marks cannot be written
 
@@ -11,6 +13,8 @@ camera). Each message is one sentence that says what to do.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 
 class RecorderError(Exception):
     """Base of everything this package raises on purpose."""
@@ -18,6 +22,17 @@ class RecorderError(Exception):
 
 class ConfigurationError(RecorderError):
     """The configuration is wrong; starting again does not help."""
+
+
+class ReplayNotPossibleError(RecorderError):
+    """The flight file's name is taken, or is none."""
+
+
+class FileNotWrittenError(RecorderError):
+    """A file cannot be written."""
+
+    def __init__(self, path: Path, error: OSError) -> None:
+        super().__init__(f"{path}: cannot be written ({error.strerror or error}); check the folder and its space.")
 
 
 class NothingToMarkError(RecorderError):

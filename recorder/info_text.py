@@ -75,7 +75,7 @@ def as_text(info: FlightInfo) -> str:
         ("zoom", _span(facts["focal_length_mm"], "mm")),
         ("pictures", ", ".join(f"{width}x{height}" for width, height in facts["picture_sizes_px"])),
         ("JPEG size", _span(facts["jpeg_bytes"], "bytes")),
-        ("attachments", ", ".join(facts["attachments"])),
+        ("attachments", ", ".join(facts["attachments"]) or "none"),
         ("evidence", ", ".join(_evidence(facts["files"]))),
     ]
     lines = [f"{name + ':':<13}{value or 'not known'}" for name, value in rows]

@@ -1,8 +1,9 @@
-"""A folder of JPEGs, in the order of their names."""
+"""A folder of JPEGs, in the order of their names and of the numbers in them."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
@@ -19,6 +20,7 @@ from flight_file.frame import Frame, HostTimes
 JPEG_SUFFIXES = frozenset({".jpg", ".jpeg"})
 
 _NS_PER_S = 1_000_000_000
+_GIVE_RATE = "give rate_hz (--rate), the pictures per second."
 _HEAD_BYTES = 256 * 1024  # the markers before the picture; EXIF with its thumbnail is at most 64 KiB
 
 
@@ -61,11 +63,17 @@ class FolderSource:
 
 def _jpegs(folder: Path) -> tuple[list[Path], int]:
     try:
-        files = sorted((path for path in folder.iterdir() if path.is_file()), key=lambda path: path.name)
+        files = sorted((path for path in folder.iterdir() if path.is_file()), key=_counted)
     except OSError as error:
         raise ReplayError(f"{folder}: the folder cannot be read ({error.strerror}); check its path.") from error
     jpegs = [path for path in files if path.suffix.lower() in JPEG_SUFFIXES]
     return jpegs, len(files) - len(jpegs)
+
+
+def _counted(path: Path) -> tuple[list[str | int], str]:
+    """Sorts IMG_9 before IMG_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [int(part) if index % 2 else part for index, part in enumerate(parts)], path.name
 
 
 def _exif_time(path: Path) -> int | None:
@@ -82,14 +90,11 @@ def _exif_times(paths: Sequence[Path]) -> list[int]:
     for path in paths:
         time_ns = _exif_time(path)
         if time_ns is None:
-            raise ReplayError(f"{path}: the picture has no EXIF time; give rate_hz, the pictures per second.")
+            raise ReplayError(f"{path}: the picture has no EXIF time; {_GIVE_RATE}")
         times.append(time_ns)
     for (before, after), path in zip(pairwise(times), paths[1:], strict=True):
         if after <= before:
-            raise ReplayError(
-                f"{path}: its EXIF time is not later than the one of the picture before; "
-                "give rate_hz, the pictures per second."
-            )
+            raise ReplayError(f"{path}: its EXIF time is not later than the one of the picture before; {_GIVE_RATE}")
     return times
 
 

@@ -89,6 +89,14 @@ def test_with_a_rate_and_without_exif_the_first_picture_is_taken_now(
     assert play([tmp_path], clock, 4.0)[0].captured_ns == NOW_NS
 
 
+def test_numbers_in_names_count(tmp_path: Path, clock: ManualClock, make_jpeg: MakeJpeg) -> None:
+    """IMG_9 comes before IMG_10."""
+    for number in (10, 9, 100):
+        (tmp_path / f"IMG_{number}.jpg").write_bytes(make_jpeg({0x920A: float(number)}))
+
+    assert [frame.exif.focal_length_mm for frame in play([tmp_path], clock, 4.0)] == [9, 10, 100]
+
+
 @pytest.mark.parametrize("second", ["2018:05:04 12:00:00", "2018:05:04 11:00:00", None])
 def test_times_that_do_not_increase_ask_for_a_rate(
     tmp_path: Path, clock: ManualClock, make_jpeg: MakeJpeg, second: str | None
@@ -97,7 +105,7 @@ def test_times_that_do_not_increase_ask_for_a_rate(
     (tmp_path / "1.jpg").write_bytes(make_jpeg({0x9003: "2018:05:04 12:00:00"}))
     (tmp_path / "2.jpg").write_bytes(make_jpeg({0x9003: second} if second else {}))
 
-    with pytest.raises(ReplayError, match=r"2\.jpg: .*; give rate_hz, the pictures per second\.$"):
+    with pytest.raises(ReplayError, match=r"2\.jpg: .*; give rate_hz \(--rate\), the pictures per second\.$"):
         play([tmp_path], clock)
 
 
