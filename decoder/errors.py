@@ -12,6 +12,7 @@ DecoderError                  the decode cannot give what was asked for; one sen
 ├── CalibrationError          photographs, points or options from which no camera can be calibrated
 │   └── PoseError             no camera position follows from reference points
 │       └── DegeneratePoints  they lie on one line, or nearly
+├── WorkersLost               processes that read frames end one after the other
 ├── OutputError               the flight data cannot be written where they should go
 ├── UnitError                 a unit that is not known, or not of the kind of another
 └── TableError                a CSV file is not what it should be
@@ -82,6 +83,13 @@ class PoseError(CalibrationError):
 
 class DegeneratePoints(PoseError):
     """The reference points lie on one line, or nearly, so that any turn about it fits."""
+
+
+class WorkersLost(DecoderError):
+    """Processes that read frames end one after the other; `how` says how the last one did."""
+
+    def __init__(self, how: str) -> None:
+        super().__init__(f"the processes that read frames end one after the other, the last one {how}; try --jobs 1")
 
 
 class OutputError(DecoderError):

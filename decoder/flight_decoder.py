@@ -10,7 +10,7 @@ from functools import partial
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.flight_fitting import fit_to_flight
-from decoder.frame_batch import Outcome, RawFrame, Unread, batch_frames, batches, read_batch
+from decoder.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batch_frames, batches, read_here
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
 from decoder.pictures import FramePicture, grey_picture
@@ -20,7 +20,9 @@ from flight_file.reader import Flight
 Progress = Callable[[Iterator[Frame]], Iterator[Frame]]
 
 
-def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> FlightData:
+def decode_flight(
+    flight: Flight, reader: PanelReader, progress: Progress, *, read: ReadBatches = read_here
+) -> FlightData:
     """The flight data of a flight.
 
     Parameters
@@ -30,7 +32,9 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     reader
         With the panel's own templates and pivots; it is fitted to the flight here.
     progress
-        Wraps the frames as they are read.
+        Wraps the frames as they are taken from the file.
+    read
+        Reads the batches, in this process or in others.
 
     Raises
     ------
@@ -42,8 +46,9 @@ def decode_flight(flight: Flight, reader: PanelReader, progress: Progress) -> Fl
     reasons: Counter[str] = Counter()
     frames = 0
     height, width = reader.source.picture.shape
-    for batch in batches(progress(flight.frames()), batch_frames((width, height))):
-        for frame, outcome in zip(batch, read_batch(fitted.reader, batch), strict=True):
+    cut = batches(progress(flight.frames()), batch_frames((width, height)))
+    for batch, outcomes in read(fitted.reader, cut):
+        for frame, outcome in zip(batch, outcomes, strict=True):
             _add(builder, frame, outcome)
             if isinstance(outcome, Unread):
                 reasons[outcome.reason] += 1

@@ -6,7 +6,7 @@ it depends neither on who reads the batch nor on when. In a batch no frame's fai
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -39,7 +39,10 @@ class Unread:
     failed: tuple[str, ...] = ()
 
 
+Batch = tuple[RawFrame, ...]
 Outcome = FrameReadings | Unread
+ReadBatches = Callable[[PanelReader, Iterable[Batch]], Iterator[tuple[Batch, list[Outcome]]]]
+"""Reads batches, here or elsewhere: gives each, in order, with what was read of its frames."""
 
 
 def batch_frames(size_px: tuple[int, int]) -> int:
@@ -48,7 +51,7 @@ def batch_frames(size_px: tuple[int, int]) -> int:
     return max(1, min(MAX_BATCH_FRAMES, MAX_BATCH_PIXELS // (width * height)))
 
 
-def batches(frames: Iterable[Frame], size: int) -> Iterator[tuple[RawFrame, ...]]:
+def batches(frames: Iterable[Frame], size: int) -> Iterator[Batch]:
     """The frames in their order, so many at a time; the last batch may be smaller."""
     raw = (RawFrame(frame.sequence, frame.captured_ns, frame.jpeg, frame.exif.focal_length_mm) for frame in frames)
     while batch := tuple(islice(raw, size)):
@@ -58,6 +61,12 @@ def batches(frames: Iterable[Frame], size: int) -> Iterator[tuple[RawFrame, ...]
 def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
     """What is read of each frame, in their order; keeps nothing from batch to batch."""
     return [_read(reader, frame) for frame in frames]
+
+
+def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
+    """Reads the batches one after the other in this process."""
+    for batch in cut:
+        yield batch, read_batch(reader, batch)
 
 
 def _read(reader: PanelReader, frame: RawFrame) -> Outcome:

@@ -37,6 +37,10 @@ method_option = click.option(
     "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
     show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
 )  # fmt: skip
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(min=1), metavar="N",
+    help="Read with N processes.  [default: one for each core, one alone for a short flight]",
+)  # fmt: skip
 format_option = click.option(
     "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
     help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",

@@ -17,6 +17,7 @@ from decoder.camera import Camera, parse_camera
 from decoder.errors import CameraError, PanelMissing
 from decoder.flight_decoder import Progress, decode_flight
 from decoder.formats import Decoded
+from decoder.frame_batch import ReadBatches, read_here
 from decoder.json_output import Provenance, SourceFile
 from decoder.method import Method
 from decoder.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
@@ -32,13 +33,22 @@ def decoded_flight(
     camera_file: Path | None = None,
     *,
     shown: Progress | None = None,
+    read: ReadBatches = read_here,
 ) -> Decoded:
-    """A flight with all it was decoded with; `shown` wraps its frames, by default to show progress on a terminal."""
+    """A flight with all it was decoded with.
+
+    `shown` wraps its frames, by default to show progress on a terminal; `read` reads them, by default in this process.
+    """
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
     with threadpool_limits(1):
         camera, camera_source = _camera(flight, camera_file)
         source = replace(_panel(flight, panel_file), camera=camera)
-        data = decode_flight(flight, PanelReader.from_panel(source, Method(method)), shown or progress("decode"))
+        data = decode_flight(
+            flight,
+            PanelReader.from_panel(source, Method(method)),
+            shown or progress("decode", flight.count()),
+            read=read,
+        )
         return Decoded(
             flight=flight,
             source=source,
@@ -48,11 +58,11 @@ def decoded_flight(
         )
 
 
-def progress(words: str) -> Progress:
-    """Shows how many frames went by, on a terminal only."""
+def progress(words: str, frames: int) -> Progress:
+    """Shows how many of the frames went by, how fast, and how long the others will take, on a terminal only."""
 
-    def shown(frames: Iterator[Frame]) -> Iterator[Frame]:
-        yield from tqdm(frames, desc=words, unit=" frames", disable=None, leave=False)
+    def shown(through: Iterator[Frame]) -> Iterator[Frame]:
+        yield from tqdm(through, total=frames, desc=words, unit=" frames", disable=None, leave=False)
 
     return shown
 

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import click
 
+from decoder import fork_server
 from decoder.attachments import PANEL_FILE
 from decoder.commands.decode_options import (
     camera_option,
     flights_argument,
     format_option,
     images_option,
+    jobs_option,
     method_option,
     panel_option,
     refuse_unheld_images,
@@ -23,6 +25,7 @@ from decoder.commands.decode_options import (
 from decoder.errors import PanelMissing
 from decoder.formats import planned_files
 from decoder.interrupts import ends_at_once
+from decoder.jobs import jobs_for
 from decoder.output_names import output_name, refuse_overwriting
 from flight_file.reader import Flight, open_flight
 
@@ -50,6 +53,7 @@ Examples:
 @method_option
 @format_option
 @images_option
+@jobs_option
 def command(
     *,
     flights: tuple[Path, ...],
@@ -59,6 +63,7 @@ def command(
     method: str,
     formats: tuple[str, ...],
     with_images: bool,
+    jobs: int | None,
 ) -> None:
     """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
 
@@ -69,9 +74,12 @@ def command(
     files = planned_files(output_name(flight), formats)
     refuse_overwriting(flight, [directory / file for file in files])
     click.echo(_beginning(flight, panel_file))
+    jobs = jobs_for(sum(segment.size_bytes for segment in flight.segments), asked=jobs)
+    if jobs > 1:
+        fork_server.begin()  # it loads the libraries while this process does
     with ends_at_once():
         from decoder.commands.flight_work import decode_and_write  # noqa: PLC0415 - as the module's first lines say
-    provenance = decode_and_write(
+    with_loss = decode_and_write(
         flight,
         directory,
         files,
@@ -79,8 +87,9 @@ def command(
         camera_file=camera_file,
         method=method,
         with_images=with_images,
+        jobs=jobs,
     )
-    if provenance.losses:
+    if with_loss:
         sys.exit(EXIT_LOSS)
 
 

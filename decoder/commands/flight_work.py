@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +12,12 @@ import click
 from decoder.commands.decoding import decoded_flight
 from decoder.flight_data import FlightData
 from decoder.formats import Decoded
+from decoder.frame_batch import read_here
 from decoder.json_output import Provenance
 from decoder.outliers import find_outliers
 from decoder.outputs import Write, write_all
 from decoder.summary import summary_table
+from decoder.worker_pool import Death, WorkerPool
 from flight_file.reader import Flight
 
 MAX_LISTED = 10
@@ -29,15 +32,20 @@ def decode_and_write(
     camera_file: Path | None,
     method: str,
     with_images: bool,
-) -> Provenance:
-    """Decodes a flight, writes its files and says what came out."""
-    decoded = replace(decoded_flight(flight, panel_file, method, camera_file), with_images=with_images)
+    jobs: int,
+) -> bool:
+    """Decodes a flight, writes its files and says what came out; whether anything was lost on the way."""
+    pool = WorkerPool(jobs) if jobs > 1 else None
+    with pool or nullcontext():
+        read = read_here if pool is None else pool.read
+        decoded = decoded_flight(flight, panel_file, method, camera_file, read=read)
+    decoded = replace(decoded, with_images=with_images)
     written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
-    _report(decoded.data, decoded.provenance, written)
-    return decoded.provenance
+    _report(decoded.data, decoded.provenance, pool.deaths if pool is not None else [], written)
+    return bool(decoded.provenance.losses or (pool is not None and pool.left_out))
 
 
-def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> None:
+def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], written: list[Path]) -> None:
     click.echo(f"{len(data.frame)} frames, {data.time_s[-1]:.2f} s\n")
     click.echo(summary_table(data))
     for missing in data.missing_frames[:MAX_LISTED]:
@@ -48,6 +56,10 @@ def _report(data: FlightData, provenance: Provenance, written: list[Path]) -> No
         click.echo(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
     for warning in data.warnings:
         click.echo(f"warning: {warning}", err=True)
+    for death in deaths[:MAX_LISTED]:
+        click.echo(f"warning: {death}; its frames were read again", err=True)
+    if len(deaths) > MAX_LISTED:
+        click.echo(f"... and {len(deaths) - MAX_LISTED} more processes", err=True)
     for loss in provenance.losses:
         click.echo(f"lost: {loss}", err=True)
     click.echo("\n" + "\n".join(str(path) for path in written))

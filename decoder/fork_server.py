@@ -1,0 +1,52 @@
+"""Starting processes that read frames, long before they are needed; imports nothing that takes time.
+
+They are forked from a process that has the libraries loaded and no threads: forking this one would copy its threads'
+locks, and starting each afresh would load the libraries each time. Ctrl-C is for this process alone to deal with.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import forkserver, get_context, resource_tracker
+from multiprocessing.context import ForkServerContext
+
+PRELOADED = ["decoder.worker"]
+# A thread pool that a fork leaves behind must never have been made.
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+def begin() -> ForkServerContext:
+    """Starts the process that others are forked from, unless it runs, and comes back without waiting for it."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    resource_tracker.ensure_running()  # the fork server would start it, which lets held interrupts go
+    with _interrupts_held(), _environment(_ONE_THREAD):
+        forkserver.ensure_running()
+    return context
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """What is started in the `with` block never hears of Ctrl-C: it inherits the mask."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _environment(settings: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

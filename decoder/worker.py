@@ -1,0 +1,37 @@
+"""One process that reads batches of frames: it is told how once, then answers each batch with what it read."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from multiprocessing.connection import Connection
+
+import cv2
+from threadpoolctl import threadpool_limits
+
+from decoder.frame_batch import Outcome, Unread, read_batch
+from decoder.panel_reader import PanelReader
+
+
+def recipe(reader: PanelReader) -> bytes:
+    """All that it takes to make the same reader again, in another process."""
+    return pickle.dumps((reader.source, reader.method, reader.tuning), protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def serve(connection: Connection) -> None:
+    """Takes a recipe, then batches; ends when nobody is at the other end any more."""
+    cv2.setNumThreads(1)
+    try:
+        with threadpool_limits(1):
+            reader = PanelReader(*pickle.loads(connection.recv_bytes()))  # noqa: S301 - from the process that started us
+            while True:
+                connection.send([_answer(outcome) for outcome in read_batch(reader, connection.recv())])
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return
+
+
+def _answer(outcome: Outcome) -> Outcome:
+    """Without the alignment's covariance, which has done its work when the frame is read."""
+    if isinstance(outcome, Unread):
+        return outcome
+    return replace(outcome, alignment=replace(outcome.alignment, covariance=None))

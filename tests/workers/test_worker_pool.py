@@ -1,0 +1,149 @@
+"""A pool of real processes: the same readings as without, in the same order, whoever is killed on the way."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from decoder.errors import WorkersLost
+from decoder.frame_batch import Batch, Unread, read_here
+from decoder.worker_pool import BATCHES_AHEAD, WorkerPool
+
+SUICIDE = "__import__('os').kill(__import__('os').getpid(), 9)"
+
+
+class Deadly(bytes):
+    """A picture that kills the process that receives it."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return eval, (SUICIDE,)
+
+
+class DeadlyOnce(bytes):
+    """A picture that kills the first process that receives it; `flag` is made then."""
+
+    flag: Path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        died = f"__import__('os').path.exists({str(self.flag)!r})"
+        return eval, (f"{bytes(self)!r} if {died} else (open({str(self.flag)!r}, 'x'), {SUICIDE})",)
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """As in conftest.py."""
+
+    reader: Any
+    batches: tuple[Batch, ...]
+
+
+def with_picture(batch: Batch, index: int, jpeg: bytes) -> Batch:
+    """The batch with another picture in one of its frames."""
+    return (*batch[:index], replace(batch[index], jpeg=jpeg), *batch[index + 1 :])
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_readings_are_those_of_one_process(fitted: Fitted, jobs: int) -> None:
+    """Every bit and the order are the same, whatever the number of workers."""
+    with WorkerPool(jobs) as pool:
+        assert list(pool.read(fitted.reader, fitted.batches)) == list(read_here(fitted.reader, fitted.batches))
+        assert pool.deaths == []
+
+
+def test_frame_that_kills_is_left_out_alone(fitted: Fitted) -> None:
+    """The frames beside it in its batch are read by others; it is missing, with the reason."""
+    deadly = (fitted.batches[0], with_picture(fitted.batches[1], 2, Deadly()), *fitted.batches[2:])
+    with WorkerPool(2) as pool:
+        outcomes = [outcome for _, some in pool.read(fitted.reader, deadly) for outcome in some]
+    whole = [outcome for _, some in read_here(fitted.reader, fitted.batches) for outcome in some]
+
+    assert outcomes[6] == Unread("the process that read it was killed (SIGKILL) each time")
+    assert outcomes[:6] + outcomes[7:] == whole[:6] + whole[7:]
+    assert pool.left_out == [6]
+    assert [str(death) for death in pool.deaths] == [
+        *["the process that read frames 4 to 7 was killed (SIGKILL)"] * 2,
+        *["the process that read frame 6 was killed (SIGKILL)"] * 2,
+    ]
+
+
+def test_worker_that_is_killed_once_costs_nothing(fitted: Fitted, tmp_path: Path) -> None:
+    """Its frames are read again, together, so that the result is the same to the bit."""
+    picture = DeadlyOnce(fitted.batches[2][1].jpeg)
+    picture.flag = tmp_path / "died"
+    deadly = (*fitted.batches[:2], with_picture(fitted.batches[2], 1, picture), *fitted.batches[3:])
+    with WorkerPool(2) as pool:
+        outcomes = [outcome for _, some in pool.read(fitted.reader, deadly) for outcome in some]
+
+    assert outcomes == [outcome for _, some in read_here(fitted.reader, fitted.batches) for outcome in some]
+    assert [str(death) for death in pool.deaths] == ["the process that read frames 8 to 11 was killed (SIGKILL)"]
+    assert pool.left_out == []
+
+
+def test_worker_that_is_killed_while_it_waits_is_replaced(fitted: Fitted) -> None:
+    """Whoever ends between two batches held no frame."""
+    outcomes = []
+    with WorkerPool(1) as pool:
+        for read in pool.read(fitted.reader, fitted.batches[:2]):
+            outcomes.append(read)
+            (child,) = multiprocessing.active_children()
+            assert child.pid is not None
+            os.kill(child.pid, signal.SIGKILL)
+            child.join()
+
+    assert outcomes == list(read_here(fitted.reader, fitted.batches[:2]))
+    assert [str(death) for death in pool.deaths] == ["a process that reads frames was killed (SIGKILL)"]
+
+
+def test_pool_gives_up_when_it_is_not_the_frames(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where workers do nothing but end, somebody has to look."""
+    monkeypatch.setattr("decoder.worker_pool.MAX_DEATHS_IN_A_ROW", 3)
+    deadly = tuple(with_picture(batch, 0, Deadly()) for batch in fitted.batches)
+    with pytest.raises(WorkersLost, match=r"was killed \(SIGKILL\); try --jobs 1"), WorkerPool(1) as pool:
+        list(pool.read(fitted.reader, deadly))
+    assert multiprocessing.active_children() == []
+
+
+def test_few_batches_are_in_memory(fitted: Fitted) -> None:
+    """However long the flight is, frames are taken from it only as fast as they are read."""
+    taken, given = 0, 0
+
+    def flight() -> Iterator[Batch]:
+        nonlocal taken
+        for batch in fitted.batches * 6:
+            taken += 1
+            assert taken - given <= 2 * BATCHES_AHEAD + 2
+            yield batch
+
+    with WorkerPool(2) as pool:
+        for _ in pool.read(fitted.reader, flight()):
+            given += 1
+    assert given == taken == 6 * len(fitted.batches)
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
+def test_nobody_is_left_when_the_reading_is_broken_off(fitted: Fitted, stop: type[BaseException]) -> None:
+    """Whatever ends the `with` block, its processes end with it."""
+
+    def broken_off() -> None:
+        with WorkerPool(2) as pool:
+            for _ in pool.read(fitted.reader, fitted.batches):
+                assert multiprocessing.active_children() != []
+                raise stop
+
+    with pytest.raises(stop):
+        broken_off()
+    assert multiprocessing.active_children() == []
+
+
+def test_no_frames_need_no_process(fitted: Fitted) -> None:
+    """A flight without frames starts nobody."""
+    with WorkerPool(2) as pool:
+        assert list(pool.read(fitted.reader, ())) == []
+        assert multiprocessing.active_children() == []
