@@ -12,6 +12,7 @@ DecoderError                  the decode cannot give what was asked for; one sen
 ├── CalibrationError          photographs, points or options from which no camera can be calibrated
 │   └── PoseError             no camera position follows from reference points
 │       └── DegeneratePoints  they lie on one line, or nearly
+├── PartError                 a part of the flight was asked for that has no frames
 ├── WorkersLost               processes that read frames end one after the other
 ├── OutputError               the flight data cannot be written where they should go
 ├── UnitError                 a unit that is not known, or not of the kind of another
@@ -83,6 +84,10 @@ class PoseError(CalibrationError):
 
 class DegeneratePoints(PoseError):
     """The reference points lie on one line, or nearly, so that any turn about it fits."""
+
+
+class PartError(DecoderError):
+    """A part of the flight was asked for that has no frames."""
 
 
 class WorkersLost(DecoderError):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decoder.alignment_series import AlignmentSeries
 from decoder.arrays import Floats
+from decoder.flight_part import FlightPart
 from decoder.panel import Panel
 from decoder.panel_reader import FrameReadings
 from decoder.quantity import Combination, Quantity
@@ -88,6 +89,8 @@ class FlightData:
         N: where the panel lay in each frame; empty if nobody kept it.
     warnings
         What the panel leaves wanting, a sentence each.
+    part
+        Which frames of the flight these are; None if they are all.
     """
 
     frame: NDArray[np.int64]
@@ -98,11 +101,14 @@ class FlightData:
     moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     alignments: AlignmentSeries = field(default_factory=AlignmentSeries)
     warnings: tuple[str, ...] = ()
+    part: FlightPart | None = None
 
     @property
     def time_s(self) -> Floats:
-        """(N,): seconds since the first frame."""
-        return (self.time_ns - self.time_ns[0]) / 1e9 if self.time_ns.size else np.empty(0)
+        """(N,): seconds since the flight's first frame."""
+        if not self.time_ns.size:
+            return np.empty(0)
+        return (self.time_ns - (self.time_ns[0] if self.part is None else self.part.began_ns)) / 1e9
 
 
 class _Column:

@@ -10,6 +10,7 @@ from functools import partial
 from decoder.errors import FlightUnreadable, PictureError
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.flight_fitting import fit_to_flight
+from decoder.flight_part import FlightPart
 from decoder.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batch_frames, batches, read_here
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
@@ -21,20 +22,28 @@ Progress = Callable[[Iterator[Frame]], Iterator[Frame]]
 
 
 def decode_flight(
-    flight: Flight, reader: PanelReader, progress: Progress, *, read: ReadBatches = read_here
+    flight: Flight,
+    reader: PanelReader,
+    progress: Progress,
+    *,
+    read: ReadBatches = read_here,
+    part: FlightPart | None = None,
 ) -> FlightData:
     """The flight data of a flight.
 
     Parameters
     ----------
     flight
-        Opened; read twice, a sample of it first.
+        Opened; a sample of it is read first.
     reader
         With the panel's own templates and pivots; it is fitted to the flight here.
     progress
         Wraps the frames as they are taken from the file.
     read
         Reads the batches, in this process or in others.
+    part
+        The frames to read; None for all. The reader is fitted to the whole flight all the same, so that what is read
+        of a frame is the same whichever part it was asked for in.
 
     Raises
     ------
@@ -46,7 +55,7 @@ def decode_flight(
     reasons: Counter[str] = Counter()
     frames = 0
     height, width = reader.source.picture.shape
-    cut = batches(progress(flight.frames()), batch_frames((width, height)))
+    cut = batches(progress(flight.frames(None if part is None else part.ranks)), batch_frames((width, height)))
     for batch, outcomes in read(fitted.reader, cut):
         for frame, outcome in zip(batch, outcomes, strict=True):
             _add(builder, frame, outcome)
@@ -55,8 +64,8 @@ def decode_flight(
         frames += len(batch)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
-    data = replace(builder.build(fitted.systematic_deg), moved_pivots_px=fitted.moved_px, warnings=reader.warnings)
-    return fill_gaps(data)
+    data = builder.build(fitted.systematic_deg)
+    return fill_gaps(replace(data, moved_pivots_px=fitted.moved_px, warnings=reader.warnings, part=part))
 
 
 def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:

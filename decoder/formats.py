@@ -7,7 +7,7 @@ What writes them is imported when it is wanted: the names are needed before anyt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from decoder.flight_data import FlightData
     from decoder.json_output import Provenance
     from decoder.panel_pictures import PanelPictures
+    from flight_file.frame import Frame
     from flight_file.reader import Flight
 
 
@@ -43,6 +44,10 @@ class Decoded:
     data: FlightData
     provenance: Provenance
     with_images: bool = False
+
+    def frames(self) -> Iterator[Frame]:
+        """The frames that were decoded, once more."""
+        return self.flight.frames(None if self.data.part is None else self.data.part.ranks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +96,7 @@ def _mcap(decoded: Decoded) -> Write:
 
     height, width = decoded.source.picture.shape
     pictures = Pictures(
-        frames=decoded.flight.frames if decoded.with_images else None,
+        frames=decoded.frames if decoded.with_images else None,
         size_px=(width, height),
         focal_length_mm=decoded.source.panel.focal_length_mm,
         camera=decoded.camera,

@@ -47,10 +47,11 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
     """The description as plain dictionaries and lists."""
     return {
         **asdict(provenance),
+        **_part(data),
         "frames": len(data.frame),
         "start_utc": utc_text(int(data.time_ns[0])) if len(data.frame) else None,
         "end_utc": utc_text(int(data.time_ns[-1])) if len(data.frame) else None,
-        "duration_s": round(float(data.time_s[-1]), 6) if len(data.frame) else 0.0,
+        "duration_s": round(float(data.time_s[-1] - data.time_s[0]), 6) if len(data.frame) else 0.0,
         "needles": {series.quantity.name: _needle(series) for series in data.series},
         "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
         "warnings": list(data.warnings),
@@ -58,6 +59,18 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "missing_frames": _missing_frames(data),
         "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
+    }
+
+
+def _part(data: FlightData) -> dict[str, Any]:
+    if data.part is None:
+        return {}
+    return {
+        "part": {
+            "every": data.part.ranks.step,
+            "frames_in_flight": data.part.frames_in_flight,
+            "flight_start_utc": utc_text(data.part.began_ns),
+        }
     }
 
 

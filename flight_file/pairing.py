@@ -9,6 +9,7 @@ without its picture is no frame.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flight_file.codec import Image
@@ -72,11 +73,22 @@ def joined(frame: Frame, image: Image) -> Frame | None:
     return replace(frame, jpeg=image.jpeg)
 
 
+def paired(records: Sequence[Frame], image: Image) -> Frame | str:
+    """The first of some records of the same time that fits the image, with its JPEG; or why there is none."""
+    if not records:
+        return _why(image)
+    whole = (joined(record, image) for record in records)
+    return next((frame for frame in whole if frame is not None), _misfit(records[0]))
+
+
+def _misfit(record: Frame) -> str:
+    return f"the picture of frame {record.sequence} does not fit its SHA-256"
+
+
 def _paired(one: Frame | Image, two: Frame | Image, offset: int, length: int) -> Frame | Unpaired:
     if isinstance(one, Image) or isinstance(two, Frame):
         return _paired(two, one, offset, length)
-    reason = f"the picture of frame {one.sequence} does not fit its SHA-256"
-    return joined(one, two) or Unpaired(reason, offset, length, one)
+    return joined(one, two) or Unpaired(_misfit(one), offset, length, one)
 
 
 def _why(item: Frame | Image) -> str:

@@ -6,18 +6,34 @@ A frame is delivered only if its chunk fits its CRC and its JPEG fits its SHA-25
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 
+from flight_file.chunks import ChunkPlace
 from flight_file.errors import FlightFileError, MixedFlightsError
 from flight_file.frame import Frame
 from flight_file.losses import Loss, LossKind
-from flight_file.sampling import count_images, sampled, spread
+from flight_file.sampling import ImageCounts, captured_ns, count_images, picked, spread
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
 from flight_file.walk import walk
+
+_Found = tuple[ChunkPlace, Frame] | Loss
+
+
+@dataclass(frozen=True, slots=True)
+class _From:
+    """What a container holds, counted from some number on."""
+
+    wanted: Container[int]
+    first: int
+
+    def __contains__(self, rank: object) -> bool:
+        return isinstance(rank, int) and rank + self.first in self.wanted
 
 
 class Flight:
@@ -50,8 +66,13 @@ class Flight:
         """What could not be delivered so far; complete after `frames` has been read to its end."""
         return list(self._losses)
 
-    def frames(self) -> Iterator[Frame]:
-        """Every whole frame, in the order it was recorded.
+    def frames(self, part: range | None = None) -> Iterator[Frame]:
+        """Every whole frame, in the order it was recorded; of a part only these.
+
+        Parameters
+        ----------
+        part
+            Of `range(count())`. Only the chunks are read that such frames are in, and only their losses are noted.
 
         Raises
         ------
@@ -59,16 +80,27 @@ class Flight:
             If the disk fails or a file vanishes meanwhile.
         """
         expected: int | None = None
+        for path, found in self._walk() if part is None else self._picked(part):
+            if isinstance(found, Loss):
+                self._note(found)
+                continue
+            place, frame = found
+            if expected is not None and frame.sequence > expected and (part is None or part.step == 1):
+                self._note(_gap(path, place.offset, expected, frame.sequence))
+            expected = frame.sequence + 1
+            yield frame
+
+    def _walk(self) -> Iterator[tuple[Path, _Found]]:
         for segment in self.segments:
             for found in walk(segment):
-                if isinstance(found, Loss):
-                    self._note(found)
-                    continue
-                place, frame = found
-                if expected is not None and frame.sequence > expected:
-                    self._note(_gap(segment.path, place.offset, expected, frame.sequence))
-                expected = frame.sequence + 1
-                yield frame
+                yield segment.path, found
+
+    def _picked(self, wanted: Container[int]) -> Iterator[tuple[Path, _Found]]:
+        first = 0
+        for segment, counts in zip(self.segments, self._counts, strict=True):
+            for found in picked(segment, counts, _From(wanted, first)):
+                yield segment.path, found
+            first += counts.total
 
     def count(self) -> int:
         """How many frames the file's own index names; those that are damaged are among them.
@@ -78,7 +110,7 @@ class Flight:
         FlightNotReadableError
             If the disk fails.
         """
-        return sum(count_images(segment).total for segment in self.segments)
+        return sum(counts.total for counts in self._counts)
 
     def sample_frames(self, count: int) -> Iterator[Frame]:
         """At most `count` frames spread evenly from the first to the last, in order; always the same ones.
@@ -90,12 +122,27 @@ class Flight:
         FlightNotReadableError
             If the disk fails or a file vanishes meanwhile.
         """
-        totals = [count_images(segment) for segment in self.segments]
-        wanted = spread(sum(counts.total for counts in totals), count)
-        first = 0
-        for segment, counts in zip(self.segments, totals, strict=True):
-            yield from sampled(segment, counts, {index - first for index in wanted})
-            first += counts.total
+        for _, found in self._picked(spread(self.count(), count)):
+            if not isinstance(found, Loss):
+                yield found[1]
+
+    def captured_ns(self, rank: int) -> int | None:
+        """When the frame of that rank in `range(count())` was taken; None if it is damaged.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails.
+        """
+        for segment, counts in zip(self.segments, self._counts, strict=True):
+            if rank < counts.total:
+                return captured_ns(segment, counts, rank)
+            rank -= counts.total
+        return None
+
+    @cached_property
+    def _counts(self) -> list[ImageCounts]:
+        return [count_images(segment) for segment in self.segments]
 
     def sha256_of_files(self) -> dict[Path, str]:
         """SHA-256 of each file's bytes, hexadecimal.

@@ -1,15 +1,15 @@
-"""Pick frames spread evenly over a flight, and read only the chunks they are in."""
+"""Pick some frames of a flight, and read only the chunks they are in."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 from flight_file.chunks import ByteSource, ChunkPlace
 from flight_file.codec import Image
 from flight_file.frame import Frame
-from flight_file.pairing import joined
+from flight_file.losses import Loss, LossKind
+from flight_file.pairing import paired
 from flight_file.segment import Segment, opened
 from flight_file.topics import CHANNEL_TOPICS, IMAGE_TOPIC
 from flight_file.walk import UNREADABLE, items_of
@@ -53,14 +53,14 @@ def count_images(segment: Segment) -> ImageCounts:
             if learnt and place.messages:
                 counts.append(_indexed(place, channels))
                 continue
-            images = [item for item in _readable(segment, source, place, channels) if isinstance(item, Image)]
+            images = [item for item in _readable(segment, source, place, channels)[0] if isinstance(item, Image)]
             learnt = learnt or bool(images)
             counts.append(len(images))
     return ImageCounts(tuple(counts), channels)
 
 
-def sampled(segment: Segment, counts: ImageCounts, wanted: set[int]) -> Iterator[Frame]:
-    """The wanted frames of a segment, by the rank of their images in it; one that is damaged is left out.
+def picked(segment: Segment, counts: ImageCounts, wanted: Container[int]) -> Iterator[tuple[ChunkPlace, Frame] | Loss]:
+    """The wanted frames of a segment, by the rank of their images in it, each with its chunk, or why there is none.
 
     Raises
     ------
@@ -76,28 +76,68 @@ def sampled(segment: Segment, counts: ImageCounts, wanted: set[int]) -> Iterator
                 yield from _frames_in_chunk(segment, source, index, ranks, counts.channels)
 
 
+def sampled(segment: Segment, counts: ImageCounts, wanted: Container[int]) -> Iterator[Frame]:
+    """The same without the losses.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the disk fails.
+    """
+    for found in picked(segment, counts, wanted):
+        if not isinstance(found, Loss):
+            yield found[1]
+
+
+def captured_ns(segment: Segment, counts: ImageCounts, rank: int) -> int | None:
+    """When the image of that rank in a segment was taken; None if its chunk is damaged.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the disk fails.
+    """
+    for place, images in zip(segment.chunks, counts.per_chunk, strict=True):
+        if rank < images:
+            with opened(segment.path) as source:
+                items, _ = _readable(segment, source, place, dict(counts.channels))
+            times = [item.captured_ns for item in items if isinstance(item, Image)]
+            return times[rank] if rank < len(times) else None
+        rank -= images
+    return None
+
+
 def _indexed(place: ChunkPlace, channels: dict[int, str]) -> int:
     return sum(count for channel, count in place.messages.items() if channels.get(channel) == IMAGE_TOPIC)
 
 
-def _readable(segment: Segment, source: ByteSource, place: ChunkPlace, channels: dict[int, str]) -> list[Frame | Image]:
+def _readable(
+    segment: Segment, source: ByteSource, place: ChunkPlace, channels: dict[int, str]
+) -> tuple[list[Frame | Image], str]:
+    """What is in a chunk; nothing, and the reason, if it is damaged."""
     try:
-        return list(items_of(segment, source, place, channels))
-    except UNREADABLE:
-        return []
+        return list(items_of(segment, source, place, channels)), ""
+    except UNREADABLE as error:
+        return [], str(error)
 
 
 def _frames_in_chunk(
     segment: Segment, source: ByteSource, index: int, ranks: Sequence[int], channels: Mapping[int, str]
-) -> Iterator[Frame]:
-    own = _readable(segment, source, segment.chunks[index], dict(channels))
+) -> Iterator[tuple[ChunkPlace, Frame] | Loss]:
+    place = segment.chunks[index]
+    own, damage = _readable(segment, source, place, dict(channels))
+    if damage:
+        yield Loss(segment.path, place.offset, place.length, damage, LossKind.DAMAGED)
     images = [item for item in own if isinstance(item, Image)]
     records = [item for item in own if isinstance(item, Frame)]
     if len(records) < len(images):
         # Another writer may have put a record into the chunk before or after its image.
-        beside = [segment.chunks[place] for place in (index - 1, index + 1) if 0 <= place < len(segment.chunks)]
-        around = [item for place in beside for item in _readable(segment, source, place, dict(channels))]
+        beside = [segment.chunks[other] for other in (index - 1, index + 1) if 0 <= other < len(segment.chunks)]
+        around = [item for other in beside for item in _readable(segment, source, other, dict(channels))[0]]
         records += [item for item in around if isinstance(item, Frame)]
     for image in (images[rank] for rank in ranks if rank < len(images)):
-        fitting = (joined(record, image) for record in records if record.captured_ns == image.captured_ns)
-        yield from islice((frame for frame in fitting if frame is not None), 1)
+        found = paired([record for record in records if record.captured_ns == image.captured_ns], image)
+        if isinstance(found, Frame):
+            yield place, found
+        else:
+            yield Loss(segment.path, place.offset, place.length, found, LossKind.DAMAGED)

@@ -9,6 +9,7 @@ import click
 
 from decoder.formats import FORMATS
 from decoder.method import Method
+from decoder.typed_time import EXAMPLES, TypedTime, typed_time
 
 
 def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:
@@ -20,6 +21,13 @@ def _formats(_context: click.Context, _option: click.Parameter, value: str) -> t
         if lacking is not None:
             raise click.BadParameter(f"{name} {lacking}")
     return formats
+
+
+def _time(_context: click.Context, _option: click.Parameter, value: str | None) -> TypedTime | None:
+    try:
+        return None if value is None else typed_time(value)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 flights_argument = click.argument(
@@ -36,6 +44,15 @@ camera_option = click.option(
 method_option = click.option(
     "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
     show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
+)  # fmt: skip
+start_option = click.option(
+    "--from", "start", callback=_time, metavar="T",
+    help=f"Only frames from T on: seconds or a clock from the flight's start, or UTC ({EXAMPLES}).",
+)  # fmt: skip
+end_option = click.option("--to", "end", callback=_time, metavar="T", help="Only frames up to T.")
+every_option = click.option(
+    "--every", type=click.IntRange(min=1), default=1, metavar="N",
+    help="Only the first of them and every N-th from there.",
 )  # fmt: skip
 jobs_option = click.option(
     "--jobs", type=click.IntRange(min=1), metavar="N",

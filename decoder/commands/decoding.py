@@ -16,6 +16,7 @@ from decoder.attachments import CAMERA_FILE, PANEL_FILE
 from decoder.camera import Camera, parse_camera
 from decoder.errors import CameraError, PanelMissing
 from decoder.flight_decoder import Progress, decode_flight
+from decoder.flight_part import FlightPart
 from decoder.formats import Decoded
 from decoder.frame_batch import ReadBatches, read_here
 from decoder.json_output import Provenance, SourceFile
@@ -34,10 +35,12 @@ def decoded_flight(
     *,
     shown: Progress | None = None,
     read: ReadBatches = read_here,
+    part: FlightPart | None = None,
 ) -> Decoded:
     """A flight with all it was decoded with.
 
-    `shown` wraps its frames, by default to show progress on a terminal; `read` reads them, by default in this process.
+    `shown` wraps its frames, by default to show progress on a terminal; `read` reads them, by default in this process;
+    `part` is which, by default all.
     """
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
     with threadpool_limits(1):
@@ -46,8 +49,9 @@ def decoded_flight(
         data = decode_flight(
             flight,
             PanelReader.from_panel(source, Method(method)),
-            shown or progress("decode", flight.count()),
+            shown or progress("decode", flight.count() if part is None else len(part.ranks)),
             read=read,
+            part=part,
         )
         return Decoded(
             flight=flight,

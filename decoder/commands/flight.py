@@ -14,6 +14,8 @@ from decoder import fork_server
 from decoder.attachments import PANEL_FILE
 from decoder.commands.decode_options import (
     camera_option,
+    end_option,
+    every_option,
     flights_argument,
     format_option,
     images_option,
@@ -21,12 +23,15 @@ from decoder.commands.decode_options import (
     method_option,
     panel_option,
     refuse_unheld_images,
+    start_option,
 )
 from decoder.errors import PanelMissing
+from decoder.flight_part import AskedPart, FlightPart, part_of
 from decoder.formats import planned_files
 from decoder.interrupts import ends_at_once
 from decoder.jobs import jobs_for
 from decoder.output_names import output_name, refuse_overwriting
+from decoder.typed_time import TypedTime
 from flight_file.reader import Flight, open_flight
 
 EXIT_LOSS = 3
@@ -39,6 +44,7 @@ Examples:
   decode flight_0000.mcap flight_0001.mcap -o results
   decode flight.mcap --panel cockpit/panel.yaml --method xcorr
   decode flight.mcap -o results --format csv,mcap --with-images
+  decode flight.mcap --from 12:01:30Z --to 12:04:00Z --every 4
 """
 
 
@@ -53,6 +59,9 @@ Examples:
 @method_option
 @format_option
 @images_option
+@start_option
+@end_option
+@every_option
 @jobs_option
 def command(
     *,
@@ -63,6 +72,9 @@ def command(
     method: str,
     formats: tuple[str, ...],
     with_images: bool,
+    start: TypedTime | None,
+    end: TypedTime | None,
+    every: int,
     jobs: int | None,
 ) -> None:
     """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
@@ -73,8 +85,11 @@ def command(
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
     refuse_overwriting(flight, [directory / file for file in files])
-    click.echo(_beginning(flight, panel_file))
-    jobs = jobs_for(sum(segment.size_bytes for segment in flight.segments), asked=jobs)
+    panel = _panel(flight, panel_file)
+    asked = AskedPart(start, end, every)
+    part = None if asked.is_whole else part_of(flight, asked)
+    click.echo(f"{flight.recording}: decoding {_frames(flight, part)} with {panel}")
+    jobs = jobs_for(_picture_bytes(flight, part), asked=jobs)
     if jobs > 1:
         fork_server.begin()  # it loads the libraries while this process does
     with ends_at_once():
@@ -88,15 +103,25 @@ def command(
         method=method,
         with_images=with_images,
         jobs=jobs,
+        part=part,
     )
     if with_loss:
         sys.exit(EXIT_LOSS)
 
 
-def _beginning(flight: Flight, panel_file: Path | None) -> str:
-    """What is going to be done, in a sentence; raises PanelMissing if there is no panel."""
+def _panel(flight: Flight, panel_file: Path | None) -> str:
+    """Which panel it is, in words; raises PanelMissing if there is none."""
     if panel_file is None and PANEL_FILE not in flight.attachments:
         raise PanelMissing(str(flight.paths[0]))
+    return "the panel it carries" if panel_file is None else str(panel_file)
+
+
+def _frames(flight: Flight, part: FlightPart | None) -> str:
     files = f" in {len(flight.paths)} files" if len(flight.paths) > 1 else ""
-    panel = "the panel it carries" if panel_file is None else panel_file
-    return f"{flight.recording}: decoding {flight.count()} frames{files} with {panel}"
+    return f"{flight.count()} frames{files}" if part is None else f"{len(part.ranks)} of {flight.count()} frames{files}"
+
+
+def _picture_bytes(flight: Flight, part: FlightPart | None) -> int:
+    """About how many bytes of pictures are to be read."""
+    whole = sum(segment.size_bytes for segment in flight.segments)
+    return whole if part is None else whole * len(part.ranks) // part.frames_in_flight

@@ -11,6 +11,7 @@ import click
 
 from decoder.commands.decoding import decoded_flight
 from decoder.flight_data import FlightData
+from decoder.flight_part import FlightPart
 from decoder.formats import Decoded
 from decoder.frame_batch import read_here
 from decoder.json_output import Provenance
@@ -33,12 +34,13 @@ def decode_and_write(
     method: str,
     with_images: bool,
     jobs: int,
+    part: FlightPart | None,
 ) -> bool:
     """Decodes a flight, writes its files and says what came out; whether anything was lost on the way."""
     pool = WorkerPool(jobs) if jobs > 1 else None
     with pool or nullcontext():
         read = read_here if pool is None else pool.read
-        decoded = decoded_flight(flight, panel_file, method, camera_file, read=read)
+        decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part)
     decoded = replace(decoded, with_images=with_images)
     written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
     _report(decoded.data, decoded.provenance, pool.deaths if pool is not None else [], written)
@@ -46,7 +48,7 @@ def decode_and_write(
 
 
 def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], written: list[Path]) -> None:
-    click.echo(f"{len(data.frame)} frames, {data.time_s[-1]:.2f} s\n")
+    click.echo(f"{len(data.frame)} frames, {data.time_s[-1] - data.time_s[0]:.2f} s\n")
     click.echo(summary_table(data))
     for missing in data.missing_frames[:MAX_LISTED]:
         click.echo(f"frame {missing.frame} missing: {missing.reason}", err=True)

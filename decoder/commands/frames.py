@@ -98,7 +98,7 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
     places = ReadingPlaces(decoded.source, data)
     reasons = {missing.frame: missing.reason for missing in data.missing_frames}
     written: list[Path] = []
-    for index, frame in enumerate(progress("draw", len(data.frame))(matched_frames(data, decoded.flight.frames))):
+    for index, frame in enumerate(progress("draw", len(data.frame))(matched_frames(data, decoded.frames))):
         if index not in wanted:
             continue
         stem = f"{output_name(decoded.flight)}_{frame.sequence:06d}_{_file_time(frame.captured_ns)}"

@@ -1,0 +1,49 @@
+"""Times as people type them."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from decoder.typed_time import NS_PER_DAY, NS_PER_S, typed_time
+
+NOON_NS = round(datetime(2018, 5, 4, 12, tzinfo=UTC).timestamp()) * NS_PER_S
+
+
+@pytest.mark.parametrize(
+    ("text", "after_s"),
+    [
+        ("0", 0), ("90", 90), ("90.25", 90.25), (".5", 0.5), (" 7 ", 7), ("1:30", 90), ("90:00", 5400),
+        ("0:01:30.5", 90.5), ("1:00:00", 3600),
+        ("12:00:00Z", 0), ("12:01:30Z", 90), ("12:01z", 60), ("12:00:00.25Z", 0.25), ("11:00:00Z", 23 * 3600),
+        ("2018-05-04T12:01:30Z", 90), ("2018-05-04 12:01:30", 90), ("2018-05-04T12:01:30.250000Z", 90.25),
+        ("2018-05-04T14:01:30+02:00", 90), ("2018-05-04T14:01:30+0200", 90), ("2018-05-04 12:01", 60),
+        ("2018-05-04T11:59:00Z", -60),
+    ],
+)  # fmt: skip
+def test_time_is_what_it_looks_like(text: str, after_s: float) -> None:
+    """Of a flight that began at noon UTC: seconds, a clock from the start, a time of day, or a date and time."""
+    assert typed_time(text).at_ns(NOON_NS) - NOON_NS == after_s * NS_PER_S
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "x", "-5", "1:75", "25:00:00Z", "24:00Z", "2018-02-30 12:00", "2018-05-04", "1e3", "12 s", "nan", "1:2:3:4"],
+)
+def test_anything_else_is_refused(text: str) -> None:
+    """What is no time is said to be none."""
+    with pytest.raises(ValueError, match="no time"):
+        typed_time(text)
+
+
+@given(began_ns=st.integers(0, 2**62), second=st.integers(0, 86_399))
+def test_time_of_day_is_the_first_one_after_the_start(began_ns: int, second: int) -> None:
+    """A flight over midnight has its early morning behind its late evening."""
+    text = f"{second // 3600:02d}:{second // 60 % 60:02d}:{second % 60:02d}Z"
+    at_ns = typed_time(text).at_ns(began_ns)
+
+    assert 0 <= at_ns - began_ns < NS_PER_DAY
+    assert at_ns % NS_PER_DAY == second * NS_PER_S
