@@ -11,3 +11,5 @@ Floats = NDArray[np.floating[Any]]
 """Numbers in single or double precision; each docstring says which, and the shape."""
 Mask = NDArray[np.bool_]
 """True where something holds."""
+Indices = NDArray[np.intp]
+"""Places in arrays."""

@@ -77,7 +77,7 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class _Phase:
+class Phase:
     """The template moved down by a part of a row.
 
     `light` and `transparency`, (2, H, C) each, are its layers and how these change when it moves on.
@@ -94,8 +94,7 @@ class Fitter:
 
     def __init__(self, template: NeedleTemplate, pixels_per_sample: float) -> None:
         self._pixels_per_sample = pixels_per_sample
-        reach = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
-        self._phases = {step: _phase(template, step / PHASES_PER_ROW) for step in range(-reach, reach + 1)}
+        self._phases = phases_of(template)
         self._trust = template.trust.ravel()
 
     def first(self, window: Floats, behind: Behind) -> Fit:
@@ -115,7 +114,7 @@ class Fitter:
         nearest = round(first.fraction * PHASES_PER_ROW)
         return first if nearest == guess else self._step(window, self._phases[nearest], behind, weights)
 
-    def _step(self, window: Floats, phase: _Phase, behind: Behind, weights: Floats) -> Fit:
+    def _step(self, window: Floats, phase: Phase, behind: Behind, weights: Floats) -> Fit:
         face = behind(phase.template)
         rows = np.empty((5, *window.shape), np.float32)
         layers = rows[:ONE]
@@ -128,7 +127,7 @@ class Fitter:
         moments = (flat * weights) @ flat.T
         return self._solved(phase, layers, moments.tolist(), window)
 
-    def _solved(self, phase: _Phase, layers: Floats, moments: Moments, window: Floats) -> Fit:
+    def _solved(self, phase: Phase, layers: Floats, moments: Moments, window: Floats) -> Fit:
         total = moments[ONE][ONE]
         (gain, offset, shift), shift_variance = _solution(moments)
         if gain < MIN_GAIN or total <= 0:
@@ -175,16 +174,19 @@ def _partial_correlation(moments: Moments) -> float:
     return min(max(both / math.sqrt(needle_left * seen_left), -1.0), 1.0)
 
 
-def _phase(template: NeedleTemplate, shift_rows: float) -> _Phase:
-    rows = np.arange(template.rows) - shift_rows
-    light, transparency = rows_at(template.light, rows), rows_at(template.transparency, rows)
-    moved = replace(template, light=light.astype(np.float32), transparency=transparency.astype(np.float32))
-    return _Phase(
-        shift_rows,
-        moved,
-        np.stack([moved.light, -np.gradient(moved.light, axis=0)]),
-        np.stack([moved.transparency, -np.gradient(moved.transparency, axis=0)]),
-    )
+def phases_of(template: NeedleTemplate) -> dict[int, Phase]:
+    """The template moved by every half row that a fit may need, by the number of half rows."""
+    reach = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
+    steps = range(-reach, reach + 1)
+    shifts = [step / PHASES_PER_ROW for step in steps]
+    rows = (np.arange(template.rows) - np.array(shifts)[:, None]).ravel()
+    layers = rows_at(np.concatenate([template.light, template.transparency], axis=1), rows)
+    layers = layers.reshape(len(shifts), template.rows, 2, -1).transpose(2, 0, 1, 3)
+    light, transparency = np.stack([layers, -np.gradient(layers, axis=2)], axis=2)  # (phases, 2, H, C) each
+    return {
+        step: Phase(shift, replace(template, light=own[0], transparency=cover[0]), own, cover)
+        for step, shift, own, cover in zip(steps, shifts, light, transparency, strict=True)
+    }
 
 
 _NO_MOMENTS: Moments = [[0.0] * 5] * 5

@@ -71,7 +71,7 @@ def tune_on(
         for gauge, grid, picture, seen in zip(reader.source.panel.gauges, reader.grids, own, strips, strict=True)
         if gauge.card is not None
     }
-    found = found or [reader.read_unwrapped(sample).readings for sample in samples]
+    found = found or [read.readings for read in reader.read_all_unwrapped(samples)]
     templates = dict(reader.tuning.templates)
     faces = [tuner.face(found, templates) for tuner in tuners]
     for tuner, face in zip(tuners, faces, strict=True):

@@ -13,7 +13,8 @@ from itertools import islice
 from decoder.aligner import AlignmentLost
 from decoder.errors import PictureError
 from decoder.panel_reader import FrameReadings, PanelReader
-from decoder.pictures import grey_picture
+from decoder.picture_block import PictureBlock
+from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
 MAX_BATCH_FRAMES = 16
@@ -60,7 +61,8 @@ def batches(frames: Iterable[Frame], size: int) -> Iterator[Batch]:
 
 def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
     """What is read of each frame, in their order; keeps nothing from batch to batch."""
-    return [_read(reader, frame) for frame in frames]
+    pictures = (_picture(reader.block, frame, slot) for slot, frame in enumerate(frames))
+    return [_unread(one) if isinstance(one, PictureError) else one for one in reader.read_many(pictures)]
 
 
 def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
@@ -69,10 +71,12 @@ def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch
         yield batch, read_batch(reader, batch)
 
 
-def _read(reader: PanelReader, frame: RawFrame) -> Outcome:
+def _picture(block: PictureBlock, frame: RawFrame, slot: int) -> FramePicture | PictureError:
     try:
-        return reader.read(grey_picture(frame.jpeg), frame.focal_length_mm)
-    except AlignmentLost as error:
-        return Unread(str(error), error.failed)
+        return FramePicture(block.grey_picture(frame.jpeg, slot), frame.focal_length_mm)
     except PictureError as error:
-        return Unread(str(error))
+        return error
+
+
+def _unread(error: PictureError) -> Unread:
+    return Unread(str(error), error.failed if isinstance(error, AlignmentLost) else ())

@@ -45,10 +45,10 @@ def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplat
     for _ in range(2):
         light, transparency = _lines(cuts, faces, weights, expected)
         unexplained = cuts - (light + transparency * faces)
-        spread = MAD_TO_SIGMA * np.median(np.abs(unexplained), axis=0)
+        spread = MAD_TO_SIGMA * median_of(np.abs(unexplained))
         weights = (np.abs(unexplained) <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
-    pixels = np.median(cuts, axis=0).astype(np.float32)
-    clutter = MAD_TO_SIGMA * np.median(np.abs(cuts - pixels), axis=0)
+    pixels = median_of(cuts).astype(np.float32)
+    clutter = MAD_TO_SIGMA * median_of(np.abs(cuts - pixels))
     shown = _columns_with_edges(expected)
     learned = NeedleTemplate(
         pixels, shown * _trust(clutter), light, transparency, shown * _trust(spread), prior.step_deg
@@ -136,6 +136,14 @@ def in_local_light(cut: Floats, template: NeedleTemplate, behind: Floats) -> Flo
     gain = float((weights * seen * wanted).sum()) / max(float((weights * wanted * wanted).sum()), 1e-6)
     like: Floats = (seen / max(gain, MIN_GAIN) + expected_mean).astype(np.float32)
     return like
+
+
+def median_of(views: Floats) -> Floats:
+    """The median of each pixel over K views, (K, H, C): as `np.median` along the first axis, at a third of its cost."""
+    values = np.sort(views.reshape(len(views), -1).T.copy(), axis=1)
+    low, high = values[:, (len(views) - 1) // 2], values[:, len(views) // 2]
+    median: Floats = ((low + high) / 2).reshape(views.shape[1:])
+    return median
 
 
 def _lines(cuts: Floats, faces: Floats, weights: Floats, expected: Floats) -> tuple[Floats, Floats]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -13,16 +14,18 @@ from decoder.aligner import Aligner
 from decoder.alignment import Alignment, Matrix, Point
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader
+from decoder.errors import PictureError
 from decoder.gauge_places import GaugePlacer, place_all
 from decoder.gauge_reader import GaugeReader
+from decoder.many_frames import GaugesOfFrame, ManyFrames, PlacedFrame, UnwrappedGauges
 from decoder.method import Method
 from decoder.motion import Frame2D, Model
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
-from decoder.pictures import GreyPicture
+from decoder.picture_block import PictureBlock
+from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading
 from decoder.resampling import inside
-from decoder.searching import Search, Sought
 from decoder.tuning import Tuning
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
@@ -70,6 +73,7 @@ class PanelReader:
         self.method = method
         self.tuning = tuning
         self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
+        self.block = PictureBlock()
         self.aligner = Aligner(source.panel, source.picture, tuning.usual, optics)
         self._unwrapper = Unwrapper(self.grids)
         centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
@@ -96,14 +100,6 @@ class PanelReader:
             )
             for gauge, grid, face in zip(source.panel.gauges, self.grids, tuning.faces, strict=True)
         ]
-
-        sought = [
-            (needle.name, Sought(tuning.templates[needle.name], face, index))
-            for index, (gauge, face) in enumerate(zip(source.panel.gauges, tuning.faces, strict=True))
-            for needle in gauge.needles
-        ]
-        self._names = [name for name, _ in sought]
-        self._search = Search([each for _, each in sought])
 
     @classmethod
     def from_panel(cls, source: PanelPictures, method: Method) -> Self:
@@ -135,13 +131,8 @@ class PanelReader:
         """
         if self.tuning.dials_move:
             return self._unwrap_one_by_one(frame, focal_length_mm)
-        alignment = self.aligner.align(frame, focal_length_mm)
-        height, width = frame.shape
-        whole = [True] * len(self._rims)
-        if not inside(self._all_rims, alignment, width, height):
-            whole = [inside(rim, alignment, width, height) for rim in self._rims]
-        gauges = self._unwrapper.unwrap(frame, alignment)
-        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height))
+        aligned = self._aligned(frame, focal_length_mm)
+        return replace(aligned, gauges=self._unwrapper.unwrap(frame, aligned.alignment))
 
     def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
         """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
@@ -178,17 +169,72 @@ class PanelReader:
         PictureError
             As `unwrap`.
         """
-        return self.read_unwrapped(self.unwrap(frame, focal_length_mm))
+        (read,) = self.read_many([FramePicture(frame, focal_length_mm)])
+        if isinstance(read, PictureError):
+            raise read
+        return read
+
+    def read_many(self, frames: Iterable[FramePicture | PictureError]) -> list[FrameReadings | PictureError]:
+        """The readings of each frame, or why there are none; to the bit the same whatever the frames beside it."""
+        found: list[UnwrappedFrame | PictureError] = []
+
+        def placed() -> Iterator[GaugesOfFrame]:
+            for frame in frames:
+                one = self._placed(frame)
+                found.append(one)
+                if isinstance(one, UnwrappedFrame) and isinstance(frame, FramePicture):
+                    yield self._gauges_of(frame.pixels, one)
+
+        own = iter(self._many_frames.read(placed()))
+        return [one if isinstance(one, PictureError) else self._composed(one, next(own)) for one in found]
+
+    def _placed(self, frame: FramePicture | PictureError) -> UnwrappedFrame | PictureError:
+        """Where the panel lies in a frame; unwrapped where each dial is to be found by itself."""
+        if isinstance(frame, PictureError):
+            return frame
+        try:
+            if self.tuning.dials_move:
+                return self._unwrap_one_by_one(frame.pixels, frame.focal_length_mm)
+            return self._aligned(frame.pixels, frame.focal_length_mm)
+        except PictureError as error:
+            return error
+
+    @staticmethod
+    def _gauges_of(picture: GreyPicture, frame: UnwrappedFrame) -> GaugesOfFrame:
+        if frame.gauges:
+            return UnwrappedGauges(frame.gauges, frame.whole)
+        return PlacedFrame(picture, frame.alignment, frame.whole)
+
+    @cached_property
+    def _many_frames(self) -> ManyFrames:
+        is_quick = self.method is Method.NORMXCORR
+        return ManyFrames(self.source.panel.gauges, self.grids, self.tuning, self._gauges, is_quick=is_quick)
+
+    def _aligned(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
+        """A frame with its alignment, not unwrapped."""
+        alignment = self.aligner.align(frame, focal_length_mm)
+        height, width = frame.shape
+        whole = [True] * len(self._rims)
+        if not inside(self._all_rims, alignment, width, height):
+            whole = [inside(rim, alignment, width, height) for rim in self._rims]
+        return UnwrappedFrame(alignment, (), whole, focal_length_mm, (width, height))
 
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""
+        (read,) = self.read_all_unwrapped([unwrapped])
+        return read
+
+    def read_all_unwrapped(self, frames: Sequence[UnwrappedFrame]) -> list[FrameReadings]:
+        """The readings of frames that are unwrapped already."""
+        own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
+        return [self._composed(frame, readings) for frame, readings in zip(frames, own, strict=True)]
+
+    def _composed(self, unwrapped: UnwrappedFrame, own_readings: Sequence[Mapping[str, Reading]]) -> FrameReadings:
+        """Readings by gauge, with what the places of their dials add to their uncertainty."""
         readings: dict[str, Reading] = {}
-        scores = dict(zip(self._names, self._search.scores(unwrapped.gauges), strict=True))
         sigma_px = self._dial_sigmas_px(unwrapped)
-        for gauge, image, whole, sigma_deg in zip(
-            self._gauges, unwrapped.gauges, unwrapped.whole, np.degrees(sigma_px / self._radii_px).tolist(), strict=True
-        ):
-            own = gauge.read(image, scores) if whole else gauge.unread()
+        sigmas_deg = np.degrees(sigma_px / self._radii_px).tolist()
+        for own, sigma_deg in zip(own_readings, sigmas_deg, strict=True):
             for name, reading in own.items():
                 total_deg = math.hypot(reading.sigma_deg, sigma_deg)
                 readings[name] = Reading(reading.status, reading.angle_deg, total_deg, reading.score)

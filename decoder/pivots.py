@@ -101,14 +101,25 @@ def pivot_of(
     frames: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading], tuple[float, float]]],
 ) -> Pivot:
     """The pivot of a gauge from some frames: each the unwrapped gauge, its readings, and its dial's shift."""
-    tilts = [
-        Tilt(needle.name, readings[needle.name].angle_deg, *tilt, shift)
-        for strip, readings, shift in frames
-        for needle in gauge.needles
-        if _stands_alone(needle.name, gauge, readings, templates)
-        for tilt in [_tilt(readings[needle.name].angle_deg, strip, face, grid, templates[needle.name])]
-        if tilt is not None
-    ]
+    tilts = []
+    for needle in gauge.needles:
+        alone = [
+            (strip, readings[needle.name].angle_deg, shift)
+            for strip, readings, shift in frames
+            if _stands_alone(needle.name, gauge, readings, templates)
+        ]
+        template = templates[needle.name]
+        rows = [_window(angle_deg, grid, template) for _, angle_deg, _ in alone]
+        whole = [index for index, own in enumerate(rows) if own[0] >= 0 and own[-1] <= grid.rows - 1]
+        if whole:
+            windows = np.stack([rows[index] for index in whole])
+            cuts = np.stack([rows_at(alone[index][0], rows[index]) for index in whole])
+            found = _tilts(cuts, windows, face, grid, template)
+            tilts += [
+                Tilt(needle.name, alone[index][1], *tilt, alone[index][2])
+                for index, tilt in zip(whole, found, strict=True)
+                if tilt is not None
+            ]
     return pivot_from(tilts)
 
 
@@ -158,28 +169,40 @@ def _stands_alone(
     )
 
 
-def _tilt(
-    angle_deg: float, strip: UnwrappedGauge, face: UnwrappedGauge, grid: PolarGrid, template: NeedleTemplate
-) -> tuple[float, float] | None:
-    """Kappa and its spread by least squares of the pixels around a reading for gain, offset, shift and tilt."""
-    rows = (angle_deg - grid.start_deg) / grid.step_deg + np.arange(template.rows) - (template.rows - 1) / 2
-    if rows[0] < 0 or rows[-1] > len(strip) - 1:
-        return None
-    seen, behind = rows_at(strip, rows), rows_at(face, rows)
+def _window(angle_deg: float, grid: PolarGrid, template: NeedleTemplate) -> Floats:
+    """(H,): the fractional rows of a template with its axis at an angle."""
+    rows: Floats = (angle_deg - grid.start_deg) / grid.step_deg + np.arange(template.rows) - (template.rows - 1) / 2
+    return rows
+
+
+def _tilts(
+    cuts: Floats, windows: Floats, face: UnwrappedGauge, grid: PolarGrid, template: NeedleTemplate
+) -> list[tuple[float, float] | None]:
+    """Kappa and its spread by least squares of the pixels around M readings for gain, offset, shift and tilt.
+
+    `cuts` are (M, H, C), from the gauge's fractional rows `windows`, (M, H).
+    """
+    behind = rows_at(face, windows.ravel()).reshape(cuts.shape)
     needle = template.light + template.transparency * behind
     slope = -(np.gradient(template.light, axis=0) + np.gradient(template.transparency, axis=0) * behind)
-    radii = grid.radii_px
-    turned = slope * (math.degrees(1.0) / grid.step_deg / radii)
+    turned = slope * (math.degrees(1.0) / grid.step_deg / grid.radii_px)
     weights = template.trust.ravel().astype(np.float64)
-    columns = np.stack([needle, np.ones_like(needle), slope, turned]).reshape(4, -1).astype(np.float64)
-    normal = (columns * weights) @ columns.T
+    rows = np.stack([needle, np.ones_like(needle), slope, turned, cuts], axis=1)
+    flat = rows.reshape(len(cuts), 5, -1).astype(np.float64)
+    moments = (flat * weights) @ flat.transpose(0, 2, 1)
+    return [_tilt(own, float(weights.sum()), grid.pixels_per_sample) for own in moments]
+
+
+def _tilt(moments: Floats, total: float, pixels_per_sample: float) -> tuple[float, float] | None:
+    """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (5, 5)."""
+    normal, right = moments[:4, :4], moments[:4, 4]
     if np.linalg.cond(normal) > 1e12:  # noqa: PLR2004 - a needle too short to have a direction
         return None
-    solution = np.linalg.solve(normal, columns @ (weights * seen.ravel()))
+    inverse = np.linalg.inv(normal)
+    solution = inverse @ right
     gain = float(solution[0])
     if gain <= 0:
         return None
-    left = seen.ravel() - solution @ columns
-    noise = float((weights * left * left).sum() / weights.sum())
-    variance = noise * float(np.linalg.inv(normal)[3, 3]) / grid.pixels_per_sample
+    noise = max(float(moments[4, 4] - solution @ right), 0.0) / total
+    variance = noise * float(inverse[3, 3]) / pixels_per_sample
     return float(solution[3]) / gain, math.sqrt(variance) / gain

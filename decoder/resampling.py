@@ -54,9 +54,11 @@ class PointMap:
 
     def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
         """(N,) float32: all parts one after the other, bilinear; outside the frame its border is repeated."""
-        samples = _sampled(frame, alignment.places(self._folded))
-        flat: Floats = samples[: self.slices[-1].stop].astype(np.float32)
-        return flat
+        return self.levels(frame, alignment).astype(np.float32)
+
+    def levels(self, frame: GreyPicture, alignment: Alignment) -> GreyPicture:
+        """The same in whole grey levels, (N,) uint8."""
+        return levels_at(frame, alignment.places(self._folded))[: self.slices[-1].stop]
 
     def patch(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> Patch | None:
         """The part of the frame with all points and a margin around them; None if that leaves the frame."""
@@ -70,7 +72,7 @@ class PointMap:
     def sample_patch(self, patch: Patch, alignment: Alignment) -> Floats:
         """As `sample`, without rounding to whole grey levels; the points must lie in the patch."""
         places = alignment.places(self._folded, (patch.left, patch.top))
-        samples: Floats = _sampled(patch.pixels, places)
+        samples: Floats = levels_at(patch.pixels, places)
         return samples[: self.slices[-1].stop]
 
 
@@ -80,7 +82,14 @@ def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) 
     return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
 
 
-def _sampled(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
+def map_points(points: Floats, index: NDArray[np.intp]) -> Floats:
+    """Some of (M, 2) points as a map, (rows, columns, 2), that `Alignment.places` moves and `levels_at` samples."""
+    chosen = np.zeros((-(-len(index) // _WIDTH), _WIDTH, 2), np.float32)
+    np.take(points, index, axis=0, out=chosen.reshape(-1, 2)[: len(index)])
+    return chosen
+
+
+def levels_at(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
     """Grey levels at places (rows, columns, 2), flattened, of the pixels' own type: whole levels stay whole."""
     return cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1)
 

@@ -1,0 +1,43 @@
+"""What a JPEG's header says of its size: enough to give it memory before it is decompressed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_START = b"\xff\xd8\xff"
+_END = b"\xff\xd9"
+_SIZES = frozenset((0xC0, 0xC1, 0xC2))  # baseline, extended, progressive
+_SEQUENTIAL = frozenset((0xC0, 0xC1))
+_SCAN = 0xDA
+_HEIGHT_AT = 5  # from the segment's marker: marker, length, precision, then height and width
+
+
+@dataclass(frozen=True, slots=True)
+class JpegHeader:
+    """Size in pixels, and where in the file the height stands.
+
+    `is_sequential`: rows follow each other from top to bottom, all of them in the file.
+    """
+
+    height_px: int
+    width_px: int
+    height_at: int
+    is_sequential: bool
+
+
+def jpeg_header(encoded: bytes) -> JpegHeader | None:
+    """The header of a JPEG; None if it is none, or not one of the usual kinds."""
+    if not encoded.startswith(_START):
+        return None
+    at, end = 2, len(encoded)
+    while at + _HEIGHT_AT + 4 < end and encoded[at] == _START[0]:
+        kind = encoded[at + 1]
+        if kind in _SIZES:
+            height = int.from_bytes(encoded[at + _HEIGHT_AT : at + _HEIGHT_AT + 2])
+            width = int.from_bytes(encoded[at + _HEIGHT_AT + 2 : at + _HEIGHT_AT + 4])
+            whole = kind in _SEQUENTIAL and encoded.endswith(_END)
+            return JpegHeader(height, width, at + _HEIGHT_AT, whole) if height and width else None
+        if kind == _SCAN:
+            return None
+        at += 2 + int.from_bytes(encoded[at + 2 : at + 4])
+    return None

@@ -1,0 +1,187 @@
+"""All gauges of many frames: what is plain by the quick reader, the rest by the gauge readers one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from decoder.alignment import Alignment
+from decoder.arrays import Floats
+from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge_reader import STACKED
+from decoder.pictures import GreyPicture
+from decoder.quick_pixels import Pixels, QuickGrids
+from decoder.quick_reader import Plain, QuickReader
+from decoder.quick_search import QuickNeedle
+from decoder.reading import Reading, Status
+from decoder.searching import Search, Sought
+from decoder.tuning import Tuning
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
+
+
+class OneGaugeReader(Protocol):
+    """Reads one gauge of one frame: a `GaugeReader` or a `CardReader`."""
+
+    def read(self, unwrapped: UnwrappedGauge, scores: Mapping[str, Floats], /) -> dict[str, Reading]:
+        """The readings by name."""
+        ...
+
+    def unread(self) -> dict[str, Reading]:
+        """What is to be said of a gauge that does not lie in the frame."""
+        ...
+
+
+class GaugesOfFrame(Protocol):
+    """The gauges of one frame, `whole` telling for each whether all of it lies in the frame."""
+
+    whole: Sequence[bool]
+
+    def quick(self, grids: QuickGrids) -> Pixels:
+        """The pixels that the quick reader asks for."""
+        ...
+
+    def unwrapped(self, index: int, unwrapper: Callable[[], Unwrapper]) -> UnwrappedGauge:
+        """One gauge, unwrapped."""
+        ...
+
+
+class PlacedFrame:
+    """The gauges of a frame whose alignment is known; what the search needs is sampled at once."""
+
+    def __init__(self, picture: GreyPicture, alignment: Alignment, whole: Sequence[bool]) -> None:
+        self._picture, self._alignment, self.whole = picture, alignment, whole
+
+    def quick(self, grids: QuickGrids) -> Pixels:
+        """The pixels that the quick reader asks for."""
+        return grids.of_frame(self._picture, self._alignment)
+
+    def unwrapped(self, _: int, unwrapper: Callable[[], Unwrapper]) -> UnwrappedGauge:
+        """One gauge, unwrapped."""
+        (image,) = unwrapper().unwrap(self._picture, self._alignment)
+        return image
+
+
+class UnwrappedGauges:
+    """The gauges of a frame that is unwrapped already."""
+
+    def __init__(self, gauges: Sequence[UnwrappedGauge], whole: Sequence[bool]) -> None:
+        self._gauges, self.whole = gauges, whole
+
+    def quick(self, grids: QuickGrids) -> Pixels:
+        """The pixels that the quick reader asks for."""
+        return grids.of_unwrapped(self._gauges)
+
+    def unwrapped(self, index: int, _: Callable[[], Unwrapper]) -> UnwrappedGauge:
+        """One gauge, unwrapped."""
+        return self._gauges[index]
+
+
+class _Gauge:
+    """One gauge of the panel: its grid, and the needles to be searched for if the quick reader has not done that."""
+
+    def __init__(self, gauge: Gauge, grid: PolarGrid, face: UnwrappedGauge, tuning: Tuning) -> None:
+        self.gauge, self.grid, self.face = gauge, grid, face
+        self.is_searched = gauge.card is None and len(gauge.needles) < STACKED
+        self.is_quick = self.is_searched and grid.raised is None
+        self._templates = {needle.name: tuning.templates[needle.name] for needle in gauge.needles}
+
+    def quick_needles(self, index: int) -> list[QuickNeedle]:
+        if not self.is_quick:
+            return []
+        return [
+            QuickNeedle(name, index, self.gauge, self.grid, self.face, template)
+            for name, template in self._templates.items()
+        ]
+
+    def scores(self, image: UnwrappedGauge) -> dict[str, Floats]:
+        """Of the search on the whole unwrapped gauge, by needle."""
+        if not self.is_searched:
+            return {}
+        return dict(zip(self._templates, self._search.scores([image]), strict=True))
+
+    @cached_property
+    def unwrapper(self) -> Unwrapper:
+        return Unwrapper([self.grid])
+
+    @cached_property
+    def _search(self) -> Search:
+        return Search([Sought(template, self.face, 0) for template in self._templates.values()])
+
+
+class ManyFrames:
+    """Reads the gauges of one panel in many frames at once.
+
+    `readers` are by the gauges' order in the panel; without `is_quick` all is left to them.
+    """
+
+    def __init__(
+        self,
+        gauges: Sequence[Gauge],
+        grids: Sequence[PolarGrid],
+        tuning: Tuning,
+        readers: Sequence[OneGaugeReader],
+        *,
+        is_quick: bool,
+    ) -> None:
+        self._readers = readers
+        self._gauges = [_Gauge(*own, tuning) for own in zip(gauges, grids, tuning.faces, strict=True)]
+        needles = [
+            needle for index, gauge in enumerate(self._gauges) if is_quick for needle in gauge.quick_needles(index)
+        ]
+        self._quick = QuickReader(needles, tuning.evenly_lit_score) if needles else None
+        self._needles: list[list[tuple[int, str]]] = [
+            [(number, needle.name) for number, needle in enumerate(needles) if needle.gauge_index == index]
+            for index in range(len(grids))
+        ]
+        self._of_needle = [self._gauges[needle.gauge_index] for needle in needles]
+
+    def read(self, frames: Iterable[GaugesOfFrame]) -> list[list[Mapping[str, Reading]]]:
+        """By frame and gauge the readings by name, to the bit the same whatever the frames beside it."""
+        if self._quick is None:
+            return [[self._read(index, frame, None) for index in range(len(self._gauges))] for frame in frames]
+        both = [(frame, frame.quick(self._quick.grids)) for frame in frames]
+        if not both:
+            return []
+        plain = self._quick.read([pixels for _, pixels in both])
+        settled = plain.settled.tolist()
+        readings = self._plain_readings(plain)
+        return [
+            [
+                {name: readings[number][needle] for needle, name in own}
+                if own and frame.whole[index] and all(settled[number][needle] for needle, _ in own)
+                else self._read(index, frame, _spread(self._quick, plain, number, own))
+                for index, own in enumerate(self._needles)
+            ]
+            for number, (frame, _) in enumerate(both)
+        ]
+
+    def _plain_readings(self, plain: Plain) -> list[list[Reading]]:
+        """By frame and needle; to be believed where they are settled."""
+        steps_deg = np.array([gauge.grid.step_deg for gauge in self._of_needle])
+        starts_deg = np.array([gauge.grid.start_deg for gauge in self._of_needle])
+        firsts_deg = np.array([gauge.gauge.sweep[0] for gauge in self._of_needle])
+        is_round = np.array([gauge.gauge.is_round for gauge in self._of_needle])
+        angles_deg = starts_deg + plain.row * steps_deg
+        angles_deg = np.where(is_round, firsts_deg + (angles_deg - firsts_deg) % FULL_CIRCLE_DEG, angles_deg)
+        columns = (angles_deg.tolist(), (plain.sigma_rows * steps_deg).tolist(), plain.score.tolist())
+        return [
+            [Reading(Status.READ, *values) for values in zip(*own, strict=True)] for own in zip(*columns, strict=True)
+        ]
+
+    def _read(self, index: int, frame: GaugesOfFrame, scores: Mapping[str, Floats] | None) -> Mapping[str, Reading]:
+        """One gauge by its own reader."""
+        if not frame.whole[index]:
+            return self._readers[index].unread()
+        gauge = self._gauges[index]
+        image = frame.unwrapped(index, lambda: gauge.unwrapper)
+        return self._readers[index].read(image, gauge.scores(image) if scores is None else scores)
+
+
+def _spread(quick: QuickReader, plain: Plain, number: int, own: Sequence[tuple[int, str]]) -> dict[str, Floats] | None:
+    """What the quick reader's search found on a gauge's rows; None where it did not search."""
+    if not own:
+        return None
+    return {name: quick.search.search.spread(needle, plain.coarse[needle][number]) for needle, name in own}

@@ -1,0 +1,139 @@
+"""Fits of many needles in many frames at once: the same least squares as `fitting`, in arrays.
+
+Each window is summed up by a product of its own, always of one shape, and all else is number by number: so a fit does
+not depend on those beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.arrays import Floats, Indices, Mask
+from decoder.correlation import MIN_SPREAD_LEVELS
+from decoder.fitting import (
+    FACE,
+    MAX_FRACTION_ROWS,
+    MIDDLE_GREY,
+    MIN_GAIN,
+    NEEDLE,
+    ONE,
+    PHASES_PER_ROW,
+    SEEN,
+    SLOPE,
+    TINY,
+    phases_of,
+)
+from decoder.needle_template import NeedleTemplate
+from decoder.over_face import FACE_NOISE_LEVELS
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """M fits; all arrays (M,), float64: as in `fitting.Fit`, NaN where no needle fits."""
+
+    fraction: Floats
+    sigma_rows: Floats
+    score: Floats
+
+    def where(self, chosen: Mask, others: Fits) -> Fits:
+        """These fits with `others`, as many as are chosen, in the chosen ones' places."""
+        fraction, sigma_rows, score = self.fraction.copy(), self.sigma_rows.copy(), self.score.copy()
+        fraction[chosen], sigma_rows[chosen], score[chosen] = others.fraction, others.sigma_rows, others.score
+        return Fits(fraction, sigma_rows, score)
+
+
+class QuickFitter:
+    """Fits any of K needles whose templates have one shape, (H, C)."""
+
+    def __init__(self, templates: Sequence[NeedleTemplate], pixels_per_sample: Sequence[float]) -> None:
+        self._pixels_per_sample = np.array(pixels_per_sample)
+        phases = [phases_of(template) for template in templates]
+        self._reach = max(phases[0])
+        # (K, phases, 2, H * C): light and transparency, and how they change when the needle moves on
+        self._light, self._transparency = (
+            np.stack([[getattr(own[step], name).reshape(2, -1) for step in sorted(own)] for own in phases])
+            for name in ("light", "transparency")
+        )
+        self._trust = np.stack([template.trust.ravel() for template in templates])
+
+    def fit(self, needles: Indices, windows: Floats, faces: Floats, guess_rows: Floats) -> Fits:
+        """Each needle in a window, over the face there.
+
+        Parameters
+        ----------
+        needles : (M,)
+        windows, faces : (M, H * C) float32
+        guess_rows : (M,)
+            How far below the window's middle the needle is expected, at most half a row.
+        """
+        guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
+        first = self._step(needles, guess, windows, faces)
+        near = np.abs(first.fraction) <= MAX_FRACTION_ROWS  # not where it is NaN
+        nearest = np.rint(np.where(near, first.fraction, 0.0) * PHASES_PER_ROW).astype(np.intp)
+        again = near & (nearest != guess)
+        if not again.any():
+            return first
+        return first.where(again, self._step(needles[again], nearest[again], windows[again], faces[again]))
+
+    def _step(self, needles: Indices, phase: Indices, windows: Floats, faces: Floats) -> Fits:
+        rows = np.empty((len(windows), 5, windows.shape[1]), np.float32)
+        layers = rows[:, :ONE]
+        np.multiply(self._transparency[needles, phase + self._reach], faces[:, None], out=layers)
+        layers += self._light[needles, phase + self._reach]
+        rows[:, ONE] = 1.0
+        np.subtract(windows, np.float32(MIDDLE_GREY), out=rows[:, SEEN])
+        rows[:, FACE] = faces
+        weighted = rows * self._trust[needles][:, None]
+        moments = (weighted @ rows.transpose(0, 2, 1)).astype(np.float64)
+        return self._solved(moments.transpose(1, 2, 0), phase / PHASES_PER_ROW, self._pixels_per_sample[needles])
+
+    @staticmethod
+    def _solved(moments: Floats, shift_rows: Floats, pixels_per_sample: Floats) -> Fits:
+        total, seen = moments[ONE, ONE], moments[SEEN]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            (gain, offset, shift), shift_variance = _solution(moments)
+            fits = (gain >= MIN_GAIN) & (total > 0)
+            noise = (seen[SEEN] - gain * seen[NEEDLE] - offset * seen[ONE] - shift * seen[SLOPE]) / total
+            variance = np.maximum(noise, 0.0) * np.maximum(shift_variance, 0.0) / pixels_per_sample
+            return Fits(
+                np.where(fits, shift_rows + shift / gain, np.nan),
+                np.where(fits, np.sqrt(variance) / gain, np.inf),
+                np.where(fits, _partial_correlation(moments), 0.0),
+            )
+
+
+def _solution(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:
+    """As `fitting` has it."""
+    a, c, b, x = moments[NEEDLE, [NEEDLE, SLOPE, ONE, SEEN]]
+    f, e, z = moments[SLOPE, [SLOPE, ONE, SEEN]]
+    d, y = moments[ONE, [ONE, SEEN]]
+    aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * aa + b * bb + c * cc
+    determinant = np.where(determinant <= TINY * a * d * f, np.nan, determinant)
+    dd, ee, ff = a * f - c * c, b * c - a * e, a * d - b * b
+    gain = (aa * x + bb * y + cc * z) / determinant
+    offset = (bb * x + dd * y + ee * z) / determinant
+    shift = (cc * x + ee * y + ff * z) / determinant
+    return (gain, offset, shift), ff / determinant
+
+
+def _partial_correlation(moments: Floats) -> Floats:
+    """As `fitting` has it."""
+    total = np.maximum(moments[ONE, ONE], 1e-9)
+
+    def shared(first: int, second: int) -> Floats:
+        product: Floats = moments[first, second] - moments[first, ONE] * moments[second, ONE] / total
+        return product
+
+    of_face = shared(FACE, FACE) + total * FACE_NOISE_LEVELS**2
+    needle_face, seen_face = shared(NEEDLE, FACE), shared(SEEN, FACE)
+    needle_left = shared(NEEDLE, NEEDLE) - needle_face**2 / of_face
+    seen_left = shared(SEEN, SEEN) - seen_face**2 / of_face
+    both = shared(NEEDLE, SEEN) - needle_face * seen_face / of_face
+    shown = np.minimum(needle_left, seen_left) > total * MIN_SPREAD_LEVELS**2
+    correlation = np.divide(both, np.sqrt(needle_left * seen_left), out=np.zeros_like(both), where=shown)
+    clipped: Floats = np.clip(correlation, -1.0, 1.0)
+    return clipped

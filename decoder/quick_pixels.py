@@ -1,0 +1,88 @@
+"""The pixels that the quick reader asks for: of a frame, or of one that is unwrapped already.
+
+Both number the samples of all its gauges through, gauge by gauge, row by row; so an index means the same place in
+either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.alignment import Alignment
+from decoder.arrays import Floats, Indices
+from decoder.pictures import GreyPicture
+from decoder.resampling import PointMap, levels_at, map_points
+from decoder.searching import COARSE_STEP
+from decoder.unwrapping import PolarGrid, UnwrappedGauge
+
+Levels = NDArray[Any]
+"""Grey levels, whole ones where a frame is sampled."""
+
+
+class Pixels(Protocol):
+    """The samples of one frame."""
+
+    searched: Levels
+    """(S,) float32 or uint8: every third column and row of each gauge, rows side by side."""
+
+    def at(self, index: Indices) -> Levels:
+        """(len(index),): samples by their numbers."""
+        ...
+
+
+class QuickGrids:
+    """The grids of some gauges; `gauges` are their places in the panel."""
+
+    def __init__(self, gauges: Sequence[int], grids: Sequence[PolarGrid]) -> None:
+        self.gauges = tuple(gauges)
+        points = [grid.points() for grid in grids]
+        sizes = [own[0].size for own in points]
+        self.first = dict(zip(gauges, np.cumsum([0, *sizes]).tolist(), strict=False))
+        self._points = np.ascontiguousarray(np.concatenate([own.reshape(2, -1) for own in points], axis=1).T)
+        numbers = [
+            first + np.arange(size).reshape(own.shape[1:])
+            for first, size, own in zip(self.first.values(), sizes, points, strict=True)
+        ]
+        thinned = [own[::COARSE_STEP, ::COARSE_STEP].T for own in numbers]
+        self.searched_shapes = [own.shape for own in thinned]
+        self._searched = [own.ravel() for own in thinned]
+        self._index = np.concatenate(self._searched)
+        self._map = PointMap.of([self._points[own].T for own in self._searched])
+
+    @property
+    def searched_parts(self) -> tuple[slice, ...]:
+        """Where each gauge lies in `Pixels.searched`."""
+        return self._map.slices
+
+    def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Pixels:
+        """Of a frame, straight from its own pixels; those for the search at once, while the frame is at hand."""
+        return _FramePixels(self._points, frame, alignment, self._map.levels(frame, alignment))
+
+    def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Pixels:
+        """Of all unwrapped gauges of the panel."""
+        flat = np.concatenate([gauges[index].ravel() for index in self.gauges])
+        return _UnwrappedPixels(flat, flat[self._index])
+
+
+class _FramePixels:
+    def __init__(self, points: Floats, frame: GreyPicture, alignment: Alignment, searched: Levels) -> None:
+        self._points, self._frame, self._alignment = points, frame, alignment
+        self.searched = searched
+
+    def at(self, index: Indices) -> Levels:
+        places = self._alignment.places(map_points(self._points, index))
+        return levels_at(self._frame, places)[: len(index)]
+
+
+class _UnwrappedPixels:
+    def __init__(self, flat: Floats, searched: Levels) -> None:
+        self._flat = flat
+        self.searched = searched
+
+    def at(self, index: Indices) -> Levels:
+        chosen: Levels = self._flat[index]
+        return chosen

@@ -1,0 +1,94 @@
+"""The quick reader: what is plain in a frame, in many frames at once.
+
+Most needles match unmistakably, nowhere else nearly as well, and far from any other. They are read here, with all
+gauges of all frames in the same arrays, and only the pixels that this takes are sampled: every third row and column
+for the search, then a window around each needle. Whatever is less than plain is left to the gauge readers.
+Nothing that is found in a frame depends on the frames beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.arrays import Floats, Mask
+from decoder.fitting import MAX_FRACTION_ROWS
+from decoder.gauge_reader import SCORE_THRESHOLD
+from decoder.matching import MAX_PEAK_ROWS
+from decoder.quick_fit import Fits
+from decoder.quick_pixels import Pixels, QuickGrids
+from decoder.quick_search import Peaks, QuickNeedle, QuickSearch, pairs_of
+from decoder.quick_windows import Windows
+from decoder.rivals import MIN_RIVAL
+
+# How far a covering needle may lie from where the search had it: the search for the one below allows for that.
+MAX_OFF_ROWS = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plain:
+    """What was found in F frames for K needles.
+
+    Attributes
+    ----------
+    row, sigma_rows, score
+        (F, K), as of a `matching.Match`, where it is settled.
+    settled
+        (F, K): whether the needle is there, and shows whole, beyond doubt.
+    coarse
+        For each needle the scores of the search, (F, N).
+    """
+
+    row: Floats
+    sigma_rows: Floats
+    score: Floats
+    settled: Mask
+    coarse: Sequence[Floats]
+
+
+class QuickReader:
+    """Reads some needles of one panel, those of one gauge side by side; `evenly_lit_score` as in `Tuning`."""
+
+    def __init__(self, needles: Sequence[QuickNeedle], evenly_lit_score: float) -> None:
+        self.needles = tuple(needles)
+        grids = {needle.gauge_index: needle.grid for needle in needles}
+        self.grids = QuickGrids(list(grids), list(grids.values()))
+        self.search = QuickSearch(needles, self.grids)
+        self._windows = Windows(needles, self.grids)
+        self._pairs = pairs_of(needles)
+        self._plain = np.array([needle.is_plain for needle in needles])
+        paired = {index for pair in self._pairs for index in pair}
+        self._needed = np.array(
+            [
+                SCORE_THRESHOLD if index in paired else max(SCORE_THRESHOLD, evenly_lit_score)
+                for index in range(len(needles))
+            ]
+        )
+        self._reach_rows = np.array([needle.half_width_rows + MAX_PEAK_ROWS for needle in needles])
+        self._turn_rows = np.array([np.inf if needle.turn_rows is None else needle.turn_rows for needle in needles])
+
+    def read(self, frames: Sequence[Pixels]) -> Plain:
+        """The needles in F frames; those whose gauges do not lie wholly in a frame are not to be believed."""
+        coarse = self.search.scores(frames)
+        peaks = self.search.peaks(coarse)
+        fits = self._windows.fits(frames, peaks)
+        row = peaks.row + fits.fraction
+        return Plain(row, fits.sigma_rows, fits.score, self._settled(peaks, row, fits), coarse)
+
+    def _settled(self, peaks: Peaks, row: Floats, fits: Fits) -> Mask:
+        """(F, K): the least squares agree with the search, the needle matches well, and nowhere else nearly as well."""
+        settled = self._plain & peaks.clear & (fits.score >= self._needed)
+        settled &= (np.abs(fits.fraction) <= MAX_FRACTION_ROWS) & (np.abs(row - peaks.top_row) <= MAX_PEAK_ROWS)
+        apart = np.abs(peaks.rows - row[..., None])
+        apart = np.minimum(apart, np.abs(apart - self._turn_rows[:, None]))
+        # Between two searched rows scores lie on the line: what lies beyond the reach is bounded by one just within.
+        elsewhere = peaks.open & (apart > self._reach_rows[:, None] - 2.5)
+        settled &= peaks.scores.max(axis=2, where=elsewhere, initial=0.0) < MIN_RIVAL
+        for cover, lower in self._pairs:
+            far = self.needles[cover].axis + self.needles[lower].axis
+            both = settled[:, cover] & settled[:, lower] & (np.abs(row[:, cover] - row[:, lower]) > far)
+            both &= np.abs(row[:, cover] - peaks.place[:, cover]) <= MAX_OFF_ROWS
+            settled[:, cover] = settled[:, lower] = both
+        return settled
