@@ -10,13 +10,14 @@ import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
-from decoder.gauge import FULL_CIRCLE_DEG, Gauge
+from decoder.gauge import Gauge
 from decoder.gauge_reader import STACKED
 from decoder.pictures import GreyPicture
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_reader import Plain, QuickReader
 from decoder.quick_search import QuickNeedle
 from decoder.reading import Reading, Status
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.searching import Search, Sought
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper

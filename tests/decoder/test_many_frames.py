@@ -1,0 +1,219 @@
+"""Many frames at once: what is read of a frame does not depend on its company, and is what its gauge readers say."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from decoder.errors import PictureError
+from decoder.fitting import Fitter
+from decoder.flight_tuning import tune
+from decoder.jpeg_header import jpeg_header
+from decoder.many_frames import ManyFrames, PlacedFrame
+from decoder.method import Method
+from decoder.needle_template import NeedleTemplate
+from decoder.panel_pictures import panel_from_attachments
+from decoder.panel_reader import FrameReadings, PanelReader
+from decoder.picture_block import PictureBlock
+from decoder.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.quick_fit import QuickFitter
+from decoder.reading import Status
+from flight_file.reader import Flight, open_flight
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    """The committed flight whose needles touch, hide each other and are lost in reflections."""
+    return open_flight([FIXTURES / "thesis_a2.mcap"])
+
+
+@pytest.fixture(scope="module")
+def pictures(flight: Flight) -> list[GreyPicture]:
+    """Its frames."""
+    return [grey_picture(frame.jpeg) for frame in flight.frames()]
+
+
+@pytest.fixture(scope="module")
+def reader(flight: Flight, pictures: list[GreyPicture]) -> PanelReader:
+    """A reader tuned to it."""
+    panel = panel_from_attachments(flight.attachments, flight="thesis_a2.mcap")
+    return tune(PanelReader.from_panel(panel, Method.NORMXCORR), pictures)
+
+
+def read_in(reader: PanelReader, pictures: Sequence[GreyPicture], cuts: Sequence[int]) -> list[str]:
+    """All that is read of each frame, as text to the last bit, in batches that end at the cuts."""
+    ends = [*sorted(cuts), len(pictures)]
+    firsts = [0, *sorted(cuts)]
+    batches = [pictures[first:end] for first, end in zip(firsts, ends, strict=True)]
+    return [as_text(read) for batch in batches for read in reader.read_many([FramePicture(one) for one in batch])]
+
+
+def as_text(read: FrameReadings | PictureError) -> str:
+    """Every number of a frame's readings, in hexadecimal."""
+    assert isinstance(read, FrameReadings)
+    rows = {
+        name: [one.status, *(value.hex() for value in (one.angle_deg, one.sigma_deg, one.score))]
+        for name, one in read.readings.items()
+    }
+    return json.dumps([rows, [value.hex() for value in read.alignment.elements]])
+
+
+@pytest.fixture(scope="module")
+def together(reader: PanelReader, pictures: list[GreyPicture]) -> list[str]:
+    """The flight read in one batch."""
+    return read_in(reader, pictures, [])
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cuts=st.lists(st.integers(0, 21), max_size=8))
+def test_any_split_into_batches_gives_the_same_bits(
+    reader: PanelReader, pictures: list[GreyPicture], together: list[str], cuts: list[int]
+) -> None:
+    """However the frames are cut into batches, empty ones too, each number is the same to the last bit."""
+    assert read_in(reader, pictures, cuts) == together
+
+
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(order=st.permutations(range(21)))
+def test_order_of_frames_changes_nothing(
+    reader: PanelReader, pictures: list[GreyPicture], together: list[str], order: list[int]
+) -> None:
+    """In whatever company and at whatever place of a batch a frame stands, its readings are the same."""
+    shuffled = read_in(reader, [pictures[index] for index in order], [5, 16])
+
+    assert dict(zip(order, shuffled, strict=True)) == dict(enumerate(together))
+
+
+def test_what_is_plain_is_what_the_gauge_readers_say(reader: PanelReader, pictures: list[GreyPicture]) -> None:
+    """Statuses are equal; rows agree to a thousandth of a degree, sigmas to a thousandth part, scores to 1e-4."""
+    panel, tuning = reader.source.panel, reader.tuning
+    slow = ManyFrames(panel.gauges, reader.grids, tuning, reader._gauges, is_quick=False)
+    quick = ManyFrames(panel.gauges, reader.grids, tuning, reader._gauges, is_quick=True)
+    whole = [True] * len(panel.gauges)
+    frames = [PlacedFrame(one, reader.aligner.align(one), whole) for one in pictures]
+
+    statuses = []
+    for one, other in zip(quick.read(frames), slow.read(frames), strict=True):
+        for own, expected in zip(one, other, strict=True):
+            for name, reading in own.items():
+                statuses.append(reading.status)
+                assert reading.status is expected[name].status
+                assert reading.angle_deg == pytest.approx(expected[name].angle_deg, abs=1e-3)
+                assert reading.sigma_deg == pytest.approx(expected[name].sigma_deg, rel=1e-3)
+                assert reading.score == pytest.approx(expected[name].score, abs=1e-4)
+    assert statuses.count(Status.READ) > 100
+    assert set(statuses) > {Status.READ, Status.EDGE}
+
+
+def test_lost_frame_in_a_batch_is_an_error_in_its_place(reader: PanelReader, pictures: list[GreyPicture]) -> None:
+    """A frame without a panel, and one that could not be opened, are errors where they stand."""
+    unopened = PictureError("is no picture")
+    black = FramePicture(np.zeros_like(pictures[1]))
+    read = reader.read_many([FramePicture(pictures[0]), black, unopened, FramePicture(pictures[2])])
+
+    assert [isinstance(one, FrameReadings) for one in read] == [True, False, False, True]
+    assert read[2] is unopened
+
+
+def needle(rng: np.random.Generator) -> NeedleTemplate:
+    """A bright bar, 25 rows by 8 columns, slightly different each time."""
+    rows = np.arange(25)[:, None] - 12 + rng.uniform(-0.3, 0.3)
+    cover = np.clip(4.0 - np.abs(rows), 0.0, 1.0).repeat(8, axis=1).astype(np.float32)
+    light = (220 * cover).astype(np.float32)
+    ones = np.ones_like(light)
+    return NeedleTemplate(light, ones, light, 1 - cover, ones, 0.5)
+
+
+def test_fits_of_many_needles_are_those_of_one() -> None:
+    """Needles of two templates at all places within a row of the middle: as `Fitter` has them one by one."""
+    rng = np.random.default_rng(61)
+    templates = [needle(rng), needle(rng)]
+    which = rng.integers(0, 2, 40)
+    faces = rng.uniform(20, 60, (40, 25, 8)).astype(np.float32)
+    shifts = rng.uniform(-1.0, 1.0, 40)
+    windows = np.stack(
+        [
+            cv2.warpAffine(
+                templates[one].light + templates[one].transparency * face,
+                np.array([[1.0, 0.0, 0.0], [0.0, 1.0, shift]]),
+                (8, 25),
+                borderMode=cv2.BORDER_REPLICATE,
+            )
+            for one, face, shift in zip(which, faces, shifts, strict=True)
+        ]
+    )
+    guesses = np.clip(shifts, -0.5, 0.5)
+    found = QuickFitter(templates, [0.5, 0.5]).fit(which, windows.reshape(40, -1), faces.reshape(40, -1), guesses)
+
+    for index, (one, window, face, guess) in enumerate(zip(which, windows, faces, guesses, strict=True)):
+        alone = Fitter(templates[one], 0.5).fit(window, lambda _, face=face: face, guess_rows=guess)
+        assert found.fraction[index] == pytest.approx(alone.fraction, abs=1e-4)
+        assert found.sigma_rows[index] == pytest.approx(alone.sigma_rows, rel=1e-2)
+        assert found.score[index] == pytest.approx(alone.score, abs=1e-4)
+
+
+def encoded(picture: GreyPicture, **options: object) -> bytes:
+    """A JPEG in colour, the picture in its green part."""
+    stream = io.BytesIO()
+    Image.fromarray(np.stack([picture, picture[::-1], picture // 2], axis=2)).save(stream, "JPEG", **options)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("options", [{}, {"progressive": True}, {"subsampling": 0}, {"quality": 30}], ids=str)
+def test_pictures_in_a_block_are_the_same_bit_for_bit(pictures: list[GreyPicture], options: dict[str, object]) -> None:
+    """Whatever the kind of JPEG, and in memory that held another picture before."""
+    block = PictureBlock()
+    block.grey_picture(encoded(pictures[0]), 0)
+
+    for picture in (pictures[1], pictures[2][:300, :401]):
+        jpeg = encoded(picture, **options)
+        assert np.array_equal(block.grey_picture(jpeg, 0), grey_picture(jpeg))
+
+
+def test_flight_s_own_frames_are_the_same_bit_for_bit(flight: Flight, pictures: list[GreyPicture]) -> None:
+    """Frames as the camera sent them."""
+    block = PictureBlock()
+    slots = [block.grey_picture(frame.jpeg, slot) for slot, frame in enumerate(flight.frames())]
+
+    assert all(np.array_equal(one, other) for one, other in zip(slots, pictures, strict=True))
+
+
+@pytest.mark.parametrize("cut", [0, 1, 3, 20, 400, -400, -1])
+def test_cut_pictures_are_refused_as_ever(pictures: list[GreyPicture], cut: int) -> None:
+    """A JPEG that breaks off anywhere is an error in a block as it is alone, or gives the same picture."""
+    jpeg = encoded(pictures[0])[:cut]
+    try:
+        alone = grey_picture(jpeg)
+    except PictureError:
+        with pytest.raises(PictureError):
+            PictureBlock().grey_picture(jpeg, 0)
+    else:
+        assert np.array_equal(PictureBlock().grey_picture(jpeg, 0), alone)
+
+
+@given(st.binary(max_size=200))
+def test_header_of_anything_is_none_or_a_size(data: bytes) -> None:
+    """Bytes of any kind give no error and no size of nothing."""
+    header = jpeg_header(b"\xff\xd8\xff" + data)
+
+    assert header is None or min(header.height_px, header.width_px) > 0
+
+
+def test_header_says_the_size(pictures: list[GreyPicture]) -> None:
+    """Height and width as the picture has them; a PNG has no such header."""
+    header = jpeg_header(encoded(pictures[0][:200, :300]))
+
+    assert header is not None
+    assert (header.height_px, header.width_px) == (200, 300)
+    assert jpeg_header(b"\x89PNG") is None
