@@ -10,7 +10,13 @@ import cv2
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 
+from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
+from decoder.commands.decoding import decoded_flight
+from decoder.method import Method
+from decoder.report.of_flight import report_of
+from decoder.report.report import write_report
+from flight_file.reader import open_flight
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 VIEW = {"width": 1440, "height": 900}
@@ -30,6 +36,10 @@ def main() -> int:
         with served(FIXTURES / "thesis_a1.mcap", None, target) as url:
             for scheme in ("dark", "light"):
                 setup_picture(browser, url, scheme, PICTURES / f"setup_{scheme}.png")
+        report = Path(name) / "flight.html"
+        written_report(report)
+        for scheme in ("dark", "light"):
+            report_picture(browser, report, scheme, PICTURES / f"report_{scheme}.png")
         browser.close()
     return 0
 
@@ -43,6 +53,28 @@ def setup_picture(browser: Browser, url: str, scheme: str, path: Path) -> None:
     page.locator("#outline li button", has_text="fuel_flow").click()
     page.locator("#picture").press("f")
     page.locator("#film .cell").nth(19).wait_for()
+    page.wait_for_timeout(500)
+    save_small(page.screenshot(), path)
+    page.close()
+
+
+def written_report(path: Path) -> None:
+    """The report of a flight with reflections and covered needles, the long one if it was rendered."""
+    long = RENDERED / "reflections.mcap"
+    flight = open_flight([long if long.exists() else FIXTURES / "thesis_a2.mcap"])
+    with path.open("wb") as stream:
+        write_report(report_of(decoded_flight(flight, None, Method.NORMXCORR.value)), stream)
+
+
+def report_picture(browser: Browser, report: Path, scheme: str, path: Path) -> None:
+    """The report with a frame in which a needle is hidden."""
+    page = browser.new_page(viewport=VIEW, color_scheme="dark" if scheme == "dark" else "light")  # type: ignore[arg-type]
+    page.goto(report.as_uri())
+    page.wait_for_selector("body[data-ready]")
+    page.locator("#flags tr[data-kind=interpolated] button").nth(1).click()
+    page.keyboard.press("0")
+    page.wait_for_timeout(1500)
+    page.evaluate("window.scrollTo({ top: 0, behavior: 'instant' })")
     page.wait_for_timeout(500)
     save_small(page.screenshot(), path)
     page.close()

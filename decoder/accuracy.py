@@ -17,7 +17,7 @@ from decoder.arrays import Floats
 from decoder.errors import AccuracyError
 from decoder.reading import Status
 from decoder.scale import shortest
-from decoder.tables import Described, Table, flight_table
+from decoder.tables import Described, FlightTable, Table, flight_table
 
 ALL_VALUED = "all"
 CONFIDENCE_SIGMAS = 1.96  # 95 % of a normal distribution
@@ -65,16 +65,21 @@ def compare(flight: Table, truth: Table, *, offset_s: float | None = None) -> li
     AccuracyError
         If the tables share no needle or no row.
     """
-    described = flight_table(flight)
-    shared = [name for name in described.needles if name in truth.columns]
+    return compare_described(flight_table(flight), truth, offset_s=offset_s)
+
+
+def compare_described(flight: FlightTable, truth: Table, *, offset_s: float | None = None) -> list[NeedleAccuracy]:
+    """The same for flight data whose description is at hand."""
+    shared = [name for name in flight.needles if name in truth.columns]
     if not shared:
-        raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(described.needles)} as a column")
+        raise AccuracyError(f"{truth.path}: has none of the needles {', '.join(flight.needles)} as a column")
     results = []
     for name in shared:
-        known = described.described(name)
-        results.append(_needle_accuracy(name, flight, truth_at(flight, truth, name, known.wraps, offset_s), known))
+        known = flight.described(name)
+        true = truth_at(flight.table, truth, name, known.wraps, offset_s)
+        results.append(_needle_accuracy(name, flight.table, true, known))
     if not any(result.frames_compared for result in results):
-        raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.path}")
+        raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.table.path}")
     return results
 
 

@@ -16,8 +16,8 @@ from decoder.arrays import Floats
 from decoder.errors import AccuracyError
 from decoder.reading import Status
 from decoder.tables import FlightTable, Table
+from decoder.truth_request import WINDOW_S
 
-WINDOW_S = 600.0
 STEP_S = 0.5
 # What is left of a longer flight still tells the offset to a step.
 MAX_COARSE_ROWS = 2000

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from decoder.flight_data import FlightData
     from decoder.json_output import Provenance
     from decoder.panel_pictures import PanelPictures
+    from decoder.report.truth_section import TruthSection
     from flight_file.frame import Frame
     from flight_file.reader import Flight
 
@@ -36,6 +37,12 @@ class Decoded:
         None if the flight file carries none.
     with_images
         Whether files that can hold the pictures shall.
+    name
+        What the files' names begin with.
+    command
+        The command that makes the report again.
+    truth
+        What the flight was held against, if it was.
     """
 
     flight: Flight
@@ -44,6 +51,9 @@ class Decoded:
     data: FlightData
     provenance: Provenance
     with_images: bool = False
+    name: str = "flight"
+    command: str = ""
+    truth: TruthSection | None = None
 
     def frames(self) -> Iterator[Frame]:
         """The frames that were decoded, once more."""
@@ -111,6 +121,13 @@ def _layout(decoded: Decoded) -> Write:
     return as_text(partial(write_layout, units))
 
 
+def _html(decoded: Decoded) -> Write:
+    from decoder.report.of_flight import report_of
+    from decoder.report.report import write_report
+
+    return partial(write_report, report_of(decoded))
+
+
 def description(decoded: Decoded) -> Write:
     """The writer of `NAME.json`, which goes with every other file."""
     from decoder.json_output import write_json
@@ -130,6 +147,7 @@ FORMATS: dict[str, Format] = {
     "csv": Format(_csv),
     "mcap": Format(_mcap, takes_images=True),
     "layout": Format(_layout, suffix="layout.json"),
+    "html": Format(_html, needs=("plotly", "report")),
     "parquet": Format(_parquet, needs=("pyarrow", "parquet")),
 }
 

@@ -11,9 +11,9 @@ from decoder.arrays import Floats
 from decoder.errors import AccuracyError, TableError
 from decoder.name_mapping import MappedName
 from decoder.tables import FlightTable, Table, times_ns
+from decoder.truth_request import TIME_COLUMN
 from decoder.units import converted
 
-TIME_COLUMN = "time_s"
 DAY_S = 86400.0
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)")
 

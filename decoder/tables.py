@@ -108,14 +108,25 @@ def flight_table(table: Table) -> FlightTable:
     TableError
         If the table holds no flight data.
     """
-    needles = tuple(name for name in table.columns if f"{name}{STATUS_SUFFIX}" in table.columns)
-    if not needles:
-        raise TableError(f"{table.path}: is no flight data; give the CSV that `decode` wrote")
     try:
         description = json.loads(table.path.with_suffix(".json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         description = {}
-    return FlightTable(table, needles, description if isinstance(description, dict) else {})
+    return flight_table_of(table, description if isinstance(description, dict) else {})
+
+
+def flight_table_of(table: Table, description: Mapping[str, Any]) -> FlightTable:
+    """The flight data in a table, with a description that is at hand.
+
+    Raises
+    ------
+    TableError
+        If the table holds no flight data.
+    """
+    needles = tuple(name for name in table.columns if f"{name}{STATUS_SUFFIX}" in table.columns)
+    if not needles:
+        raise TableError(f"{table.path}: is no flight data; give the CSV that `decode` wrote")
+    return FlightTable(table, needles, description)
 
 
 def times_ns(table: Table, column: str) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from hashlib import sha256
@@ -14,13 +15,16 @@ from tqdm import tqdm
 
 from decoder.attachments import CAMERA_FILE, PANEL_FILE
 from decoder.camera import Camera, parse_camera
+from decoder.csv_output import utc_text
 from decoder.errors import CameraError, PanelMissing
+from decoder.flight_data import FlightData
 from decoder.flight_decoder import Progress, decode_flight
 from decoder.flight_part import FlightPart
 from decoder.formats import Decoded
 from decoder.frame_batch import ReadBatches, read_here
 from decoder.json_output import Provenance, SourceFile
 from decoder.method import Method
+from decoder.output_names import output_name
 from decoder.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.panel_reader import PanelReader
 from flight_file.frame import Frame
@@ -59,6 +63,8 @@ def decoded_flight(
             camera=camera,
             data=data,
             provenance=_provenance(flight, source, panel_file, camera_source, method),
+            name=output_name(flight),
+            command=_command(flight, panel_file, method, camera_file, data),
         )
 
 
@@ -69,6 +75,17 @@ def progress(words: str, frames: int) -> Progress:
         yield from tqdm(through, total=frames, desc=words, unit=" frames", disable=None, leave=False)
 
     return shown
+
+
+def _command(flight: Flight, panel_file: Path | None, method: str, camera_file: Path | None, data: FlightData) -> str:
+    """What to type to get the report again; files by their names alone, wherever they are."""
+    words = ["decode", *(path.name for path in flight.paths)]
+    words += [] if panel_file is None else ["--panel", panel_file.name]
+    words += [] if camera_file is None else ["--camera", camera_file.name]
+    if data.part is not None:
+        first, last = (utc_text(int(data.time_ns[row])) for row in (0, -1))
+        words += ["--from", first, "--to", last, "--every", str(data.part.ranks.step)]
+    return shlex.join([*words, "--method", method, "--format", "html"])
 
 
 def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:

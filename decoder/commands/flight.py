@@ -25,12 +25,14 @@ from decoder.commands.decode_options import (
     refuse_unheld_images,
     start_option,
 )
+from decoder.commands.truth_options import truth_options
 from decoder.errors import PanelMissing
 from decoder.flight_part import AskedPart, FlightPart, part_of
 from decoder.formats import planned_files
 from decoder.interrupts import ends_at_once
 from decoder.jobs import jobs_for
 from decoder.output_names import output_name, refuse_overwriting
+from decoder.truth_request import TruthRequest
 from decoder.typed_time import TypedTime
 from flight_file.reader import Flight, open_flight
 
@@ -45,6 +47,7 @@ Examples:
   decode flight.mcap --panel cockpit/panel.yaml --method xcorr
   decode flight.mcap -o results --format csv,mcap --with-images
   decode flight.mcap --from 12:01:30Z --to 12:04:00Z --every 4
+  decode flight.mcap -o results --format csv,html --truth truth.csv
 """
 
 
@@ -63,6 +66,11 @@ Examples:
 @end_option
 @every_option
 @jobs_option
+@click.option(
+    "--truth", "truth_file", type=click.Path(path_type=Path), metavar="CSV",
+    help="What the report holds the flight against, as `decode accuracy` does; needs --format html.",
+)  # fmt: skip
+@truth_options
 def command(
     *,
     flights: tuple[Path, ...],
@@ -76,12 +84,25 @@ def command(
     end: TypedTime | None,
     every: int,
     jobs: int | None,
+    truth_file: Path | None,
+    map_file: Path | None,
+    time_column: str | None,
+    offset: str | float | None,
+    window_s: float,
+    wants_limits: bool,
 ) -> None:
     """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
 
     NAME is the recording's; a single file that was given another name keeps that one.
     """
     refuse_unheld_images(formats, with_images=with_images)
+    if truth_file is None and (map_file or time_column or offset is not None or wants_limits):
+        raise click.UsageError("--map, --time, --offset and --limits need a --truth")
+    truth = None
+    if truth_file is not None:
+        truth = TruthRequest(truth_file, map_file, time_column, offset, window_s, wants_limits)
+    if truth is not None and "html" not in formats:
+        raise click.UsageError("--truth needs --format html; without a report there is `decode accuracy`")
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
     refuse_overwriting(flight, [directory / file for file in files])
@@ -104,6 +125,7 @@ def command(
         with_images=with_images,
         jobs=jobs,
         part=part,
+        truth=truth,
     )
     if with_loss:
         sys.exit(EXIT_LOSS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -17,7 +18,10 @@ from decoder.frame_batch import read_here
 from decoder.json_output import Provenance
 from decoder.outliers import find_outliers
 from decoder.outputs import Write, write_all
+from decoder.report.truth_section import truth_section
 from decoder.summary import summary_table
+from decoder.truth_comparison import read_truth
+from decoder.truth_request import TruthRequest
 from decoder.worker_pool import Death, WorkerPool
 from flight_file.reader import Flight
 
@@ -35,13 +39,21 @@ def decode_and_write(
     with_images: bool,
     jobs: int,
     part: FlightPart | None,
+    truth: TruthRequest | None,
 ) -> bool:
-    """Decodes a flight, writes its files and says what came out; whether anything was lost on the way."""
+    """Decodes a flight, writes its files and says what came out; whether anything was lost on the way.
+
+    A truth that cannot be read is told of before anything is decoded.
+    """
+    known = None if truth is None else read_truth(truth)
     pool = WorkerPool(jobs) if jobs > 1 else None
     with pool or nullcontext():
         read = read_here if pool is None else pool.read
         decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part)
     decoded = replace(decoded, with_images=with_images)
+    if known is not None:
+        section = truth_section(decoded.data, decoded.provenance, known)
+        decoded = replace(decoded, truth=section, command=f"{decoded.command} {shlex.join(known.request.words)}")
     written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
     _report(decoded.data, decoded.provenance, pool.deaths if pool is not None else [], written)
     return bool(decoded.provenance.losses or (pool is not None and pool.left_out))

@@ -108,6 +108,29 @@ def test_commands_of_flight_data_run(tmp_path: Path) -> None:
     assert any((tmp_path / "pictures").glob("*_fuel.jpg"))
 
 
+def test_commands_of_the_report_run(tmp_path: Path) -> None:
+    """Every command in docs/report.md runs on the demo flight; the truth is in the page, by frame and by a clock."""
+    program = Path(sys.executable).parent
+    shutil.copy(ROOT / "fixtures" / "thesis_a2.mcap", tmp_path / "flight.mcap")
+    truth = (ROOT / "fixtures" / "thesis_a2_truth.csv").read_text(encoding="utf-8").splitlines()
+    (tmp_path / "truth.csv").write_text("\n".join(truth), encoding="utf-8")
+    renamed = [truth[0].replace("time_s", "TIME").replace("n1_pct", "NG"), *truth[1:]]
+    (tmp_path / "fdr.csv").write_text("\n".join(renamed), encoding="utf-8")
+    (tmp_path / "names.yaml").write_text("n1_pct: {name: NG, unit: '%'}\n", encoding="utf-8")
+    fenced = [line for block in blocks(ROOT / "docs" / "report.md") for line in block.splitlines()]
+
+    for line in fenced:
+        done = subprocess.run(
+            [str(program / "decode"), *line.split()[1:]], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, (line, done.stderr)
+    page = (tmp_path / "results" / "flight.html").read_text(encoding="utf-8")
+    assert len(fenced) == 3
+    assert "Held against the truth" in page
+    assert "the curves tell" in page
+    assert "flight.mcap --method normxcorr --format html --truth fdr.csv --map names.yaml" in page
+
+
 def test_camera_description_is_a_camera() -> None:
     """The camera in docs/calibration.md is one that the decoder takes."""
     example = blocks(ROOT / "docs" / "calibration.md", "yaml")[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 from decoder.setup.server import SetupServer, setup_server
 from decoder.setup.session import SetupSession
@@ -20,7 +19,6 @@ from decoder.setup.sources import open_source
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 A1 = FIXTURES / "thesis_a1.mcap"
-CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 
 
 expect.set_options(timeout=20_000)  # a busy machine is no failure
@@ -68,18 +66,6 @@ def start(tmp_path: Path) -> Iterator[Start]:
     yield begin
     for each in running:
         each.stop()
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """A real browser."""
-    found = next((path for name in CHROMIUMS if (path := shutil.which(name))), None)
-    if found is None:
-        pytest.skip("no Chromium on this machine; apt-get install chromium")
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-dev-shm-usage"])
-        yield chromium
-        chromium.close()
 
 
 OpenPage = Callable[[Running], Page]

@@ -1,0 +1,93 @@
+// The evidence: the gauges as they are in the picture of the chosen frame, and over them where the needles were found.
+import { byId, h, s } from "./dom.js";
+import { durationText, frameText, secondsText, spreadText, utcText, valueText } from "./words.js";
+
+export function showEvidence(state) {
+  const { flight } = state;
+  const sources = new Map([...document.querySelectorAll("script.evidence")].map((each) => [Number(each.dataset.row), each]));
+  const rows = [...sources.keys()].sort((one, other) => one - other);
+
+  function nearest(row) {
+    const apart = (other) => Math.abs(flight.time_ms[other] - flight.time_ms[row]);
+    return rows.reduce((best, other) => (best < 0 || apart(other) < apart(best) ? other : best), -1);
+  }
+
+  function show() {
+    const { row } = state;
+    if (row < 0) return;
+    const pictured = sources.has(row) ? row : nearest(row);
+    byId("evidence-title").textContent = `Frame ${flight.frame[row]}`;
+    byId("evidence-time").textContent = `${utcText(flight, row)} · ${secondsText(flight, row)}`;
+    byId("evidence-values").replaceChildren(...flight.needles.map((needle) => reading(flight, needle, row)));
+    const remark = byId("evidence-remark");
+    remark.hidden = pictured === row;
+    const found = pictured < 0 ? null : JSON.parse(sources.get(pictured).textContent);
+    if (pictured < 0) remark.textContent = "This report holds no pictures.";
+    else if (pictured !== row) {
+      const apart = flight.time_ms[pictured] - flight.time_ms[row];
+      remark.textContent = `No pictures of this frame are in the report. Shown is the nearest that has some: ${frameText(flight, pictured)}, ${durationText(apart)} ${apart < 0 ? "before" : "after"}, with its own values.`;
+    }
+    byId("evidence-strip").replaceChildren(...(found ? figures(state, found, pictured) : []));
+    byId("evidence").dataset.row = String(row);
+    byId("evidence").dataset.pictured = String(pictured);
+  }
+
+  state.on("row", show);
+  byId("drawing").addEventListener("change", () => state.toggleDrawing());
+  state.on("row", () => (byId("drawing").checked = state.drawing));
+}
+
+function figures(state, found, row) {
+  const { flight } = state;
+  const reason = flight.lost[row];
+  if (found.trouble) return [h("p", { class: "blank" }, `The picture of this frame could not be drawn: ${found.trouble}`)];
+  if (found.whole) {
+    const words = reason ? `Not read: ${reason}` : "The whole frame";
+    return [h("figure", { class: "whole" }, picture(found.whole, [], words), h("figcaption", {}, words))];
+  }
+  return found.gauges.map((gauge) => {
+    const needles = gauge.needles.map(({ at }) => flight.needles[at]);
+    const names = needles.map((needle) => `${needle.name} ${valueText(needle, row)}`).join(", ");
+    return h("figure", { "data-gauge": gauge.name },
+      picture(gauge, state.drawing ? drawing(flight, gauge, row) : [], `${gauge.name} in ${frameText(flight, row)}: ${names}`),
+      h("figcaption", {}, ...needles.map((needle) => reading(flight, needle, row))));
+  });
+}
+
+function picture({ box, jpeg }, shapes, words) {
+  const [left, top, width, height] = box;
+  return s("svg", { viewBox: box.join(" "), role: "img", "aria-label": words, style: undefined },
+    s("image", { href: `data:image/jpeg;base64,${jpeg}`, x: left, y: top, width, height, preserveAspectRatio: "none" }),
+    ...shapes);
+}
+
+// The rim thin, each needle as a thin line so that its own pixels stay in sight, and a mark outside where it points.
+function drawing(flight, gauge, row) {
+  const { rim, pivot, needles } = gauge;
+  const radius = Math.hypot(rim[0] - pivot[0], rim[1] - pivot[1]);
+  const made = [s("polygon", { points: pairs(rim), class: "rim", "stroke-width": radius / 70 })];
+  for (const { at, line } of needles) {
+    if (!line) continue;
+    const status = flight.statuses[flight.needles[at].status[row]];
+    const [, , x, y] = line;
+    const along = (part) => [pivot[0] + (x - pivot[0]) * part, pivot[1] + (y - pivot[1]) * part];
+    made.push(
+      s("polyline", { points: pairs(line), class: `needle ${status}`, "stroke-width": radius / 36 }),
+      s("polyline", { points: pairs([...along(1.03), ...along(1.17)]), class: "cap", "stroke-width": radius / 9 }),
+      s("polyline", { points: pairs([...along(1.03), ...along(1.17)]), class: `needle ${status}`, "stroke-width": radius / 14 }),
+    );
+  }
+  return made;
+}
+
+const pairs = (flat) => flat.map((value, at) => (at % 2 ? `${value} ` : `${value},`)).join("").trim();
+
+// One value with how it came about.
+function reading(flight, needle, row) {
+  const status = flight.statuses[needle.status[row]];
+  const score = needle.score[row];
+  return h("div", { class: "reading" },
+    h("span", { class: "name" }, needle.name),
+    h("span", { class: "value" }, valueText(needle, row), " ", h("small", {}, spreadText(needle, row))),
+    h("span", { class: "note" }, h("i", { class: `dot ${status}`, "aria-hidden": "true" }), status, Number.isFinite(score) ? ` · score ${score.toFixed(3)}` : ""));
+}

@@ -1,0 +1,37 @@
+// The table of flags: a button leads to each, boxes leave kinds out.
+import { byId } from "./dom.js";
+
+export function useFlags(state) {
+  const rows = [...document.querySelectorAll("#flags tbody tr")];
+  for (const row of rows) {
+    row.querySelector("button").addEventListener("click", () => {
+      goTo(state, Number(row.dataset.first), Number(row.dataset.last));
+      byId("data").scrollIntoView({ block: "start" });
+    });
+  }
+  for (const box of document.querySelectorAll("#kinds input")) {
+    box.addEventListener("change", () => {
+      for (const row of rows) if (row.dataset.kind === box.value) row.hidden = !box.checked;
+    });
+  }
+}
+
+// Looks at a span with as much again around it, and chooses the frame in its middle.
+export function goTo(state, first, last) {
+  const times = state.flight.time_ms;
+  const width = Math.max(times[last] - times[first], (state.all[1] - state.all[0]) / 200, 2000);
+  const middle = (times[first] + times[last]) / 2;
+  state.look(middle - width * 1.5, middle + width * 1.5);
+  state.choose((first + last) >> 1);
+}
+
+// The next flag after the chosen row, or the one before it.
+export function nextFlag(state, direction) {
+  const flags = state.flight.flags;
+  const here = state.row;
+  const middle = ([first, last]) => (first + last) >> 1;
+  const beyond = flags.filter((flag) => (middle(flag) - here) * direction > 0);
+  if (!beyond.length) return;
+  const best = beyond.reduce((one, other) => ((middle(other) - middle(one)) * direction < 0 ? other : one));
+  state.choose(middle(best));
+}

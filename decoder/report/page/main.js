@@ -1,0 +1,52 @@
+// Puts the page together once all of it is there.
+import { byId } from "./dom.js";
+import { loadFlight } from "./columns.js";
+import { drawCharts } from "./charts.js";
+import { showEvidence } from "./evidence.js";
+import { useFlags } from "./flags.js";
+import { useKeys } from "./keys.js";
+import { TimePlot } from "./plot.js";
+import { State } from "./state.js";
+import { errorTrack, needleTrack } from "./tracks.js";
+import { durationText, spreadText, utcText, valueText } from "./words.js";
+
+const flight = loadFlight();
+const state = new State(flight);
+
+for (const host of document.querySelectorAll("[data-plot]")) {
+  const at = Number(host.dataset.at);
+  const track = { needle: () => needleTrack(flight, at), error: () => errorTrack(flight, at), alignment: () => flight.alignment[at] }[host.dataset.plot]();
+  new TimePlot(host, state, track);
+}
+
+function tellValues() {
+  const { row } = state;
+  for (const place of document.querySelectorAll("[data-value]")) {
+    const needle = flight.needles[Number(place.dataset.value)];
+    place.textContent = row < 0 ? "" : `${valueText(needle, row)} ${spreadText(needle, row)}`;
+  }
+}
+
+function tellView() {
+  const [from, to] = state.view;
+  byId("view").textContent = flight.rows ? `${durationText(to - from)} in view` : "";
+}
+
+state.on("row", tellValues);
+state.on("view", tellView);
+showEvidence(state);
+useFlags(state);
+useKeys(state);
+drawCharts(state);
+tellView();
+
+// Another width or another scheme: the plots are drawn anew; on paper all of them, at once.
+for (const [what, event] of [[matchMedia("(prefers-color-scheme: dark)"), "style"], [matchMedia("print"), "paper"]]) {
+  what.addEventListener("change", () => state.tell(event));
+}
+addEventListener("resize", () => state.tell("style"));
+addEventListener("beforeprint", () => state.tell("paper"));
+addEventListener("afterprint", () => state.tell("style"));
+
+state.choose(flight.flags.length ? (flight.flags[0][0] + flight.flags[0][1]) >> 1 : 0);
+requestAnimationFrame(() => requestAnimationFrame(() => (document.body.dataset.ready = "")));
