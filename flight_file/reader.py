@@ -145,13 +145,17 @@ class Flight:
         return [count_images(segment) for segment in self.segments]
 
     def sha256_of_files(self) -> dict[Path, str]:
-        """SHA-256 of each file's bytes, hexadecimal.
+        """SHA-256 of each file's bytes when it was first asked for, hexadecimal.
 
         Raises
         ------
         FlightNotReadableError
             If a file cannot be read.
         """
+        return dict(self._digests)
+
+    @cached_property
+    def _digests(self) -> dict[Path, str]:
         digests = {}
         for path in self.paths:
             with opened(path) as source:

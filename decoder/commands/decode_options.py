@@ -58,6 +58,9 @@ jobs_option = click.option(
     "--jobs", type=click.IntRange(min=1), metavar="N",
     help="Read with N processes.  [default: one for each core, one alone for a short flight]",
 )  # fmt: skip
+resume_option = click.option(
+    "--resume", is_flag=True, help="Go on with an earlier decode of this flight that was broken off."
+)
 format_option = click.option(
     "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
     help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",

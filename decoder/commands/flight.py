@@ -23,6 +23,7 @@ from decoder.commands.decode_options import (
     method_option,
     panel_option,
     refuse_unheld_images,
+    resume_option,
     start_option,
 )
 from decoder.commands.truth_options import truth_options
@@ -71,6 +72,7 @@ Examples:
     help="What the report holds the flight against, as `decode accuracy` does; needs --format html.",
 )  # fmt: skip
 @truth_options
+@resume_option
 def command(
     *,
     flights: tuple[Path, ...],
@@ -90,6 +92,7 @@ def command(
     offset: str | float | None,
     window_s: float,
     wants_limits: bool,
+    resume: bool,
 ) -> None:
     """Decode FLIGHT, one flight file or the segments of one recording, into NAME.csv and NAME.json.
 
@@ -126,6 +129,7 @@ def command(
         jobs=jobs,
         part=part,
         truth=truth,
+        resume=resume,
     )
     if with_loss:
         sys.exit(EXIT_LOSS)

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import click
 
 from decoder.commands.decoding import decoded_flight
+from decoder.decode_identity import identity_of
+from decoder.decode_journal import SUFFIX, DecodeJournal
+from decoder.errors import DecoderError, FlightUnreadable
 from decoder.flight_data import FlightData
 from decoder.flight_part import FlightPart
 from decoder.formats import Decoded
 from decoder.frame_batch import read_here
 from decoder.json_output import Provenance
 from decoder.outliers import find_outliers
+from decoder.output_names import output_name
 from decoder.outputs import Write, write_all
 from decoder.report.truth_section import truth_section
 from decoder.summary import summary_table
 from decoder.truth_comparison import read_truth
 from decoder.truth_request import TruthRequest
 from decoder.worker_pool import Death, WorkerPool
+from flight_file.errors import FlightFileError
 from flight_file.reader import Flight
 
 MAX_LISTED = 10
@@ -40,6 +46,7 @@ def decode_and_write(
     jobs: int,
     part: FlightPart | None,
     truth: TruthRequest | None,
+    resume: bool,
 ) -> bool:
     """Decodes a flight, writes its files and says what came out; whether anything was lost on the way.
 
@@ -47,16 +54,38 @@ def decode_and_write(
     """
     known = None if truth is None else read_truth(truth)
     pool = WorkerPool(jobs) if jobs > 1 else None
-    with pool or nullcontext():
-        read = read_here if pool is None else pool.read
+    journal = DecodeJournal(
+        directory / f"{output_name(flight)}{SUFFIX}", partial(identity_of, flight, part), resume=resume, tell=_tell
+    )
+    with pool or nullcontext(), _kept(journal):
+        read = journal.around(read_here if pool is None else pool.read)
         decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part)
     decoded = replace(decoded, with_images=with_images)
     if known is not None:
         section = truth_section(decoded.data, decoded.provenance, known)
         decoded = replace(decoded, truth=section, command=f"{decoded.command} {shlex.join(known.request.words)}")
     written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
+    journal.remove()
     _report(decoded.data, decoded.provenance, pool.deaths if pool is not None else [], written)
     return bool(decoded.provenance.losses or (pool is not None and pool.left_out))
+
+
+@contextmanager
+def _kept(journal: DecodeJournal) -> Iterator[None]:
+    """Says, where a decode is broken off, what is kept of it."""
+    try:
+        yield
+    except FlightUnreadable:
+        journal.remove()
+        raise
+    except (KeyboardInterrupt, DecoderError, FlightFileError):
+        if journal.frames:
+            _tell(f"{journal.path} keeps {journal.frames} frames; --resume goes on from there")
+        raise
+
+
+def _tell(sentence: str) -> None:
+    click.echo(f"decode: {sentence}", err=True)
 
 
 def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], written: list[Path]) -> None:

@@ -1,0 +1,172 @@
+"""The journal of a long decode, beside its outputs: with it, a decode that was broken off goes on where it was.
+
+Every batch that is read is noted in it. It is bound to all that its readings depend on, begins when there is something
+to lose, and is gone when the flight data are written.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import chain
+from pathlib import Path
+from typing import IO
+
+from decoder.errors import OutputError
+from decoder.frame_batch import Batch, Outcome, ReadBatches
+from decoder.outcome_text import content_of, line_of, outcomes_of, plain_batch
+from decoder.panel_reader import PanelReader
+
+SUFFIX = ".decode-journal"
+# About so many batches are read in two seconds: what is done again sooner than thought about leaves no file behind.
+BEGIN_AFTER = 64
+
+Identity = Mapping[str, object]
+"""All that readings depend on, by what it is called."""
+
+
+class DecodeJournal:
+    """The journal at a path.
+
+    Parameters
+    ----------
+    identity
+        Of this decode, once its reader is there.
+    resume
+        Whether to go on with what is at the path, if it is of the same decode.
+    tell
+        Is given a sentence where what is there is not used, or is replaced.
+    begin_after
+        Batches that are read before anything is written.
+
+    Attributes
+    ----------
+    frames
+        How many the file holds of this decode.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        identity: Callable[[PanelReader], Identity],
+        *,
+        resume: bool,
+        tell: Callable[[str], None],
+        begin_after: int = BEGIN_AFTER,
+    ) -> None:
+        self.path = path
+        self.frames = 0
+        self._identity = identity
+        self._resume = resume
+        self._tell = tell
+        self._begin_after = begin_after
+        self._is_ours = False
+        self._stream: IO[bytes] | None = None
+        self._waiting: list[bytes] = []
+        self._waiting_frames = 0
+
+    def around(self, read: ReadBatches) -> ReadBatches:
+        """Reads batches as `read` does, except those that the journal knows, and notes them.
+
+        What comes out raises OutputError if the journal cannot be written.
+        """
+
+        def read_on(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
+            coming, unknown = iter(cut), list[Batch]()
+            self._is_ours = self._is_begun_by(reader)
+            if self._is_ours and self._resume:
+                yield from self._known(coming, unknown)
+            for batch, outcomes in read(reader, chain(unknown, coming)):
+                self._note(reader, batch, outcomes)
+                yield batch, outcomes
+
+        return read_on
+
+    def remove(self) -> None:
+        """Closes the journal, and removes it if it is of this decode."""
+        self.close()
+        if self._is_ours:
+            self.path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Leaves the file as it is."""
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+
+    def _is_begun_by(self, reader: PanelReader) -> bool:
+        """Whether there is a journal of this decode; says what there is instead, or that it is not gone on with."""
+        if not self.path.is_file():
+            if self._resume:
+                self._tell(f"{self.path} is not there, so this decode starts at the beginning")
+            return False
+        with self.path.open("rb") as stream:
+            found, ours = content_of(stream.readline()), dict(self._identity(reader))
+            if found == ours and not self._resume:
+                frames = sum(len(content["frames"]) for content in map(content_of, stream) if content is not None)
+                self._tell(
+                    f"{self.path}: an earlier decode was broken off after {frames} frames; this one starts over, "
+                    "--resume would have gone on from there"
+                )
+        if found != ours and self._resume:
+            self._tell(f"{self.path} {_difference(found, ours)}, so this decode starts at the beginning")
+        return bool(found == ours)
+
+    def _known(self, coming: Iterator[Batch], unknown: list[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
+        """The batches that were read before; one that was taken to see that it was not goes to `unknown`."""
+        with self.path.open("rb") as stream:
+            whole_bytes = len(stream.readline())
+            for line in stream:
+                content = content_of(line)
+                batch = None if content is None else next(coming, None)
+                if batch is None:
+                    break
+                outcomes = outcomes_of(content, batch)
+                if outcomes is None:
+                    unknown.append(batch)
+                    break
+                whole_bytes += len(line)
+                self.frames += len(batch)
+                yield batch, outcomes
+        with self._failing_as_output():
+            os.truncate(self.path, whole_bytes)
+            self._stream = self.path.open("ab")
+
+    def _note(self, reader: PanelReader, batch: Batch, outcomes: list[Outcome]) -> None:
+        self._waiting.append(line_of(plain_batch(batch, outcomes)))
+        self._waiting_frames += len(batch)
+        if self._stream is None and len(self._waiting) < self._begin_after:
+            return
+        with self._failing_as_output():
+            stream = self._stream or self._begun(reader)
+            stream.writelines(self._waiting)
+            stream.flush()
+        self.frames += self._waiting_frames
+        self._waiting, self._waiting_frames = [], 0
+
+    def _begun(self, reader: PanelReader) -> IO[bytes]:
+        if self.path.exists() and not self._is_ours:
+            self._tell(f"{self.path}: the journal of another decode is replaced")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._stream = self.path.open("wb")
+        self._stream.write(line_of(self._identity(reader)))
+        self._is_ours = True
+        return self._stream
+
+    @contextmanager
+    def _failing_as_output(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(
+                f"{self.path}: cannot be written: {error.strerror}; choose another folder with -o"
+            ) from error
+
+
+def _difference(found: object, ours: Identity) -> str:
+    """What makes a journal another decode's, in words."""
+    if not isinstance(found, dict):
+        return "is no journal of a decode"
+    names = [name for name, value in ours.items() if found.get(name) != value]
+    return f"is of another decode ({', '.join(names)})"

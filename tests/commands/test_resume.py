@@ -1,0 +1,93 @@
+"""`decode --resume` after a real `kill -9`: the same bytes as without one."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+MakeFlight = Callable[..., Path]
+
+# As the program, but it notes every batch from the first on: a flight of some seconds is too long for a test.
+EAGER = """
+from decoder.decode_journal import DecodeJournal
+DecodeJournal.__init__.__kwdefaults__["begin_after"] = 1
+from decoder.start import main
+main()
+"""
+
+
+@pytest.fixture
+def flight(make_flight: MakeFlight, pictures: list[bytes]) -> Path:
+    """A flight of 120 frames, eight batches."""
+    return make_flight(pictures * 6)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """What lies in a folder, by name."""
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def eager(*words: object) -> subprocess.Popen[str]:
+    """A decode that keeps a journal from the first batch on."""
+    command = [sys.executable, "-c", EAGER, *map(str, words)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def stopped(running: subprocess.Popen[str], journal: Path, batches: int, how: signal.Signals) -> str:
+    """Sends a signal when so many batches are in the journal; gives what the decode says on stderr."""
+    with running:
+        while running.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") > batches):
+            time.sleep(0.005)
+        running.send_signal(how)
+        _, said = running.communicate(timeout=60)
+    assert running.returncode != 0
+    return said
+
+
+def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(run: Run, flight: Path, tmp_path: Path) -> None:
+    """Each time it goes on where it was; at the end the files are those of an unbroken decode, and nothing else."""
+    run("decode", flight, "-o", tmp_path / "whole")
+    journal = tmp_path / "out" / "flight.decode-journal"
+    for batches, jobs in ((1, 1), (3, 2), (5, 1)):
+        words = (flight, "-o", tmp_path / "out", "--resume", "--jobs", jobs)
+        stopped(eager(*words), journal, batches, signal.SIGKILL)
+        assert contents(tmp_path / "out").keys() == {journal.name}
+        assert journal.read_bytes().count(b"\n") > batches
+    with eager(flight, "-o", tmp_path / "out", "--resume") as running:
+        _, said = running.communicate(timeout=60)
+
+    assert running.returncode == 0
+    assert "decode: " not in said
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
+def test_interrupted_decode_says_how_to_go_on(run: Run, flight: Path, tmp_path: Path) -> None:
+    """Ctrl-C keeps what was read; the same command again starts over, and says so."""
+    journal = tmp_path / "out" / "flight.decode-journal"
+    said = stopped(eager(flight, "-o", tmp_path / "out", "--jobs", "1"), journal, 2, signal.SIGINT)
+    again = run("decode", flight, "-o", tmp_path / "out")
+
+    assert "frames; --resume goes on from there" in said
+    assert "decode: interrupted; nothing was written" in said
+    assert "Traceback" not in said
+    assert "this one starts over, --resume would have gone on from there" in again.stderr
+    assert again.returncode == 0
+    assert not journal.exists()
+
+
+def test_changed_options_are_not_resumed(run: Run, flight: Path, tmp_path: Path) -> None:
+    """A journal of the whole flight is none of a part of it, nor of the other method."""
+    journal = tmp_path / "out" / "flight.decode-journal"
+    stopped(eager(flight, "-o", tmp_path / "out"), journal, 2, signal.SIGKILL)
+    part = run("decode", flight, "-o", tmp_path / "out", "--resume", "--every", "20", "--method", "xcorr")
+
+    assert part.returncode == 0
+    assert "is of another decode (method, part), so this decode starts at the beginning" in part.stderr
+    assert journal.exists()
