@@ -26,8 +26,8 @@ STATUSES = tuple(Status)
 CODE = {status: code for code, status in enumerate(STATUSES)}
 NOWHERE = float("nan")
 
-SystematicDeg = Callable[[str, Floats], Floats]
-"""Tells what the readings of a needle, by its name, at (N,) angles may be off by together: (N,) degrees."""
+PanelSigmaDeg = Callable[[str, Floats], Floats]
+"""Tells what the readings of a needle, by its name, at (N,) angles are uncertain by beyond their own frames: (N,) deg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,18 +153,20 @@ class FlightDataBuilder:
         for column in self._columns.values():
             column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
 
-    def build(self, systematic_deg: SystematicDeg) -> FlightData:
+    def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
         """The flight data so far."""
-        series = tuple(_series(quantity, self._columns[quantity.name], systematic_deg) for quantity in self._quantities)
+        series = tuple(
+            _series(quantity, self._columns[quantity.name], panel_sigma_deg) for quantity in self._quantities
+        )
         frame, time_ns = np.array(self._frame), np.array(self._time_ns)
         return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations, alignments=self._alignments)
 
 
-def _series(quantity: Quantity, column: _Column, systematic_deg: SystematicDeg) -> NeedleSeries:
+def _series(quantity: Quantity, column: _Column, panel_sigma_deg: PanelSigmaDeg) -> NeedleSeries:
     scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
     valued = status != CODE[Status.MISSING]
-    sigma_deg = np.hypot(np.array(column.sigma_deg), systematic_deg(quantity.name, angle_deg))
+    sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(quantity.name, angle_deg))
     return NeedleSeries(
         quantity=quantity,
         status=status,

@@ -64,7 +64,7 @@ def decode_flight(
         frames += len(batch)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
-    data = builder.build(fitted.systematic_deg)
+    data = builder.build(fitted.sigma_deg)
     return fill_gaps(replace(data, moved_pivots_px=fitted.moved_px, warnings=reader.warnings, part=part))
 
 

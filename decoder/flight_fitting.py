@@ -1,6 +1,6 @@
 """Fitting a reader to a flight: needles and dials as its own frames show them, and pivots where its needles turn.
 
-Also what is left of both: how far all readings of a needle may be off together.
+Also what is left of both: what readings are uncertain by beyond what their own frames tell.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
 from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
+from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertainties
 
-# A panel drawn on a picture is good to about a tenth of a pixel, at the needle's mean radius.
-PANEL_PRECISION_PX = 0.1
 ROUNDS = 4
 # With so many of the sampled frames found there is no need to look for the camera elsewhere.
 MIN_FOUND = 8
@@ -52,37 +51,25 @@ class FittedReader:
 
     Attributes
     ----------
-    pivots
-        By the gauges' order in the panel: what is still to be thought of each pivot.
+    uncertainties
+        By quantity: what its readings are uncertain by beyond what their frames tell.
     moved_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y).
     """
 
     reader: PanelReader
-    pivots: tuple[Pivot, ...]
+    uncertainties: Mapping[str, QuantityUncertainty]
     moved_px: Mapping[str, tuple[float, float]]
 
-    def systematic_deg(self, name: str, angles_deg: Floats) -> Floats:
-        """(N,): what all readings of a needle at these angles may be off by together, a standard uncertainty."""
-        ((gauge, pivot),) = (
-            (gauge, pivot)
-            for gauge, pivot in zip(self.reader.source.panel.gauges, self.pivots, strict=True)
-            if name in [quantity.name for quantity in gauge.quantities]
-        )
-        radius_px = sum(gauge.radius) / 2
-        drawn_deg = math.degrees(PANEL_PRECISION_PX / radius_px)
-        needles = [needle for needle in gauge.needles if needle.name == name]
-        if not needles:  # a card is read all round: beside its pivot one half makes up for the other
-            return np.full_like(angles_deg, drawn_deg)
-        at = needles[0].template.at
-        zero_deg = sum(gauge.sweep) / 2 if at is None else at
-        off: Floats = np.hypot(drawn_deg, pivot.sigma_deg(angles_deg, zero_deg, radius_px))
-        return off
+    def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
+        """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
+        return self.uncertainties[name].sigma_deg(angles_deg)
 
 
 def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     """The reader fitted to the flight of which `sample` gives some frames."""
-    drawn = reader.source.panel.gauges
+    source = reader.source
+    drawn = source.panel.gauges
     samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     usual = None if len(samples) >= MIN_FOUND else _first_sight(reader, sample, len(samples))
     if usual is not None:
@@ -110,12 +97,12 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             )
         )
         panel = reader.source.panel.model_copy(update={"gauges": gauges})
-        source = replace(reader.source, panel=panel, planes=planes)
+        moved_source = replace(reader.source, panel=panel, planes=planes)
         reader = PanelReader(
-            source,
+            moved_source,
             reader.method,
             replace(
-                tuning_from_panel(source),
+                tuning_from_panel(moved_source),
                 usual=tuned.tuning.usual,
                 dials_move=reader.tuning.dials_move,
                 lifts=lifts,
@@ -128,7 +115,8 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         for gauge, before in zip(now, drawn, strict=True)
         if gauge.centre != before.centre
     }
-    return FittedReader(tuned, pivots, moved)
+    uncertainties = quantity_uncertainties(source, pivots, dials_move=tuned.tuning.dials_move)
+    return FittedReader(tuned, uncertainties, moved)
 
 
 def _any_missing(found: Sequence[Mapping[str, Reading]]) -> bool:
@@ -230,7 +218,7 @@ def _moved(reader: PanelReader, drawn: Sequence[Gauge], pivots: Sequence[Pivot])
 
 def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:
     distance_px = math.hypot(*pivot.offset_px)
-    return distance_px > SETTLED_PX if was_moved else distance_px > PANEL_PRECISION_PX and pivot.is_certain
+    return distance_px > SETTLED_PX if was_moved else distance_px > DRAWN_PX and pivot.is_certain
 
 
 def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, pivot: Pivot) -> Gauge:

@@ -23,8 +23,9 @@ from decoder.motion import Frame2D, Model
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap
 
-# Around a dial its rim and its case hold it in place, too.
+# Around a dial its rim and its case hold it in place, too; around a tiny one, what is beside it.
 REACH = 1.25
+BESIDE_PX = 20.0
 # A needle's template is this much wider than the needle at least.
 BESIDE_SWEEP_DEG = 6.0
 POINTS_ACROSS = 48
@@ -261,7 +262,7 @@ def _on(picture: GreyPicture, points: Floats, own: Alignment) -> Mask:
 
 def _points(gauge: Gauge, plane: DialPlane | None) -> Floats:
     """(2, N) float32: a grid of points on the dial and around it, without those under the panel picture's needles."""
-    inner, outer = gauge.radius[0], gauge.radius[1] * REACH
+    inner, outer = gauge.radius[0], max(gauge.radius[1] * REACH, gauge.radius[1] + BESIDE_PX)
     stride = max(1.0, 2 * outer / POINTS_ACROSS)
     steps = np.arange(-outer, outer + stride, stride)
     across, down = (grid.ravel() for grid in np.meshgrid(steps, steps))

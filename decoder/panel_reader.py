@@ -29,9 +29,6 @@ from decoder.resampling import inside
 from decoder.tuning import Tuning
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
-# What a dial that is found by itself may be off by beyond its own pixels' noise, by the simulator's moving camera.
-FOUND_DIAL_PX = 0.2
-
 
 @dataclass(frozen=True, slots=True)
 class UnwrappedFrame:
@@ -243,7 +240,7 @@ class PanelReader:
     def _dial_sigmas_px(self, unwrapped: UnwrappedFrame) -> Floats:
         """(gauges,): how uncertain the place of each dial is, in the panel picture's pixels."""
         if unwrapped.dial_sigmas_px:
-            return np.hypot(unwrapped.dial_sigmas_px, FOUND_DIAL_PX)
+            return np.array(unwrapped.dial_sigmas_px)
         return np.array(self._sigma_px(unwrapped.alignment))
 
     def _sigma_px(self, alignment: Alignment) -> tuple[float, ...]:

@@ -30,6 +30,7 @@ PRIOR_LIFT = 0.2
 HUBER_SPREADS = 2.0
 ROBUST_PASSES = 4
 SIGNIFICANT_SPREADS = 2.5
+MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +61,16 @@ class Pivot:
     lift
         How far the needle goes beyond its dial, for each pixel that the dial moves against the anchors: it stands
         nearer to the camera.
+    scatter_px2, tilts
+        The variance of the needles' tilts beyond their own noise, which may come out below nothing, and how many
+        tilts tell it: by so much the dial is not where it was unwrapped, another way in each frame.
     """
 
     offset_px: tuple[float, float]
     covariance_px2: Floats
     lift: float = 0.0
+    scatter_px2: float = 0.0
+    tilts: int = 0
 
     @property
     def is_certain(self) -> bool:
@@ -146,7 +152,12 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         scale = max(float(np.median(spreads)) / 0.6745, 1.0)
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
     covariance = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)[:2, :2]
-    return Pivot((float(solution[0]), float(solution[1])), covariance, float(solution[-1]))
+    left = seen - rows @ solution
+    scatter_px2 = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
+    own_px2 = float(np.median([tilt.sigma_px for tilt in tilts])) ** 2
+    return Pivot(
+        (float(solution[0]), float(solution[1])), covariance, float(solution[-1]), scatter_px2 - own_px2, len(left)
+    )
 
 
 def _across(angles_deg: Floats) -> Floats:

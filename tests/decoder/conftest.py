@@ -223,7 +223,7 @@ def fly() -> Callable[..., FlightData]:
         *,
         content: dict[str, Any] | None = None,
         times_s: Sequence[float] | None = None,
-        systematic_deg: float = 0.0,
+        panel_sigma_deg: float = 0.0,
     ) -> FlightData:
         panel = own if content is None else parse_panel(yaml.safe_dump(content))
         builder = FlightDataBuilder(panel)
@@ -234,6 +234,6 @@ def fly() -> Callable[..., FlightData]:
                 builder.add_missing(index, time_ns, frame)
             else:
                 builder.add(index, time_ns, FrameReadings(IDENTITY, {**still, **frame}))
-        return builder.build(lambda _, angles_deg: np.full_like(angles_deg, systematic_deg))
+        return builder.build(lambda _, angles_deg: np.full_like(angles_deg, panel_sigma_deg))
 
     return make

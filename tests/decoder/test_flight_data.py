@@ -56,7 +56,7 @@ def test_sigma_of_a_falling_scale_is_positive(fly: Fly, reading: MakeReading, do
 
 def test_systematic_uncertainty_is_added_in_squares(fly: Fly, reading: MakeReading) -> None:
     """What all readings may be off by together adds to each one's own spread."""
-    data = fly([{"al_lb": reading(200.0, sigma_deg=0.3)}], systematic_deg=0.4)
+    data = fly([{"al_lb": reading(200.0, sigma_deg=0.3)}], panel_sigma_deg=0.4)
 
     assert data.series[1].sigma == pytest.approx([5.0])
 

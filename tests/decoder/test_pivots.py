@@ -140,9 +140,9 @@ def test_doubt_about_the_pivot_grows_away_from_the_needles_zero(reader_of: MakeR
     reader = reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True))
     still = [draw({**angles_of(seed), "speed_kt": 225.0}, noise=2.0, seed=seed, ticks=True) for seed in range(900, 916)]
     fitted = fit_to_flight(reader, lambda _: still)
-    near, far = fitted.systematic_deg("speed_kt", np.array([225.0, 405.0]))
+    near, far = fitted.sigma_deg("speed_kt", np.array([225.0, 405.0]))
 
-    assert near == pytest.approx(math.degrees(0.1 / 36.0), rel=0.01)
+    assert near < 0.1
     assert far > 0.5
 
 

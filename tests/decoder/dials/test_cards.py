@@ -156,7 +156,7 @@ def test_card_goes_into_the_flight_data(first: PanelReader, draw: Draw) -> None:
     builder = FlightDataBuilder(first.source.panel)
     for index, frame in enumerate(frames):
         builder.add(index, index * 500_000_000, fitted.reader.read(frame))
-    (series,) = fill_gaps(builder.build(fitted.systematic_deg)).series
+    (series,) = fill_gaps(builder.build(fitted.sigma_deg)).series
 
     off = shortest(series.value - np.array([heading_of(turn_deg) for turn_deg in turns_deg]), 360.0)
     assert series.quantity.name == "heading_deg"

@@ -1,0 +1,104 @@
+"""What readings are uncertain by beyond what their own frames tell: the panel's drawing, the pivot, the dial's place.
+
+A frame tells how sharply a needle is seen and how well the panel is found. It does not tell how precisely somebody
+drew the scale (the printed marks do), where the needle truly turns (its tilts do), nor by how much a dial is found
+beside its place (the scatter of those tilts does).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.arrays import Floats
+from decoder.panel_pictures import PanelPictures
+from decoder.pivots import Pivot
+from decoder.printed_marks import drawn_to_deg, marks_off_deg
+
+# Where a dial's marks do not tell how precisely it is drawn: about a tenth of a pixel, at the needle's mean radius.
+DRAWN_PX = 0.1
+# Where they do, so much is left for what has no marks: the needle's zero.
+ZERO_PX = 0.02
+# A dial that is found by itself is off by about this beyond its own pixels' noise.
+FOUND_PX = 0.04
+# One dial's needles tell little of how well dials are found: the others count for as much as so many tilts of its own.
+SHARED_TILTS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityUncertainty:
+    """One quantity's: `drawn_deg` by its scale, `place_px` by where its dial is found, and its gauge's pivot.
+
+    `zero_deg` is the angle at which the needle's zero was set; None for a card, which is read all round: beside its
+    pivot one half makes up for the other.
+    """
+
+    drawn_deg: float
+    place_px: float
+    radius_px: float
+    pivot: Pivot
+    zero_deg: float | None
+
+    def sigma_deg(self, angles_deg: Floats) -> Floats:
+        """(N,): a standard uncertainty for readings at these angles."""
+        constant_deg = math.hypot(self.drawn_deg, math.degrees(self.place_px / self.radius_px))
+        if self.zero_deg is None:
+            return np.full_like(angles_deg, constant_deg)
+        sigma: Floats = np.hypot(constant_deg, self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
+        return sigma
+
+
+def quantity_uncertainties(
+    drawn: PanelPictures, pivots: Sequence[Pivot], *, dials_move: bool
+) -> dict[str, QuantityUncertainty]:
+    """By quantity's name.
+
+    Parameters
+    ----------
+    drawn
+        The panel as it was given, before pivots were moved.
+    pivots
+        By the gauges' order in the panel: what is still to be thought of each.
+    dials_move
+        Whether each dial is found by itself.
+    """
+    places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
+    uncertainties = {}
+    for index, (gauge, pivot, place_px) in enumerate(zip(drawn.panel.gauges, pivots, places_px, strict=True)):
+        radius_px, grid = sum(gauge.radius) / 2, drawn.grid(index)
+        zeros_deg = {needle.name: needle.template.at for needle in gauge.needles}
+        for quantity in gauge.quantities:
+            off_deg = marks_off_deg(
+                [angle for angle, _ in quantity.marks], gauge.radius[1], grid, drawn.picture, drawn.optics.own
+            )
+            scale_deg = drawn_to_deg(off_deg, gauge.radius[1])
+            zero_px = DRAWN_PX if scale_deg is None else ZERO_PX
+            zero_deg = zeros_deg.get(quantity.name)
+            uncertainties[quantity.name] = QuantityUncertainty(
+                math.hypot(scale_deg or 0.0, math.degrees(zero_px / radius_px)),
+                place_px if quantity.name in zeros_deg else 0.0,
+                radius_px,
+                pivot,
+                (sum(gauge.sweep) / 2 if zero_deg is None else zero_deg) if quantity.name in zeros_deg else None,
+            )
+    return uncertainties
+
+
+def _places_px(pivots: Sequence[Pivot], least_px: float) -> list[float]:
+    """By gauge: how far its dial is beside where it is unwrapped, as its needles' tilts scatter."""
+    shared_px2 = _middling([pivot.scatter_px2 for pivot in pivots if pivot.tilts])
+    own_px2 = [
+        (pivot.tilts * pivot.scatter_px2 + SHARED_TILTS * shared_px2) / (pivot.tilts + SHARED_TILTS) for pivot in pivots
+    ]
+    return [math.hypot(least_px, math.sqrt(max(value, 0.0))) for value in own_px2]
+
+
+def _middling(values: Sequence[float]) -> float:
+    """The mean without the lowest and the highest: one odd gauge says nothing of the others."""
+    if not values:
+        return 0.0
+    inner = sorted(values)[1:-1] or values
+    return sum(inner) / len(inner)
