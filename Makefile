@@ -5,7 +5,7 @@ READY := .venv/.ready
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench kills screenshots fixtures refs docs lock clean
+.PHONY: help demo test lint format bench kills screenshots fixtures refs docs reference lock clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -55,6 +55,9 @@ refs: $(READY)  ## Renew the reference flight data knowingly, and print what mov
 
 docs: $(READY)  ## Check that the documents' commands and files are there
 	$(BIN)/pytest -q tests/docs
+
+reference: $(READY)  ## Write docs/reference from the code
+	$(BIN)/python -m docs_pages
 
 lock: $(READY)  ## Renew requirements.lock from pyproject.toml
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \

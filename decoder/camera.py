@@ -35,8 +35,11 @@ class Focal(Strict):
     """
 
     pixels_per_radian: Row
+    """c0, c1, c2 of c0 + c1 f + c2 f^2, f in mm."""
     covariance: tuple[Row, Row, Row] | None = None
+    """Of c0, c1, c2, from the fit; not known if left out."""
     range_mm: tuple[Positive, Positive]
+    """The shortest and the longest focal length that was photographed."""
 
     @field_validator("covariance")
     @classmethod
@@ -76,22 +79,34 @@ class Distortion(Strict):
     """The lens's distortion at one focal length: Brown-Conrady in OpenCV's normalised coordinates."""
 
     focal_length_mm: Positive
+    """The zoom that this is about; in between it is interpolated."""
     k1: Number
+    """Radial: a tangent r off the axis appears at r + k1 r^3 + k2 r^5 + k3 r^7."""
     k1_sigma: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    """Its standard uncertainty."""
     k2: Number = 0.0
+    """Radial."""
     p1: Number = 0.0
+    """Tangential."""
     p2: Number = 0.0
+    """Tangential."""
     k3: Number = 0.0
+    """Radial."""
 
 
 class Camera(Strict):
     """One camera. `distortion` is in order of focal length; none means a lens whose distortion is negligible."""
 
     model: str = ""
+    """As EXIF calls it; for people."""
     picture_size: Size
+    """Width and height of the pictures it was made from, pixels; serves every size of the same shape."""
     principal_point: Point | None = None
+    """Where the axis meets the picture; its middle if left out."""
     focal: Focal
+    """Pixels per radian over focal length."""
     distortion: tuple[Distortion, ...] = ()
+    """One for each zoom it was measured at; none means a lens whose distortion is negligible."""
 
     @field_validator("distortion")
     @classmethod

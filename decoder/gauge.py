@@ -20,19 +20,33 @@ class Gauge(Strict):
     """One dial: where it is, what it covers, what its marks mean, and the needles that turn on it."""
 
     name: str
+    """Of the dial; `decode frames --gauge` calls it so."""
     centre: Point
+    """Where the needle turns, which need not be the middle of the dial."""
     radius: tuple[Positive, Positive]
+    """From the bottom of the needle, clear of the hub, to the outer perimeter, pixels."""
     rim: tuple[Point, ...] | None = None
+    """Five points or more all round a circle about the pivot, on an oblique dial."""
     needle_height_inches: Annotated[float, Field(ge=0, le=2)] = 0.0
+    """How high the needles turn above the face; their parallax is then taken out."""
     sweep: tuple[Number, Number]
+    """First and last angle that the needle points to, clockwise; may pass 360."""
     stops: tuple[Number, Number] | None = None
+    """Angles at which the needle comes to rest beyond the scale, around the sweep."""
     tail: bool = False
+    """The needle reaches across its centre into the ring, and its tail may be taken for its tip."""
     unit: str = ""
+    """Of the values; the flight data carry it."""
     scale: Marks
+    """[angle, value] of two marks or more; straight in between, and beyond the outermost."""
     wraps: Positive | None = None
+    """What a full turn is worth, where values begin again after it; the sweep is then 360 degrees."""
     needles: Annotated[tuple[Needle, ...], Field(min_length=1)] = ()
+    """In any order; either these or a card."""
     card: Card | None = None
+    """A scale that turns under a fixed index, instead of needles."""
     combined: Combined | None = None
+    """A value that several needles of the dial show together."""
 
     @field_validator("radius")
     @classmethod

@@ -25,26 +25,38 @@ class ReferencePoint(Strict):
     """A place on the panel known in inches."""
 
     at: Point
+    """The place in the panel picture."""
     inches: Point
+    """The same place on the panel; y may count up or down."""
 
 
 class Anchor(Strict):
     """A fixed feature of the panel, found in every frame by NCC. `box` is left, top, width, height in pixels."""
 
     name: str
+    """What the flight data call it where it failed."""
     box: tuple[Number, Number, Annotated[float, Field(ge=8)], Annotated[float, Field(ge=8)]]
+    """Left, top, width, height, pixels; needs contrast and a shape that stands nowhere else."""
 
 
 class Panel(Strict):
     """The instrument panel of one cockpit."""
 
     name: str
+    """Of the cockpit."""
     picture: str
+    """File beside the panel.yaml, or attached to the flight file under this name."""
     focal_length_mm: Positive | None = None
+    """The zoom at which the picture was taken; frames of another are looked for at its scale."""
     reference_points: tuple[ReferencePoint, ...] = ()
+    """Known places in inches: square up an oblique view, and tell where the camera was. Four or more, or three with a
+    camera.yaml."""
     level: tuple[Point, Point] | None = None
+    """Both ends of an edge that is vertical on the panel; tells the roll where there is one anchor."""
     anchors: Annotated[tuple[Anchor, ...], Field(min_length=1)]
+    """One gives the shift; with `level`, or two, roll too; four or more the full perspective."""
     gauges: Annotated[tuple[Gauge, ...], Field(min_length=1)]
+    """At least one."""
 
     @field_validator("level")
     @classmethod

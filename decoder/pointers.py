@@ -26,8 +26,11 @@ class Template(Strict):
     """
 
     at: Number | None = None
+    """The angle at which the needle points where it is cut."""
     span: Annotated[float, Field(ge=MIN_TEMPLATE_SPAN_DEG, le=90)] | None = None
+    """How many degrees are cut, two or three times the width of the needle."""
     picture: str | None = None
+    """With `at`: another picture of the panel to cut from. Without: a cropped unwrapped needle."""
 
     @model_validator(mode="after")
     def _has_a_source(self) -> Self:
@@ -48,11 +51,17 @@ class Needle(Strict):
     """
 
     name: Name
+    """Column of the flight data: letters, digits and underscores, the unit at its end."""
     template: Template
+    """What it looks like."""
     covered_by: str | None = None
+    """The needle of the same gauge that turns above this one."""
     scale: Marks | None = None
+    """Its own, where it shows another thing than the gauge."""
     wraps: Positive | None = None
+    """Its own, beside its own scale."""
     max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second; what is faster is listed among the outliers."""
 
     @field_validator("scale")
     @classmethod
@@ -75,8 +84,11 @@ class Card(Strict):
     """
 
     name: Name
+    """Column of the flight data, as of a needle."""
     index: Number
+    """The angle on the dial at which it is read."""
     max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second."""
 
 
 class Combined(Strict):
@@ -87,7 +99,12 @@ class Combined(Strict):
     """
 
     name: Name
+    """Column of the flight data, as of a needle."""
     needles: Annotated[tuple[Name, ...], Field(min_length=2)]
+    """Which count for each other; a turn of each is a whole number of turns of the next finer."""
     tolerance: Annotated[float, Field(gt=0, lt=0.5)] = 0.2
+    """How far a coarser needle may be from where the finer one puts it, in turns of the finer."""
     lowest: Number = 0.0
+    """Where its values begin."""
     max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second."""

@@ -1,0 +1,33 @@
+"""The pages of docs/reference, from the commands and the descriptions' models as they are."""
+
+from __future__ import annotations
+
+from decoder.camera import Camera
+from decoder.cli import cli as decode
+from decoder.panel import Panel
+from docs_pages.commands import command_pages
+from docs_pages.fields import field_sections
+from recorder.cli import main as recorder
+
+MADE = "<!-- Made from the code by `make reference`; change it there. -->"
+
+
+def pages() -> dict[str, str]:
+    """Text by file name."""
+    return {
+        "decode.md": _page("The command `decode`", command_pages("decode", decode)),
+        "recorder.md": _page("The command `recorder`", command_pages("recorder", recorder)),
+        "panel.yaml.md": _page(
+            "The keys of `panel.yaml`",
+            "How they work together is in [the panel](../panel.md). Places are [x, y] in the panel picture's pixels,"
+            " angles degrees, 0 = right, clockwise positive.\n\n" + field_sections(Panel),
+        ),
+        "camera.yaml.md": _page(
+            "The keys of `camera.yaml`",
+            "`decode calibrate` writes it; see [calibration](../calibration.md).\n\n" + field_sections(Camera),
+        ),
+    }
+
+
+def _page(title: str, text: str) -> str:
+    return f"# {title}\n\n{MADE}\n\n{text.rstrip()}\n"
