@@ -47,6 +47,8 @@ def patched(path: Path, offset: int, data: bytes) -> Iterator[None]:
         os.close(descriptor)
 
 
+@pytest.mark.slow
+@pytest.mark.no_cover
 def test_cut_at_every_byte_gives_the_whole_chunks_before_the_cut(flight: Path, frames: list[Frame]) -> None:
     """A file that ends early delivers exactly the frames whose chunks are whole, and says that it ends early."""
     ends = chunk_ends(flight)[1:]  # the first chunk has no frame
@@ -66,6 +68,7 @@ def test_cut_inside_the_magic_is_no_flight(flight: Path) -> None:
             open_flight([flight])
 
 
+@pytest.mark.no_cover
 def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame]) -> None:
     """A tail of zeros, as a power cut leaves it, costs the frames in it and none before it."""
     size, ends = flight.stat().st_size, chunk_ends(flight)[1:]
@@ -80,6 +83,8 @@ def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame])
             assert kinds or data[start:] == bytes(size - start)
 
 
+@pytest.mark.slow
+@pytest.mark.no_cover
 def test_flipped_bit_costs_at_most_its_own_chunk(flight: Path, frames: list[Frame]) -> None:
     """One bad bit anywhere loses at most the one frame it lies in, and never changes one."""
     data = flight.read_bytes()

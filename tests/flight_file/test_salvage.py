@@ -63,6 +63,7 @@ def recovered(part: Path) -> tuple[Recovery | None, list[Frame], EndRecord | Non
     return recovery, frames, flight.segments[0].end
 
 
+@pytest.mark.no_cover
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_cut_at_every_byte_gives_the_whole_chunks_before_the_cut(
@@ -86,6 +87,7 @@ def test_cut_at_every_byte_gives_the_whole_chunks_before_the_cut(
             assert end.frames == len(found)
 
 
+@pytest.mark.no_cover
 def test_tail_of_zeros_costs_the_frames_in_it(flight: Path, frames: list[Frame]) -> None:
     """What a power cut leaves of a file whose length was written before its bytes."""
     data, places = flight.read_bytes(), chunks(flight)
