@@ -1,23 +1,26 @@
-"""`python -m benchmarks [--write]`: prints the numbers; --write puts them into docs/."""
+"""`python -m benchmarks [--write] [PAGE ...]`: prints the numbers; --write puts them and their plots into docs/."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered_lines
-from benchmarks.accuracy import RUNS, measure, table_3_2
+from benchmarks.accuracy import RUNS, measure, oblique_tracks, table_3_2
 from benchmarks.box import day, sustained
 from benchmarks.cockpit import cockpit_page
 from benchmarks.cost import memory, speed
-from benchmarks.pages import accuracy_page, cost_page, machine
+from benchmarks.pages import PICTURES, Page, accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
 from benchmarks.real_pictures import available, measure_source
 from benchmarks.setup_page import setup_page
 from fixtures.make import FLIGHTS
 from fixtures.make import main as make_fixtures
 
+OBLIQUE = {"oblique cockpit": "t1a_small", "odd dials": "odd_small"}
+"""The committed flights of the oblique cockpit, by title."""
 DOCS = Path(__file__).parents[1] / "docs"
 
 
@@ -29,40 +32,49 @@ def render_what_is_absent() -> None:
         make_fixtures(["flights"])
 
 
-def measured_accuracy() -> str:
+def measured_accuracy() -> Page:
     """The page on accuracy."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         runs = [measure(run, folder) for run in RUNS]
         plain, normalized = (table_3_2(folder, method) for method in ("xcorr", "normxcorr"))
         seen = {source.title: measure_source(source, folder / source.panel_picture) for source in available()}
-    return accuracy_page(runs, plain, normalized, seen, [*accuracy_lines(runs), *covered_lines(plain, normalized)])
+        oblique = {title: oblique_tracks(name, folder) for title, name in OBLIQUE.items()}
+    lines = [*accuracy_lines(runs), *covered_lines(plain, normalized)]
+    return accuracy_page(runs, plain, normalized, seen=seen, oblique=oblique, lines=lines)
 
 
-def measured_cost() -> str:
+def measured_cost() -> Page:
     """The page on speed and memory."""
     took, peak, work = speed(), memory(), sustained()
     with TemporaryDirectory() as name:
         a_day = day(Path(name), Path(name) / "flights", keep_hours=1, max_hours=2, keep_free_gib=0)
-    return cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)])
+    return Page(cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)]))
 
 
-PAGES = {
+PAGES: dict[str, Callable[[], Page]] = {
     "accuracy": measured_accuracy,
     "performance": measured_cost,
-    "cockpit": cockpit_page,
-    "setup-speed": setup_page,
+    "cockpit": lambda: Page(cockpit_page()),
+    "setup-speed": lambda: Page(setup_page()),
 }
 
 
 def main(words: list[str]) -> None:
-    """Prints, and with --write writes, all pages."""
+    """Prints, and with --write writes, all pages or those that are named."""
+    wanted = [word for word in words if word != "--write"] or list(PAGES)
+    unknown = set(wanted) - set(PAGES)
+    if unknown:
+        sys.exit(f"There is no page {', '.join(sorted(unknown))}; there are {', '.join(PAGES)}.")
     render_what_is_absent()
-    for name, measured in PAGES.items():
-        text = f"# {name.capitalize()}\n\nWritten by `python -m benchmarks --write`. {machine()}\n\n{measured()}"
+    for name in wanted:
+        page = PAGES[name]()
+        text = f"# {name.capitalize()}\n\nWritten by `python -m benchmarks --write`. {machine()}\n\n{page.text}"
         sys.stdout.write(text + "\n")
         if "--write" in words:
             (DOCS / f"{name}.md").write_text(text, encoding="utf-8")
+            for picture, svg in page.pictures.items():
+                (DOCS / PICTURES / picture).write_text(svg, encoding="utf-8")
 
 
 if __name__ == "__main__":

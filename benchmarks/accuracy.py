@@ -6,6 +6,7 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.error_plot import Track, tracks
 from benchmarks.programs import FIXTURES, RENDERED, decode
 from decoder.accuracy import ALL_VALUED, NeedleAccuracy, compare
 from decoder.tables import Table, read_table
@@ -48,6 +49,7 @@ class Measured:
     needles: list[NeedleAccuracy]
     covered: dict[str, tuple[int, int]]
     clear: dict[str, tuple[int, int]]
+    tracks: list[Track]
 
 
 def measure(run: Run, folder: Path) -> Measured:
@@ -61,7 +63,14 @@ def measure(run: Run, folder: Path) -> Measured:
         needles,
         {name: _flagged(flight, truth, name, covered=True) for name in names},
         {name: _flagged(flight, truth, name, covered=False) for name in names},
+        tracks(flight, truth),
     )
+
+
+def oblique_tracks(name: str, folder: Path) -> list[Track]:
+    """The errors of a committed flight of the oblique cockpit."""
+    decode(FIXTURES / "oblique" / f"{name}.mcap", folder)
+    return tracks(read_table(folder / f"{name}.csv"), read_table(FIXTURES / "oblique" / f"{name}_truth.csv"))
 
 
 def published(table: str, needle: str, measure: str) -> float | None:

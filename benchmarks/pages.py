@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import os
 import platform
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +16,8 @@ from benchmarks.acceptance import Line
 from benchmarks.accuracy import TABLE_3_2, Measured, mean_error, published, thesis_mean
 from benchmarks.box import Day, Sustained
 from benchmarks.cost import Speed
-from benchmarks.real_pictures import Read
+from benchmarks.error_plot import Track, error_svg
+from benchmarks.real_pictures import Read, Seen
 from decoder.accuracy import ALL_VALUED, NeedleAccuracy
 
 LIBRARIES = ("numpy", "opencv-python-headless", "mcap")
@@ -22,12 +25,27 @@ PROCESSORS = Path("/proc/cpuinfo")
 Row = list[str]
 Sights = Sequence[tuple[float, str, float]]
 
+PICTURES = "pictures"
+"""Folder of the pages' pictures, beside them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page of docs/, and its pictures' SVG by file name."""
+
+    text: str
+    pictures: Mapping[str, str] = field(default_factory=dict)
+
+
 LEGEND = """\
 Errors are in percent of the true value, over all frames that have a value, interpolated ones too; `%FS` is percent of
 full scale on frames with status `read`. Beside them the thesis's own: mean and worst of its printed rows (tables A.1
 and A.2), or 100 less its average accuracy (tables 3.1, of the plain flight, and 3.3), which is presumably a mean of
 signed errors. `in 95 %`: frames whose error is within 1.96 sigma. `covered`, `clear`: frames that are flagged
 (`interpolated` or `missing`) of those in which reflections took the needle, and of those in which none are on it.
+
+In the plots every dot is a frame with a value: blue where the truth lies in the 95 % band of the flight data (grey),
+red where it does not. Each needle has the scale that its largest error needs.
 """
 SEEN_LEGEND = """\
 ## Pictures that nobody of us made
@@ -36,6 +54,12 @@ A simulator's cockpit of a Cessna 172P with its own property values as the truth
 panels are in `benchmarks/panels`, the pictures are not part of the project. `mean` and `max` are over frames with
 status `read`; `in 95 %`: the truth lies within 1.96 sigma, and the eye's doubt where it was read by eye. Beside them
 ppf.angauge on the same dials, its mean over the frames in which it found a needle.
+"""
+OBLIQUE_LEGEND = """\
+## The oblique cockpit
+
+A cockpit like a T-1A's, seen at an angle, and odd dials: round ones, a card, an altimeter. Their tables are what
+`python -m benchmarks.cockpit` prints.
 """
 COST_LEGEND = """\
 Times are of the processor, medians of rounds in which all three are measured back to back; ratios are medians of the
@@ -67,11 +91,26 @@ def accuracy_page(
     runs: Sequence[Measured],
     plain: Sights,
     normalized: Sights,
-    seen: Mapping[str, Sequence[Read]],
+    *,
+    seen: Mapping[str, Seen],
+    oblique: Mapping[str, Sequence[Track]],
     lines: Sequence[Line],
-) -> str:
-    """All accuracy tables; `seen` is by title what was read on pictures that nobody of us made."""
-    parts = [LEGEND, *map(_run_section, runs)]
+) -> Page:
+    """All accuracy tables and plots.
+
+    Parameters
+    ----------
+    seen
+        By title, what was read on pictures that nobody of us made.
+    oblique
+        By title, the errors of a flight of the oblique cockpit.
+    """
+    plots = {
+        **{run.run.title: run.tracks for run in runs},
+        **oblique,
+        **{title: known.tracks for title, known in seen.items()},
+    }
+    parts = [LEGEND, *map(_run_section, runs), OBLIQUE_LEGEND, *(_picture(title) for title in oblique)]
     header = ["frame", "AL, lb", "thesis %", "normxcorr %", "status", "xcorr %", "status"]
     rows = []
     for sequence, (truth, better, error), (_, worse, plain_error) in zip(TABLE_3_2, normalized, plain, strict=True):
@@ -81,16 +120,24 @@ def accuracy_page(
         )
     parts += [f"## Table 3.2: AL slips behind FR\n\n{markdown(header, rows)}\n"]
     if seen:
-        parts += [SEEN_LEGEND, *(_seen_section(title, reads) for title, reads in seen.items())]
+        parts += [SEEN_LEGEND, *(_seen_section(title, known.reads) for title, known in seen.items())]
     parts += [_required_section(lines)]
-    return "\n".join(parts)
+    return Page("\n".join(parts), {_file(title): error_svg(title, needles) for title, needles in plots.items()})
+
+
+def _file(title: str) -> str:
+    return f"errors_{'_'.join(re.findall('[a-z0-9]+', title.lower()))}.svg"
+
+
+def _picture(title: str) -> str:
+    return f"![Errors: {title}]({PICTURES}/{_file(title)})\n"
 
 
 def _run_section(measured: Measured) -> str:
     header = ["needle", "mean %", "thesis", "part", "signed %", "max %", "thesis", "%FS", "in 95 %", "covered", "clear"]
     rows = [_needle_row(measured, needle) for needle in measured.needles]
     title = measured.run.title
-    return f"## {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n"
+    return f"## {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n\n{_picture(title)}"
 
 
 def _seen_section(title: str, reads: Sequence[Read]) -> str:
@@ -109,7 +156,7 @@ def _seen_section(title: str, reads: Sequence[Read]) -> str:
         ]
         for read in reads
     ]
-    return f"### {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n"
+    return f"### {title[0].upper()}{title[1:]}\n\n{markdown(header, rows)}\n\n{_picture(title)}"
 
 
 def _needle_row(measured: Measured, needle: NeedleAccuracy) -> Row:

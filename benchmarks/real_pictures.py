@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.angauge import values_by_needle
+from benchmarks.error_plot import Track
 from benchmarks.programs import decode
 from decoder.accuracy import CONFIDENCE_SIGMAS
 from decoder.arrays import Floats
@@ -108,26 +110,10 @@ def available() -> list[Source]:
     return [source for source in SOURCES if (PICTURES / source.truth).exists()]
 
 
-def measure_source(source: Source, folder: Path) -> list[Read]:
-    """Records a source's pictures in a folder, decodes the flight, and holds every needle against the truth."""
-    pictures = _as_jpegs(sorted(PICTURES.glob(source.pictures)), folder / "pictures")
-    panel = _with_picture(source, folder)
-    record_flight(pictures, panel, folder / "flight.mcap")
-    decode(folder / "flight.mcap", folder)
-    flight = read_table(folder / "flight.csv")
-    theirs = values_by_needle(panel_from_file(panel), (picture.read_bytes() for picture in pictures))
-    truth = _truth(source, [picture.stem for picture in pictures])
-    tolerance = truth.get("tolerance", np.zeros(len(pictures)))
-    nothing = np.full(len(pictures), np.nan)
-    return [
-        _read(_series(flight, quantity), truth[quantity.name], tolerance, theirs.get(quantity.name, nothing))
-        for quantity in panel_from_file(panel).panel.quantities
-        if quantity.name in truth
-    ]
-
-
 @dataclass(frozen=True, slots=True)
-class _Series:
+class Series:
+    """A needle over a flight: values and sigmas in its unit, NaN where missing, and where the status is `read`."""
+
     name: str
     full_scale: float
     value: Floats
@@ -135,8 +121,86 @@ class _Series:
     is_read: NDArray[np.bool_]
 
 
-def _series(flight: Table, quantity: Quantity) -> _Series:
-    return _Series(
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A source's flight data beside its truth.
+
+    Attributes
+    ----------
+    panel, pictures
+        What it was decoded with and from.
+    series, truth, tolerance
+        One for each needle that has a truth; the truth in the pictures' order, NaN where there is none; the doubt of a
+        truth that was read by eye, 0 elsewhere.
+    """
+
+    panel: Path
+    pictures: list[Path]
+    series: list[Series]
+    truth: list[Floats]
+    tolerance: Floats
+
+
+def decode_source(source: Source, folder: Path) -> Decoded:
+    """Records a source's pictures in a folder, and decodes the flight."""
+    pictures = _as_jpegs(sorted(PICTURES.glob(source.pictures)), folder / "pictures")
+    panel = _with_picture(source, folder)
+    record_flight(pictures, panel, folder / "flight.mcap")
+    decode(folder / "flight.mcap", folder)
+    flight = read_table(folder / "flight.csv")
+    truth = _truth(source, [picture.stem for picture in pictures])
+    known = [quantity for quantity in panel_from_file(panel).panel.quantities if quantity.name in truth]
+    return Decoded(
+        panel=panel,
+        pictures=pictures,
+        series=[_series(flight, quantity) for quantity in known],
+        truth=[truth[quantity.name] for quantity in known],
+        tolerance=truth.get("tolerance", np.zeros(len(pictures))),
+    )
+
+
+def reads(decoded: Decoded, theirs: Mapping[str, Floats] | None = None) -> list[Read]:
+    """Every needle held against the truth, and beside it what another program read of it, if that is given."""
+    nothing = np.full(len(decoded.pictures), np.nan)
+    return [
+        _read(series, truth, decoded.tolerance, (theirs or {}).get(series.name, nothing))
+        for series, truth in zip(decoded.series, decoded.truth, strict=True)
+    ]
+
+
+def seen_tracks(decoded: Decoded) -> list[Track]:
+    """Every needle's errors over the flight; the doubt of a truth that was read by eye widens the band."""
+    return [
+        Track(
+            series.name,
+            (series.value - truth) / series.full_scale * 100,
+            (CONFIDENCE_SIGMAS * series.sigma + decoded.tolerance) / series.full_scale * 100,
+        )
+        for series, truth in zip(decoded.series, decoded.truth, strict=True)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A source, measured: what was read beside what ppf.angauge reads, and the errors over the flight."""
+
+    reads: list[Read]
+    tracks: list[Track]
+
+
+def measure_source(source: Source, folder: Path) -> Seen:
+    """Decodes a source in a folder, reads it with ppf.angauge too, and holds both against the truth."""
+    decoded = decode_source(source, folder)
+    return Seen(reads(decoded, angauge_values(decoded)), seen_tracks(decoded))
+
+
+def angauge_values(decoded: Decoded) -> Mapping[str, Floats]:
+    """What ppf.angauge reads on the same dials."""
+    return values_by_needle(panel_from_file(decoded.panel), (picture.read_bytes() for picture in decoded.pictures))
+
+
+def _series(flight: Table, quantity: Quantity) -> Series:
+    return Series(
         quantity.name,
         quantity.full_scale,
         flight.numbers(quantity.name),
@@ -145,7 +209,7 @@ def _series(flight: Table, quantity: Quantity) -> _Series:
     )
 
 
-def _read(series: _Series, truth: Floats, tolerance: Floats, theirs: Floats) -> Read:
+def _read(series: Series, truth: Floats, tolerance: Floats, theirs: Floats) -> Read:
     error, their_error = np.abs(series.value - truth), np.abs(theirs - truth)
     known, valued, found = np.isfinite(truth), np.isfinite(error), np.isfinite(their_error)
     read = error[series.is_read & known] / series.full_scale * 100
