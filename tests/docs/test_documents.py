@@ -24,7 +24,7 @@ DOCUMENTS = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "fixtures" / "README.md",
-    *(ROOT / "docs").glob("*.md"),
+    *(ROOT / "docs").rglob("*.md"),
 ]
 
 
@@ -141,7 +141,10 @@ def test_camera_description_is_a_camera() -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        *(["recorder", command] for command in ("run", "simulate", "info", "recover", "verify", "mark")),
+        *(
+            ["recorder", command]
+            for command in ("run", "replay", "simulate", "info", "extract", "recover", "verify", "mark")
+        ),
         ["decode"],
         ["decode", "setup"],
         ["decode", "accuracy"],
