@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from argparse import ArgumentParser
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,11 +12,16 @@ from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered
 from benchmarks.accuracy import RUNS, measure, oblique_tracks, table_3_2
 from benchmarks.box import day, sustained
 from benchmarks.cockpit import cockpit_page
+from benchmarks.comparison import compare
+from benchmarks.comparison_page import comparison_section, memory_section, start_section
 from benchmarks.cost import memory, speed
 from benchmarks.pages import PICTURES, Page, accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
 from benchmarks.real_pictures import available, measure_source
 from benchmarks.setup_page import setup_page
+from benchmarks.sized_flights import SIZES, Size
+from benchmarks.starting import starts
+from benchmarks.worker_memory import worker_memory
 from fixtures.make import FLIGHTS
 from fixtures.make import main as make_fixtures
 
@@ -44,34 +50,41 @@ def measured_accuracy() -> Page:
     return accuracy_page(runs, plain, normalized, seen=seen, oblique=oblique, lines=lines)
 
 
-def measured_cost() -> Page:
+def measured_cost(sizes: Sequence[Size]) -> Page:
     """The page on speed and memory."""
     took, peak, work = speed(), memory(), sustained()
     with TemporaryDirectory() as name:
         a_day = day(Path(name), Path(name) / "flights", keep_hours=1, max_hours=2, keep_free_gib=0)
-    return Page(cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)]))
+    page = cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)])
+    others = [comparison_section(compare(sizes)), memory_section(worker_memory()), start_section(starts())]
+    return Page("\n".join([page, *others]))
 
 
-PAGES: dict[str, Callable[[], Page]] = {
-    "accuracy": measured_accuracy,
+PAGES: dict[str, Callable[[Sequence[Size]], Page]] = {
+    "accuracy": lambda _: measured_accuracy(),
     "performance": measured_cost,
-    "cockpit": lambda: Page(cockpit_page()),
-    "setup-speed": lambda: Page(setup_page()),
+    "cockpit": lambda _: Page(cockpit_page()),
+    "setup-speed": lambda _: Page(setup_page()),
 }
 
 
 def main(words: list[str]) -> None:
     """Prints, and with --write writes, all pages or those that are named."""
-    wanted = [word for word in words if word != "--write"] or list(PAGES)
-    unknown = set(wanted) - set(PAGES)
+    parser = ArgumentParser(prog="python -m benchmarks")
+    parser.add_argument("--write", action="store_true", help="put the pages into docs/")
+    parser.add_argument("--sizes", help=f"compare with these pictures only, such as {SIZES[0].name},{SIZES[1].name}")
+    parser.add_argument("pages", nargs="*", metavar="PAGE", help=", ".join(PAGES))
+    asked = parser.parse_args(words)
+    unknown = set(asked.pages) - set(PAGES)
     if unknown:
-        sys.exit(f"There is no page {', '.join(sorted(unknown))}; there are {', '.join(PAGES)}.")
+        parser.error(f"there is no page {', '.join(sorted(unknown))}")
+    sizes = [size for size in SIZES if asked.sizes is None or size.name in asked.sizes.split(",")]
     render_what_is_absent()
-    for name in wanted:
-        page = PAGES[name]()
+    for name in asked.pages or PAGES:
+        page = PAGES[name](sizes)
         text = f"# {name.capitalize()}\n\nWritten by `python -m benchmarks --write`. {machine()}\n\n{page.text}"
         sys.stdout.write(text + "\n")
-        if "--write" in words:
+        if asked.write:
             (DOCS / f"{name}.md").write_text(text, encoding="utf-8")
             for picture, svg in page.pictures.items():
                 (DOCS / PICTURES / picture).write_text(svg, encoding="utf-8")

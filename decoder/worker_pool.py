@@ -63,6 +63,7 @@ class WorkerPool:
         self._context = fork_server.begin()
         self._workers: list[_Worker] = []
         self._in_a_row = 0
+        self._told = b""
         self.deaths: list[Death] = []
         self.left_out: list[int] = []
 
@@ -70,8 +71,11 @@ class WorkerPool:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._dismiss(at_once=kind is not None)
+
+    def _dismiss(self, *, at_once: bool) -> None:
         for worker in self._workers:
-            worker.end(at_once=kind is not None)
+            worker.end(at_once=at_once)
         self._workers.clear()
 
     def read(self, reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
@@ -83,6 +87,9 @@ class WorkerPool:
             If workers end one after the other.
         """
         told, row, coming, jobs = recipe(reader), _Row(), iter(cut), deque[_Job]()
+        if told != self._told:
+            self._dismiss(at_once=False)  # they know another reader
+            self._told = told
         while True:
             self._hand_out(jobs, told)
             while len(jobs) < self._jobs and len(row) < BATCHES_AHEAD * self._jobs and (batch := next(coming, None)):

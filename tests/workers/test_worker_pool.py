@@ -14,6 +14,8 @@ import pytest
 
 from decoder.errors import WorkersLost
 from decoder.frame_batch import Batch, Unread, read_here
+from decoder.method import Method
+from decoder.panel_reader import PanelReader
 from decoder.worker_pool import BATCHES_AHEAD, WorkerPool
 
 SUICIDE = "__import__('os').kill(__import__('os').getpid(), 9)"
@@ -140,6 +142,15 @@ def test_nobody_is_left_when_the_reading_is_broken_off(fitted: Fitted, stop: typ
     with pytest.raises(stop):
         broken_off()
     assert multiprocessing.active_children() == []
+
+
+def test_pool_reads_with_the_reader_it_is_given(fitted: Fitted) -> None:
+    """One flight after the other, each with its own reader."""
+    other = PanelReader.from_panel(fitted.reader.source, Method.XCORR)
+    with WorkerPool(1) as pool:
+        for reader in (fitted.reader, other, fitted.reader):
+            assert list(pool.read(reader, fitted.batches[:1])) == list(read_here(reader, fitted.batches[:1]))
+        assert pool.deaths == []
 
 
 def test_no_frames_need_no_process(fitted: Fitted) -> None:

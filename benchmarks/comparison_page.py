@@ -1,0 +1,56 @@
+"""What reading costs in several ways, what workers hold, and how soon there is an answer, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.comparison import Compared
+from benchmarks.pages import markdown
+from benchmarks.starting import Start
+from benchmarks.worker_memory import Held
+
+COMPARED_LEGEND = """\
+Processor time for a frame, as a multiple of merely decompressing it in grey in the same round; medians of the rounds'
+ratios, one thread. `decode` is all that decoding a flight of so many frames takes in a running process: reading its
+chunks, fitting the reader to it, reading the frames. `matchTemplate` is the thesis's way as one writes it down with
+OpenCV (`benchmarks/plain_way.py`): find the knob in the frame, `warpPolar` each gauge, find each needle by normalized
+cross-correlation; `match_template` is the same with scikit-image's function. `ppf.angauge` is that package on the dials
+with one needle; it aligns nothing. These three were given a few of the frames. Larger pictures are the same frames
+enlarged, with a sensor's noise; 24 needles are the same dials listed again under other names. `two workers` is how much
+sooner two processes have read the frames than one; wall clock, the best of the rounds, which a busy machine spoils.
+"""
+MEMORY_LEGEND = """\
+The most that any of two workers held, seven needles.
+"""
+START_LEGEND = """\
+Until the first line of output, the least of several runs.
+"""
+
+
+def comparison_section(compared: Sequence[Compared]) -> str:
+    """The table of all ways."""
+    header = ["pictures", "needles", "frames", "decompress ms", *compared[0].ratios, "two workers"]
+    rows = [
+        [
+            each.size.name,
+            str(each.needles),
+            str(each.size.frames),
+            f"{each.decompress_ms:.2f}",
+            *(f"{ratio:.2f}" for ratio in each.ratios.values()),
+            f"{each.two_by_one:.2f}",
+        ]
+        for each in compared
+    ]
+    return f"## Beside other ways\n\n{COMPARED_LEGEND}\n{markdown(header, rows)}\n"
+
+
+def memory_section(held: Sequence[Held]) -> str:
+    """What workers hold."""
+    rows = [[each.size.name, str(each.size.frames), f"{each.peak_mib:.0f}"] for each in held]
+    return f"## Peak resident memory of a worker\n\n{MEMORY_LEGEND}\n{markdown(['pictures', 'frames', 'MiB'], rows)}\n"
+
+
+def start_section(starts: Sequence[Start]) -> str:
+    """How soon there is an answer."""
+    rows = [[each.words, f"{each.processor_s:.3f}", f"{each.wall_s:.3f}"] for each in starts]
+    return f"## Start\n\n{START_LEGEND}\n{markdown(['command', 'processor s', 'clock s'], rows)}\n"
