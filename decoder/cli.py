@@ -17,6 +17,7 @@ from flight_file.errors import FlightFileError
 COMMANDS = {
     "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
     "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
+    "fleet": ("decoder.commands.fleet", "Decode many flights, on this machine or on a cluster, with one index."),
     "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
     "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
@@ -28,6 +29,7 @@ EPILOG = """\b
 Examples:
   decode flight.mcap
   decode flight_0000.mcap flight_0001.mcap -o results --panel panel.yaml
+  decode fleet 'archive/*/*.mcap' -o results
   decode frames flight.mcap -o pictures --flagged
   decode export results/flight.csv -o flight.parquet
   decode setup flight.mcap --panel panel.yaml

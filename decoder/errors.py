@@ -15,6 +15,10 @@ DecoderError                  the decode cannot give what was asked for; one sen
 ├── PartError                 a part of the flight was asked for that has no frames
 ├── WorkersLost               processes that read frames end one after the other
 ├── OutputError               the flight data cannot be written where they should go
+├── FleetError                many flights cannot be decoded as they were asked for
+│   ├── StoreError            a place that holds flights or results does not give or take a file
+│   ├── VersionMismatch       workers would not decode as this machine does
+│   └── ClusterLost           the scheduler or its workers cannot be reached
 ├── UnitError                 a unit that is not known, or not of the kind of another
 └── TableError                a CSV file is not what it should be
     └── AccuracyError         flight data and truth cannot be compared
@@ -99,6 +103,22 @@ class WorkersLost(DecoderError):
 
 class OutputError(DecoderError):
     """The flight data cannot be written where they should go."""
+
+
+class FleetError(DecoderError):
+    """Many flights cannot be decoded as they were asked for."""
+
+
+class StoreError(FleetError):
+    """A place that holds flights or results does not give or take a file."""
+
+
+class VersionMismatch(FleetError):
+    """Workers would not decode as this machine does."""
+
+
+class ClusterLost(FleetError):
+    """The scheduler or its workers cannot be reached."""
 
 
 class UnitError(DecoderError):

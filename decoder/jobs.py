@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 # One process hands out frames to all others; more than this would wait for it.
@@ -28,5 +29,5 @@ def _quota_cores(file: Path) -> int:
     try:
         quota, period = file.read_text(encoding="ascii").split()
     except (OSError, ValueError):
-        return MAX_JOBS
-    return MAX_JOBS if quota == "max" else int(quota) // int(period)
+        return sys.maxsize
+    return sys.maxsize if quota == "max" else int(quota) // int(period)

@@ -148,6 +148,7 @@ def test_camera_description_is_a_camera() -> None:
         ["decode"],
         ["decode", "setup"],
         ["decode", "accuracy"],
+        ["decode", "fleet"],
         ["decode", "frames"],
         ["decode", "export"],
         ["decode", "calibrate", "focal"],

@@ -1,0 +1,310 @@
+"""A fleet of small flights, and a dask cluster and an S3 server as processes on loopback."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import boto3
+import psutil
+import pytest
+
+from flight_file.frame import ClockReading, Frame
+from flight_file.reader import open_flight
+from flight_file.reports import CameraStatus
+from flight_file.segments import FlightWriter, Plan
+from flight_file.session import Session
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+PROGRAMS = Path(sys.executable).parent
+NS = 10**9
+START_NS = 1_525_435_200 * NS
+FLIGHTS, AIRCRAFT, FRAMES = 50, 10, 4
+PATIENCE_S = 60
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+WriteFlight = Callable[..., list[Path]]
+
+
+def write(folder: Path, recording: str, frames: Sequence[Frame], *, per_segment: int = 1000) -> list[Path]:
+    """Frames, four a second, as the finished segments of a recording with the animation's panel."""
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def at(frame: int) -> ClockReading:
+        return ClockReading(START_NS + frame * NS // 4, frame * NS // 4)
+
+    plan = Plan(folder, Session(recording), panel(), segment_ns=per_segment * NS // 4)
+    writer = FlightWriter(plan, status=CameraStatus("connected"), at=at(0))
+    for number, frame in enumerate(frames):
+        writer.write_frame(frame, at(number))
+    return writer.finish("stopped", at(len(frames)))
+
+
+def panel() -> dict[str, bytes]:
+    """The attachments of the animation's flights."""
+    return dict(open_flight([FIXTURES / "thesis_a1.mcap"]).attachments)
+
+
+@pytest.fixture(scope="session")
+def write_flight() -> Callable[..., list[Path]]:
+    """Writes frames, four a second, as a recording with the animation's panel."""
+    return write
+
+
+@pytest.fixture(scope="session")
+def frames() -> list[Frame]:
+    """The frames of a committed flight."""
+    return list(open_flight([FIXTURES / "thesis_a1.mcap"]).frames())
+
+
+@pytest.fixture(scope="session")
+def archive(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Path:
+    """Fifty flights of four frames each, in a folder for each of ten aircraft; every fifth flight has two segments."""
+    folder = tmp_path_factory.mktemp("archive")
+    for number in range(FLIGHTS):
+        chosen = [frames[(number + step) % len(frames)] for step in range(FRAMES)]
+        write(
+            folder / f"N{number % AIRCRAFT}", f"flight{number:02d}", chosen, per_segment=2 if number % 5 == 0 else 1000
+        )
+    return folder
+
+
+@pytest.fixture
+def few(tmp_path: Path, frames: list[Frame]) -> Path:
+    """A folder of three flights that a test may change."""
+    for number in range(3):
+        write(tmp_path / "few", f"flight{number}", frames[number : number + FRAMES])
+    return tmp_path / "few"
+
+
+@pytest.fixture(scope="session")
+def long_flight(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Path:
+    """A flight that takes seconds to decode, so that something can happen meanwhile."""
+    (path,) = write(tmp_path_factory.mktemp("long"), "long", frames * 16)
+    return path
+
+
+@pytest.fixture(scope="session")
+def run() -> Run:
+    """Runs `decode fleet` to its end."""
+
+    def run_fleet(*words: object, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+        command = [str(PROGRAMS / "decode"), "fleet", *map(str, words)]
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=180, env={**os.environ, **(env or {})}
+        )
+
+    return run_fleet
+
+
+@pytest.fixture(scope="session")
+def home(run: Run, archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of the fifty flights, decoded on this machine."""
+    output = tmp_path_factory.mktemp("home")
+    done = run(f"{archive}/*/*.mcap", "-o", output, "--jobs", "2")
+    assert (done.returncode, done.stderr) == (0, "")
+    return output
+
+
+def results_in(folder: Path) -> dict[str, bytes]:
+    """All results in an output but markers and index, by their place."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in files
+        if path.name not in ("fleet.done", "index.csv")
+    }
+
+
+@pytest.fixture(scope="session")
+def results() -> Callable[[Path], dict[str, bytes]]:
+    """Reads all results in an output but markers and index, by their place."""
+    return results_in
+
+
+def documented(program: str) -> list[str]:
+    """The words of the one command in docs/fleet.md that runs a program."""
+    text = (FIXTURES.parent / "docs" / "fleet.md").read_text(encoding="utf-8")
+    (line,) = re.findall(rf"^(?:[A-Z_]+=\S+ )?{program} .*$", text, re.MULTILINE)
+    return shlex.split(line)
+
+
+@dataclass
+class Cluster:
+    """A scheduler and workers, each a process started as docs/fleet.md says."""
+
+    folder: Path
+    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def start(self, *words: str, env: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
+        """Starts `dask ...`, its words into a file."""
+        with (self.folder / f"{len(self.processes)}.log").open("wb") as log:
+            self.processes.append(
+                subprocess.Popen(
+                    [str(PROGRAMS / "dask"), *words], stdout=log, stderr=log, env={**os.environ, **(env or {})}
+                )
+            )
+        return self.processes[-1]
+
+    def start_scheduler(self) -> None:
+        """As docs/fleet.md says, on any free port."""
+        file = self.folder / "scheduler.json"
+        setting, _, *words = documented("dask scheduler")
+        words[words.index("8786")] = "0"
+        self.start(
+            *(*words, "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file)),
+            env=dict([setting.split("=")]),
+        )
+        until(lambda: file.exists() and file.read_text(encoding="utf-8").endswith("}"))
+
+    def start_worker(self, *, env: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
+        """As docs/fleet.md says."""
+        _, *words = documented("dask worker")
+        words[words.index("tcp://scheduler:8786")] = self.address
+        place = str(self.folder)
+        return self.start(*words, "--host", "127.0.0.1", "--no-dashboard", "--local-directory", place, env=env)
+
+    @property
+    def address(self) -> str:
+        """The scheduler's."""
+        address: str = json.loads((self.folder / "scheduler.json").read_text(encoding="utf-8"))["address"]
+        return address
+
+    def kill(self, process: subprocess.Popen[bytes]) -> None:
+        """Ends one of the processes and its children at once."""
+        kill_whole(process)
+
+    def stop(self) -> None:
+        """Ends all that is left of it."""
+        for process in reversed(self.processes):
+            kill_whole(process)
+
+
+def kill_whole(process: subprocess.Popen[bytes]) -> None:
+    """Kills a process and its children, as when a machine loses its power."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        whole = psutil.Process(process.pid)
+        for each in [*whole.children(recursive=True), whole]:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                each.kill()
+    process.wait(timeout=PATIENCE_S)
+
+
+def until(condition: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the condition gives
+    """Waits for something to become true; gives it."""
+    limit = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < limit, "nothing came of it"
+        time.sleep(0.02)
+    return found
+
+
+def reader_of(path: Path, above: int) -> psutil.Process | None:
+    """The process below another one that has a file open."""
+    for process in psutil.Process(above).children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess, psutil.AccessDenied):
+            if any(opened.path == str(path) for opened in process.open_files()):
+                return process
+    return None
+
+
+@pytest.fixture(scope="session")
+def wait_until() -> Callable[[Callable[[], Any]], Any]:
+    """Waits for something to become true; gives it."""
+    return until
+
+
+@pytest.fixture(scope="session")
+def is_gone() -> Callable[[psutil.Process], bool]:
+    """Tells whether a process has ended, waited for or not."""
+
+    def gone(process: psutil.Process) -> bool:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            return not process.is_running() or bool(process.status() == psutil.STATUS_ZOMBIE)
+        return True
+
+    return gone
+
+
+@pytest.fixture(scope="session")
+def find_reader() -> Callable[[Path, int], psutil.Process | None]:
+    """Finds the process below another one that has a file open."""
+    return reader_of
+
+
+@pytest.fixture
+def empty_cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler without workers."""
+    cluster = Cluster(tmp_path)
+    try:
+        cluster.start_scheduler()
+        yield cluster
+    finally:
+        cluster.stop()
+
+
+@pytest.fixture
+def cluster(empty_cluster: Cluster) -> Cluster:
+    """A scheduler and two workers."""
+    empty_cluster.start_worker()
+    empty_cluster.start_worker()
+    return empty_cluster
+
+
+@dataclass(frozen=True)
+class Store:
+    """An S3 server on loopback."""
+
+    client: Any
+    env: Mapping[str, str]
+
+    def fill(self, bucket: str, folder: Path, *, below: str = "") -> None:
+        """Copies a folder into a new bucket."""
+        self.client.create_bucket(Bucket=bucket)
+        for path in folder.rglob("*"):
+            if path.is_file():
+                self.client.upload_file(str(path), bucket, below + str(path.relative_to(folder)))
+
+    def content(self, bucket: str) -> dict[str, bytes]:
+        """All objects of a bucket."""
+        listed = self.client.list_objects_v2(Bucket=bucket).get("Contents", [])
+        return {each["Key"]: self.client.get_object(Bucket=bucket, Key=each["Key"])["Body"].read() for each in listed}
+
+
+@pytest.fixture
+def s3(tmp_path: Path) -> Iterator[Store]:
+    """A real S3 server: moto's, as a process of its own."""
+    log = tmp_path / "s3.log"
+    with log.open("wb") as stream:
+        process = subprocess.Popen(
+            [str(PROGRAMS / "moto_server"), "-H", "127.0.0.1", "-p", "0"], stdout=stream, stderr=stream
+        )
+    try:
+        (address,) = until(lambda: re.findall(r"Running on (http://[0-9.:]+)", log.read_text(encoding="utf-8")))
+        env = {
+            "AWS_ENDPOINT_URL": address,
+            "AWS_ACCESS_KEY_ID": "tests",
+            "AWS_SECRET_ACCESS_KEY": "tests",
+            "AWS_DEFAULT_REGION": "us-east-1",
+        }
+        client = boto3.client(
+            "s3",
+            endpoint_url=address,
+            aws_access_key_id="tests",
+            aws_secret_access_key="tests",  # noqa: S106 - of a server that takes any
+            region_name="us-east-1",
+        )
+        yield Store(client, env)
+        client.close()
+    finally:
+        kill_whole(process)

@@ -1,0 +1,116 @@
+"""A fleet on a dask cluster of real processes: the same bytes as at home, whoever dies and whatever is damaged."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+Results = Callable[[Path], dict[str, bytes]]
+WaitUntil = Callable[[Callable[[], Any]], Any]
+FindReader = Callable[[Path, int], Any]
+Cluster = Any
+
+pytestmark = pytest.mark.xdist_group("fleet")
+
+
+def states(output: Path) -> dict[str, str]:
+    """The status of each flight in an output's index."""
+    with (output / "index.csv").open(encoding="utf-8", newline="") as stream:
+        return {row["flight"]: row["status"] for row in csv.DictReader(stream)}
+
+
+def started(*words: object) -> subprocess.Popen[str]:
+    """`decode fleet`, started."""
+    decode = Path(sys.executable).parent / "decode"
+    return subprocess.Popen(
+        [decode, "fleet", *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def test_killed_worker_and_corrupt_flight(
+    cluster: Cluster, archive: Path, home: Path, results: Results, wait_until: WaitUntil, tmp_path: Path
+) -> None:
+    """Fifty flights and a corrupt one, one of two workers killed meanwhile: the bytes of home, and one failure told."""
+    corrupt = tmp_path / "corrupt.mcap"
+    corrupt.write_bytes(bytes(range(256)) * 100)
+    output = tmp_path / "out"
+    running = started(f"{archive}/*/*.mcap", corrupt, "-o", output, "--scheduler", cluster.address)
+    wait_until(lambda: len(list(output.glob("*/*/fleet.done"))) >= 5)
+    cluster.kill(cluster.processes[1])
+    _, words = running.communicate(timeout=120)
+
+    assert running.returncode == 1
+    assert words.startswith("failed: corrupt: ")
+    assert "is not an MCAP file" in words
+    assert len(words.splitlines()) == 1
+    assert results(output) == results(home)
+    assert {flight for flight, status in states(output).items() if status != "decoded"} == {"corrupt"}
+
+
+def test_flight_that_kills_its_workers_is_told(
+    cluster: Cluster, few: Path, long_flight: Path, find_reader: FindReader, wait_until: WaitUntil, tmp_path: Path
+) -> None:
+    """A flight that kills its worker twice is given up; the others are decoded, and the second run knows them."""
+    flight = shutil.copy(long_flight, few / "long.mcap")
+    output = tmp_path / "out"
+    words = [f"{few}/*.mcap", "-o", output, "--scheduler", cluster.address]
+    running = started(*words)
+    nannies = [process.pid for process in cluster.processes[1:]]
+    for _ in range(2):
+        wait_until(
+            lambda: next(filter(None, (find_reader(few / "long.mcap", nanny) for nanny in nannies)), None)
+        ).kill()
+    _, told = running.communicate(timeout=120)
+
+    assert running.returncode == 1
+    assert told.startswith("failed: long: its worker was killed 2 times over it")
+    assert states(output) == {**dict.fromkeys(["flight0", "flight1", "flight2"], "decoded"), "long": "failed"}
+    flight.unlink()
+    again = started(*words)
+    out, told = again.communicate(timeout=120)
+    assert (again.returncode, told) == (0, "")
+    assert out.startswith("0 decoded, 3 kept, 0 failed")
+
+
+def test_other_code_is_refused(empty_cluster: Cluster, run: Run, few: Path, tmp_path: Path) -> None:
+    """A worker whose checkout differs by a remark is named, in one sentence, and nothing is decoded."""
+    for package in ("decoder", "flight_file"):
+        shutil.copytree(ROOT / package, tmp_path / "other" / package)
+    with (tmp_path / "other" / "decoder" / "cli.py").open("a", encoding="utf-8") as stream:
+        stream.write("# changed\n")
+    empty_cluster.start_worker(env={"PYTHONPATH": str(tmp_path / "other")})
+    done = run(f"{few}/*.mcap", "-o", tmp_path / "out", "--scheduler", empty_cluster.address)
+
+    assert done.returncode == 1
+    assert done.stderr.startswith("decode: the worker tcp://127.0.0.1:")
+    assert "install the same on both" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert list((tmp_path / "out").iterdir()) == [tmp_path / "out" / "index.csv"]
+
+
+def test_no_scheduler_and_no_workers(empty_cluster: Cluster, run: Run, few: Path, tmp_path: Path) -> None:
+    """An address without a scheduler and a scheduler without workers are told with what to start; exit code 1."""
+    words = [f"{few}/*.mcap", "-o", tmp_path / "out", "--scheduler"]
+    nobody = run(*words, empty_cluster.address)
+    nowhere = run(*words, "tcp://127.0.0.1:9")
+    unheard = run(*words, "carrier-pigeon")
+
+    for done, told in (
+        (nobody, "start some with `dask worker tcp://"),
+        (nowhere, "tcp://127.0.0.1:9: there is no scheduler; start one with `dask scheduler`"),
+        (unheard, "carrier-pigeon: there is no scheduler"),
+    ):
+        assert done.returncode == 1
+        assert done.stderr.startswith("decode: ")
+        assert told in done.stderr
+        assert len(done.stderr.splitlines()) == 1
