@@ -40,6 +40,7 @@ format: $(READY)  ## Put the code in the house style
 bench: $(READY)  ## Measure accuracy and speed beside the thesis's tables
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.pose
+	$(BIN)/python -m benchmarks.scale
 
 kills: $(READY)  ## Kill the recorder 200 times and look for what is lost
 	$(BIN)/python -m benchmarks.kills

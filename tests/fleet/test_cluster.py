@@ -54,7 +54,7 @@ def test_killed_worker_and_corrupt_flight(
     assert "is not an MCAP file" in words
     assert len(words.splitlines()) == 1
     assert results(output) == results(home)
-    assert {flight for flight, status in states(output).items() if status != "decoded"} == {"corrupt"}
+    assert {flight for flight, status in states(output).items() if status == "failed"} == {"corrupt"}
 
 
 def test_flight_that_kills_its_workers_is_told(
