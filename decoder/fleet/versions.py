@@ -1,19 +1,18 @@
-"""What decides which bytes come out of a decode: our own code, numpy and OpenCV. All workers must have the same."""
+"""What decides which bytes come out of a decode: our own code and what it computes with. All workers have the same."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 import decoder
 import flight_file
 from decoder.errors import VersionMismatch
+
+LIBRARIES = ("numpy", "opencv-python-headless", "simplejpeg")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,8 +20,7 @@ class Versions:
     """What is installed; `software` holds a digest of the code, so that two checkouts of one version are told apart."""
 
     software: str
-    numpy: str
-    opencv: str
+    libraries: tuple[str, ...]
 
 
 @cache
@@ -35,8 +33,7 @@ def installed() -> Versions:
             code.update(str(file.relative_to(folder)).encode() + b"\0" + file.read_bytes())
     return Versions(
         software=f"image-flight-recorder {version('image-flight-recorder')} ({code.hexdigest()[:12]})",
-        numpy=f"numpy {np.__version__}",
-        opencv=f"opencv {cv2.__version__}",
+        libraries=tuple(f"{name} {version(name)}" for name in LIBRARIES),
     )
 
 
@@ -48,6 +45,6 @@ def refuse_mismatch(ours: Versions, theirs: Versions, worker: str) -> None:
     VersionMismatch
         Naming the worker and the first difference.
     """
-    for mine, other in zip(asdict(ours).values(), asdict(theirs).values(), strict=True):
+    for mine, other in zip([ours.software, *ours.libraries], [theirs.software, *theirs.libraries], strict=True):
         if mine != other:
             raise VersionMismatch(f"{worker} has {other}, this machine {mine}; install the same on both")

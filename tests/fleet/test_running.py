@@ -21,7 +21,7 @@ from decoder.fleet.outcome import KINDS, Outcome, State, failed, from_row
 from decoder.fleet.running import run_fleet
 from decoder.fleet.versions import Versions
 
-ORDER = Order("/out", "normxcorr", ("csv",), False, None, None, Versions("ours 1", "numpy 2", "opencv 5"))
+ORDER = Order("/out", "normxcorr", ("csv",), False, None, None, Versions("ours 1", ("numpy 2",)))
 
 
 class Dead(Exception):
