@@ -22,7 +22,15 @@ RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
 MIB_AS_GIB = 1 / 1024
 
 
+@pytest.fixture
+def untraced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that are started are themselves, without a measurement of coverage and its memory."""
+    for name in ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("untraced")
 def test_day_on_a_small_disk(tmp_path: Path, disk: Any) -> None:  # noqa: ANN401 - the conftest's Disk
     """Memory stays, files are closed, nothing is dropped, and what is kept is the newest without a gap."""
     flights = disk.path / "flights"
@@ -39,6 +47,7 @@ def test_day_on_a_small_disk(tmp_path: Path, disk: Any) -> None:  # noqa: ANN401
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("untraced")
 def test_large_pictures_fit_a_small_board() -> None:
     """Pictures of 5 MB at four a second: at most 120 MB, none dropped, and no OpenCV."""
     result = sustained(40)
