@@ -27,7 +27,7 @@ CODE = {status: code for code, status in enumerate(STATUSES)}
 NOWHERE = float("nan")
 
 PanelSigmaDeg = Callable[[str, Floats], Floats]
-"""Tells what the readings of a needle, by its name, at (N,) angles are uncertain by beyond their own frames: (N,) deg."""
+"""Tells what the readings of a needle, by its name, at (N,) angles are uncertain by beyond their own frames: (N,)."""
 
 
 @dataclass(frozen=True, slots=True)
