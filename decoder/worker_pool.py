@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, ForkServerProcess
+from multiprocessing.reduction import send_handle
 from types import TracebackType
 from typing import Self
 
@@ -20,6 +21,7 @@ from decoder import fork_server
 from decoder.errors import WorkersLost
 from decoder.frame_batch import Batch, Outcome, RawFrame, Unread
 from decoder.panel_reader import PanelReader
+from decoder.shared_pictures import PicturesGiven
 from decoder.worker import recipe, serve
 
 # Frames that have taken two workers with them are read one by one; one that takes two more is left out.
@@ -180,15 +182,17 @@ class _Worker:
         self._process: ForkServerProcess = context.Process(target=serve, args=(theirs,), daemon=True)
         self._process.start()
         theirs.close()
+        self._pictures = PicturesGiven()
         self._is_told = False
         self.job: _Job | None = None
 
     def take(self, job: _Job, told: bytes) -> None:
         """Gives it a job; raises OSError if it has ended."""
         if not self._is_told:
+            send_handle(self.connection, self._pictures.descriptor, self._process.pid)
             self.connection.send_bytes(told)
             self._is_told = True
-        self.connection.send(job.frames)
+        self.connection.send(self._pictures.put(job.frames))
         self.job = job
 
     def answer(self) -> list[Outcome]:
@@ -208,6 +212,7 @@ class _Worker:
     def end(self, *, at_once: bool) -> None:
         """Ends the process, if it has not ended by itself."""
         self.connection.close()
+        self._pictures.close()
         if not at_once:
             self._process.join(END_S)
         self._process.kill()

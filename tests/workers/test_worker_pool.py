@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import signal
@@ -21,21 +22,21 @@ from decoder.worker_pool import BATCHES_AHEAD, WorkerPool
 SUICIDE = "__import__('os').kill(__import__('os').getpid(), 9)"
 
 
-class Deadly(bytes):
-    """A picture that kills the process that receives it."""
+class Deadly(float):
+    """A focal length that kills the process that receives it."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return eval, (SUICIDE,)
 
 
-class DeadlyOnce(bytes):
-    """A picture that kills the first process that receives it; `flag` is made then."""
+class DeadlyOnce(float):
+    """A focal length that kills the first process that receives it; `flag` is made then."""
 
     flag: Path
 
     def __reduce__(self) -> tuple[Any, ...]:
         died = f"__import__('os').path.exists({str(self.flag)!r})"
-        return eval, (f"{bytes(self)!r} if {died} else (open({str(self.flag)!r}, 'x'), {SUICIDE})",)
+        return eval, (f"{float(self)!r} if {died} else (open({str(self.flag)!r}, 'x'), {SUICIDE})",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +47,9 @@ class Fitted:
     batches: tuple[Batch, ...]
 
 
-def with_picture(batch: Batch, index: int, jpeg: bytes) -> Batch:
-    """The batch with another picture in one of its frames."""
-    return (*batch[:index], replace(batch[index], jpeg=jpeg), *batch[index + 1 :])
+def taken_at(batch: Batch, index: int, focal_length_mm: float) -> Batch:
+    """The batch with one of its frames taken at another zoom."""
+    return (*batch[:index], replace(batch[index], focal_length_mm=focal_length_mm), *batch[index + 1 :])
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 3])
@@ -61,7 +62,7 @@ def test_readings_are_those_of_one_process(fitted: Fitted, jobs: int) -> None:
 
 def test_frame_that_kills_is_left_out_alone(fitted: Fitted) -> None:
     """The frames beside it in its batch are read by others; it is missing, with the reason."""
-    deadly = (fitted.batches[0], with_picture(fitted.batches[1], 2, Deadly()), *fitted.batches[2:])
+    deadly = (fitted.batches[0], taken_at(fitted.batches[1], 2, Deadly()), *fitted.batches[2:])
     with WorkerPool(2) as pool:
         outcomes = [outcome for _, some in pool.read(fitted.reader, deadly) for outcome in some]
     whole = [outcome for _, some in read_here(fitted.reader, fitted.batches) for outcome in some]
@@ -77,9 +78,9 @@ def test_frame_that_kills_is_left_out_alone(fitted: Fitted) -> None:
 
 def test_worker_that_is_killed_once_costs_nothing(fitted: Fitted, tmp_path: Path) -> None:
     """Its frames are read again, together, so that the result is the same to the bit."""
-    picture = DeadlyOnce(fitted.batches[2][1].jpeg)
-    picture.flag = tmp_path / "died"
-    deadly = (*fitted.batches[:2], with_picture(fitted.batches[2], 1, picture), *fitted.batches[3:])
+    zoom = DeadlyOnce(fitted.batches[2][1].focal_length_mm or math.nan)
+    zoom.flag = tmp_path / "died"
+    deadly = (*fitted.batches[:2], taken_at(fitted.batches[2], 1, zoom), *fitted.batches[3:])
     with WorkerPool(2) as pool:
         outcomes = [outcome for _, some in pool.read(fitted.reader, deadly) for outcome in some]
 
@@ -106,7 +107,7 @@ def test_worker_that_is_killed_while_it_waits_is_replaced(fitted: Fitted) -> Non
 def test_pool_gives_up_when_it_is_not_the_frames(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where workers do nothing but end, somebody has to look."""
     monkeypatch.setattr("decoder.worker_pool.MAX_DEATHS_IN_A_ROW", 3)
-    deadly = tuple(with_picture(batch, 0, Deadly()) for batch in fitted.batches)
+    deadly = tuple(taken_at(batch, 0, Deadly()) for batch in fitted.batches)
     with pytest.raises(WorkersLost, match=r"was killed \(SIGKILL\); try --jobs 1"), WorkerPool(1) as pool:
         list(pool.read(fitted.reader, deadly))
     assert multiprocessing.active_children() == []
