@@ -47,6 +47,8 @@ REFINE_MARGINS_PX = (24, 6)
 FEW_ANCHORS = 4
 MAX_FEW_SHIFT_PX = 40.0
 KEPT_ZOOMS = 6
+# Where more of the anchors than this do not match, they lie at other depths.
+FEW_FAILED = 1 / 3
 
 
 class AlignmentLost(PictureError):
@@ -113,6 +115,11 @@ class Aligner:
         search = _Search(self._seen_at(focal_length_mm, (width, height)), frame)
         rough = search.rough_alignment()
         return search.alignment() if rough is None else rough
+
+    def agrees(self, alignment: Alignment) -> bool:
+        """Whether most anchors match where an alignment has them all: then they lie in a plane."""
+        anchors = self._panel.anchors
+        return sum(anchor.name in alignment.failed for anchor in anchors) <= FEW_FAILED * len(anchors)
 
     def _seen_at(self, focal_length_mm: float | None, size_px: tuple[int, int]) -> SeenPanel:
         key = (focal_length_mm, *size_px)

@@ -37,7 +37,7 @@ SETTLED_LIFT = 0.01
 STILL_PX = 6.0
 LOOKED_AT = 6
 # Dials that lie this near to where the anchors have them are where they should be.
-IN_PLACE_PX = 0.3
+IN_PLACE_PX = 0.05
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
 
@@ -76,7 +76,8 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         reader = reader.tuned(replace(reader.tuning, usual=usual))
         samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     if _camera_moves(reader, samples):
-        one_by_one = reader.tuned(replace(reader.tuning, dials_move=True))
+        agree = _anchors_agree(reader, samples)
+        one_by_one = reader.tuned(replace(reader.tuning, dials_move=True, anchors_agree=agree))
         if _dials_move(one_by_one, sample):
             reader = one_by_one
             samples = unwrapped(reader, sample(MORE_FRAMES))
@@ -105,6 +106,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
                 tuning_from_panel(moved_source),
                 usual=tuned.tuning.usual,
                 dials_move=reader.tuning.dials_move,
+                anchors_agree=reader.tuning.anchors_agree,
                 lifts=lifts,
             ),
         )
@@ -129,6 +131,11 @@ def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> boo
     corners = [(x, y) for x in (0.0, float(width)) for y in (0.0, float(height))]
     shifts_px = [math.dist(corner, sample.alignment.to_frame(corner)) for sample in samples for corner in corners]
     return max(shifts_px, default=0.0) > STILL_PX
+
+
+def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
+    """Whether all anchors tell the same, in most frames."""
+    return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
 
 
 def _dials_move(reader: PanelReader, sample: Sample) -> bool:

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from decoder.aligner import Aligner
+from decoder.aligner import Aligner, AlignmentLost
 from decoder.alignment import Alignment, Matrix, Point
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader
@@ -139,13 +139,24 @@ class PanelReader:
         PictureError
             As `unwrap`.
         """
-        alignment = self.aligner.align_roughly(frame, focal_length_mm)
+        alignment = self._near(frame, focal_length_mm)
         places = place_all(self._placers, frame, alignment)
         return [None if place is None else place.shift_px for place in places]
 
+    def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> Alignment:
+        """Where dials are looked for one by one: where the anchors have them, or where most anchors have them roughly."""
+        if self.tuning.anchors_agree:
+            try:
+                alignment = self.aligner.align(frame, focal_length_mm)
+            except AlignmentLost:
+                return self.aligner.align_roughly(frame, focal_length_mm)
+            if self.aligner.agrees(alignment):
+                return alignment
+        return self.aligner.align_roughly(frame, focal_length_mm)
+
     def _unwrap_one_by_one(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
         """Each gauge where its own marks are; one whose marks are not found is not read."""
-        alignment = self.aligner.align_roughly(frame, focal_length_mm)
+        alignment = self._near(frame, focal_length_mm)
         height, width = frame.shape
         lifts = self.tuning.lifts or (0.0,) * len(self.grids)
         gauges, whole, shifts, sigmas = [], [], [], []

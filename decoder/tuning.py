@@ -45,6 +45,8 @@ class Tuning:
         By name, of the gauges that have a card.
     dials_move
         Whether the camera moves so far that dials move against the anchors, and each is to be found by itself.
+    anchors_agree
+        Whether anchors lie in one plane, so that all of them tell where dials are to be looked for.
     lifts
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
     """
@@ -55,4 +57,5 @@ class Tuning:
     evenly_lit_score: float
     cards: Mapping[str, CardPicture] = field(default_factory=dict)
     dials_move: bool = False
+    anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
