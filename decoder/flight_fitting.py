@@ -30,7 +30,7 @@ ROUNDS = 4
 # With so many of the sampled frames found there is no need to look for the camera elsewhere.
 MIN_FOUND = 8
 SIGHTS = 3
-# While the camera moves needles tell less of their pivots.
+# Where anchors and dials move against each other, needles tell less of their pivots.
 MORE_FRAMES = 3 * SAMPLE_FRAMES
 SETTLED_LIFT = 0.01
 # A camera that moves by less than this at the panel picture's corners shows no depth.
@@ -80,7 +80,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         one_by_one = reader.tuned(replace(reader.tuning, dials_move=True, anchors_agree=agree))
         if _dials_move(one_by_one, sample):
             reader = one_by_one
-            samples = unwrapped(reader, sample(MORE_FRAMES))
+            samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
     for _ in range(ROUNDS):
         found = [read.readings for read in reader.read_all_unwrapped(samples)]
         tuned = tune_on(reader, samples, found)
@@ -110,7 +110,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
                 lifts=lifts,
             ),
         )
-        samples = unwrapped(reader, sample(MORE_FRAMES if reader.tuning.dials_move else SAMPLE_FRAMES))
+        samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
     now = tuned.source.panel.gauges
     moved = {
         gauge.name: (gauge.centre[0] - before.centre[0], gauge.centre[1] - before.centre[1])
@@ -119,6 +119,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     }
     uncertainties = quantity_uncertainties(source, pivots, dials_move=tuned.tuning.dials_move)
     return FittedReader(tuned, uncertainties, moved)
+
+
+def _frames_wanted(tuning: Tuning) -> int:
+    return MORE_FRAMES if tuning.dials_move and not tuning.anchors_agree else SAMPLE_FRAMES
 
 
 def _any_missing(found: Sequence[Mapping[str, Reading]]) -> bool:

@@ -144,7 +144,7 @@ class PanelReader:
         return [None if place is None else place.shift_px for place in places]
 
     def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> Alignment:
-        """Where dials are looked for one by one: where the anchors have them, or where most anchors have them roughly."""
+        """Where dials are looked for one by one: where all anchors have them, or else most of them roughly."""
         if self.tuning.anchors_agree:
             try:
                 alignment = self.aligner.align(frame, focal_length_mm)

@@ -23,7 +23,7 @@ DRAWN_PX = 0.1
 # Where they do, so much is left for what has no marks: the needle's zero.
 ZERO_PX = 0.02
 # A dial that is found by itself is off by about this beyond its own pixels' noise.
-FOUND_PX = 0.04
+FOUND_PX = 0.03
 # One dial's needles tell little of how well dials are found: the others count for as much as so many tilts of its own.
 SHARED_TILTS = 16
 

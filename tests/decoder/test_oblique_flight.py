@@ -1,0 +1,69 @@
+"""A flight seen obliquely by a camera that shakes, with glare and a hand in the picture: read whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from decoder.camera import CAMERA_FILE, parse_camera
+from decoder.flight_data import STATUSES, FlightData
+from decoder.flight_decoder import decode_flight
+from decoder.gauge_reader import Method
+from decoder.panel_pictures import panel_from_attachments
+from decoder.panel_reader import PanelReader
+from decoder.reading import Status
+from decoder.tables import Table, read_table
+from flight_file.reader import open_flight
+
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "oblique"
+READ = STATUSES.index(Status.READ)
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("oblique flight")]
+
+
+@pytest.fixture(scope="module")
+def data() -> FlightData:
+    """Twelve needles, 20 degrees from the side, 808 x 606 pixels."""
+    flight = open_flight([FIXTURES / "t1a_small.mcap"])
+    camera = parse_camera(flight.attachments[CAMERA_FILE], source=CAMERA_FILE)
+    source = replace(panel_from_attachments(flight.attachments, flight="t1a_small"), camera=camera)
+    return decode_flight(flight, PanelReader.from_panel(source, Method.NORMXCORR), lambda frames: frames)
+
+
+@pytest.fixture(scope="module")
+def truth() -> Table:
+    """What the renderer was told."""
+    return read_table(FIXTURES / "t1a_small_truth.csv")
+
+
+def test_needles_are_read_right(data: FlightData, truth: Table) -> None:
+    """Within 0.3 % of full scale on average, and nothing that is called read is off by 2 %."""
+    for series in data.series:
+        error = np.abs(series.value - truth.numbers(series.quantity.name)) / series.quantity.full_scale
+        read = series.status == READ
+
+        assert read.sum() > len(read) / 2, series.quantity.name
+        assert error[read].mean() < 0.003, series.quantity.name
+        assert error[read].max() < 0.02, series.quantity.name
+
+
+def test_uncertainties_are_neither_bold_nor_timid(data: FlightData, truth: Table) -> None:
+    """Of all values that were read 90 to 98 % lie within 1.96 sigma of the truth."""
+    within = [
+        np.abs(series.value - truth.numbers(series.quantity.name))[series.status == READ]
+        <= 1.96 * series.sigma[series.status == READ]
+        for series in data.series
+    ]
+
+    assert 0.9 <= np.concatenate(within).mean() <= 0.98
+
+
+def test_needle_under_the_hand_is_not_guessed(data: FlightData, truth: Table) -> None:
+    """Where a hand or lights take four fifths of a needle's contrast, it is not called read."""
+    for series in data.series:
+        covered = truth.numbers(f"{series.quantity.name}_covered") >= 0.8
+
+        assert not (covered & (series.status == READ)).any(), series.quantity.name
