@@ -65,12 +65,12 @@ def _seconds(flight: FlightTable, recorder: Table, column: str) -> Floats:
         seconds = np.array(of_day)
         known = np.isfinite(seconds)
         seconds[known] = np.unwrap(seconds[known], period=DAY_S)  # past midnight it goes on
-        started_s = float(flight.time_ns[0]) / 1e9 % DAY_S
+        started_s = flight.began_ns / 1e9 % DAY_S
         days = round((float(seconds[known][0]) - started_s) / DAY_S)
         of_flight: Floats = seconds - started_s - days * DAY_S
         return of_flight
     try:
-        since: Floats = (times_ns(recorder, column) - flight.time_ns[0]) / 1e9
+        since: Floats = (times_ns(recorder, column) - flight.began_ns) / 1e9
     except TableError as error:
         raise TableError(f"{error}; give seconds, times such as 12:00:00, or 2018-05-04T12:00:00Z") from error
     return since

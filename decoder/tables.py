@@ -79,6 +79,18 @@ class FlightTable:
         """
         return times_ns(self.table, "time_utc")
 
+    @property
+    def began_ns(self) -> int:
+        """When `time_s` was 0: at the flight's first frame, which a part of a flight does not hold.
+
+        Raises
+        ------
+        TableError
+            If the first time cannot be read.
+        """
+        since_s = float(self.table.numbers("time_s")[0]) if "time_s" in self.table.columns else 0.0
+        return int(self.time_ns[0]) - round(since_s * 1e9)
+
 
 def read_table(path: Path) -> Table:
     """A CSV file.

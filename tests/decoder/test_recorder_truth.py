@@ -81,9 +81,14 @@ def test_mapped_columns_are_in_our_names_and_units(tmp_path: Path) -> None:
     ],
     ids=["seconds", "time of day past midnight", "the day after", "ISO 8601"],
 )
-def test_times_count_from_the_first_frame(tmp_path: Path, times: list[str], seconds: list[float | None]) -> None:
-    """Plain seconds stay; times of the day and dates are laid beside the flight's own UTC."""
-    found = recorder_truth(flight(tmp_path, {"n1_pct": [1.0] * 3}), table({"T": times, "n1_pct": [1, 2, 3]}), {}, "T")
+@pytest.mark.parametrize("first", [0, 2])
+def test_times_count_from_the_first_frame(
+    tmp_path: Path, times: list[str], seconds: list[float | None], first: int
+) -> None:
+    """Plain seconds stay; times of the day and dates are laid beside the flight's own UTC, also of a part of it."""
+    whole = flight(tmp_path, {"n1_pct": [1.0] * 3})
+    part = Table(whole.table.path, {name: column[first:] for name, column in whole.table.columns.items()})
+    found = recorder_truth(flight_table(part), table({"T": times, "n1_pct": [1, 2, 3]}), {}, "T")
 
     for own, wanted in zip(found.columns["time_s"], seconds, strict=True):
         assert (float(own) if own else None) == (pytest.approx(wanted) if wanted is not None else None)
