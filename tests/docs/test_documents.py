@@ -41,6 +41,14 @@ def test_links_lead_to_files(document: Path) -> None:
     assert [link for link in links if not (document.parent / link).exists()] == []
 
 
+def test_the_index_leads_to_every_page() -> None:
+    """docs/README.md names each document of docs/."""
+    docs = ROOT / "docs"
+    links = set(re.findall(r"\]\(([^)#:]+)", (docs / "README.md").read_text(encoding="utf-8")))
+
+    assert {str(page.relative_to(docs)) for page in docs.rglob("*.md")} - links == {"README.md"}
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_targets_are_in_the_makefile(document: Path) -> None:
     """Every `make` command of a document is a target."""
