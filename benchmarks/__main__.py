@@ -18,6 +18,7 @@ from benchmarks.cost import memory, speed
 from benchmarks.pages import PICTURES, Page, accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
 from benchmarks.real_pictures import available, measure_source
+from benchmarks.report_page import report_page
 from benchmarks.setup_page import setup_page
 from benchmarks.sized_flights import SIZES, Size
 from benchmarks.starting import starts
@@ -64,6 +65,7 @@ PAGES: dict[str, Callable[[Sequence[Size]], Page]] = {
     "accuracy": lambda _: measured_accuracy(),
     "performance": measured_cost,
     "cockpit": lambda _: Page(cockpit_page()),
+    "report-speed": lambda _: Page(report_page()),
     "setup-speed": lambda _: Page(setup_page()),
 }
 

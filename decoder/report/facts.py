@@ -118,6 +118,7 @@ def _listed(data: FlightData, flag: Flag, position: Order) -> dict[str, Any]:
         "kind": flag.kind.value,
         "dot": DOTS.get(flag.kind, flag.kind.value),
         "needle": flag.needle,
+        "place": next((place for place, one in enumerate(data.series) if one.quantity.name == flag.needle), -1),
         "start": utc_text(start_ns)[11:23],
         "duration": "one frame" if flag.frames == 1 else _duration(abs(end_ns - start_ns) / 1e9),
         "frames": str(first) if first == last else f"{first} to {last} ({flag.frames})",

@@ -167,6 +167,7 @@ def test_click_shows_the_frame(page: Page) -> None:
     expect(page.locator("#evidence figure")).to_have_count(6)
     expect(page.locator("#evidence figure svg image").first).to_have_attribute("href", re.compile("^data:image/jpeg"))
     expect(page.locator("#evidence figure").first).to_contain_text("score 0.990")
+    expect(page.locator("#evidence figure.asked")).to_have_attribute("data-gauge", "n2")
     assert page.locator("#evidence figure .needle").count() == 14
     page.locator("#drawing").uncheck()
     expect(page.locator("#evidence figure .needle")).to_have_count(0)
@@ -216,6 +217,10 @@ def test_keys_do_what_the_pointer_does(page: Page) -> None:
     page.locator("#drawing").check()
     page.keyboard.press("d")
     expect(page.locator("#evidence figure .needle")).to_have_count(0)
+    page.keyboard.press("f")
+    expect(page.locator("#evidence-strip")).to_be_hidden()
+    page.keyboard.press("f")
+    expect(page.locator("#evidence-strip")).to_be_visible()
 
 
 def test_what_the_flight_says_stays_text(

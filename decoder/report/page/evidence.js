@@ -28,6 +28,9 @@ export function showEvidence(state) {
       remark.textContent = `No pictures of this frame are in the report. Shown is the nearest that has some: ${frameText(flight, pictured)}, ${durationText(apart)} ${apart < 0 ? "before" : "after"}, with its own values.`;
     }
     byId("evidence-strip").replaceChildren(...(found ? figures(state, found, pictured) : []));
+    const strip = byId("evidence-strip");
+    const asked = strip.querySelector(".asked");
+    strip.scrollLeft = asked ? asked.offsetLeft - (strip.clientWidth - asked.clientWidth) / 2 : 0;
     byId("evidence").dataset.row = String(row);
     byId("evidence").dataset.pictured = String(pictured);
   }
@@ -35,6 +38,13 @@ export function showEvidence(state) {
   state.on("row", show);
   byId("drawing").addEventListener("change", () => state.toggleDrawing());
   state.on("row", () => (byId("drawing").checked = state.drawing));
+  byId("fold").addEventListener("click", () => fold(!byId("evidence").classList.contains("folded")));
+
+  function fold(folded) {
+    byId("evidence").classList.toggle("folded", folded);
+    byId("fold").textContent = folded ? "Show pictures" : "Fold";
+    byId("fold").setAttribute("aria-expanded", String(!folded));
+  }
 }
 
 function figures(state, found, row) {
@@ -48,7 +58,8 @@ function figures(state, found, row) {
   return found.gauges.map((gauge) => {
     const needles = gauge.needles.map(({ at }) => flight.needles[at]);
     const names = needles.map((needle) => `${needle.name} ${valueText(needle, row)}`).join(", ");
-    return h("figure", { "data-gauge": gauge.name },
+    const asked = gauge.needles.some(({ at }) => at === state.needle);
+    return h("figure", { "data-gauge": gauge.name, class: asked ? "asked" : undefined },
       picture(gauge, state.drawing ? drawing(flight, gauge, row) : [], `${gauge.name} in ${frameText(flight, row)}: ${names}`),
       h("figcaption", {}, ...needles.map((needle) => reading(flight, needle, row))));
   });
@@ -56,7 +67,7 @@ function figures(state, found, row) {
 
 function picture({ box, jpeg }, shapes, words) {
   const [left, top, width, height] = box;
-  return s("svg", { viewBox: box.join(" "), role: "img", "aria-label": words, style: undefined },
+  return s("svg", { viewBox: box.join(" "), role: "img", "aria-label": words },
     s("image", { href: `data:image/jpeg;base64,${jpeg}`, x: left, y: top, width, height, preserveAspectRatio: "none" }),
     ...shapes);
 }

@@ -5,7 +5,7 @@ export function useFlags(state) {
   const rows = [...document.querySelectorAll("#flags tbody tr")];
   for (const row of rows) {
     row.querySelector("button").addEventListener("click", () => {
-      goTo(state, Number(row.dataset.first), Number(row.dataset.last));
+      goTo(state, Number(row.dataset.first), Number(row.dataset.last), Number(row.dataset.needle));
       byId("data").scrollIntoView({ block: "start" });
     });
   }
@@ -17,12 +17,12 @@ export function useFlags(state) {
 }
 
 // Looks at a span with as much again around it, and chooses the frame in its middle.
-export function goTo(state, first, last) {
+export function goTo(state, first, last, needle) {
   const times = state.flight.time_ms;
   const width = Math.max(times[last] - times[first], (state.all[1] - state.all[0]) / 200, 2000);
   const middle = (times[first] + times[last]) / 2;
   state.look(middle - width * 1.5, middle + width * 1.5);
-  state.choose((first + last) >> 1);
+  state.choose((first + last) >> 1, needle);
 }
 
 // The next flag after the chosen row, or the one before it.
@@ -33,5 +33,5 @@ export function nextFlag(state, direction) {
   const beyond = flags.filter((flag) => (middle(flag) - here) * direction > 0);
   if (!beyond.length) return;
   const best = beyond.reduce((one, other) => ((middle(other) - middle(one)) * direction < 0 ? other : one));
-  state.choose(middle(best));
+  state.choose(middle(best), best[3]);
 }

@@ -15,8 +15,8 @@ const state = new State(flight);
 
 for (const host of document.querySelectorAll("[data-plot]")) {
   const at = Number(host.dataset.at);
-  const track = { needle: () => needleTrack(flight, at), error: () => errorTrack(flight, at), alignment: () => flight.alignment[at] }[host.dataset.plot]();
-  new TimePlot(host, state, track);
+  const track = { needle: () => needleTrack(flight, at), error: () => errorTrack(flight, at), alignment: () => flight.alignment[at] };
+  new TimePlot(host, state, track[host.dataset.plot]);
 }
 
 function tellValues() {
@@ -48,5 +48,6 @@ addEventListener("resize", () => state.tell("style"));
 addEventListener("beforeprint", () => state.tell("paper"));
 addEventListener("afterprint", () => state.tell("style"));
 
-state.choose(flight.flags.length ? (flight.flags[0][0] + flight.flags[0][1]) >> 1 : 0);
+const [first, last, , needle] = flight.flags[0] || [0, 0, "", -1];
+state.choose((first + last) >> 1, needle);
 requestAnimationFrame(() => requestAnimationFrame(() => (document.body.dataset.ready = "")));

@@ -8,13 +8,13 @@ const SHAPES = { read: "circle", edge: "diamond", hidden: "square", interpolated
 const STRIP_PX = 2.5; // a single frame in the band is at least so wide
 const CONFIG = { displayModeBar: false, doubleClick: false, responsive: false, showTips: false };
 
-// A track: values; low and high of the band; status; rings (rows to circle); truth; wraps; `strip` for the band below.
+// A track: values; low and high of the band; status; rings (rows to circle); truth; wraps; it is made when it is first drawn.
 export class TimePlot {
-  constructor(host, state, track) {
-    Object.assign(this, { host, state, track, waiting: false, drawn: false });
+  constructor(host, state, makeTrack) {
+    Object.assign(this, { host, state, makeTrack, track: null, waiting: false, drawn: false });
     state.on("view row style", () => this.draw());
     state.on("paper", () => this.drawNow()); // on paper all of them are in sight
-    new IntersectionObserver(([entry]) => this.see(entry.isIntersecting), { rootMargin: "300px" }).observe(host);
+    new IntersectionObserver(([entry]) => this.see(entry.isIntersecting), { rootMargin: "120px" }).observe(host);
   }
 
   see(visible) {
@@ -35,6 +35,7 @@ export class TimePlot {
 
   drawNow() {
     this.late = false;
+    this.track ??= this.makeTrack();
     const width = Math.max(this.host.clientWidth, 200);
     const colours = palette();
     Plotly.react(this.host, this.traces(width, colours), this.layout(width, colours), CONFIG);
@@ -57,7 +58,7 @@ export class TimePlot {
     const place = event.clientX - this.host.getBoundingClientRect().left - axis._offset;
     const time = this.fromDate(axis.p2d(place));
     const mark = points.find((point) => point.data.meta === "mark" && Math.abs(axis.d2p(point.x) - place) < 5);
-    this.state.choose(mark ? mark.customdata : nearestRow(this.state.flight.time_ms, time));
+    this.state.choose(mark ? mark.customdata : nearestRow(this.state.flight.time_ms, time), this.track.at);
   }
 
   fromDate(value) {

@@ -12,6 +12,7 @@ export class State extends EventTarget {
     this.usual = usualStep(times);
     this.view = [...this.all];
     this.row = -1;
+    this.needle = -1; // the parameter that was asked about
     this.drawing = true;
   }
 
@@ -52,8 +53,9 @@ export class State extends EventTarget {
     this.look(from + (to - from) * part, to + (to - from) * part);
   }
 
-  choose(row) {
+  choose(row, needle = this.needle) {
     if (!this.flight.rows) return;
+    this.needle = needle;
     this.row = Math.min(Math.max(row, 0), this.flight.rows - 1);
     const time = this.flight.time_ms[this.row];
     const [from, to] = this.view;

@@ -7,6 +7,7 @@ export function needleTrack(flight, at) {
   const needle = flight.needles[at];
   const { value, sigma, status, truth, wraps } = needle;
   return {
+    at,
     values: value,
     low: value.map((each, row) => each - CONFIDENCE_SIGMAS * sigma[row]),
     high: value.map((each, row) => each + CONFIDENCE_SIGMAS * sigma[row]),
@@ -24,6 +25,7 @@ export function errorTrack(flight, at) {
   const { value, sigma, truth, wraps, status } = needle;
   const short = (error) => (wraps ? error - wraps * Math.round(error / wraps) : error);
   return {
+    at,
     values: value.map((each, row) => short(each - truth[row])),
     low: sigma.map((each) => -CONFIDENCE_SIGMAS * each),
     high: sigma.map((each) => CONFIDENCE_SIGMAS * each),
