@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from decoder.alignment import Alignment
+from decoder.alignment import Alignment, Point
 from decoder.arrays import Floats
 from decoder.lens import Lens
 
@@ -24,20 +24,26 @@ class AlignmentSeries(Sequence[Alignment | None]):
 
     def __init__(self) -> None:
         self._elements, self._score, self._kind = array("d"), array("f"), array("I")
-        self._sigma_px = array("f")
+        self._sigma_px, self._shifts_px = array("f"), array("f")
         self._kinds: dict[Kind, int] = {}
         self._gauges = 0
 
-    def add(self, alignment: Alignment, sigma_px: Sequence[float]) -> None:
-        """A frame's alignment; `sigma_px` is how uncertain the place of each gauge is."""
+    def add(self, alignment: Alignment, sigma_px: Sequence[float], shifts_px: Sequence[Point] = ()) -> None:
+        """A frame's alignment; `sigma_px` is how uncertain the place of each gauge is.
+
+        `shifts_px` are how far their needles lie from there, in all frames of a flight or in none.
+        """
         self._gauges = max(self._gauges, len(sigma_px))
         self._append(alignment.elements, alignment.score, alignment.failed, alignment.lens)
         self._sigma_px.extend(sigma_px)
+        self._shifts_px.extend(coordinate for shift in shifts_px for coordinate in shift)
 
     def add_missing(self, failed: Sequence[str]) -> None:
         """A frame without one; `failed` are the features that did not match, as far as they were looked for."""
         self._append((math.nan,) * _ELEMENTS, math.nan, tuple(failed), None)
         self._sigma_px.extend([math.nan] * self._gauges)
+        if self._shifts_px:
+            self._shifts_px.extend([math.nan] * 2 * self._gauges)
 
     def __len__(self) -> int:
         return len(self._score)
@@ -49,6 +55,14 @@ class AlignmentSeries(Sequence[Alignment | None]):
         failed, lens = list(self._kinds)[self._kind[index]]
         elements = tuple(self._elements[index * _ELEMENTS : (index + 1) * _ELEMENTS])
         return Alignment(elements, self._score[index], failed, lens)
+
+    def shift_px(self, index: int, gauge: int) -> Point:
+        """How far the needles of a gauge lie from where a frame's alignment has them, in the panel picture's pixels."""
+        if not self._shifts_px:
+            return 0.0, 0.0
+        lost_first = len(self) * 2 * self._gauges - len(self._shifts_px)
+        at = (index % len(self)) * 2 * self._gauges + 2 * gauge - lost_first
+        return self._shifts_px[at], self._shifts_px[at + 1]
 
     def failed(self, index: int) -> tuple[str, ...]:
         """The features that did not match in a frame."""

@@ -1,7 +1,8 @@
 """What the readings look like on their frame: where each found needle lies, and what to write beside its gauge.
 
-Places follow from the needle's angle, its gauge's grid and the frame's alignment, the same way that the gauge was
-unwrapped; so they lie where the decoder looked, whatever the camera's place.
+Places follow from the needle's angle, its gauge's grid and the frame's alignment, and where a dial was found by itself
+from its own place, the same way that the gauge was unwrapped; so they lie where the decoder looked, whatever the
+camera's place.
 """
 
 from __future__ import annotations
@@ -99,7 +100,13 @@ class ReadingPlaces:
     def frame(self, index: int) -> tuple[DrawnGauge, ...]:
         """The gauges of the frame at this place in the flight data; none where the panel was not found."""
         alignment = self._data.alignments[index] if self._data.alignments else None
-        return () if alignment is None else tuple(gauge.drawn(index, alignment) for gauge in self._gauges)
+        if alignment is None:
+            return ()
+        shifts_px = [self._data.alignments.shift_px(index, place) for place in range(len(self._gauges))]
+        return tuple(
+            gauge.drawn(index, _moved(alignment, shift_px))
+            for gauge, shift_px in zip(self._gauges, shifts_px, strict=True)
+        )
 
 
 class _PlacedGauge:
@@ -154,6 +161,12 @@ class _PlacedGauge:
             return self._index_deg[name]  # a card is read where its index stands
         scale = self._scales.get(name)
         return None if scale is None else float(scale.angles_of(np.array([value]))[0])
+
+
+def _moved(alignment: Alignment, shift_px: Point) -> Alignment:
+    """The alignment of what lies so far beside its place in the panel picture."""
+    x, y = shift_px
+    return alignment if x == y == 0.0 else alignment.after(np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]]))
 
 
 def _in_frame(points: Floats, alignment: Alignment) -> list[Point]:

@@ -139,7 +139,7 @@ class FlightDataBuilder:
         """One frame that was read."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
-        self._alignments.add(readings.alignment, readings.alignment_sigma_px)
+        self._alignments.add(readings.alignment, readings.alignment_sigma_px, readings.dial_shifts_px)
         for name, column in self._columns.items():
             reading = readings.readings[name]
             column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)

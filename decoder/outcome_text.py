@@ -57,6 +57,7 @@ def _plain(outcome: Outcome) -> dict[str, Any]:
         "failed": alignment.failed,
         "lens": None if alignment.lens is None else astuple(alignment.lens),
         "sigma_px": outcome.alignment_sigma_px,
+        "shifts_px": outcome.dial_shifts_px,
         "readings": {
             name: [reading.status, reading.angle_deg, reading.sigma_deg, reading.score]
             for name, reading in outcome.readings.items()
@@ -73,6 +74,7 @@ def _outcome(content: dict[str, Any]) -> Outcome:
         Alignment(tuple(content["elements"]), content["score"], failed, lens),
         {name: Reading(Status(status), *numbers) for name, (status, *numbers) in content["readings"].items()},
         tuple(content["sigma_px"]),
+        tuple((x, y) for x, y in content.get("shifts_px", ())),
     )
 
 

@@ -52,12 +52,15 @@ class UnwrappedFrame:
 class FrameReadings:
     """One frame's alignment, and its readings by needle.
 
-    `alignment_sigma_px` is how uncertain the place of each gauge is, in the panel's order.
+    `alignment_sigma_px` is how uncertain the place of each gauge is, in the panel's order. `dial_shifts_px` are how far
+    the needles of dials that were found by themselves lie from where the alignment has them, (x, y) in the panel
+    picture's pixels; empty where all lie where it says.
     """
 
     alignment: Alignment
     readings: Mapping[str, Reading]
     alignment_sigma_px: Sequence[float] = ()
+    dial_shifts_px: Sequence[Point] = ()
 
 
 class PanelReader:
@@ -246,7 +249,14 @@ class PanelReader:
             for name, reading in own.items():
                 total_deg = math.hypot(reading.sigma_deg, sigma_deg)
                 readings[name] = Reading(reading.status, reading.angle_deg, total_deg, reading.score)
-        return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()))
+        shifts_px = self._needle_shifts_px(unwrapped)
+        return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()), shifts_px)
+
+    def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
+        """How far the needles of each gauge lie from where the alignment has them: their dial's shift, and the lift."""
+        shifts_px = unwrapped.dial_shifts_px
+        lifts = self.tuning.lifts or (0.0,) * len(self.grids)
+        return tuple((x * (1.0 + lift), y * (1.0 + lift)) for (x, y), lift in zip(shifts_px, lifts, strict=False))
 
     def _dial_sigmas_px(self, unwrapped: UnwrappedFrame) -> Floats:
         """(gauges,): how uncertain the place of each dial is, in the panel picture's pixels."""

@@ -65,6 +65,27 @@ def test_needle_lies_on_the_drawn_needle(draw: Draw, reader: PanelReader) -> Non
             assert np.hypot(*(rolled(on_dial(centres[name], angle_deg, radius_px)) - point)) < 0.5
 
 
+def test_needle_is_drawn_on_a_dial_that_moved_by_itself(reader: PanelReader, reading: Callable[..., Reading]) -> None:
+    """Where dials were found one by one each is drawn at its own place, in lost frames too, which have none."""
+    found = {"speed_kt": reading(214.0), "al_lb": reading(200.0), "fr_lb": reading(330.0)}
+    builder = FlightDataBuilder(reader.source.panel)
+    builder.add_missing(0, 0, "knob not found")
+    for frame, shift in ((1, (0.0, 0.0)), (2, (4.5, -3.0))):
+        builder.add(frame, frame, FrameReadings(IDENTITY, found, (0.1, 0.1), (shift, (0.0, 0.0))))
+    builder.add_missing(3, 3, "knob not found")
+    data = builder.build(lambda _, angles_deg: np.zeros_like(angles_deg))
+    places = ReadingPlaces(reader.source, data)
+    (speed, fuel), (moved_speed, moved_fuel) = places.frame(1), places.frame(2)
+
+    assert places.frame(0) == places.frame(3) == ()
+    assert np.subtract(moved_speed.pivot_px, speed.pivot_px) == pytest.approx((4.5, -3.0), abs=1e-4)
+    before, after = speed.readings[0].line_px, moved_speed.readings[0].line_px
+    assert before is not None
+    assert after is not None
+    assert np.subtract(after[1], before[1]) == pytest.approx((4.5, -3.0), abs=1e-4)
+    assert moved_fuel.pivot_px == fuel.pivot_px
+
+
 def test_rim_is_the_outer_perimeter(draw: Draw, reader: PanelReader) -> None:
     """All points of the rim are as far from the pivot as the gauge's outer radius, and surround it."""
     data = built(
