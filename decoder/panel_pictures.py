@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
+from decoder.aligner import Aligner
+from decoder.alignment import IDENTITY, Alignment
 from decoder.attachments import PANEL_FILE
 from decoder.camera import Camera
 from decoder.dial_plane import DialPlane, dial_plane, inches_to_picture
@@ -66,6 +68,16 @@ class PanelPictures:
             dial_plane(gauge, f"gauges[{index}]", optics, inches) for index, gauge in enumerate(self.panel.gauges)
         ]
         return replace(self, planes=tuple(planes))
+
+    def aligner(self, usual: Alignment = IDENTITY) -> Aligner:
+        """What finds the panel in frames; `usual` is where the camera mostly was, as far as that is known.
+
+        Raises
+        ------
+        PanelError
+            If an anchor or the level edge does not fit the panel picture.
+        """
+        return Aligner(self.panel, self.picture, usual, self.optics)
 
     def grid(self, index: int) -> PolarGrid:
         """The sample points of the gauge at this place in the panel."""

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from decoder.aligner import Aligner, AlignmentLost
+from decoder.aligner import AlignmentLost
 from decoder.alignment import Alignment, Matrix, Point
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader
@@ -74,7 +74,7 @@ class PanelReader:
         self.tuning = tuning
         self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
         self.block = PictureBlock()
-        self.aligner = Aligner(source.panel, source.picture, tuning.usual, optics)
+        self.aligner = source.aligner(tuning.usual)
         self._unwrapper = Unwrapper(self.grids)
         centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
         self._centres = np.vstack([optics.straight(centres), np.ones(centres.shape[1])])

@@ -5,44 +5,41 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from decoder.alignment import IDENTITY, Alignment
-from decoder.dial_plane import DialPlane
+from decoder.alignment import Alignment
 from decoder.errors import PanelError, PictureError
 from decoder.gauge import Gauge
 from decoder.method import Method
 from decoder.panel_reader import PanelReader
+from decoder.pictures import FramePicture
+from decoder.plane_fit import carried
 from decoder.reading import Status
 from decoder.setup.drafts import panel_of_gauge
-from decoder.setup.marks import mark_angle_deg
+from decoder.setup.heights import height_inches
 from decoder.setup.pasting import pasted
 from decoder.setup.picture_store import PANEL_KEY
-from decoder.setup.proposals import Dial, needle_at, proposed
+from decoder.setup.proposals import Pictures, needle_at, proposed
 from decoder.setup.requests import (
-    DialQuestion,
     DraftQuestion,
-    MarkQuestion,
     NeedlesQuestion,
     PasteQuestion,
-    RimQuestion,
     TrialQuestion,
 )
-from decoder.setup.rims import circle_through, fitted_rim
 from decoder.setup.session import SetupSession
 from decoder.setup.trial import FrameTrial, Trial, tried
-from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view, unwrapped_view
-from decoder.unwrapping import Unwrapper
+from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view
+from decoder.unwrapping import PolarGrid
 
 Answer = dict[str, Any]
 Stale = Callable[[], bool]
 
-# The unwrapped gauge is shown with a little of what lies outside it, where the marks often are.
-SHOWN_BEYOND = 1.12
-SHOWN_MARGIN_DEG = 12.0
 PLACES = 4
+# A needle that somebody points at may lie beyond the sweep as it is drawn so far.
+AROUND_DEG = 60.0
 
 
 def session_answer(session: SetupSession) -> Answer:
@@ -59,6 +56,7 @@ def session_answer(session: SetupSession) -> Answer:
         "opened_from": session.opened_from,
         "target": str(session.target),
         "has_panel_picture": session.picture_key == PANEL_KEY,
+        "lens": session.camera is not None and session.camera.distortion is not None,
     }
 
 
@@ -68,42 +66,20 @@ def picture_answer(session: SetupSession, key: str) -> Answer:
     return {"picture": key, "size": [width, height]}
 
 
-def unwrap_answer(session: SetupSession, asked: DialQuestion) -> Answer:
-    """A dial unwrapped, and how its picture is to be read."""
-    drawn = asked.dial
-    inner, outer = drawn.radius_px
-    shown = Dial(drawn.centre, (inner, outer * SHOWN_BEYOND), drawn.sweep_deg)
-    grid = shown.grid(SHOWN_MARGIN_DEG)
-    strip = Unwrapper([grid]).unwrap(session.store.grey(asked.picture), IDENTITY)[0]
-    return {
-        "image": unwrapped_view(strip),
-        "start": grid.start_deg,
-        "end": grid.angle_deg(grid.rows - 1),
-        "inner": inner,
-        "outer": outer * SHOWN_BEYOND,
-    }
-
-
-def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
-    """The circle through three clicks, at the ring they mean."""
-    picture = session.store.grey(asked.picture)
-    rim = fitted_rim(picture, circle_through(asked.points))
-    return {"centre": [round(at, 3) for at in rim.centre], "radius": round(rim.radius_px, 3)}
-
-
-def mark_answer(session: SetupSession, asked: MarkQuestion) -> Answer:
-    """The angle of a tick mark."""
-    angle_deg = mark_angle_deg(session.store.grey(asked.picture), asked.centre, asked.click)
-    return {"angle": round(angle_deg, PLACES)}
-
-
 def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) -> Answer:
     """Needles, found as what moves between frames."""
     picture = session.store.grey(asked.picture)
     frames = session.aligned(asked.document, asked.picture, stale)
+    planes = session.planes(asked.document, asked.picture)
+    seen = Pictures(picture, frames, planes.optics.own)
+    drawn = planes.drawn(asked.centre, asked.rim)
+    if asked.pivot is not None:
+        drawn = drawn.around(asked.pivot)
+    dial = replace(asked.dial(drawn.plane), raised=planes.raised(asked.needle_height_inches))
     if asked.near is not None:
-        return {"at": round(needle_at(picture, asked.dial, frames, asked.near), PLACES)}
-    found = proposed(picture, asked.dial, frames) if len(frames) > 1 else []
+        around = replace(dial, sweep_deg=(asked.near - AROUND_DEG, asked.near + AROUND_DEG))
+        return {"at": round(needle_at(seen, around, asked.near), PLACES)}
+    found = proposed(seen, dial) if len(frames) > 1 else []
     return {
         "needles": [{"at": round(each.at_deg, PLACES), "span": each.span_deg} for each in found],
         "frames": len(frames),
@@ -120,18 +96,19 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     """A gauge read in the sample's frames, with its dial in each of them."""
     frames = session.frames()
     try:
-        source = panel_of_gauge(
-            asked.document, asked.gauge, session.pictures(asked.document, asked.picture), session.camera
-        )
-        trial = tried(source, frames, stale)
+        pictures = session.pictures(asked.document, asked.picture)
+        source = panel_of_gauge(asked.document, asked.gauge, pictures, session.camera)
+        trial = tried(session.remembered(source, asked.document, asked.picture), frames, stale)
     except PanelError as error:  # a gauge half drawn is no failure: this is what there is to say of it
         return {"frames": [], "error": error.problem, "problems": [{"path": error.path, "problem": error.problem}]}
     (gauge,) = source.panel.gauges
-    (plane,) = source.with_planes().planes or (None,)
+    grid = source.grid(0)
     seen = [(taken.pixels, each.alignment) for (_, taken), each in zip(frames, trial.frames, strict=True)]
     return {
-        "frames": [_frame(each, gauge, plane) for each in trial.frames],
+        "frames": [_frame(each, gauge, grid) for each in trial.frames],
         "moved": None if trial.moved_px is None else [round(at, PLACES) for at in trial.moved_px],
+        "axes": {name: round(off_deg, PLACES) for name, off_deg in trial.axes_deg.items()},
+        "height": height_inches(source, trial.moved_px),
         "offset": _offset(trial, gauge.centre),
         "film": film_view(seen, gauge.centre, gauge.radius[1]),
         "dial": {"size": DIAL_PX, "half": gauge.radius[1] * DIAL_MARGIN},
@@ -140,20 +117,21 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
 
 def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
     """A draft carried to another picture."""
-    picture, target = session.store.grey(asked.picture), session.store.grey(asked.to)
-    height, width = target.shape
+    picture, target = session.store.grey(asked.picture), session.frame(asked.to)
+    height, width = target.pixels.shape
     if not asked.document.get("anchors"):
         if asked.document.get("gauges"):
             raise PanelError(
                 "anchors", "draw one first: without it nothing tells where the panel lies in another picture"
             )
-        return {"document": asked.document, "picture": asked.to, "size": [width, height], "moved": None}
-    if picture.shape != target.shape:
+        zoom = {} if target.focal_length_mm is None else {"focal_length_mm": target.focal_length_mm}
+        return {"document": asked.document | zoom, "picture": asked.to, "size": [width, height], "moved": None}
+    if picture.shape != target.pixels.shape:
         raise PictureError(f"that picture is {width} x {height}, the panel's {picture.shape[1]} x {picture.shape[0]}")
     aligner = session.aligner(asked.document, asked.picture)
     if aligner is None:
         raise PanelError("anchors", "cannot be used yet; put right what is marked first")
-    done = pasted(asked.document, aligner, target, _angles(session, asked))
+    done = pasted(asked.document, aligner, target, _angles(session, asked, target), session.camera)
     return {
         "document": done.document,
         "picture": asked.to,
@@ -166,22 +144,21 @@ def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
     }
 
 
-def _angles(session: SetupSession, asked: PasteQuestion) -> dict[str, float]:
+def _angles(session: SetupSession, asked: PasteQuestion, target: FramePicture) -> dict[str, float]:
     """Where needles point in the picture to which a draft is carried, of those gauges that are whole."""
-    target = session.store.grey(asked.to)
     pictures = session.pictures(asked.document, asked.picture)
     angles: dict[str, float] = {}
     for index in range(len(asked.document.get("gauges") or [])):
         try:
             source = panel_of_gauge(asked.document, index, pictures, session.camera)
-            read = PanelReader.from_panel(source, Method.NORMXCORR).read(target)
+            read = PanelReader.from_panel(source, Method.NORMXCORR).read(target.pixels, target.focal_length_mm)
         except (PanelError, PictureError):
             continue  # it keeps the angle it has
         angles |= {name: each.angle_deg for name, each in read.readings.items() if each.status is Status.READ}
     return angles
 
 
-def _frame(trial: FrameTrial, gauge: Gauge, plane: DialPlane | None) -> Answer:
+def _frame(trial: FrameTrial, gauge: Gauge, grid: PolarGrid) -> Answer:
     return {
         "index": trial.index,
         "reason": trial.reason,
@@ -190,7 +167,7 @@ def _frame(trial: FrameTrial, gauge: Gauge, plane: DialPlane | None) -> Answer:
                 "name": needle.name,
                 "status": needle.status.value,
                 "value": needle.value,
-                "line": None if needle.angle_deg is None else _line(gauge, plane, needle.angle_deg),
+                "line": None if needle.angle_deg is None else _line(gauge, grid, trial.alignment, needle.angle_deg),
                 "score": round(needle.score, 3) if math.isfinite(needle.score) else 0.0,
             }
             for needle in trial.needles
@@ -198,13 +175,12 @@ def _frame(trial: FrameTrial, gauge: Gauge, plane: DialPlane | None) -> Answer:
     }
 
 
-def _line(gauge: Gauge, plane: DialPlane | None, angle_deg: float) -> list[list[float]]:
-    """Both ends of a needle's axis, from the gauge's centre in the panel picture, pixels."""
-    angle = math.radians(angle_deg)
-    ends = np.array(gauge.radius) * np.array([[math.cos(angle)], [math.sin(angle)]])
-    if plane is not None:
-        ends = plane.to_panel(ends) - np.array(gauge.centre)[:, None]
-    return [[round(float(x), 2), round(float(y), 2)] for x, y in ends.T]
+def _line(gauge: Gauge, grid: PolarGrid, alignment: Alignment | None, angle_deg: float) -> list[list[float]]:
+    """Both ends of a needle's axis as a frame shows it, from the gauge's centre in the panel picture, pixels."""
+    ends = grid.at(angle_deg, 1).points()[:, 0, [grid.tail_columns, -1]].astype(np.float64)
+    if grid.raised is not None and alignment is not None:
+        ends = carried(grid.raised.seen_in(alignment), ends)
+    return [[round(float(x), 2), round(float(y), 2)] for x, y in (ends - np.array(gauge.centre)[:, None]).T]
 
 
 def _offset(trial: Trial, at: tuple[float, float]) -> Answer | None:

@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from decoder.errors import DecoderError, DescriptionError, PictureError
-from decoder.setup import answers, requests
+from decoder.setup import answers, drawing, requests
 from decoder.setup.guard import BodyTooLarge
 from decoder.setup.requests import NeedlesQuestion, NotUnderstood, Question, TrialQuestion, question
 from decoder.setup.session import NotValid, SavedElsewhere, SetupSession
@@ -155,9 +155,10 @@ def _question_routes(session: SetupSession) -> list[Route]:
         return Route(path, handler, methods=["POST"])
 
     return [
-        plain("/api/unwrap", requests.DialQuestion, answers.unwrap_answer),
-        plain("/api/rim", requests.RimQuestion, answers.rim_answer),
-        plain("/api/mark", requests.MarkQuestion, answers.mark_answer),
+        plain("/api/unwrap", requests.DialQuestion, drawing.unwrap_answer),
+        plain("/api/rim", requests.RimQuestion, drawing.rim_answer),
+        plain("/api/mark", requests.MarkQuestion, drawing.mark_answer),
+        plain("/api/planes", requests.PlaneQuestion, drawing.planes_answer),
         plain("/api/check", requests.DraftQuestion, answers.check_answer),
         plain("/api/paste", requests.PasteQuestion, answers.paste_answer),
         in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer),

@@ -11,10 +11,12 @@ from decoder.aligner import Aligner
 from decoder.camera import Camera
 from decoder.description import problems_in
 from decoder.errors import DecoderError, PanelError
+from decoder.optics import Optics
 from decoder.panel import Panel, parse_content
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
+from decoder.setup.placing import field_of
 
 Document = Mapping[str, Any]
 
@@ -38,15 +40,22 @@ def problems_of(document: Document, pictures: Mapping[str, GreyPicture], camera:
     document : the content of `panel.yaml`
     pictures : by the names that the draft gives them
     """
-    found = [Problem(path, problem) for path, problem in problems_in(Panel, document, thing="panel")]
-    return found or _misfits(parse_content(document), pictures, camera)
+    found = problems_in(Panel, document, thing="panel")
+    if found:
+        return [Problem(field_of(path, problem, document), problem) for path, problem in found]
+    return _misfits(parse_content(document), pictures, camera)
 
 
 def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera | None) -> list[Problem]:
     """What does not fit the pictures, part by part, so that one fault does not hide another."""
-    missing = [name for name in panel.pictures if name not in pictures]
+    missing = [
+        Problem(f"gauges[{number}].needles[{place}].template.picture", f"{needle.template.picture} is not there")
+        for number, gauge in enumerate(panel.gauges)
+        for place, needle in enumerate(gauge.needles)
+        if needle.template.picture is not None and needle.template.picture not in pictures
+    ]
     if missing:
-        return [Problem("picture", f"{missing[0]} is not there")]
+        return missing
     found = []
     try:
         Aligner(panel, pictures[panel.picture])
@@ -98,13 +107,13 @@ def stand_in_gauge(centre: tuple[float, float]) -> dict[str, Any]:
     }
 
 
-def aligner_of(document: Document, picture: GreyPicture) -> Aligner | None:
+def aligner_of(document: Document, picture: GreyPicture, optics: Optics) -> Aligner | None:
     """What finds a draft's panel in frames; None where anchors and level do not suffice yet."""
     height, width = picture.shape
     parts = {key: document[key] for key in ("level", "anchors", "reference_points") if document.get(key)}
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **parts}
     try:
         panel = parse_content(content | {"gauges": [stand_in_gauge((width / 2, height / 2))]})
-        return Aligner(panel, picture)
+        return Aligner(panel, picture, optics=optics)
     except DecoderError:
         return None

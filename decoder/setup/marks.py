@@ -6,46 +6,57 @@ import math
 
 import numpy as np
 
+from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
-from decoder.setup.rims import XY
+from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.sampling import sampled_at
 
 # How far from a click its mark may be, and how far around the mark its outline is looked at, pixels along the rim.
 REACH_PX = 2.4
 OUTLINE_PX = 1.6
+# How far beside its mark a click is likely to be: a strong mark further off is a neighbour.
+LIKELY_PX = 1.0
 # Rings this far to either side of the click are looked at together.
-RING_PX = 1.5
+RING_PX = 2.5
 STEP_PX = 0.1
-FAINTEST = 0.3
+ROUNDS = 3
+FAINTEST = 0.45
 MIN_CONTRAST_LEVELS = 8.0
 # Marks take up less than half of the ring, so its median this far around is the dial.
 BESIDE_PX = 10.0
 
 
-def mark_angle_deg(picture: GreyPicture, centre: XY, click: XY) -> float:
+def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
     """The angle of the mark next to a click, in [0, 360); of the click itself where there is none.
 
     Parameters
     ----------
-    centre : (x, y) px, of the dial
-    click : (x, y) px, on the mark
+    drawn : the dial's plane
+    click : (x, y) px of the picture, on the mark
     """
-    radius_px = max(math.dist(centre, click), 1.0)
-    clicked = math.atan2(click[1] - centre[1], click[0] - centre[0])
+    clicked_deg, radius_px = drawn.polar(click)
+    clicked, radius_px = math.radians(clicked_deg), max(radius_px, 1.0)
     away_px = np.arange(-REACH_PX - OUTLINE_PX, REACH_PX + OUTLINE_PX + STEP_PX / 2, STEP_PX)
     angles = clicked + away_px / radius_px
-    radii = radius_px + np.linspace(-RING_PX, RING_PX, 7)
-    x = centre[0] + np.cos(angles)[:, None] * radii
-    y = centre[1] + np.sin(angles)[:, None] * radii
-    light = sampled_at(picture, x, y).mean(axis=1)
+    radii = radius_px + np.linspace(-RING_PX, RING_PX, 9)
+    light = _rings(picture, drawn, angles, radii).mean(axis=1)
     beside = clicked + np.arange(-BESIDE_PX, BESIDE_PX + 0.5) / radius_px
-    level = np.median(sampled_at(picture, centre[0] + np.cos(beside)[:, None] * radii,
-                                 centre[1] + np.sin(beside)[:, None] * radii))  # fmt: skip
+    level = np.median(_rings(picture, drawn, beside, radii))
     contrast = np.abs(light - level)
-    best = int(np.where(np.abs(away_px) <= REACH_PX, contrast, 0.0).argmax())
+    near = np.where(np.abs(away_px) <= REACH_PX, np.exp(-0.5 * (away_px / LIKELY_PX) ** 2), 0.0)
+    best = int((contrast * near).argmax())
     if contrast[best] < MIN_CONTRAST_LEVELS:
         return math.degrees(clicked) % 360.0
-    reach = round(OUTLINE_PX / STEP_PX)
-    part = slice(max(best - reach, 0), best + reach + 1)
-    weights = np.maximum(contrast[part] - FAINTEST * contrast[best], 0.0)
-    return math.degrees(float(np.average(angles[part], weights=weights))) % 360.0
+    reach, place = round(OUTLINE_PX / STEP_PX), float(best)
+    for _ in range(ROUNDS):  # the likeliest place is drawn to the click; the outline around it is not
+        part = slice(max(round(place) - reach, 0), round(place) + reach + 1)
+        weights = np.maximum(contrast[part] - FAINTEST * contrast[part].max(), 0.0)
+        place = float(np.average(np.arange(len(contrast))[part], weights=weights))
+    return math.degrees(float(np.interp(place, np.arange(len(angles)), angles))) % 360.0
+
+
+def _rings(picture: GreyPicture, drawn: DrawnPlane, angles: Floats, radii: Floats) -> Floats:
+    """(angles, radii): grey levels of the dial."""
+    points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
+    x, y = drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
+    return sampled_at(picture, x, y)

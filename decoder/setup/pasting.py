@@ -1,25 +1,24 @@
 """Pasting: a panel drawn on one picture carried over to another of the same type of cockpit.
 
-The aligner finds the anchors again; every place of the drawing goes with them, and angles and radii as the places
-around them do.
+The aligner finds the anchors again; every place of the drawing goes with them, and angles and radii as each dial's
+plane does.
 """
 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment
+from decoder.camera import Camera
 from decoder.errors import PanelError
-from decoder.pictures import GreyPicture
-
-XY = tuple[float, float]
-# Angles are carried by a point this far out, in pixels of the panel picture.
-ARM_PX = 100.0
+from decoder.pictures import FramePicture
+from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +32,11 @@ class Pasted:
 
 
 def pasted(
-    document: Mapping[str, Any], aligner: Aligner, target: GreyPicture, angles_deg: Mapping[str, float]
+    document: Mapping[str, Any],
+    aligner: Aligner,
+    target: FramePicture,
+    angles_deg: Mapping[str, float],
+    camera: Camera | None = None,
 ) -> Pasted:
     """A draft carried to another picture.
 
@@ -44,92 +47,89 @@ def pasted(
     target
         The other picture, of the same size.
     angles_deg
-        Where needles point there, by name, in the draft's own angles; others keep the angles of their templates.
+        Where needles point there, by name, in the draft's own angles; others keep the angles of their templates. For a
+        card, what of its scale stands under the index.
+    camera
+        That took both pictures, if known.
 
     Raises
     ------
     AlignmentLost
         If the panel is not found there.
     """
-    alignment = aligner.align(target)
-    height, width = target.shape
-    middle = (width / 2, height / 2)
-    moved = alignment.to_frame(middle)
-    carried = _Carried(alignment)
-    return Pasted(
-        document=carried.draft(document, angles_deg),
-        offset_px=(moved[0] - middle[0], moved[1] - middle[1]),
-        roll_deg=carried.turned(middle, 0.0),
-        score=alignment.score,
-    )
+    alignment = aligner.align(target.pixels, target.focal_length_mm)
+    height, width = target.pixels.shape
+    carried = copy.deepcopy(dict(document))
+    if target.focal_length_mm is not None and carried.get("focal_length_mm") is not None:
+        carried["focal_length_mm"] = target.focal_length_mm
+    try:
+        before = Planes.of(document, (width, height), camera)
+        _carry(carried, before, _Places(alignment, before), angles_deg)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise PanelError("", "is not whole yet; complete what is marked before it is carried over") from error
+    motion = alignment.motion_at((width / 2, height / 2))
+    return Pasted(carried, motion.shift_px, motion.roll_deg, alignment.score)
 
 
-class _Carried:
-    def __init__(self, alignment: Alignment) -> None:
-        self._alignment = alignment
+def _carry(carried: dict[str, Any], before: Planes, places: _Places, angles_deg: Mapping[str, float]) -> None:
+    for anchor in carried.get("anchors") or []:
+        left, top, width, height = anchor["box"]
+        x, y = places.point((left + width / 2, top + height / 2))
+        anchor["box"] = [round(x - width / 2), round(y - height / 2), width, height]
+    if carried.get("level"):
+        carried["level"] = [places.point(end) for end in carried["level"]]
+    for reference in carried.get("reference_points") or []:
+        reference["at"] = places.point(reference["at"])
+    after = Planes.of(carried, before.optics.size_px, before.optics.camera)
+    for gauge in carried.get("gauges") or []:
+        here = before.drawn(tuple(gauge["centre"]), gauge.get("rim"))
+        gauge["centre"] = places.point(gauge["centre"])
+        if gauge.get("rim"):
+            gauge["rim"] = [places.point(at) for at in gauge["rim"]]
+        there = after.drawn(tuple(gauge["centre"]), gauge.get("rim"))
+        _carry_dial(gauge, here, there, places, angles_deg)
+
+
+class _Places:
+    """Places of the one picture in the other, both as taken."""
+
+    def __init__(self, alignment: Alignment, before: Planes) -> None:
+        self._alignment, self._optics = alignment, before.optics
 
     def point(self, at: Sequence[float]) -> list[float]:
-        x, y = self._alignment.to_frame((float(at[0]), float(at[1])))
+        x, y = self.place(at)
         return [round(x, 3), round(y, 3)]
 
-    def turned(self, centre: Sequence[float], angle_deg: float) -> float:
-        """By how much an angle about a point turns, degrees."""
-        x, y = float(centre[0]), float(centre[1])
-        angle = math.radians(angle_deg)
-        here = self._alignment.to_frame((x, y))
-        there = self._alignment.to_frame((x + ARM_PX * math.cos(angle), y + ARM_PX * math.sin(angle)))
-        found = math.degrees(math.atan2(there[1] - here[1], there[0] - here[0]))
-        return (found - angle_deg + 180.0) % 360.0 - 180.0
+    def place(self, at: Sequence[float]) -> XY:
+        x, y = self._optics.straight(np.array([[at[0]], [at[1]]], np.float64))[:, 0]
+        return self._alignment.to_frame((float(x), float(y)))
 
-    def longer(self, centre: Sequence[float]) -> float:
-        """By what factor lengths about a point grow."""
-        x, y = float(centre[0]), float(centre[1])
-        here = self._alignment.to_frame((x, y))
-        return (
-            sum(
-                math.dist(here, self._alignment.to_frame((x + right, y + down)))
-                for right, down in ((ARM_PX, 0.0), (-ARM_PX, 0.0), (0.0, ARM_PX), (0.0, -ARM_PX))
-            )
-            / 4
-            / ARM_PX
-        )
 
-    def draft(self, document: Mapping[str, Any], angles_deg: Mapping[str, float]) -> dict[str, Any]:
-        carried = copy.deepcopy(dict(document))
-        try:
-            for anchor in carried.get("anchors") or []:
-                left, top, width, height = anchor["box"]
-                x, y = self.point((left + width / 2, top + height / 2))
-                anchor["box"] = [round(x - width / 2), round(y - height / 2), width, height]
-            if carried.get("level"):
-                carried["level"] = [self.point(end) for end in carried["level"]]
-            for reference in carried.get("reference_points") or []:
-                reference["at"] = self.point(reference["at"])
-            for gauge in carried.get("gauges") or []:
-                self._gauge(gauge, angles_deg)
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise PanelError("", "is not whole yet; complete what is marked before it is carried over") from error
-        return carried
-
-    def _gauge(self, gauge: dict[str, Any], angles_deg: Mapping[str, float]) -> None:
-        centre = gauge["centre"]
-        turn = self.turned(centre, sum(gauge["sweep"]) / 2)
-        size = self.longer(centre)
-        gauge["centre"] = self.point(centre)
-        gauge["radius"] = [round(radius * size, 3) for radius in gauge["radius"]]
-        for key in ("sweep", "stops"):
-            if gauge.get(key):
-                gauge[key] = [round(angle + turn, 4) for angle in gauge[key]]
-        if "rim" in gauge:
-            gauge["rim"] = [self.point(at) for at in gauge["rim"]]
-        gauge["scale"] = _turned(gauge["scale"], turn)
-        for needle in gauge["needles"]:
-            template = needle["template"]
-            if template.get("at") is not None:
-                at = angles_deg.get(needle["name"], template["at"])
-                template["at"] = round(at + turn, 4)
-            if needle.get("scale"):
-                needle["scale"] = _turned(needle["scale"], turn)
+def _carry_dial(
+    gauge: dict[str, Any], here: DrawnPlane, there: DrawnPlane, places: _Places, angles_deg: Mapping[str, float]
+) -> None:
+    """What a gauge says of its dial, in the dial's own plane; 0 degrees turns unless reference points tell it."""
+    outer = gauge["radius"][1]
+    middle_deg = sum(gauge["sweep"]) / 2
+    ring = np.array([places.place(at) for at in here.ring(outer).T.tolist()]).T
+    size = mean_radius_px(there, ring) / outer
+    turn = (there.polar(places.place(here.place(middle_deg, outer)))[0] - middle_deg + 180.0) % 360.0 - 180.0
+    gauge["radius"] = [round(radius * size, 3) for radius in gauge["radius"]]
+    for key in ("sweep", "stops"):
+        if gauge.get(key):
+            gauge[key] = [round(angle + turn, 4) for angle in gauge[key]]
+    card, card_turn = gauge.get("card"), 0.0
+    if card:
+        card_turn = card["index"] - angles_deg.get(card["name"], card["index"])
+        card["index"] = round(card["index"] + turn, 4)
+    gauge["scale"] = _turned(gauge["scale"], turn + card_turn)
+    for needle in gauge.get("needles") or []:
+        template = needle["template"]
+        if template.get("at") is not None:
+            at = angles_deg.get(needle["name"], template["at"])
+            template["at"] = round(at + turn, 4)
+        if needle.get("scale"):
+            needle["scale"] = _turned(needle["scale"], turn)
 
 
 def _turned(scale: list[list[float]], turn: float) -> list[list[float]]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from decoder.alignment import IDENTITY, Alignment
 from decoder.arrays import Floats
+from decoder.dial_plane import DialPlane
+from decoder.parallax import Raised
 from decoder.pictures import GreyPicture
 from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.setup.needle_axis import REACH_DEG, axis_deg
@@ -38,31 +40,43 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class Dial:
-    """What is known of a gauge before it has needles."""
+    """What is known of a gauge before it has needles; `raised` is where they turn, if above its face."""
 
     centre: tuple[float, float]
     radius_px: tuple[float, float]
     sweep_deg: tuple[float, float]
+    plane: DialPlane | None = None
+    raised: Raised | None = None
 
     def grid(self, margin_deg: float = MARGIN_DEG) -> PolarGrid:
         """The dial unwrapped, with a margin at both ends."""
         first, last = self.sweep_deg
         margin_deg = min(margin_deg, (FULL_CIRCLE_DEG - (last - first)) / 2 + ROUGH_DEG)
-        return polar_grid(self.centre, self.radius_px, first - margin_deg, last + margin_deg)
+        grid = polar_grid(self.centre, self.radius_px, first - margin_deg, last + margin_deg, plane=self.plane)
+        return replace(grid, raised=self.raised)
 
 
-def proposed(
-    picture: GreyPicture, dial: Dial, frames: Sequence[tuple[GreyPicture, Alignment]], most: int = MOST
-) -> list[Proposal]:
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """The panel picture, and frames of the flight, each with where the panel lies in it.
+
+    `own` is where it lies in the panel picture itself: there, but for the lens.
+    """
+
+    picture: GreyPicture
+    frames: Sequence[tuple[GreyPicture, Alignment]]
+    own: Alignment = IDENTITY
+
+
+def proposed(seen: Pictures, dial: Dial, most: int = MOST) -> list[Proposal]:
     """The needles on a dial, the clearest first; none if nothing moved.
 
     Parameters
     ----------
-    picture : the panel picture
-    frames : of the flight, aligned with it
+    seen : the pictures in which they may move
     most : how many are looked for
     """
-    views = _views(picture, dial, frames)
+    views = _views(seen, dial)
     if not len(views.others):
         return []
     # What other frames do not have there, and what is no plain dial here.
@@ -87,11 +101,9 @@ def proposed(
     return [each for each in found if first - MARGIN_DEG <= each.at_deg <= last + MARGIN_DEG]
 
 
-def needle_at(
-    picture: GreyPicture, dial: Dial, frames: Sequence[tuple[GreyPicture, Alignment]], guess_deg: float
-) -> float:
+def needle_at(seen: Pictures, dial: Dial, guess_deg: float) -> float:
     """The axis of the needle that somebody pointed at, to some hundredths of a degree; it need not move."""
-    views = _views(picture, dial, frames)
+    views = _views(seen, dial)
     return axis_deg(views.light(guess_deg), views.grid, guess_deg)
 
 
@@ -121,11 +133,11 @@ class _Views:
         return light
 
 
-def _views(picture: GreyPicture, dial: Dial, frames: Sequence[tuple[GreyPicture, Alignment]]) -> _Views:
+def _views(seen: Pictures, dial: Dial) -> _Views:
     grid = dial.grid()
     unwrapper = Unwrapper([grid])
-    own = unwrapper.unwrap(picture, IDENTITY)[0]
-    others = [unwrapper.unwrap(frame, alignment)[0] for frame, alignment in frames]
+    own = unwrapper.unwrap(seen.picture, seen.own)[0]
+    others = [unwrapper.unwrap(frame, alignment)[0] for frame, alignment in seen.frames]
     return _Views(grid, own, np.stack(others) if others else np.zeros((0, *own.shape), np.float32))
 
 

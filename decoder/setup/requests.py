@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 from starlette.requests import Request
 
 from decoder.description import Number, Point, Positive, Strict
+from decoder.dial_plane import DialPlane
 from decoder.errors import DecoderError
 from decoder.setup.proposals import Dial
 
@@ -16,49 +17,90 @@ PictureKey = Annotated[str, Field(pattern=r"^(panel|frame-\d{1,9})$")]
 Tab = Annotated[str, Field(max_length=64)]
 Document = dict[str, Any]
 MAX_RADIUS_PX = 4000.0
+CIRCLE_CLICKS = 3
 
 
 class NotUnderstood(DecoderError):
     """A request's body is not what the page sends."""
 
 
-class DialQuestion(Strict):
-    """A dial, as far as it is drawn."""
+class SeenQuestion(Strict):
+    """Something about a picture, and what the draft tells of how dials are seen there, whole or not."""
 
     picture: PictureKey
+    focal_length_mm: Any = None
+    reference_points: Any = None
+    level: Any = None
+
+    @property
+    def seen(self) -> Document:
+        """What the draft tells."""
+        return {
+            "focal_length_mm": self.focal_length_mm, "reference_points": self.reference_points, "level": self.level,
+        }  # fmt: skip
+
+
+class DialQuestion(SeenQuestion):
+    """A dial, as far as it is drawn."""
+
     centre: Point
+    rim: Any = None
     radius: tuple[Positive, Annotated[float, Field(gt=0, le=MAX_RADIUS_PX)]]
     sweep: tuple[Number, Number]
 
-    @property
-    def dial(self) -> Dial:
+    def dial(self, plane: DialPlane) -> Dial:
         """The dial itself; a sweep beyond a turn is cut, so that a drag gone too far is still answered."""
         inner, outer = self.radius
         first, last = self.sweep
         return Dial(self.centre, (min(inner, outer - 2.0) if outer > 3.0 else 0.5, max(outer, 3.0)),  # noqa: PLR2004
-                    (first, min(max(last, first + 5.0), first + 360.0)))  # fmt: skip
+                    (first, min(max(last, first + 5.0), first + 360.0)), plane)  # fmt: skip
 
 
-class RimQuestion(Strict):
-    """Three clicks on a rim."""
+class DrawnRing(Strict):
+    """The rim that a gauge has already."""
 
-    picture: PictureKey
-    points: Annotated[tuple[Point, ...], Field(min_length=3, max_length=3)]
+    centre: Point
+    radius: Annotated[float, Field(gt=1, le=MAX_RADIUS_PX)]
+    rim: Any = None
 
 
-class MarkQuestion(Strict):
+class RimQuestion(SeenQuestion):
+    """Three clicks on a rim; or any number more that bend the `ring` that is drawn already."""
+
+    points: Annotated[tuple[Point, ...], Field(min_length=1, max_length=60)]
+    ring: DrawnRing | None = None
+
+    @model_validator(mode="after")
+    def _three_begin_one(self) -> Self:
+        if self.ring is None and len(self.points) != CIRCLE_CLICKS:
+            raise ValueError("a new rim takes three points")
+        return self
+
+
+class PlaneQuestion(SeenQuestion):
+    """Dials whose planes the page wants to draw on."""
+
+    dials: Annotated[tuple[DrawnRing, ...], Field(max_length=200)]
+
+
+class MarkQuestion(SeenQuestion):
     """A click on a tick mark."""
 
-    picture: PictureKey
     centre: Point
+    rim: Any = None
     click: Point
 
 
 class NeedlesQuestion(DialQuestion):
-    """Where needles are: at an angle that was pointed at, or wherever something moves."""
+    """Where needles are: at an angle that was pointed at, or wherever something moves.
+
+    `pivot` is where they turn in the picture, if that is known to be elsewhere than at the gauge's centre.
+    """
 
     document: Document
     near: Number | None = None
+    needle_height_inches: Any = None
+    pivot: Point | None = None
     tab: Tab
 
 

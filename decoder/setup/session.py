@@ -12,14 +12,16 @@ from typing import Any
 import yaml
 
 from decoder.aligner import Aligner
-from decoder.alignment import IDENTITY, Alignment
+from decoder.alignment import Alignment
 from decoder.attachments import CAMERA_FILE, PANEL_FILE
 from decoder.camera import Camera, parse_camera
 from decoder.errors import DecoderError, PanelError, PictureError
-from decoder.panel_pictures import panel_from_attachments, panel_from_file
+from decoder.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.setup.drafts import Document, Problem, aligner_of, problems_of
+from decoder.setup.drawn_plane import Planes
 from decoder.setup.picture_store import PANEL_KEY, PictureStore
+from decoder.setup.remembering import AlignmentMemory, RememberedPanel
 from decoder.setup.saving import digest, plain_name, save_files
 from decoder.setup.sources import FlightSource, PictureSource
 from decoder.setup.yaml_text import panel_text
@@ -68,6 +70,7 @@ class SetupSession:
         self.camera = camera or _camera(source)
         self._digest = digest(target)
         self._aligned: OrderedDict[str, Aligned] = OrderedDict()
+        self._memories: OrderedDict[str, AlignmentMemory] = OrderedDict()
         self._lock = threading.Lock()
 
     def pictures(self, document: Document, key: str) -> dict[str, GreyPicture]:
@@ -118,26 +121,30 @@ class SetupSession:
             self._digest = digest(self.target)
             return self.revision
 
+    def planes(self, document: Document, key: str) -> Planes:
+        """What a draft tells of how its dials are seen in the picture under `key`."""
+        height, width = self.store.grey(key).shape
+        return Planes.of(document, (width, height), self.camera)
+
     def aligner(self, document: Document, key: str) -> Aligner | None:
         """What finds a draft's panel in the flight's frames, if anchors and level suffice."""
-        return aligner_of(document, self.store.grey(key))
+        return aligner_of(document, self.store.grey(key), self.planes(document, key).optics)
 
     def aligned(self, document: Document, key: str, stale: Callable[[], bool]) -> Aligned:
         """The sample's frames in which the panel is found; without anchors they are taken as they are."""
-        name = json.dumps([key, document.get("anchors"), document.get("level"), document.get("reference_points")])
+        name = _finding(document, key)
         with self._lock:
             if name in self._aligned:
                 return self._aligned[name]
         aligner = self.aligner(document, key)
-        picture = self.store.grey(key)
+        picture, own = self.store.grey(key), self.planes(document, key).optics.own
         found: Aligned = []
         for _, taken in self.frames():
-            frame = taken.pixels
             if stale():
                 break
-            alignment = _where(aligner, frame) if frame.shape == picture.shape else None
+            alignment = _where(aligner, taken, own) if taken.pixels.shape == picture.shape else None
             if alignment is not None:
-                found.append((frame, alignment))
+                found.append((taken.pixels, alignment))
         else:
             with self._lock:
                 self._aligned[name] = found
@@ -145,16 +152,31 @@ class SetupSession:
                     self._aligned.popitem(last=False)
         return found
 
+    def remembered(self, source: PanelPictures, document: Document, key: str) -> RememberedPanel:
+        """A draft's panel with what was found in frames by the same anchors before."""
+        name = _finding(document, key)
+        with self._lock:
+            memory = self._memories.setdefault(name, AlignmentMemory())
+            self._memories.move_to_end(name)
+            while len(self._memories) > KEPT_ALIGNMENTS:
+                self._memories.popitem(last=False)
+        return RememberedPanel(source.panel, source.pictures, source.sha256, source.camera, source.planes, memory)
+
     def frames(self) -> list[tuple[int, FramePicture]]:
         """The sample's frames that can be decompressed, with their numbers."""
         found = []
         for index in self.source.sample:
             try:
-                grey = self.store.grey(f"frame-{index}")
-                found.append((index, FramePicture(grey, self.source.focal_length_mm(index))))
+                found.append((index, self.frame(f"frame-{index}")))
             except PictureError:
                 continue  # `decode` reports it
         return found
+
+    def frame(self, key: str) -> FramePicture:
+        """The picture under a key, and its zoom if it is one of the flight's."""
+        grey = self.store.grey(key)
+        number = key.removeprefix("frame-")
+        return FramePicture(grey, self.source.focal_length_mm(int(number)) if number != key else None)
 
     def _template_pictures(self, document: Document) -> Mapping[str, bytes]:
         """The pictures besides the panel picture that a draft names, as far as there are any of that name."""
@@ -162,6 +184,12 @@ class SetupSession:
         return {
             name: self._pictures[name] for name in named if name in self._pictures and name != document.get("picture")
         }
+
+
+def _finding(document: Document, key: str) -> str:
+    """All that finding the panel in frames depends on."""
+    parts = ("anchors", "level", "reference_points", "focal_length_mm")
+    return json.dumps([key, *(document.get(part) for part in parts)])
 
 
 def _templates(document: Document) -> Iterator[dict[str, Any]]:
@@ -175,11 +203,11 @@ def _mappings(items: object) -> list[dict[str, Any]]:
     return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
 
 
-def _where(aligner: Aligner | None, frame: GreyPicture) -> Alignment | None:
+def _where(aligner: Aligner | None, frame: FramePicture, own: Alignment) -> Alignment | None:
     if aligner is None:
-        return IDENTITY
+        return own
     try:
-        return aligner.align(frame)
+        return aligner.align(frame.pixels, frame.focal_length_mm)
     except PictureError:
         return None
 
@@ -207,4 +235,9 @@ def _camera(source: PictureSource) -> Camera | None:
 
 
 def _empty(source: PictureSource) -> dict[str, Any]:
-    return {"name": source.name.rsplit(".", 1)[0], "picture": "panel.jpg", "anchors": [], "gauges": []}
+    """A panel on the first picture of the sample, with nothing drawn yet."""
+    first = source.sample[0]
+    source.encoded(first)
+    focal_length_mm = source.focal_length_mm(first)
+    zoom = {} if focal_length_mm is None else {"focal_length_mm": focal_length_mm}
+    return {"name": source.name.rsplit(".", 1)[0], "picture": "panel.jpg", **zoom, "anchors": [], "gauges": []}

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from decoder.panel_reader import PanelReader
 from decoder.pictures import FramePicture
 from decoder.reading import Reading, Status
 from decoder.scale import Scale
+from decoder.setup.needle_axis import axis_deg
 from flight_file.sampling import spread
 
 Stale = Callable[[], bool]
@@ -49,10 +50,19 @@ class FrameTrial:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A gauge read in all frames; `moved_px` is how far from its drawn centre its needles really turn."""
+    """A gauge read in all frames.
+
+    Attributes
+    ----------
+    moved_px
+        How far from its drawn centre its needles really turn.
+    axes_deg
+        How far the axis of each needle, as all frames together show it, lies from where it is drawn.
+    """
 
     frames: tuple[FrameTrial, ...]
     moved_px: tuple[float, float] | None
+    axes_deg: Mapping[str, float]
 
 
 def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
@@ -85,7 +95,20 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
         if stale():
             raise Superseded
         found.append(_frame(fitted.reader, index, frame, scales))
-    return Trial(tuple(found), fitted.moved_px.get(gauge.name))
+    return Trial(tuple(found), fitted.moved_px.get(gauge.name), _axes_deg(fitted.reader))
+
+
+def _axes_deg(reader: PanelReader) -> dict[str, float]:
+    """The axes of the needles that were learned from the flight, from the angles that count as theirs."""
+    (gauge,), (grid,), (face,) = reader.source.panel.gauges, reader.grids, reader.tuning.faces
+    dial = np.median(face, axis=0)
+    found = {}
+    for needle in gauge.needles:
+        learned = reader.tuning.templates[needle.name]
+        added = learned.light + (learned.transparency - 1.0) * dial
+        around = replace(grid, start_deg=-(learned.rows - 1) / 2 * learned.step_deg, rows=learned.rows)
+        found[needle.name] = axis_deg(added, around, 0.0)
+    return found
 
 
 def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: dict[str, Scale]) -> FrameTrial:

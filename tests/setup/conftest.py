@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,6 +94,8 @@ def open_page(browser: Browser) -> Iterator[OpenPage]:
 
 
 XY = tuple[float, float]
+OnRing = Callable[[float, float], XY]
+"""Where in the picture an angle of a dial's ring of marks lies, and so many pixels further out."""
 # How far beside what they mean a person's clicks land, in pixels of the picture.
 UNSTEADY_PX = 0.6
 
@@ -150,42 +151,53 @@ class Hand:
         for end in ends:
             self.click((end[0], end[1]))
 
-    def gauge(self, index: int, gauge: dict[str, Any], ring_px: float) -> None:
-        """A gauge by three clicks on the ring of its marks, then its marks and their values."""
+    def reference(self, index: int, at: XY, inches: XY) -> None:
+        """A reference point, and where it is on the panel."""
+        self.press("r")
+        self.click(self.unsteady(at))
+        self.page.wait_for_selector(f'[id="f:reference_points[{index}].inches[0]"]:focus')
+        for axis in (0, 1):
+            self.type_into(f"reference_points[{index}].inches[{axis}]", f"{inches[axis]:g}")
+        self.press("Escape")
+
+    def gauge(
+        self, index: int, gauge: dict[str, Any], on_ring: OnRing, *, rim_deg: Sequence[float] = (150.0, 262.0, 390.0)
+    ) -> None:
+        """A gauge by clicks on the ring where its marks end, then its marks and their values."""
         self.press("0")
         self.press("g")
-        for angle in (150.0, 262.0, 390.0):
-            self.click(self.unsteady(on_dial(gauge["centre"], angle, ring_px)))
+        for angle in rim_deg:
+            self.click(self.unsteady(on_ring(angle, 0.0)))
         self.page.wait_for_selector(f'[id="f:gauges[{index}].name"]:focus')
         self.type_into(f"gauges[{index}].name", gauge["name"])
         self.type_into(f"gauges[{index}].unit", gauge["unit"])
         self.press("f")
         self.press("t")
-        for number, (angle, value) in enumerate(gauge["scale"]):
-            self.click(self.unsteady(on_dial(gauge["centre"], angle, ring_px - 2.0)))
+        for number, (angle, value) in enumerate(sorted(gauge["scale"])):
+            self.click(self.unsteady(on_ring(angle, -2.0)))
             self.page.wait_for_selector(f'[id="f:gauges[{index}].scale[{number}][1]"]:focus')
             self.page.keyboard.type(f"{value:g}")
             self.page.keyboard.press("Enter")
             self.page.wait_for_selector("#picture:focus")
         self.press("Escape")
 
-    def needle(self, index: int, needle: int, centre: XY, at_deg: float, name: str) -> None:
+    def needle(self, index: int, needle: int, at: XY, name: str) -> None:
         """A needle by pointing at it, and its name."""
         self.press("n")
-        self.click(self.unsteady(on_dial(centre, at_deg, 40.0)))
+        self.click(self.unsteady(at))
         self.page.wait_for_selector(f'[id="f:gauges[{index}].needles[{needle}].name"]:focus')
         self.type_into(f"gauges[{index}].needles[{needle}].name", name)
+
+    def open(self, name: str) -> None:
+        """A part of the inspector that is shut."""
+        part = self.page.locator(f'details[data-name="{name}"]')
+        if part.get_attribute("open") is None:
+            part.locator("summary").click()
 
     def save(self) -> None:
         """The panel."""
         self.press("Control+s")
         expect(self.page.locator("#banner")).to_contain_text("Saved to")
-
-
-def on_dial(centre: XY, angle_deg: float, radius_px: float) -> XY:
-    """A place on a dial."""
-    angle = math.radians(angle_deg)
-    return centre[0] + radius_px * math.cos(angle), centre[1] + radius_px * math.sin(angle)
 
 
 @pytest.fixture

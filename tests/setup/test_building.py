@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,6 @@ from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import grey_picture
 from flight_file.reader import open_flight
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 A1, TRUTH = FIXTURES / "thesis_a1.mcap", FIXTURES / "thesis_a1_truth.csv"
@@ -43,6 +43,12 @@ def where_needles_point() -> dict[str, float]:
         grey_picture(frame.jpeg)
     )
     return {name: reading.angle_deg for name, reading in read.readings.items()}
+
+
+def ring_of(centre: tuple[float, float], angle_deg: float, further_px: float) -> tuple[float, float]:
+    """A place on or beside the ring where a dial's marks end."""
+    angle, radius_px = math.radians(angle_deg), RING_PX + further_px
+    return centre[0] + radius_px * math.cos(angle), centre[1] + radius_px * math.sin(angle)
 
 
 def errors(panel: Path, folder: Path) -> dict[str, float]:
@@ -72,9 +78,10 @@ def test_panel_drawn_by_hand_reads_like_the_written_one(
         hand.anchor(anchor["name"], anchor["box"])
     hand.level(written["level"])
     for index, gauge in enumerate(written["gauges"]):
-        hand.gauge(index, gauge, RING_PX)
+        on_ring = partial(ring_of, gauge["centre"])
+        hand.gauge(index, gauge, on_ring)
         for number, needle in enumerate(gauge["needles"]):
-            hand.needle(index, number, gauge["centre"], angles[needle["name"]], needle["name"])
+            hand.needle(index, number, on_ring(angles[needle["name"]], 40.0 - RING_PX), needle["name"])
         for number, needle in enumerate(gauge["needles"]):
             if "covered_by" in needle:
                 field = hand.page.locator(f'[id="f:gauges[{index}].needles[{number}].covered_by"]')

@@ -11,7 +11,11 @@ import pytest
 import yaml
 from playwright.sync_api import Page, expect
 
+from decoder.panel import parse_content
+from decoder.setup.yaml_text import panel_text
+
 FIXTURES = Path(__file__).parents[2] / "fixtures"
+OBLIQUE = FIXTURES / "oblique" / "t1a_small"
 Start = Callable[..., Any]
 OpenPage = Callable[..., Page]
 HandOn = Callable[[Page], Any]
@@ -153,7 +157,7 @@ def test_everything_has_a_name_for_screen_readers(opened: Running, open_page: Op
         nameless = page.evaluate(
             """() => [...document.querySelectorAll("button, input, select, svg[role], nav, aside, section")]
                 .filter((each) => !each.closest("[hidden], dialog"))
-                .filter((each) => !(each.getAttribute("aria-label") || each.innerText?.trim()
+                .filter((each) => !(each.getAttribute("aria-label") || each.textContent.trim()
                     || each.labels?.length || each.title))
                 .map((each) => each.outerHTML.slice(0, 120))"""
         )
@@ -226,3 +230,60 @@ def test_needle_is_cropped_on_the_unwrapped_gauge(opened: Running, open_page: Op
     expect(page.locator('[id="f:gauges[0].needles[1].template.span"]')).to_have_value(re.compile(r"^2"))
     angle = float(page.locator('[id="f:gauges[0].needles[1].template.at"]').input_value())
     assert angle == pytest.approx(284.4545, abs=0.1)
+
+
+def test_oblique_rim_is_bent_by_clicks_and_keys(start: Start, open_page: OpenPage, hand_on: HandOn) -> None:
+    """Three clicks on an oblique dial make an ellipse; keys move its points, more clicks bend it, and it goes away."""
+    page = open_page(start(OBLIQUE / "panel.jpg"))
+    hand = hand_on(page)
+    hand.press("g")
+    for place in ((295.6, 119.6), (327.3, 47.1), (351.6, 122.0)):  # 0, 60 and 110 % on a dial
+        hand.click(place)
+    hand.type_into("gauges[0].name", "n1")
+    points = page.locator("#picture .handle.rim")
+    expect(points).to_have_count(8)
+    page.locator("summary", has_text="8 points").click()
+    page.get_by_role("button", name="Select rim point 3").press("Enter")
+    before = float(page.locator('[id="f:gauges[0].rim[2][0]"]').input_value())
+    hand.press("ArrowRight")
+    expect(page.locator('[id="f:gauges[0].rim[2][0]"]')).to_have_value(f"{round(before + 1, 2):g}")
+
+    hand.press("e")
+    hand.click((286.5, 88.0))
+    expect(page.locator('[id="f:gauges[0].rim[2][0]"]')).not_to_have_value(f"{round(before + 1, 2):g}")
+    page.locator("#unbend").click()
+    expect(points).to_have_count(0)
+    page.locator("#undo").click()
+    expect(points).to_have_count(8)
+
+
+def test_gauges_of_every_kind_are_kept_and_edited(
+    start: Start, open_page: OpenPage, hand_on: HandOn, tmp_path: Path
+) -> None:
+    """Cards, stops, combined values, tails, rates, own scales: opened, changed in their fields, and saved whole."""
+    running = start(FIXTURES / "oblique" / "odd_small.mcap", None, tmp_path / "panel.yaml")
+    page = open_page(running)
+    hand = hand_on(page)
+    written = yaml.safe_load(running.session.source.flight.attachments["panel.yaml"])
+    index = {gauge["name"]: place for place, gauge in enumerate(written["gauges"])}
+    altimeter = next(name for name, place in index.items() if "combined" in written["gauges"][place])
+    card = next(name for name, place in index.items() if "card" in written["gauges"][place])
+    stops = next(name for name, place in index.items() if "stops" in written["gauges"][place])
+
+    page.locator("#outline li button", has_text=altimeter).click()
+    hand.type_into(f"gauges[{index[altimeter]}].combined.lowest", "-1000")
+    hand.type_into(f"gauges[{index[altimeter]}].needles[0].max_rate", "99")
+    page.locator("#outline li button", has_text=card).click()
+    hand.type_into(f"gauges[{index[card]}].card.max_rate", "30")
+    page.locator("#outline li button", has_text=stops).click()
+    hand.type_into(f"gauges[{index[stops]}].stops[1]", "10")
+    expect(page.locator(f'[data-problem="gauges[{index[stops]}].stops"]')).to_contain_text("must hold the `sweep`")
+    hand.type_into(f"gauges[{index[stops]}].stops[1]", f"{written['gauges'][index[stops]]['stops'][1] + 1:g}")
+    expect(page.locator(".problem")).to_have_count(0)
+    hand.save()
+
+    written["gauges"][index[altimeter]]["combined"]["lowest"] = -1000
+    written["gauges"][index[altimeter]]["needles"][0]["max_rate"] = 99
+    written["gauges"][index[card]]["card"]["max_rate"] = 30
+    written["gauges"][index[stops]]["stops"][1] += 1
+    assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))

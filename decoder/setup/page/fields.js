@@ -58,6 +58,7 @@ export function input(store, path, { kind = "text", label, placeholder, onenter,
   return field;
 }
 
+// One of several words.
 export function choice(store, path, options, label) {
   const now = valueAt(store.document, path) ?? "";
   return h(
@@ -76,6 +77,33 @@ export function check(store, path, label) {
 export function field(label, ...inputs) {
   const labelled = inputs.length === 1 ? h("label", { for: inputs[0].id }, label) : h("span", { class: "label" }, label);
   return h("div", { class: "field" }, labelled, h("div", { class: "inputs" }, ...inputs));
+}
+
+// Two numbers of a list.
+export function pair(store, path, label, names, options) {
+  return field(label, ...[0, 1].map((end) => input(store, `${path}[${end}]`, { kind: "number", label: names[end], ...options })));
+}
+
+// Two numbers that may both be left out.
+export function optionalPair(store, path, label, names) {
+  const write = (end) => (document, value) => {
+    const both = [...(valueAt(document, path) || [null, null])];
+    both[end] = value ?? null;
+    setAt(document, path, both.every((each) => each === null) ? undefined : both);
+  };
+  const inputs = [0, 1].map((end) => input(store, `${path}[${end}]`, { kind: "number", label: names[end], placeholder: "if any", write: write(end) }));
+  const row = field(label, ...inputs);
+  row.dataset.path = path;
+  return row;
+}
+
+const opened = new Map(); // what somebody opened or shut, by its name
+
+// A part that is shut as long as nobody needs it.
+export function details(name, words, isOpen, ...parts) {
+  const part = h("details", { open: opened.get(name) ?? isOpen, "data-name": name }, h("summary", {}, words), ...parts);
+  part.querySelector("summary").addEventListener("click", () => opened.set(name, !part.open));
+  return part;
 }
 
 // Puts each problem beside the field it belongs to: the one with the longest path that the problem's path begins with.

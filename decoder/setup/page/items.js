@@ -1,7 +1,9 @@
 // What can be selected, and how it moves: one table, so that dragging, nudging and removing treat all things alike.
-import { angleOf, at, inSweep, nearest, recentre, rounded } from "./geometry.js";
+import { marksOf, recentre } from "./dials.js";
+import { inSweep, nearest, rounded } from "./geometry.js";
 
 const px = (value) => rounded(value, 2);
+const LEAST_RIM = 5;
 
 // Turns what a gauge has at an angle by as many pixels along its rim.
 const turned = (gauge, angle, dx, dy) =>
@@ -31,12 +33,16 @@ const KINDS = {
   },
   gauge: {
     list: "gauges",
-    move(gauge, dx, dy, { mark, needle }) {
-      if (mark !== undefined) gauge.scale[mark][0] = turned(gauge, gauge.scale[mark][0], dx, dy);
-      else if (needle !== undefined) {
+    move(gauge, dx, dy, selection, plane) {
+      const { mark, needle, rim } = selection;
+      if (rim !== undefined) gauge.rim[rim] = [px(gauge.rim[rim][0] + dx), px(gauge.rim[rim][1] + dy)];
+      else if (mark !== undefined) {
+        const own = marksOf(gauge, selection)[mark];
+        own[0] = turned(gauge, own[0], dx, dy);
+      } else if (needle !== undefined) {
         const { template } = gauge.needles[needle];
         if (typeof template.at === "number") template.at = turned(gauge, template.at, dx, dy);
-      } else recentre(gauge, [gauge.centre[0] + dx, gauge.centre[1] + dy]);
+      } else recentre(gauge, plane, [gauge.centre[0] + dx, gauge.centre[1] + dy]);
     },
   },
 };
@@ -50,19 +56,25 @@ export const canMove = ({ kind }) => kind in KINDS;
 export function move(store, dx, dy) {
   const { selection } = store;
   if (!canMove(selection)) return;
+  const plane = selection.kind === "gauge" ? store.planes.of(selection.index) : null;
   store.change(`move ${JSON.stringify(selection)}`, (document) => {
-    KINDS[selection.kind].move(itemOf(document, selection), dx, dy, selection);
+    KINDS[selection.kind].move(itemOf(document, selection), dx, dy, selection, plane);
   });
 }
 
 export function remove(store, selection = store.selection) {
-  const { kind, index, mark, needle } = selection;
+  const { kind, index, mark, needle, rim } = selection;
   if (!canMove(selection)) return;
-  const parent = mark !== undefined || needle !== undefined;
+  if (rim !== undefined && store.document.gauges[index].rim.length <= LEAST_RIM) {
+    store.tell("say", "A rim needs five points.");
+    return;
+  }
+  const parent = [mark, needle, rim].some((each) => each !== undefined);
   store.change(`remove ${kind}`, (document) => {
     if (kind === "level") delete document.level;
-    else if (mark !== undefined) document.gauges[index].scale.splice(mark, 1);
-    else if (needle !== undefined) document.gauges[index].needles.splice(needle, 1);
+    else if (rim !== undefined) document.gauges[index].rim.splice(rim, 1);
+    else if (mark !== undefined) marksOf(document.gauges[index], selection).splice(mark, 1);
+    else if (needle !== undefined) removeNeedle(document.gauges[index], needle);
     else document[KINDS[kind].list].splice(index, 1);
     if (kind === "reference" && !document.reference_points.length) delete document.reference_points;
   });
@@ -102,11 +114,13 @@ export function addReference(store, point) {
 }
 
 export function addGauge(store, rim) {
+  store.planes.keep(rim, rim.matrix);
   store.change("gauge", (document) => {
     document.gauges ??= [];
     document.gauges.push({
       name: free(document.gauges, "gauge"),
       centre: rim.centre,
+      ...(rim.rim && { rim: rim.rim }),
       radius: [rounded(rim.radius * 0.4, 1), rounded(rim.radius, 1)],
       sweep: [135, 405],
       unit: "",
@@ -117,33 +131,62 @@ export function addGauge(store, rim) {
   store.select({ kind: "gauge", index: store.document.gauges.length - 1 });
 }
 
-// A mark at an angle, in its order along the dial; the sweep grows to hold it. Returns its place.
+// A sweep grown to hold an angle.
+const holding = ([first, last], angle) =>
+  last - first < 360 ? [Math.min(first, angle), Math.max(last, angle)].map((each) => rounded(each, 2)) : [first, last];
+
+// A mark at an angle, in its order along the dial; the sweep grows to hold it. Returns the path of its value.
 export function addMark(store, index, angle) {
   let place = 0;
+  const { needle } = store.selection;
+  const own = store.gauge.needles?.[needle]?.scale ? { needle } : {};
   store.change("mark", (document) => {
     const gauge = document.gauges[index];
-    const first = gauge.scale.length ? nearest(angle, (gauge.sweep[0] + gauge.sweep[1]) / 2) : inSweep(angle, gauge.sweep);
-    gauge.scale.push([rounded(first, 4), null]);
-    gauge.scale.sort((one, other) => one[0] - other[0]);
-    place = gauge.scale.findIndex(([each]) => each === rounded(first, 4));
-    if (gauge.sweep[1] - gauge.sweep[0] < 360) {
-      gauge.sweep = [Math.min(gauge.sweep[0], first), Math.max(gauge.sweep[1], first)].map((each) => rounded(each, 2));
-    }
+    const marks = marksOf(gauge, own);
+    const first = marks.length ? nearest(angle, (gauge.sweep[0] + gauge.sweep[1]) / 2) : inSweep(angle, gauge.sweep);
+    marks.push([rounded(first, 4), null]);
+    marks.sort((one, other) => one[0] - other[0]);
+    place = marks.findIndex(([each]) => each === rounded(first, 4));
+    gauge.sweep = holding(gauge.sweep, first);
   });
-  store.select({ kind: "gauge", index, mark: place });
-  return place;
+  store.select({ kind: "gauge", index, mark: place, ...own });
+  return `gauges[${index}]${own.needle === undefined ? "" : `.needles[${own.needle}]`}.scale[${place}][1]`;
+}
+
+// A column's name that no needle, card or combined value has yet.
+export function columnName(document, gauge) {
+  const taken = new Set(
+    (document.gauges || []).flatMap(({ needles = [], card, combined }) => [...needles, card, combined].filter(Boolean).map(({ name }) => name)),
+  );
+  const stem = (gauge.name.replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "needle") + unitSuffix(gauge.unit);
+  let name = stem;
+  for (let number = 2; taken.has(name); number += 1) name = `${stem}_${number}`;
+  return name;
 }
 
 export function addNeedle(store, index, { at: angle, span }) {
   store.change("needle", (document) => {
     const gauge = document.gauges[index];
-    const taken = new Set(document.gauges.flatMap((each) => (each.needles || []).map((needle) => needle.name)));
-    const stem = (gauge.name.replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "needle") + unitSuffix(gauge.unit);
-    let name = stem;
-    for (let number = 2; taken.has(name); number += 1) name = `${stem}_${number}`;
-    gauge.needles.push({ name, template: { at: rounded(inSweep(angle, gauge.sweep), 4), span } });
+    gauge.needles ??= [];
+    const there = inSweep(angle, gauge.sweep);
+    gauge.needles.push({ name: columnName(document, gauge), template: { at: rounded(there, 4), span } });
+    gauge.sweep = holding(gauge.sweep, there);
   });
   store.select({ kind: "gauge", index, needle: store.document.gauges[index].needles.length - 1 });
+}
+
+// What names a needle goes along with its name.
+export function renameNeedle(gauge, place, name) {
+  const before = gauge.needles[place].name;
+  gauge.needles[place].name = name;
+  for (const needle of gauge.needles) if (needle.covered_by === before) needle.covered_by = name;
+  if (gauge.combined?.needles) gauge.combined.needles = gauge.combined.needles.map((each) => (each === before ? name : each));
+}
+
+function removeNeedle(gauge, place) {
+  const [{ name }] = gauge.needles.splice(place, 1);
+  for (const needle of gauge.needles) if (needle.covered_by === name) delete needle.covered_by;
+  if (gauge.combined?.needles) gauge.combined.needles = gauge.combined.needles.filter((each) => each !== name);
 }
 
 const UNITS = { "%": "pct", "°C": "c", "deg C": "c", "°F": "f", "deg F": "f", "°": "deg" };
@@ -151,14 +194,4 @@ const UNITS = { "%": "pct", "°C": "c", "deg C": "c", "°F": "f", "deg F": "f", 
 function unitSuffix(unit) {
   const word = (UNITS[unit] ?? unit ?? "").replace(/\W+/g, "_").replace(/^_+|_+$/g, "").toLowerCase();
   return word ? `_${word}` : "";
-}
-
-export const sweepEnd = (gauge, end) => at(gauge.centre, gauge.sweep[end], gauge.radius[1]);
-
-// One end of the sweep dragged to a point.
-export function dragSweep(gauge, end, point) {
-  const angle = rounded(nearest(angleOf(gauge.centre, point), gauge.sweep[end]), 1);
-  gauge.sweep[end] = angle;
-  if (gauge.sweep[1] <= gauge.sweep[0]) gauge.sweep[1] += 360;
-  if (gauge.sweep[1] - gauge.sweep[0] > 360) gauge.sweep[1 - end] = angle + (end ? -360 : 360);
 }

@@ -21,7 +21,7 @@ export class Live {
     const gauge = document.gauges?.[index];
     if (!document.anchors?.length || !gauge) return null;
     if (!gauge.card && (!gauge.needles?.length || (gauge.scale || []).length < 2)) return null;
-    return JSON.stringify([picture, document.anchors, document.level, document.reference_points, gauge]);
+    return JSON.stringify([picture, document.anchors, document.level, document.reference_points, document.focal_length_mm, gauge]);
   }
 
   resultOf(index) {

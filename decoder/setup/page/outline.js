@@ -4,12 +4,12 @@ import { pick } from "./tools.js";
 
 // Which thing a problem's path belongs to.
 export function selectionOf(path) {
-  const match = /^(anchors|reference_points|gauges)\[(\d+)\](?:\.(scale|needles)\[(\d+)\])?/.exec(path);
+  const match = /^(anchors|reference_points|gauges)\[(\d+)\](?:\.needles\[(\d+)\])?(?:\.(scale|rim)\[(\d+)\])?/.exec(path);
   if (!match) return { kind: path.startsWith("level") ? "level" : "panel" };
-  const [, list, index, part, place] = match;
+  const [, list, index, needle, part, place] = match;
   const kind = { anchors: "anchor", reference_points: "reference", gauges: "gauge" }[list];
-  const inside = { scale: { mark: Number(place) }, needles: { needle: Number(place) } }[part] || {};
-  return { kind, index: Number(index), ...inside };
+  const inside = { scale: { mark: Number(place) }, rim: { rim: Number(place) } }[part] || {};
+  return { kind, index: Number(index), ...(needle && { needle: Number(needle) }), ...inside };
 }
 
 export function showOutline(store, live, view) {

@@ -1,7 +1,7 @@
 // The drawing over the panel picture: everything in the picture's own pixels, lines as thick at every zoom.
 import { s } from "./dom.js";
-import { arc, at, distance, recentre, rounded } from "./geometry.js";
-import { dragSweep, sweepEnd } from "./items.js";
+import { dragSweep, marksOf, recentre } from "./dials.js";
+import { rounded } from "./geometry.js";
 
 export class Overlay {
   constructor(store, view) {
@@ -9,7 +9,7 @@ export class Overlay {
     this.view = view;
     this.grips = new WeakMap();
     this.draw = this.draw.bind(this);
-    store.on("change select tool cursor looking", this.draw);
+    store.on("change select tool cursor looking planes", this.draw);
     view.addEventListener("place", this.draw);
   }
 
@@ -120,23 +120,24 @@ export class Overlay {
   }
 
   gauge(gauge, index) {
-    const { centre, radius, sweep } = gauge;
+    const { radius, sweep } = gauge;
     const { selection } = this.store;
     const chosen = this.chosen("gauge", index);
     const whole = { kind: "gauge", index };
-    const rim = { d: arc(centre, radius[1], ...sweep) };
+    const plane = this.store.planes.of(index, gauge);
+    const rim = { d: plane.arc(radius[1], ...sweep) };
     return s(
       "g",
       { class: `gauge ${chosen}` },
       s("path", { ...rim, class: "halo" }),
       s("path", { ...rim, class: "shape" }),
-      chosen && s("path", { d: arc(centre, radius[0], ...sweep), class: "shape thin" }),
-      this.grip(s("circle", { cx: centre[0], cy: centre[1], r: radius[1], class: "hit" }), whole),
-      ...(chosen ? (gauge.scale || []).map((mark, place) => this.mark(gauge, index, mark, place)) : []),
-      ...(gauge.needles || []).map((needle, place) => this.needle(gauge, index, needle, place)),
-      !chosen && this.text(gauge.name, at(centre, 90, radius[1] + 14 * this.unit)),
-      ...(chosen ? this.handles(gauge, index) : []),
-      chosen && selection.mark === undefined && selection.needle === undefined && this.crossAt(centre),
+      chosen && s("path", { d: plane.arc(radius[0], ...sweep), class: "shape thin" }),
+      this.grip(s("path", { d: plane.arc(radius[1], 0, 360), class: "hit" }), whole),
+      ...(chosen ? this.marks(gauge, index, plane) : []),
+      ...(gauge.needles || []).map((needle, place) => this.needle(gauge, index, needle, place, plane)),
+      !chosen && this.text(gauge.name, plane.at(90, radius[1] + 14 * this.unit)),
+      ...(chosen ? this.handles(gauge, index, plane) : []),
+      chosen && selection.mark === undefined && selection.needle === undefined && selection.rim === undefined && this.crossAt(gauge.centre),
     );
   }
 
@@ -145,23 +146,30 @@ export class Overlay {
     return s("path", { d: `M${x - r} ${y}h${2 * r}M${x} ${y - r}v${2 * r}`, class: "shape chosen" });
   }
 
-  mark(gauge, index, [angle, value], place) {
-    const { centre, radius } = gauge;
-    const ends = [at(centre, angle, radius[1] * 0.9), at(centre, angle, radius[1] * 1.06)];
-    const own = this.store.selection.mark === place ? "chosen" : "";
+  // The marks of the gauge, or of the selected needle that has its own.
+  marks(gauge, index, plane) {
+    const { needle } = this.store.selection;
+    const own = gauge.needles?.[needle]?.scale ? { needle } : {};
+    return marksOf(gauge, own).map((mark, place) => this.mark(gauge.radius[1], mark, { kind: "gauge", index, mark: place, ...own }, plane));
+  }
+
+  mark(outer, [angle, value], selection, plane) {
+    const ends = [plane.at(angle, outer * 0.9), plane.at(angle, outer * 1.06)];
+    const own = this.store.selection.mark === selection.mark ? "chosen" : "";
+    const [x, y] = plane.at(angle, outer * 1.08 + 13 * this.unit);
     return s(
       "g",
       { class: `mark ${own}` },
       this.line(...ends, "halo"),
       this.line(...ends, `shape ${own}`),
-      this.grip(this.line(...ends, "hit"), { kind: "gauge", index, mark: place }),
-      this.text(value ?? "?", at(at(centre, angle, radius[1] * 1.08 + 13 * this.unit), 90, 4 * this.unit), { size: own ? 14 : 12 }),
+      this.grip(this.line(...ends, "hit"), selection),
+      this.text(value ?? "?", [x, y + 4 * this.unit], { size: own ? 14 : 12 }),
     );
   }
 
-  needle({ centre, radius }, index, { template }, place) {
+  needle({ radius }, index, { template }, place, plane) {
     if (typeof template?.at !== "number") return s("g");
-    const ends = [at(centre, template.at, radius[0]), at(centre, template.at, radius[1])];
+    const ends = [plane.at(template.at, radius[0]), plane.at(template.at, radius[1])];
     const name = `shape needle ${place % 2 ? "other" : ""}`;
     return s(
       "g",
@@ -172,36 +180,47 @@ export class Overlay {
     );
   }
 
-  handles(gauge, index) {
+  handles(gauge, index, plane) {
     const whole = { kind: "gauge", index };
     const { centre, radius, sweep } = gauge;
     const middle = sweep[0] + (sweep[1] - sweep[0]) * 0.31;
     const { dragCentre, dragRadius, dragEnd } = this.drags(index);
     return [
       this.handle(centre, whole, dragCentre),
-      this.handle(at(centre, middle, radius[0]), whole, dragRadius(0)),
-      this.handle(at(centre, middle, radius[1]), whole, dragRadius(1)),
-      ...[0, 1].map((end) => this.handle(sweepEnd(gauge, end), whole, dragEnd(end))),
+      this.handle(plane.at(middle, radius[0]), whole, dragRadius(0)),
+      this.handle(plane.at(middle, radius[1]), whole, dragRadius(1)),
+      ...[0, 1].map((end) => this.handle(plane.at(sweep[end], radius[1]), whole, dragEnd(end))),
+      ...(gauge.rim || []).map((point, rim) => this.rimPoint(point, { kind: "gauge", index, rim })),
     ];
   }
 
+  rimPoint([x, y], selection) {
+    const r = 4 * this.unit;
+    const chosen = this.store.selection.rim === selection.rim ? "chosen" : "";
+    const drag = (document, point) => {
+      document.gauges[selection.index].rim[selection.rim] = point.map((value) => rounded(value, 2));
+    };
+    return this.grip(s("rect", { class: `handle rim ${chosen}`, x: x - r, y: y - r, width: 2 * r, height: 2 * r }), selection, drag);
+  }
+
   drags(index) {
+    const planeOf = (document) => this.store.planes.of(index, document.gauges[index]);
     return {
-      dragCentre: (document, point) => recentre(document.gauges[index], point),
+      dragCentre: (document, point) => recentre(document.gauges[index], planeOf(document), point),
       dragRadius: (which) => (document, point) => {
-        const { centre, radius } = document.gauges[index];
-        const length = rounded(distance(centre, point), 1);
+        const { radius } = document.gauges[index];
+        const length = rounded(planeOf(document).polar(point)[1], 1);
         radius[which] = which ? Math.max(length, radius[0] + 2) : Math.min(Math.max(length, 1), radius[1] - 2);
       },
-      dragEnd: (end) => (document, point) => dragSweep(document.gauges[index], end, point),
+      dragEnd: (end) => (document, point) => dragSweep(document.gauges[index], planeOf(document), end, point),
     };
   }
 
   pending() {
-    const { clicks, cursor, tool } = this.store;
+    const { bends, clicks, cursor, tool } = this.store;
     if (tool === "select") return [];
     const unit = this.unit;
-    const dots = clicks.map(([x, y]) => s("circle", { cx: x, cy: y, r: 4 * unit, class: "handle" }));
+    const dots = [...bends, ...clicks].map(([x, y]) => s("circle", { cx: x, cy: y, r: 4 * unit, class: "handle" }));
     const [x, y] = cursor;
     const r = 14 * unit;
     dots.push(s("path", { class: "cross", d: `M${x - r} ${y}h${r * 0.7}M${x + r} ${y}h${-r * 0.7}M${x} ${y - r}v${r * 0.7}M${x} ${y + r}v${-r * 0.7}` }));

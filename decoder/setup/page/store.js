@@ -13,6 +13,7 @@ export class Store extends EventTarget {
     this.selection = { kind: "panel" };
     this.tool = "select";
     this.clicks = [];
+    this.bends = [];
     this.cursor = [session.size[0] / 2, session.size[1] / 2];
     this.looking = null; // the key of another frame that is looked at
     this.problems = [];
@@ -74,13 +75,14 @@ export class Store extends EventTarget {
     this.tell("change");
   }
 
-  exists({ kind, index, mark, needle }) {
+  exists({ kind, index, mark, needle, rim }) {
     if (kind === "panel") return true;
     if (kind === "level") return Boolean(this.document.level);
     const list = { anchor: "anchors", reference: "reference_points", gauge: "gauges" }[kind];
     const item = this.document[list]?.[index];
     if (!item) return false;
-    return (mark === undefined || mark < (item.scale || []).length) && (needle === undefined || needle < (item.needles || []).length);
+    const within = (place, parts) => place === undefined || place < (parts || []).length;
+    return within(needle, item.needles) && within(rim, item.rim) && within(mark, item.needles?.[needle]?.scale || item.scale);
   }
 
   select(selection) {
@@ -91,6 +93,7 @@ export class Store extends EventTarget {
   use(tool) {
     this.tool = tool;
     this.clicks = [];
+    this.bends = []; // clicks that bend the rim
     this.tell("tool");
   }
 

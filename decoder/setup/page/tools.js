@@ -1,7 +1,9 @@
 // The tools: what each is for, how many clicks it takes, and what it makes of them. The same by pointer and by keys.
 import { byId, h } from "./dom.js";
+import { replane } from "./dials.js";
 import { inSweep, rounded } from "./geometry.js";
 import { addAnchor, addGauge, addMark, addNeedle, addReference, setLevel } from "./items.js";
+import { Plane } from "./planes.js";
 import { ask, TAB } from "./server.js";
 
 const needsGauge = (store) => (store.gauge ? "" : "Select or add a gauge first.");
@@ -37,13 +39,22 @@ export const TOOLS = {
     key: "g",
     name: "Gauge",
     clicks: 3,
-    hint: "Click three outer ends of tick marks, well apart; the circle finds the ring they stand on.",
+    hint: "Click three outer ends of tick marks, well apart; the rim finds the ring they stand on, round or oblique.",
     done: async (store, points) => {
-      const rim = await ask("rim", { picture: store.now.picture, points });
+      const rim = await ask("rim", { ...store.planes.seen, points });
       addGauge(store, rim);
       store.use("select");
       store.tell("type", `gauges[${store.selection.index}].name`);
     },
+  },
+  rim: {
+    key: "e",
+    name: "Ellipse",
+    clicks: 1,
+    stays: true,
+    needs: needsGauge,
+    hint: "Where the rim goes by: click outer ends of marks all round the dial; each click bends it there.",
+    done: (store, [point]) => bendRim(store, point),
   },
   mark: {
     key: "t",
@@ -66,27 +77,73 @@ export const TOOLS = {
 
 export async function placeMark(store, click) {
   const { index } = store.selection;
-  const { angle } = await ask("mark", { picture: store.now.picture, centre: store.gauge.centre, click });
-  const mark = addMark(store, index, angle);
-  store.tell("type", `gauges[${index}].scale[${mark}][1]`);
+  const { centre, rim } = store.gauge;
+  const { angle } = await ask("mark", { ...store.planes.seen, centre, rim, click });
+  store.tell("type", addMark(store, index, angle));
+}
+
+// Bends the rim to where it was clicked: the more clicks, the more they decide.
+export async function bendRim(store, point) {
+  const { gauge } = store;
+  const { index } = store.selection;
+  const before = store.planes.of(index);
+  const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+  const radius = gauge.rim ? mean(gauge.rim.map((each) => before.polar(each)[1])) : gauge.radius[1];
+  const points = [...store.bends, point];
+  const found = await ask("rim", { ...store.planes.seen, points, ring: { centre: gauge.centre, radius, rim: gauge.rim } });
+  store.bends = points;
+  store.planes.keep(found, found.matrix);
+  store.change("bend", (document) => {
+    const own = document.gauges[index];
+    replane(own, before, new Plane(found.matrix));
+    own.radius = own.radius.map((each) => rounded((each * found.radius) / radius, 2));
+    Object.assign(own, { centre: found.centre, rim: found.rim });
+  });
+}
+
+// Back to how the dial is seen without a rim of its own.
+export async function unbendRim(store, index) {
+  const gauge = store.document.gauges[index];
+  const before = store.planes.of(index);
+  const after = await store.planes.fetch({ ...gauge, rim: undefined });
+  store.change("unbend", (document) => {
+    replane(document.gauges[index], before, after);
+    delete document.gauges[index].rim;
+  });
 }
 
 export async function placeNeedle(store, click, span = 16) {
   const { index } = store.selection;
-  const { centre, sweep } = store.gauge;
-  const clicked = (Math.atan2(click[1] - centre[1], click[0] - centre[0]) * 180) / Math.PI;
-  const found = await axisAt(store, inSweep(clicked, sweep));
+  const clicked = store.planes.of(index).angleOf(click);
+  const found = await axisAt(store, inSweep(clicked, store.gauge.sweep));
   addNeedle(store, index, { at: found, span });
   store.use("select");
   store.tell("type", `gauges[${index}].needles[${store.selection.needle}].name`);
 }
 
-// The axis of the needle next to an angle.
-export async function axisAt(store, near) {
-  const { centre, radius, sweep } = store.gauge;
-  const { document, picture } = store.now;
-  const found = await ask("needles", { document, picture, centre, radius, sweep, near, tab: `${TAB}-near` });
+// What the program must know of a gauge to look for its needles.
+export function needleQuestion(store, index) {
+  const { centre, radius, sweep, rim, needle_height_inches } = store.document.gauges[index];
+  return { ...store.now, size: undefined, centre, radius, sweep, rim, needle_height_inches };
+}
+
+// The axis of the needle next to an angle; it turns around `pivot`, if that is not the gauge's centre.
+export async function axisAt(store, near, { index = store.selection.index, pivot } = {}) {
+  const found = await ask("needles", { ...needleQuestion(store, index), near, pivot, tab: `${TAB}-near` });
   return found ? rounded(found.at, 4) : near;
+}
+
+// The axes of all needles of a gauge found again, around where they turn.
+export async function findAxes(store, index, pivot) {
+  const angles = [];
+  for (const { template } of store.document.gauges[index].needles || []) {
+    angles.push(typeof template?.at === "number" ? await axisAt(store, template.at, { index, pivot }) : undefined);
+  }
+  store.change("axes", (document) => {
+    document.gauges[index].needles?.forEach(({ template }, place) => {
+      if (angles[place] !== undefined) template.at = angles[place];
+    });
+  });
 }
 
 export async function click(store, point) {

@@ -1,6 +1,7 @@
 // The unwrapped gauge, lying on its side: angle to the right, radius upwards; marks and needles drawn on it.
+import { marksOf } from "./dials.js";
 import { byId, h, s } from "./dom.js";
-import { at, rounded } from "./geometry.js";
+import { rounded } from "./geometry.js";
 import { addNeedle } from "./items.js";
 import { ask, Lost } from "./server.js";
 import { axisAt, placeMark } from "./tools.js";
@@ -60,7 +61,8 @@ export function showUnwrapped(store) {
           upright(template.at, `shape needle ${name}`),
         ];
       }),
-      ...(gauge.scale || []).flatMap(([angle, value], mark) => [
+      ...(gauge.stops || []).filter(Number.isFinite).map((angle) => upright(angle, "shape stop")),
+      ...marksOf(gauge, selection).flatMap(([angle, value], mark) => [
         upright(angle, `shape thin ${selection.mark === mark ? "chosen" : ""}`),
         label(value ?? "?", angle),
       ]),
@@ -72,8 +74,8 @@ export function showUnwrapped(store) {
     const { gauge } = store;
     draw();
     if (!gauge || ![...gauge.centre, ...gauge.radius, ...gauge.sweep].every(Number.isFinite)) return;
-    const { centre, radius, sweep } = gauge;
-    const question = { picture: store.now.picture, centre, radius, sweep };
+    const { centre, radius, sweep, rim } = gauge;
+    const question = { ...store.planes.seen, centre, radius, sweep, rim };
     const key = JSON.stringify(question);
     if (key === asked) return;
     asked = key;
@@ -109,7 +111,7 @@ export function showUnwrapped(store) {
     const span = rounded(Math.abs(to - from), 1);
     try {
       if (span >= MIN_SPAN_DEG) await cropNeedle((from + to) / 2, Math.min(span, 90));
-      else if (store.tool === "mark") await placeMark(store, at(store.gauge.centre, angleAt(event), Math.max(radiusAt(event), 1)));
+      else if (store.tool === "mark") await placeMark(store, store.planes.of(store.selection.index).at(angleAt(event), Math.max(radiusAt(event), 1)));
     } catch (error) {
       store.tell("say", error.message);
     }

@@ -1,0 +1,174 @@
+"""The face of a dial as the panel picture shows it: where its angles and radii lie there, lens and all.
+
+A draft is rarely whole, so whatever of it already tells a plane is used, and the rest counts as seen square on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from decoder.alignment import Matrix
+from decoder.arrays import Floats
+from decoder.camera import Camera
+from decoder.description import Point, Positive
+from decoder.dial_plane import DialPlane, dial_plane, inches_to_picture
+from decoder.errors import DecoderError
+from decoder.gauge import Gauge
+from decoder.lens import Lens
+from decoder.optics import Optics
+from decoder.panel import Panel, ReferencePoint
+from decoder.parallax import Raised
+from decoder.plane_fit import carried, homography
+
+XY = tuple[float, float]
+
+RING_POINTS = 24
+# Points of a rim that is written down.
+RIM_POINTS = 8
+
+_REFERENCES = TypeAdapter(tuple[ReferencePoint, ...])
+_LEVEL = TypeAdapter(tuple[Point, Point])
+_LENGTH = TypeAdapter(Positive)
+_RIM = TypeAdapter(tuple[Point, ...])
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnPlane:
+    """A dial's plane, and the lens through which the picture has it, where that distorts.
+
+    Points of the dial are pixels from its centre, x to 0 degrees, y to 90.
+    """
+
+    plane: DialPlane
+    lens: Lens | None = None
+
+    @classmethod
+    def square_on(cls, centre: XY) -> Self:
+        """Of a dial that nothing tells to be oblique."""
+        return cls(DialPlane((1.0, 0.0, centre[0], 0.0, 1.0, centre[1], 0.0, 0.0, 1.0)))
+
+    def to_picture(self, points: Floats) -> Matrix:
+        """(2, N) points of the dial as (2, N) pixels of the picture as taken."""
+        there = np.asarray(self.plane.to_panel(points), np.float64)
+        return there if self.lens is None else self.lens.distorted(there)
+
+    def to_dial(self, points: Floats) -> Matrix:
+        """(2, N) pixels of the picture as taken as (2, N) points of the dial."""
+        straight = np.asarray(points, np.float64)
+        if self.lens is not None:
+            straight = self.lens.undistorted(straight)
+        return carried(np.asarray(np.linalg.inv(self.plane.matrix), np.float64), straight)
+
+    def place(self, angle_deg: float, radius_px: float) -> XY:
+        """A place of the dial in the picture."""
+        angle = math.radians(angle_deg)
+        x, y = self.to_picture(radius_px * np.array([[math.cos(angle)], [math.sin(angle)]]))[:, 0]
+        return float(x), float(y)
+
+    def polar(self, at: XY) -> tuple[float, float]:
+        """The angle, in (-180, 180] degrees, and the radius of a place in the picture."""
+        x, y = self.to_dial(np.array(at, np.float64)[:, None])[:, 0]
+        return math.degrees(math.atan2(y, x)), math.hypot(x, y)
+
+    def around(self, at: XY) -> DrawnPlane:
+        """The same plane with its pivot at a place in the picture."""
+        x, y = self.to_dial(np.array(at, np.float64)[:, None])[:, 0]
+        return DrawnPlane(self.plane.around((float(x), float(y))), self.lens)
+
+    @property
+    def centre(self) -> XY:
+        """Where the pivot lies in the picture."""
+        return self.place(0.0, 0.0)
+
+    def ring(self, radius_px: float, count: int = RING_POINTS) -> Matrix:
+        """(2, N): places in the picture all round the circle of one radius."""
+        angles = np.arange(count) * (2 * np.pi / count)
+        return self.to_picture(radius_px * np.stack([np.cos(angles), np.sin(angles)]))
+
+    def matrix(self, radius_px: float) -> list[float]:
+        """Nine elements, row by row: from the dial to the picture as taken, for dials so large.
+
+        Within a dial the lens's own bend is less than a hundredth of a pixel, so a plane-to-plane map holds it.
+        """
+        found = self.plane.matrix
+        if self.lens is not None:
+            angles = np.arange(RING_POINTS) * (2 * np.pi / RING_POINTS)
+            circle = np.stack([np.cos(angles), np.sin(angles)])
+            points = np.concatenate([circle * radius_px, circle * radius_px / 2], axis=1)
+            found = homography(points, self.to_picture(points))
+        return [float(each) for each in (found / found[2, 2]).ravel()]
+
+
+@dataclass(frozen=True, slots=True)
+class Planes:
+    """What a draft tells of how its dials are seen.
+
+    `inches` carries inches on the panel to its picture without distortion, (3, 3); None where the draft does not tell.
+    """
+
+    optics: Optics
+    inches: Matrix | None
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any], size_px: tuple[int, int], camera: Camera | None) -> Self:
+        """What a draft tells, on a picture of that size."""
+        focal_length_mm = _valid(_LENGTH, document.get("focal_length_mm"))
+        panel = Panel.model_construct(
+            reference_points=_valid(_REFERENCES, document.get("reference_points")) or (),
+            level=_valid(_LEVEL, document.get("level")),
+        )
+        optics = Optics(size_px, focal_length_mm, camera)
+        try:
+            _ = optics.lens
+        except DecoderError:  # a zoom that the camera does not have; the check of the whole draft says so
+            optics = Optics(size_px, focal_length_mm, None)
+        try:
+            return cls(optics, inches_to_picture(panel, optics))
+        except (DecoderError, np.linalg.LinAlgError):  # reference points that fit no plane; said there as well
+            return cls(optics, None)
+
+    def drawn(self, centre: XY, rim: object = None) -> DrawnPlane:
+        """The plane of a dial; one that cannot be is as if nothing were known of it."""
+        lens = self.optics.lens
+        lens = lens if lens is not None and lens.distorts else None
+        gauge = Gauge.model_construct(centre=centre, rim=_valid(_RIM, rim))
+        try:
+            plane = dial_plane(gauge, "", self.optics, self.inches)
+        except (DecoderError, np.linalg.LinAlgError):
+            plane = None
+        if plane is None or not np.isfinite(plane.matrix).all():
+            return DrawnPlane.square_on(centre)
+        return DrawnPlane(plane, lens)
+
+    def raised(self, height_inches: object) -> Raised | None:
+        """The plane in which needles so high above their face turn; None where the draft does not tell where it is."""
+        height = _valid(_LENGTH, height_inches)
+        if height is None or self.inches is None or self.optics.lens is None:
+            return None
+        return Raised(height, tuple((self.inches / self.inches[2, 2]).ravel().tolist()))
+
+
+def rim_of(drawn: DrawnPlane, radius_px: float) -> list[list[float]]:
+    """Points all round a circle about the pivot, as `rim` of a gauge has them."""
+    return [[round(float(x), 3), round(float(y), 3)] for x, y in drawn.ring(radius_px, RIM_POINTS).T]
+
+
+def mean_radius_px(drawn: DrawnPlane, places: Floats) -> float:
+    """How far (2, N) places in the picture lie from the pivot, in the dial's pixels, on average."""
+    return float(np.hypot(*drawn.to_dial(places)).mean())
+
+
+def _valid(adapter: TypeAdapter[Any], value: object) -> Any:  # noqa: ANN401 - of the adapter's own kind
+    """A part of a draft; None where it is not whole."""
+    if value is None or (isinstance(value, Sequence) and not value):
+        return None
+    try:
+        return adapter.validate_python(value)
+    except ValidationError:
+        return None

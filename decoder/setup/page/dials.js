@@ -1,0 +1,47 @@
+// What happens to a gauge's angles when its plane or its centre changes: what was clicked stays where it is in the picture.
+import { nearest, rounded } from "./geometry.js";
+
+const carriedMarks = (marks, carry) => marks.map(([angle, value]) => [carry(angle), value]);
+
+// Everything of a gauge that was clicked at an angle, on another plane.
+function carryAngles(gauge, from, to) {
+  const outer = gauge.radius[1];
+  const onRim = (angle) => (typeof angle === "number" ? from.carry(angle, outer, to) : angle);
+  gauge.scale = carriedMarks(gauge.scale || [], onRim);
+  for (const needle of gauge.needles || []) {
+    if (needle.scale) needle.scale = carriedMarks(needle.scale, onRim);
+    if (typeof needle.template?.at === "number") needle.template.at = from.carry(needle.template.at, outer * 0.7, to);
+  }
+}
+
+// Around another centre; the rim goes along.
+export function recentre(gauge, plane, centre) {
+  const [right, down] = centre.map((value, axis) => value - gauge.centre[axis]);
+  carryAngles(gauge, plane, plane.movedTo(centre));
+  if (gauge.rim) gauge.rim = gauge.rim.map(([x, y]) => [rounded(x + right, 3), rounded(y + down, 3)]);
+  gauge.centre = centre.map((value) => rounded(value, 3));
+}
+
+// On another plane: its ends and stops go along as well.
+export function replane(gauge, from, to) {
+  const outer = gauge.radius[1];
+  carryAngles(gauge, from, to);
+  for (const ends of [gauge.sweep, gauge.stops].filter(Boolean)) {
+    const span = ends[1] - ends[0];
+    const first = rounded(from.carry(ends[0], outer, to), 2);
+    const last = span === 360 ? first + 360 : rounded(nearest(from.carry(ends[1], outer, to), ends[1]), 2);
+    [ends[0], ends[1]] = [first, last];
+  }
+  if (typeof gauge.card?.index === "number") gauge.card.index = from.carry(gauge.card.index, outer, to);
+}
+
+// One end of the sweep dragged to a point.
+export function dragSweep(gauge, plane, end, point) {
+  const angle = rounded(nearest(plane.angleOf(point), gauge.sweep[end]), 1);
+  gauge.sweep[end] = angle;
+  if (gauge.sweep[1] <= gauge.sweep[0]) gauge.sweep[1] += 360;
+  if (gauge.sweep[1] - gauge.sweep[0] > 360) gauge.sweep[1 - end] = angle + (end ? -360 : 360);
+}
+
+// The marks that a selection means: the gauge's, or those of a needle that has its own.
+export const marksOf = (gauge, { needle }) => gauge.needles?.[needle]?.scale || gauge.scale || [];

@@ -1,0 +1,113 @@
+// The inspector's fields of a gauge: where it is, what its marks mean, what turns on it.
+import { recentre } from "./dials.js";
+import { h } from "./dom.js";
+import { check, details, field, input, optionalPair, pair } from "./fields.js";
+import { rounded } from "./geometry.js";
+import { needlesPart } from "./needle_part.js";
+import { scalePart } from "./scale_part.js";
+import { findAxes, pick, unbendRim } from "./tools.js";
+import { turningPart } from "./turning_part.js";
+
+const LEAST_MOVE_PX = 0.05;
+
+export function gaugePart(store, live, heading) {
+  const needles = needlesPart(store, live);
+
+  // A centre that is typed: what was clicked stays where it is in the picture.
+  function place(index) {
+    const plane = store.planes.of(index);
+    return (axis) => (document, value) => {
+      const gauge = document.gauges[index];
+      if (typeof value !== "number") gauge.centre[axis] = value;
+      else recentre(gauge, plane, gauge.centre.map((own, each) => (each === axis ? value : own)));
+    };
+  }
+
+  // Where the needles turn according to the flight, and what to make of it.
+  function pivot(gauge, index) {
+    const { moved, height } = live.resultOf(index) || {};
+    if (!moved || Math.hypot(...moved) < LEAST_MOVE_PX) return null;
+    const words = `The needle turns ${rounded(Math.abs(moved[0]))} px ${moved[0] < 0 ? "left" : "right"}, ${rounded(Math.abs(moved[1]))} px ${moved[1] < 0 ? "above" : "below"} of there`;
+    const card = (...parts) => h("div", { class: "card offer small" }, ...parts);
+    if (height) {
+      const take = () => {
+        store.change("height", (document) => { document.gauges[index].needle_height_inches = height; });
+        return findAxes(store, index);
+      };
+      return card(h("p", {}, `${words}, as a needle ${height} inches above the face does, seen from here.`), h("button", { id: "useheight", onclick: take }, "It stands that high"));
+    }
+    const there = gauge.centre.map((value, axis) => value + moved[axis]);
+    if (store.planes.isOblique(gauge) && !gauge.needle_height_inches) {
+      const around = () => findAxes(store, index, there);
+      return card(h("p", {}, `${words}: so does every needle above its face that is seen from the side. The decoder allows for it, once the axis is found around there.`), h("button", { id: "findaxes", onclick: around }, "Find its axis around there"));
+    }
+    const plane = store.planes.of(index);
+    const move = () => store.change("pivot", (document) => recentre(document.gauges[index], plane, there));
+    return card(h("p", {}, `${words}.`), h("button", { id: "usepivot", onclick: move }, "Move the centre there"));
+  }
+
+  // A height that is typed: what stands above the face has its axis elsewhere in the picture.
+  const raise = (index) => (document, value) => {
+    const gauge = document.gauges[index];
+    if (value === undefined) delete gauge.needle_height_inches;
+    else gauge.needle_height_inches = value;
+    if (typeof value === "number") queueMicrotask(() => findAxes(store, index).catch(() => {}));
+  };
+
+  function rim(gauge, index) {
+    const path = `gauges[${index}].rim`;
+    const bend = h("button", { class: "small", onclick: () => pick(store, "rim") }, "Bend it (E)");
+    if (!gauge.rim) {
+      const seen = store.planes.isOblique(gauge) ? "as the reference points or the lens tell" : "a circle, seen square on";
+      return h("div", { "data-path": path, class: "field" }, h("span", { class: "label" }, "Rim"), h("div", { class: "inputs" }, h("span", { class: "small" }, seen), bend));
+    }
+    const rows = gauge.rim.map((_, point) =>
+      h(
+        "div",
+        { class: "inputs" },
+        ...[0, 1].map((axis) => input(store, `${path}[${point}][${axis}]`, { kind: "number", label: `${"xy"[axis]} of rim point ${point + 1}` })),
+        h("button", { class: "remove", "aria-label": `Select rim point ${point + 1}`, title: "Select, to move it with the arrow keys", onclick: () => { store.select({ kind: "gauge", index, rim: point }); pick(store, "select"); } }, "◎"),
+      ),
+    );
+    return [
+      h("h3", { "data-path": path }, "Rim, seen from the side"),
+      h("div", { class: "inputs" }, bend, " ", h("button", { class: "small", id: "unbend", onclick: () => unbendRim(store, index) }, "Without a rim of its own")),
+      details("rim", `${gauge.rim.length} points`, false, ...rows),
+    ];
+  }
+
+  function more(gauge, index) {
+    const path = `gauges[${index}]`;
+    const isOpen = Boolean(gauge.stops || gauge.needle_height_inches || gauge.tail);
+    return details(
+      "more",
+      "Stops, height, tail",
+      isOpen,
+      optionalPair(store, `${path}.stops`, "Stops", ["angle of the first stop", "angle of the last stop"]),
+      field("Needle height", input(store, `${path}.needle_height_inches`, { kind: "optional", placeholder: "inches above the face", write: raise(index) })),
+      !gauge.card && check(store, `${path}.tail`, "needles reach across their centre"),
+    );
+  }
+
+  return (gauge, index) => {
+    const path = `gauges[${index}]`;
+    const write = place(index);
+    const centre = [0, 1].map((axis) => input(store, `${path}.centre[${axis}]`, { kind: "number", label: `centre ${"xy"[axis]}`, write: write(axis) }));
+    return [
+      heading(gauge.name || "Gauge"),
+      field("Name", input(store, `${path}.name`)),
+      field("Unit", input(store, `${path}.unit`, { placeholder: "such as kt" })),
+      field("Centre", ...centre),
+      pivot(gauge, index),
+      pair(store, `${path}.radius`, "Radius", ["bottom of the needle", "outer perimeter"]),
+      rim(gauge, index),
+      pair(store, `${path}.sweep`, "Sweep", ["sweep begins", "sweep ends"]),
+      field("A turn is worth", input(store, `${path}.wraps`, { kind: "optional", placeholder: "only if it goes all the way round" })),
+      more(gauge, index),
+      h("h3", { "data-path": `${path}.scale` }, "Tick marks"),
+      ...scalePart(store, path, gauge.scale || [], { kind: "gauge", index }),
+      ...turningPart(store, gauge, index),
+      ...(gauge.card ? [] : needles(gauge, index)),
+    ].flat();
+  };
+}

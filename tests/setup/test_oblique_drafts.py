@@ -1,0 +1,106 @@
+"""Drafts of an oblique cockpit: carried to another frame, needles above their face; problems beside their fields."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from decoder.camera import camera_from_file
+from decoder.gauge_reader import Method
+from decoder.panel_pictures import PanelPictures, panel_from_file
+from decoder.panel_reader import PanelReader
+from decoder.pictures import FramePicture, grey_picture
+from decoder.setup.answers import trial_answer
+from decoder.setup.drafts import problems_of
+from decoder.setup.drawn_plane import Planes
+from decoder.setup.pasting import pasted
+from decoder.setup.requests import TrialQuestion
+from decoder.setup.session import SetupSession
+from decoder.setup.sources import open_source
+from flight_file.reader import open_flight
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+FOLDER = FIXTURES / "oblique" / "t1a_small"
+FLIGHT = FIXTURES / "oblique" / "t1a_small.mcap"
+
+Draft = dict[str, Any]
+
+
+@pytest.fixture
+def written() -> Draft:
+    """The panel that was written with the renderer's own numbers."""
+    content: Draft = yaml.safe_load((FOLDER / "panel.yaml").read_text(encoding="utf-8"))
+    return content
+
+
+def test_squared_up_angles_stay_when_a_panel_is_carried_over(written: Draft) -> None:
+    """On a frame that is rolled by five degrees the places move, and the angles of dials seen square on do not."""
+    panel = panel_from_file(FOLDER / "panel.yaml")
+    camera = camera_from_file(FOLDER / "camera.yaml")
+    reader = PanelReader.from_panel(PanelPictures(panel.panel, panel.pictures, "", camera), Method.NORMXCORR)
+    frame = list(open_flight([FLIGHT]).frames())[5]
+    target = FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
+    done = pasted(written, reader.aligner, target, {}, camera)
+
+    assert abs(done.roll_deg) > 3.0
+    height, width = target.pixels.shape
+    before, after = (Planes.of(each, (width, height), camera) for each in (written, done.document))
+    alignment = reader.aligner.align(target.pixels, target.focal_length_mm)
+    for own, carried in zip(written["gauges"], done.document["gauges"], strict=True):
+        assert carried["sweep"] == pytest.approx(own["sweep"], abs=0.1)
+        assert carried["scale"][0][0] == pytest.approx(own["scale"][0][0], abs=0.1)
+        mark = before.drawn(tuple(own["centre"])).place(own["sweep"][0], own["radius"][1])
+        seen = after.drawn(tuple(carried["centre"])).place(carried["sweep"][0], carried["radius"][1])
+        assert seen == pytest.approx(alignment.to_frame(mark), abs=0.2)
+
+
+def test_height_of_needles_is_offered(written: Draft, tmp_path: Path) -> None:
+    """Where they seem to turn beside their pivot, seen from the side, tells how high above the face needles stand."""
+    session = SetupSession(open_source([FLIGHT]), None, tmp_path / "panel.yaml")
+    gauge = written["gauges"][0]
+    truth = gauge.pop("needle_height_inches")
+    draft = {**written, "gauges": [gauge], "anchors": written["anchors"][::2]}
+    answer = trial_answer(session, TrialQuestion(document=draft, picture="panel", gauge=0, tab="t"), lambda: False)
+
+    assert answer["height"] == pytest.approx(truth, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changes", "path"),
+    [
+        ({"stops": [200, 300]}, "gauges[0].stops"),
+        ({"wraps": 360}, "gauges[0].wraps"),
+        ({"card": {"name": "n1_1", "index": 270}}, "gauges[0].needles"),
+        ({"needles": []}, "gauges[0].needles"),
+        ({"combined": {"name": "all", "needles": ["n1_1_pct", "none"]}}, "gauges[0].combined"),
+        ({"combined": {"name": "all", "needles": ["n1_1_pct"]}}, "gauges[0].combined.needles"),
+        ({"stops": [None, 300]}, "gauges[0].stops[0]"),
+        ({"needle_height_inches": "high"}, "gauges[0].needle_height_inches"),
+        ({"rim": [[0, 0], [1, 1]]}, "gauges[0].rim"),
+    ],
+)
+def test_problem_is_placed_beside_its_field(written: Draft, changes: Draft, path: str) -> None:
+    """What is wrong with a gauge as a whole is said beside the field that it is about."""
+    written["gauges"][0] |= changes
+
+    assert path in [each.path for each in problems_of(written, {})]
+
+
+@pytest.mark.parametrize(
+    ("changes", "path"),
+    [
+        ({"covered_by": "nobody"}, "gauges[2].needles[0].covered_by"),
+        ({"template": {"picture": "cut.png"}}, "gauges[2].needles[0].template"),
+        ({"wraps": 12}, "gauges[2].needles[0]"),
+        ({"name": "n1_1_pct"}, "gauges[2].needles[0].name"),
+        ({"max_rate": -1}, "gauges[2].needles[0].max_rate"),
+    ],
+)
+def test_problem_of_a_needle_is_placed_beside_its_field(written: Draft, changes: Draft, path: str) -> None:
+    """So is what is wrong with a needle, though the format judges it with its gauge or the panel."""
+    written["gauges"][2]["needles"][0] |= changes
+
+    assert path in [each.path for each in problems_of(written, {})]
