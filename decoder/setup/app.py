@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -31,6 +32,7 @@ KINDS = {
     "svg": "image/svg+xml",
 }
 PAGE = "index.html"
+MANY = 8
 Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion)
 
 
@@ -136,6 +138,8 @@ def _session_routes(session: SetupSession) -> list[Route]:
 
 def _question_routes(session: SetupSession) -> list[Route]:
     turns = Turns()
+    # A trial takes a core for itself; one at a time, so that there is another for what somebody waits for.
+    one_trial, many = asyncio.Semaphore(1), asyncio.Semaphore(MANY)
 
     def plain(path: str, model: type[Question], answer: Callable[[SetupSession, Question], answers.Answer]) -> Route:
         async def handler(request: Request) -> Response:
@@ -145,12 +149,16 @@ def _question_routes(session: SetupSession) -> list[Route]:
         return Route(path, handler, methods=["POST"])
 
     def in_turn(
-        path: str, model: type[Turned], answer: Callable[[SetupSession, Turned, Stale], answers.Answer]
+        path: str,
+        model: type[Turned],
+        answer: Callable[[SetupSession, Turned, Stale], answers.Answer],
+        room: asyncio.Semaphore,
     ) -> Route:
         async def handler(request: Request) -> Response:
             asked = await question(request, model)
             stale = turns.take(f"{path} {asked.tab}")
-            return JSONResponse(await run_in_threadpool(answer, session, asked, stale))
+            async with room:
+                return JSONResponse(await run_in_threadpool(answer, session, asked, stale))
 
         return Route(path, handler, methods=["POST"])
 
@@ -161,8 +169,8 @@ def _question_routes(session: SetupSession) -> list[Route]:
         plain("/api/planes", requests.PlaneQuestion, drawing.planes_answer),
         plain("/api/check", requests.DraftQuestion, answers.check_answer),
         plain("/api/paste", requests.PasteQuestion, answers.paste_answer),
-        in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer),
-        in_turn("/api/trial", requests.TrialQuestion, answers.trial_answer),
+        in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer, many),
+        in_turn("/api/trial", requests.TrialQuestion, answers.trial_answer, one_trial),
     ]
 
 

@@ -26,7 +26,8 @@ MIN_CONTRAST_LEVELS = 25.0
 NOISE_LEVELS = 2.0
 # A guess at the end of the range is moved on this often.
 ROUNDS = 3
-MIN_COLUMNS = 5
+# A large dial has more columns than it takes; they are seen one by one, so some of them do.
+MIN_COLUMNS, MOST_COLUMNS = 5, 20
 MIN_TAPER_PX, OUTLIER_SPREADS = 0.25, 3.0
 
 
@@ -48,6 +49,7 @@ def axis_deg(light: Floats, grid: PolarGrid, guess_deg: float) -> float:
         used = np.flatnonzero(np.abs(light[rows]).max(axis=0) >= MIN_CONTRAST_LEVELS) if rows.size else rows
         if not used.size:
             return guess_deg
+        used = used[np.unique(np.linspace(0, used.size - 1, MOST_COLUMNS).round().astype(int))]
         seen = _Seen(light[rows][:, used], grid.start_deg + rows * grid.step_deg, radii[used])
         place, found = _lowest(seen, guess_deg)
         if found:

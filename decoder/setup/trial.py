@@ -21,6 +21,8 @@ from decoder.setup.needle_axis import axis_deg
 from flight_file.sampling import spread
 
 Stale = Callable[[], bool]
+# Fewer frames tell no more of a needle than the panel picture does.
+MIN_LEARNED_FROM = 8
 
 
 class Superseded(Exception):
@@ -95,7 +97,8 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
         if stale():
             raise Superseded
         found.append(_frame(fitted.reader, index, frame, scales))
-    return Trial(tuple(found), fitted.moved_px.get(gauge.name), _axes_deg(fitted.reader))
+    axes_deg = _axes_deg(fitted.reader) if len(frames) >= MIN_LEARNED_FROM else {}
+    return Trial(tuple(found), fitted.moved_px.get(gauge.name), axes_deg)
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:

@@ -6,7 +6,6 @@ import { addNeedle } from "./items.js";
 import { ask, Lost } from "./server.js";
 import { axisAt, placeMark } from "./tools.js";
 
-const WAIT_MS = 25;
 const MIN_SPAN_DEG = 4;
 
 export function showUnwrapped(store) {
@@ -17,7 +16,8 @@ export function showUnwrapped(store) {
   root.append(image, drawing, blank);
   let shown = null; // what the image covers
   let asked = "";
-  let timer = 0;
+  let next = null; // the question that waits
+  let busy = false;
   let crop = null;
 
   const x = (angle) => ((angle - shown.start) / (shown.end - shown.start)) * drawing.clientWidth;
@@ -70,7 +70,7 @@ export function showUnwrapped(store) {
     );
   }
 
-  async function fetchLater() {
+  function fetchLater() {
     const { gauge } = store;
     draw();
     if (!gauge || ![...gauge.centre, ...gauge.radius, ...gauge.sweep].every(Number.isFinite)) return;
@@ -79,11 +79,19 @@ export function showUnwrapped(store) {
     const key = JSON.stringify(question);
     if (key === asked) return;
     asked = key;
-    clearTimeout(timer);
-    timer = setTimeout(async () => {
+    next = question;
+    if (!busy) fetchNext();
+  }
+
+  // One question at a time, at once; of those that come meanwhile only the last counts.
+  async function fetchNext() {
+    busy = true;
+    while (next) {
+      const question = next;
+      next = null;
       try {
         const answer = await ask("unwrap", question);
-        if (asked !== key) return;
+        if (next) continue;
         shown = answer;
         image.src = answer.image;
         await image.decode().catch(() => {});
@@ -93,7 +101,8 @@ export function showUnwrapped(store) {
         asked = "";
         if (!(error instanceof Lost)) store.tell("say", error.message);
       }
-    }, WAIT_MS);
+    }
+    busy = false;
   }
 
   drawing.addEventListener("pointerdown", (event) => {
