@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, expect, sync_playwright
 
 from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
@@ -21,6 +21,12 @@ from flight_file.reader import open_flight
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 VIEW = {"width": 1440, "height": 900}
 COMMON, RARE = 190, 64
+SLOW_MS = 120_000
+# Flights on whose set-up pages a gauge is looked at, and what the pictures are called.
+SETUPS = (
+    ("thesis_a1.mcap", "fuel_flow", "setup"),
+    ("oblique/t1a_small.mcap", "itt_1", "setup_oblique"),
+)
 
 
 def main() -> int:
@@ -33,9 +39,10 @@ def main() -> int:
     with sync_playwright() as playwright, TemporaryDirectory() as name:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         target = Path(name) / "panel.yaml"
-        with served(FIXTURES / "thesis_a1.mcap", None, target) as url:
-            for scheme in ("dark", "light"):
-                setup_picture(browser, url, scheme, PICTURES / f"setup_{scheme}.png")
+        for flight, gauge, stem in SETUPS:
+            with served(FIXTURES / flight, None, target) as url:
+                for scheme in ("dark", "light"):
+                    setup_picture(browser, url, scheme, gauge, PICTURES / f"{stem}_{scheme}.png")
         report = Path(name) / "flight.html"
         written_report(report)
         for scheme in ("dark", "light"):
@@ -44,15 +51,15 @@ def main() -> int:
     return 0
 
 
-def setup_picture(browser: Browser, url: str, scheme: str, path: Path) -> None:
+def setup_picture(browser: Browser, url: str, scheme: str, gauge: str, path: Path) -> None:
     """The set-up page with a gauge selected and read."""
     page = browser.new_page(viewport=VIEW, color_scheme="dark" if scheme == "dark" else "light")  # type: ignore[arg-type]
     page.goto(url)
     page.wait_for_selector("body[data-ready]")
-    page.locator("#outline .dot.good").nth(5).wait_for()
-    page.locator("#outline li button", has_text="fuel_flow").click()
+    page.locator("#outline li button", has_text=gauge).click()
     page.locator("#picture").press("f")
-    page.locator("#film .cell").nth(19).wait_for()
+    page.locator("#film .cell").nth(19).wait_for(timeout=SLOW_MS)
+    expect(page.locator("#outline .count").filter(has_text="…")).to_have_count(0, timeout=SLOW_MS)
     page.wait_for_timeout(500)
     save_small(page.screenshot(), path)
     page.close()

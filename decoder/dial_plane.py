@@ -30,6 +30,7 @@ MIN_POSE_POINTS = 3
 RIM_SIGMA_PX = 0.3
 PERSPECTIVE_PRIOR = 0.02
 RIM_PASSES = 12
+LEAST_RIM_PX = 1.0
 MAX_RIM_MISS = 0.1
 MAX_REFERENCE_MISS = 0.03
 
@@ -155,6 +156,8 @@ def _from_rim(rim: Matrix, centre: Point, right: Matrix, path: str) -> DialPlane
     """
     away = rim - np.array(centre)[:, None]
     size = float(np.hypot(*away).mean())
+    if size < LEAST_RIM_PX:
+        raise PanelError(f"{path}.rim", "is a point; mark points all round a circle about the gauge's centre")
     shape, nearer = _unit_circle(away / size, size, path)
     # Any turn of the dial about its pivot explains the rim: the one that has 0 degrees to the right is taken.
     stretch = np.linalg.inv(_root(shape))

@@ -124,7 +124,16 @@ def test_body_that_goes_on_is_refused(send: Send) -> None:
         b"[" * 100_000,
     ],
 )
-@pytest.mark.parametrize(("method", "path"), [("PUT", "/api/panel"), ("POST", "/api/check"), ("POST", "/api/unwrap")])
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("PUT", "/api/panel"),
+        ("POST", "/api/check"),
+        ("POST", "/api/unwrap"),
+        ("POST", "/api/planes"),
+        ("POST", "/api/rim"),
+    ],
+)
 def test_invalid_body_is_refused(send: Send, method: str, path: str, body: bytes) -> None:
     """A body that is not what the page sends is answered in one sentence."""
     refused(send(method, path, body), 400, "not understood")
@@ -164,6 +173,25 @@ def test_what_cannot_be_done_is_an_answer(send: Send, method: str, path: str, mo
 
     assert (status, answer["declined"]) == (200, why)
     assert answer["error"]
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"reference_points": 5, "level": "x", "focal_length_mm": "wide"},
+        {"reference_points": [{"at": [0, 0], "inches": [None, 1]}] * 4},
+        {"reference_points": [{"at": [1, 1], "inches": [1, 1]}] * 4},
+        {"focal_length_mm": 1e9},
+    ],
+)
+@pytest.mark.parametrize("rim", [None, "x", [[0, 0]] * 5, [[1, 2, 3]] * 9, [[100, 100]] * 5])
+def test_dials_of_half_drawn_drafts_are_drawn(send: Send, told: dict[str, object], rim: object) -> None:
+    """Whatever a draft tells of how its dials are seen, there is a picture of them."""
+    dial = {"centre": [100, 100], "radius": 40, "rim": rim}
+    status, answer, _ = send("POST", "/api/planes", json.dumps({"picture": "frame-0", "dials": [dial], **told}))
+
+    assert status == 200
+    assert len(answer["planes"][0]) == 9
 
 
 def test_answers_allow_nothing_from_elsewhere(send: Send) -> None:

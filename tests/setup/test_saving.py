@@ -38,7 +38,7 @@ def test_text_says_what_was_drawn(panel: Path) -> None:
         assert [angle for angle, _ in gauge.scale] == pytest.approx(sorted(a for a, _ in own["scale"]), abs=1e-4)
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])  # PyYAML is slow
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])  # PyYAML is slow
 @given(
     content=st.dictionaries(keys, values, max_size=6),
     gauges=st.lists(st.dictionaries(keys, values, min_size=1, max_size=4), max_size=3),

@@ -87,7 +87,7 @@ def test_points_on_a_line_are_no_circle(places: list[tuple[float, float]]) -> No
         circle_through(FLAT, places)
 
 
-@settings(max_examples=15)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 1000))
 def test_ring_is_found_from_unsteady_clicks(seed: int) -> None:
     """Clicks a pixel beside the ends of the marks give the centre to a tenth of a pixel."""
@@ -156,7 +156,7 @@ def test_one_click_bends_the_rim_to_where_it_is() -> None:
 
 
 @pytest.mark.parametrize(("dark", "light"), [(30.0, 210.0), (220.0, 40.0)])
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(tick=st.sampled_from(TICKS_DEG), off_px=st.floats(-1.5, 1.5))
 def test_mark_is_found_from_an_unsteady_click(dark: float, light: float, tick: int, off_px: float) -> None:
     """A click beside a mark, bright or dark, gives the mark's own angle to a seventh of a degree, or 0.12 pixels."""

@@ -58,7 +58,8 @@ export function gaugePart(store, live, heading) {
     const path = `gauges[${index}].rim`;
     const bend = h("button", { class: "small", onclick: () => pick(store, "rim") }, "Bend it (E)");
     if (!gauge.rim) {
-      const seen = store.planes.isOblique(gauge) ? "as the reference points or the lens tell" : "a circle, seen square on";
+      const known = (store.document.reference_points || []).length >= 3 ? "by reference points" : "by the lens";
+      const seen = store.planes.isOblique(gauge) ? known : "a circle";
       return h("div", { "data-path": path, class: "field" }, h("span", { class: "label" }, "Rim"), h("div", { class: "inputs" }, h("span", { class: "small" }, seen), bend));
     }
     const rows = gauge.rim.map((_, point) =>

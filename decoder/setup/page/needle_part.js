@@ -21,7 +21,7 @@ export function needlesPart(store, live) {
     const rename = (document, name) => renameNeedle(document.gauges[index], place, name);
     return h(
       "div",
-      { class: `card ${store.selection.needle === place ? "chosen" : ""}`, "data-path": path },
+      { class: `card ${store.selection.needle === place ? "chosen" : ""}`, "data-path": path, role: "group", "aria-label": `Needle ${needle.name}` },
       h("div", { class: "row" }, h("b", {}, needle.name), h("button", { class: "remove", "aria-label": `Remove needle ${needle.name}`, onclick: () => remove(store, { kind: "gauge", index, needle: place }) }, "×")),
       field("Name", input(store, `${path}.name`, { write: rename })),
       field("Angle here", input(store, `${path}.template.at`, { kind: "optional" })),

@@ -12,6 +12,9 @@ export function selectionOf(path) {
   return { kind, index: Number(index), ...(needle && { needle: Number(needle) }), ...inside };
 }
 
+// What the coloured points say, in words.
+const HOW = { good: "read well all through the flight", warn: "read with gaps or doubts", bad: "hardly read" };
+
 export function showOutline(store, live, view) {
   const nav = byId("outline");
 
@@ -21,7 +24,7 @@ export function showOutline(store, live, view) {
       return other.kind === selection.kind && other.index === selection.index;
     });
     const current = store.selection.kind === selection.kind && store.selection.index === selection.index;
-    const title = wrong ? "has something to put right" : "";
+    const title = wrong ? "has something to put right" : (HOW[dot] ?? "");
     return h(
       "li",
       {},
@@ -37,7 +40,7 @@ export function showOutline(store, live, view) {
 
   function part(title, tool, rows, empty) {
     return [
-      h("h3", {}, title, tool && h("button", { class: "link", "aria-label": `Add: ${title}`, onclick: () => pick(store, tool) }, "+ add")),
+      h("div", { class: "part" }, h("h3", {}, title), tool && h("button", { class: "link", "aria-label": `Add: ${title}`, onclick: () => pick(store, tool) }, "+ add")),
       rows.length ? h("ul", {}, ...rows) : h("p", { class: "empty" }, empty),
     ];
   }

@@ -67,7 +67,7 @@ function combined(store, gauge, index, path) {
   return [
     h(
       "div",
-      { class: "card", "data-path": part },
+      { class: "card", "data-path": part, role: "group", "aria-label": "One value of several needles" },
       h("div", { class: "row" }, h("b", {}, "One value of several needles"), h("button", { class: "remove", "aria-label": "Remove the combined value", onclick: drop }, "×")),
       field("Name", input(store, `${part}.name`)),
       h("fieldset", { "data-path": `${part}.needles` }, h("legend", { class: "quiet small" }, "Its needles"), ...boxes),
