@@ -11,7 +11,7 @@ from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
 from flight_file.reader import Flight
 
-DISTRIBUTIONS = ("image-flight-recorder", "numpy", "opencv-python-headless")
+DISTRIBUTIONS = ("image-flight-recorder", "numpy", "opencv-python-headless", "simplejpeg")
 
 
 def identity_of(flight: Flight, part: FlightPart | None, reader: PanelReader) -> dict[str, object]:
