@@ -41,7 +41,7 @@ LARGEST_BYTES = 24_000_000
 PICTURES_BYTES = 13_000_000
 FEWEST_PICTURES_BYTES = 1_000_000
 PLACE_OF_EVIDENCE = "<!--evidence-->"
-INTEGRITY_SAYS = {"good": "fits", "warn": "not whole", "bad": "DOES NOT FIT", "open": "not checked"}
+INTEGRITY_SAYS = {"good": "fits", "warn": "see below", "bad": "DOES NOT FIT", "open": "not checked"}
 
 
 @dataclass(frozen=True, slots=True)
