@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from decoder.alignment import Alignment, is_rigid
+from decoder.alignment import Alignment, Matrix, is_rigid
 from decoder.arrays import Floats
 from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
@@ -81,6 +81,7 @@ def tune_on(
         templates=templates,
         faces=tuple(faces),
         usual=usual,
+        motions=_motions(reader, samples, usual),
         evenly_lit_score=EVENLY_LIT_SCORE,
         cards=cards,
     )
@@ -216,13 +217,28 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture])
 
 def _usual(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Alignment:
     """The median alignment, each at the panel picture's zoom; where all are mere shifts and rolls, it is one too."""
-    optics = reader.aligner.optics
-    matrices = []
-    for sample in samples:
-        zoom = optics.zoom(sample.focal_length_mm, sample.size_px or optics.size_px)
-        matrix = np.linalg.inv(zoom) @ sample.alignment.matrix
-        matrices.append(matrix / matrix[2, 2])
+    matrices = [_at_panels_zoom(reader, sample) for sample in samples]
     usual = np.median(matrices, axis=0)
     if all(is_rigid(matrix) for matrix in matrices):
         usual[:2, :2] /= np.hypot(usual[0, 0], usual[1, 0])
     return Alignment.of(usual, float(np.median([sample.alignment.score for sample in samples])))
+
+
+def _motions(reader: PanelReader, samples: Sequence[UnwrappedFrame], usual: Alignment) -> tuple[Matrix, ...]:
+    """How those samples moved that show most of the panel."""
+    models = [0 if each.alignment.covariance is None else each.alignment.covariance.model for each in samples]
+    there = np.linalg.inv(usual.matrix)
+    return tuple(
+        _at_panels_zoom(reader, sample) @ there
+        for sample, model in zip(samples, models, strict=True)
+        if model == max(models)
+    )
+
+
+def _at_panels_zoom(reader: PanelReader, sample: UnwrappedFrame) -> Matrix:
+    """(3, 3): a frame's alignment, had it been taken at the panel picture's zoom and size."""
+    optics = reader.aligner.optics
+    zoom = optics.zoom(sample.focal_length_mm, sample.size_px or optics.size_px)
+    matrix = np.linalg.inv(zoom) @ sample.alignment.matrix
+    scaled: Matrix = matrix / matrix[2, 2]
+    return scaled

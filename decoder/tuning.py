@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from decoder.alignment import Alignment
+from decoder.alignment import Alignment, Matrix
 from decoder.needle_template import NeedleTemplate
 from decoder.unwrapping import UnwrappedGauge
 
@@ -38,6 +38,9 @@ class Tuning:
         For each gauge in the panel's order, the unwrapped dial without needles, (rows, columns) float32.
     usual
         Where the camera mostly was.
+    motions
+        (3, 3) each: how frames that showed enough of the panel moved against where the camera mostly was. A frame that
+        shows less may have moved just so.
     evenly_lit_score
         What a needle in even light scores at least. One that matches less well may stand in a light that changes over
         the dial, which moves its reading.
@@ -55,6 +58,7 @@ class Tuning:
     faces: tuple[UnwrappedGauge, ...]
     usual: Alignment
     evenly_lit_score: float
+    motions: tuple[Matrix, ...] = ()
     cards: Mapping[str, CardPicture] = field(default_factory=dict)
     dials_move: bool = False
     anchors_agree: bool = True
