@@ -159,7 +159,12 @@ def _one_core(found: Measured) -> str:
         ["flight data, a frame", f"{found.result_bytes / 1e3:.2f} kB"],
         ["a million frames", f"{found.frame_ms * 1e3 / HOUR_S:.2f} core-hours, {found.frame_bytes / 1e3:.1f} GB"],
     ]
-    return "## One core\n\n" + markdown(["what", "measured"], rows) + "\n"
+    return f"""## One core
+
+The rendered flights, with and without reflections, as a worker of a fleet decodes them; the least of {ROUNDS} rounds.
+
+{markdown(["what", "measured"], rows)}
+"""
 
 
 def _limits(found: Measured) -> str:
@@ -200,6 +205,9 @@ def _archive(found: Measured) -> str:
 
 A night for everything asks more of the network than of processors; what one day adds is a night's work for a few
 machines. Keeping the pictures for a month costs more than decoding them once.
+
+The program that is started holds its flights' names, 1 kB each, and the scheduler a connection to each worker: an
+archive of this size is decoded in parts, by month or by aircraft. No cluster larger than two workers was tried.
 """
 
 

@@ -23,6 +23,7 @@ from decoder.fleet.flights import FleetFlight
 from decoder.fleet.one_flight import decode_one
 from decoder.fleet.order import Order
 from decoder.fleet.outcome import Outcome
+from decoder.fleet.running import LOST
 from decoder.fleet.versions import installed, refuse_mismatch
 
 CONNECT_S = 10.0
@@ -56,7 +57,10 @@ class ClusterWorkers:
         return threads
 
     def _threads(self) -> int:
-        return sum(map(int, self._client.nthreads().values()))
+        try:
+            return sum(map(int, self._client.nthreads().values()))
+        except OSError as error:
+            raise ClusterLost(LOST) from error
 
     def submit(self, flight: FleetFlight, order: Order) -> Future[Outcome]:
         """Has a flight decoded by one of the workers."""

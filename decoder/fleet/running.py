@@ -14,6 +14,7 @@ from decoder.fleet.workers import Workers
 
 MAX_KILLED = 2  # one death may be an accident, or another flight's doing
 LOOK_S = 5.0  # between looks at who is there, while nothing comes
+LOST = "the scheduler was lost; start it and run the same command again: finished flights are kept"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +66,7 @@ def _error(future: Future[Outcome]) -> BaseException | None:
     try:
         error = future.exception()
     except CancelledError as lost:
-        raise ClusterLost(
-            "the scheduler was lost; start it and run the same command again: finished flights are kept"
-        ) from lost
+        raise ClusterLost(LOST) from lost
     if isinstance(error, ImportError):
         raise VersionMismatch(f"a worker lacks {error.name}; install the same version of this package there") from error
     if isinstance(error, VersionMismatch):

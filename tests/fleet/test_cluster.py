@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -114,3 +115,34 @@ def test_no_scheduler_and_no_workers(empty_cluster: Cluster, run: Run, few: Path
         assert done.stderr.startswith("decode: ")
         assert told in done.stderr
         assert len(done.stderr.splitlines()) == 1
+
+
+def test_interrupt_leaves_workers_their_flight(
+    cluster: Cluster, few: Path, long_flight: Path, find_reader: FindReader, wait_until: WaitUntil, tmp_path: Path
+) -> None:
+    """Ctrl-C ends the client; the flight that a worker holds is finished, and whole. A lost scheduler ends it, too."""
+    flight, output = Path(shutil.copy(long_flight, few / "long.mcap")), tmp_path / "out"
+    words = [f"{few}/*.mcap", "-o", output, "--scheduler", cluster.address]
+    nannies = [process.pid for process in cluster.processes[1:]]
+
+    def reader() -> Any:  # noqa: ANN401 - a process
+        return next(filter(None, (find_reader(flight, nanny) for nanny in nannies)), None)
+
+    running = started(*words)
+    wait_until(reader)
+    running.send_signal(signal.SIGINT)
+    _, told = running.communicate(timeout=120)
+    assert (running.returncode, told) == (1, "decode: interrupted; finished flights are kept by the next run\n")
+    wait_until((output / "long" / "fleet.done").exists)
+    assert {path.name for path in (output / "long").iterdir()} == {
+        *("fleet.done", "long.csv", "long.json", "long_alignment.tsv")
+    }
+
+    running = started(*words, "--method", "xcorr")
+    wait_until(reader)
+    cluster.kill(cluster.processes[0])
+    _, told = running.communicate(timeout=120)
+    assert running.returncode == 1
+    assert told.startswith("decode: ")
+    assert "the scheduler was lost; start it and run the same command again" in told
+    assert len(told.splitlines()) == 1
