@@ -19,6 +19,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 Results = Callable[[Path], dict[str, bytes]]
 WaitUntil = Callable[[Callable[[], Any]], Any]
 FindReader = Callable[[Path, int], Any]
+IsGone = Callable[[Any], bool]
 Cluster = Any
 
 pytestmark = pytest.mark.xdist_group("fleet")
@@ -59,18 +60,24 @@ def test_killed_worker_and_corrupt_flight(
 
 
 def test_flight_that_kills_its_workers_is_told(
-    cluster: Cluster, few: Path, long_flight: Path, find_reader: FindReader, wait_until: WaitUntil, tmp_path: Path
+    cluster: Cluster,
+    few: Path,
+    long_flight: Path,
+    find_reader: FindReader,
+    wait_until: WaitUntil,
+    is_gone: IsGone,
+    tmp_path: Path,
 ) -> None:
     """A flight that kills its worker twice is given up; the others are decoded, and the second run knows them."""
-    flight = shutil.copy(long_flight, few / "long.mcap")
+    flight = Path(shutil.copy(long_flight, few / "long.mcap"))
     output = tmp_path / "out"
     words = [f"{few}/*.mcap", "-o", output, "--scheduler", cluster.address]
     running = started(*words)
     nannies = [process.pid for process in cluster.processes[1:]]
     for _ in range(2):
-        wait_until(
-            lambda: next(filter(None, (find_reader(few / "long.mcap", nanny) for nanny in nannies)), None)
-        ).kill()
+        worker = wait_until(lambda: next(filter(None, (find_reader(flight, nanny) for nanny in nannies)), None))
+        worker.kill()
+        wait_until(lambda worker=worker: is_gone(worker))
     _, told = running.communicate(timeout=120)
 
     assert running.returncode == 1
