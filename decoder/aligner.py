@@ -18,6 +18,7 @@ import numpy as np
 from decoder.agreement import agreements, consistent, fitted
 from decoder.alignment import IDENTITY, Alignment, Matrix, Point, is_rigid
 from decoder.anchors import SEARCH_MARGIN_PX, AnchorHit, check_anchor
+from decoder.arrays import Floats
 from decoder.errors import PanelError, PictureError
 from decoder.features import Feature, level_feature
 from decoder.motion import Model
@@ -85,6 +86,14 @@ class Aligner:
         """What the panel's anchors leave wanting, as a sentence; None if nothing."""
         return self._own.shortcoming
 
+    def outline(self) -> Floats:
+        """(2, M) float32: points of the panel picture around all that frames are aligned by."""
+        boxes = [anchor.box for anchor in self._panel.anchors]
+        corners = [
+            (x, y) for left, top, width, height in boxes for x in (left, left + width) for y in (top, top + height)
+        ]
+        return np.array([*corners, *(self._panel.level or ())], np.float32).T
+
     @property
     def _own(self) -> SeenPanel:
         """The panel at the panel picture's own zoom and size."""
@@ -102,6 +111,16 @@ class Aligner:
         """
         height, width = frame.shape
         return _Search(self._seen_at(focal_length_mm, (width, height)), frame).alignment()
+
+    def align_top(self, top: GreyPicture, height_px: int, focal_length_mm: float | None = None) -> Alignment | None:
+        """What `align` says of a frame of which only the first rows are there; None if it may say something else.
+
+        Raises
+        ------
+        AlignmentLost, PictureError
+            As `align`.
+        """
+        return _Search(self._seen_at(focal_length_mm, (top.shape[1], height_px)), top).as_usual(all_within=True)
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """The same for a panel that is no plane: where its features disagree, what most anchors agree on roughly.
@@ -142,9 +161,9 @@ class _Search:
 
     def alignment(self) -> Alignment:
         """Of the panel picture with the frame."""
-        as_usual = self._seen.registration(self._seen.features).refine(self._frame, self._seen.start)
-        if as_usual is not None and min(as_usual.scores.values()) >= UNMISTAKABLE_SCORE:
-            return self._checked(as_usual.alignment, as_usual.scores, self._seen.features)
+        as_usual = self.as_usual()
+        if as_usual is not None:
+            return as_usual
         losses = []
         for guess in self._guesses():
             try:
@@ -155,6 +174,13 @@ class _Search:
             self._check(self._seen.start, self._scores(self._seen.start))
             raise AlignmentLost("the panel's features do not settle on one place")
         raise min(losses, key=lambda loss: len(loss.failed))  # the first of those that came nearest
+
+    def as_usual(self, *, all_within: bool = False) -> Alignment | None:
+        """Where the panel usually lies, if all its features match there well; all of them in the frame, if need be."""
+        found = self._seen.registration(self._seen.features).refine(self._frame, self._seen.start)
+        if found is None or min(found.scores.values()) < UNMISTAKABLE_SCORE or (all_within and not found.within):
+            return None
+        return self._checked(found.alignment, found.scores, self._seen.features)
 
     def rough_alignment(self) -> Alignment | None:
         """What most anchors agree on, each found by itself; None if fewer than two are found well."""

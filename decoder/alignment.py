@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import cv2
@@ -89,7 +89,14 @@ class Alignment:
     def after(self, matrix: Floats) -> Alignment:
         """The alignment of points that this (3, 3) matrix carries to the panel picture."""
         combined = self.matrix @ matrix
-        return replace(self, elements=tuple((combined / combined[2, 2]).ravel().tolist()))
+        elements = tuple((combined / combined[2, 2]).ravel().tolist())
+        return Alignment(
+            elements, self.score, self.failed, self.lens, self.covariance
+        )  # `replace` costs five times that
+
+    def with_covariance(self, covariance: MotionCovariance) -> Alignment:
+        """The same, so uncertain."""
+        return Alignment(self.elements, self.score, self.failed, self.lens, covariance)
 
     def motion_at(self, point_px: Point) -> Motion:
         """What it does to the surroundings of a point of the panel picture, distortion aside."""

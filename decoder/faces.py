@@ -15,6 +15,7 @@ LIGHT_STRIDE = 3
 LIGHT_PASSES = 2
 OUTLIER_LEVELS = 20.0
 MIN_GAIN = 0.2
+MIDDLE_GREY = 128.0
 
 
 def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
@@ -25,14 +26,16 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     """
     wanted, seen = reference.ravel()[::LIGHT_STRIDE], strip.ravel()[::LIGHT_STRIDE]
     gain, offset = 1.0, float(np.median(wanted - seen))
+    x, y = seen - np.float32(MIDDLE_GREY), wanted - np.float32(MIDDLE_GREY)  # keeps sums small enough for float32
+    rows = np.stack([np.ones_like(x), x, y])
     for _ in range(LIGHT_PASSES):
-        near = np.abs(seen * gain + offset - wanted) < OUTLIER_LEVELS
-        x, y = seen[near], wanted[near]
-        spread = float(x.var()) if x.size else 0.0
+        near = np.abs(seen * np.float32(gain) + np.float32(offset) - wanted) < OUTLIER_LEVELS
+        (count, sum_x, sum_y), (_, square, product), _ = ((rows * near) @ rows.T).astype(np.float64).tolist()
+        spread = square / count - (sum_x / count) ** 2 if count else 0.0
         if spread < 1.0:
             return None
-        gain = float(((x - x.mean()) * (y - y.mean())).mean()) / spread
-        offset = float(y.mean()) - gain * float(x.mean())
+        gain = (product / count - sum_x * sum_y / count**2) / spread
+        offset = MIDDLE_GREY * (1.0 - gain) + (sum_y - gain * sum_x) / count
     return None if gain < MIN_GAIN or gain > 1 / MIN_GAIN else strip * np.float32(gain) + np.float32(offset)
 
 
@@ -52,24 +55,27 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     -------
     (R, C) float32
     """
-    views = np.stack(strips)
-    views[np.stack(without)] = np.inf
-    views.sort(axis=0)
-    count = np.isfinite(views).sum(axis=0)
-    middle = np.maximum(count - 1, 0)
-    low = np.take_along_axis(views, middle[None] // 2, axis=0)[0]
-    high = np.take_along_axis(views, (middle[None] + 1) // 2, axis=0)[0]
+    views = np.stack(strips, axis=-1)
+    places = np.stack(without, axis=-1)
+    views[places] = np.inf
+    views.sort(axis=-1)
+    count = len(strips) - places.sum(axis=-1)
+    middle = np.maximum(count - 1, 0)[..., None]
+    low = np.take_along_axis(views, middle // 2, axis=-1)[..., 0]
+    high = np.take_along_axis(views, (middle + 1) // 2, axis=-1)[..., 0]
     face: Floats = np.where(count >= MIN_VIEWS, (low + high) / 2, fallback).astype(np.float32)
     return face
 
 
 def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
     """A dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
-    face = strip.copy()
-    for column in range(strip.shape[1]):
-        there = place[:, column]
-        if there.any():
-            face[there, column] = np.median(strip[~there, column]) if not there.all() else np.median(strip)
+    columns = np.where(place, np.inf, strip).T.copy()
+    columns.sort(axis=1)
+    count = (~place).sum(axis=0)
+    middle = np.maximum(count - 1, 0)[:, None]
+    low, high = (np.take_along_axis(columns, which, axis=1)[:, 0] for which in (middle // 2, (middle + 1) // 2))
+    plain = np.where(count > 0, (low + high) / 2, np.median(strip))
+    face: Floats = np.where(place, plain, strip).astype(np.float32)
     return face
 
 

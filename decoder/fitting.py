@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -94,8 +95,12 @@ class Fitter:
 
     def __init__(self, template: NeedleTemplate, pixels_per_sample: float) -> None:
         self._pixels_per_sample = pixels_per_sample
-        self._phases = phases_of(template)
+        self._template = template
         self._trust = template.trust.ravel()
+
+    @cached_property
+    def _phases(self) -> dict[int, Phase]:
+        return phases_of(self._template)
 
     def first(self, window: Floats, behind: Behind) -> Fit:
         """One step of least squares from the window's middle row: good to a tenth of a row when it is less than one."""

@@ -29,7 +29,7 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.scale_marks import FULL_CIRCLE_DEG
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
 
 SAMPLE_FRAMES = 16
 MIN_CUTS = 5
@@ -52,7 +52,7 @@ def tune_on(
     if len(samples) < MIN_CUTS:
         return reader
     usual = _usual(reader, samples)
-    own = Unwrapper(reader.grids).unwrap(reader.source.picture, reader.source.optics.own)
+    own = reader.unwrapper.unwrap(reader.source.picture, reader.source.optics.own)
     strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
     tuners = [
         _GaugeTuner(gauge, grid, [in_light_of(picture, strip) for strip in seen], first, reader.tuning.templates)
@@ -84,6 +84,7 @@ def tune_on(
         motions=_motions(reader, samples, usual),
         evenly_lit_score=EVENLY_LIT_SCORE,
         cards=cards,
+        rows=reader.rows_wanted(samples),
     )
     return reader.tuned(tuning)
 
@@ -169,16 +170,14 @@ class _GaugeTuner:
         face: UnwrappedGauge,
         shift_rows: float,
     ) -> tuple[UnwrappedGauge, UnwrappedGauge]:
-        windows = [self._window(row + shift_rows, before.rows) for _, row in clear]
-        faces = np.stack([rows_at(face, window) for window in windows])
-        cuts = [
-            in_local_light(rows_at(strip, window), before, behind)
-            for (strip, _), window, behind in zip(clear, windows, faces, strict=True)
-        ]
+        windows = np.stack([self._window(row + shift_rows, before.rows) for _, row in clear])
+        faces = rows_at(face, windows.ravel()).reshape(len(clear), before.rows, -1)
+        seen = np.stack([rows_at(strip, window) for (strip, _), window in zip(clear, windows, strict=True)])
+        cuts = in_local_light(seen, before, faces)
         if self._needles[name].template.at is not None:  # one more view, over another part of the face
             given = face_behind(face, self._grid, self._needles[name], before.rows)
-            return np.stack([*cuts, self._given[name].pixels]), np.concatenate([faces, given[None]])
-        return np.stack(cuts), faces
+            return np.concatenate([cuts, self._given[name].pixels[None]]), np.concatenate([faces, given[None]])
+        return cuts, faces
 
     @staticmethod
     def _window(axis_row: float, rows: int) -> Floats:

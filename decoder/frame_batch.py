@@ -13,7 +13,7 @@ from itertools import islice
 from decoder.aligner import AlignmentLost
 from decoder.errors import PictureError
 from decoder.panel_reader import FrameReadings, PanelReader
-from decoder.picture_block import PictureBlock
+from decoder.picture_block import TopOfFrame
 from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
@@ -61,7 +61,7 @@ def batches(frames: Iterable[Frame], size: int) -> Iterator[Batch]:
 
 def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
     """What is read of each frame, in their order; keeps nothing from batch to batch."""
-    pictures = (_picture(reader.block, frame, slot) for slot, frame in enumerate(frames))
+    pictures = (_picture(reader, frame, slot) for slot, frame in enumerate(frames))
     return [_unread(one) if isinstance(one, PictureError) else one for one in reader.read_many(pictures)]
 
 
@@ -71,9 +71,9 @@ def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch
         yield batch, read_batch(reader, batch)
 
 
-def _picture(block: PictureBlock, frame: RawFrame, slot: int) -> FramePicture | PictureError:
+def _picture(reader: PanelReader, frame: RawFrame, slot: int) -> FramePicture | TopOfFrame | PictureError:
     try:
-        return FramePicture(block.grey_picture(frame.jpeg, slot), frame.focal_length_mm)
+        return reader.block.frame(frame.jpeg, slot, frame.focal_length_mm, reader.tuning.rows)
     except PictureError as error:
         return error
 

@@ -30,6 +30,8 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge
 SCORE_THRESHOLD = 0.8
 # The sliver of a needle that nearly coincides with another is few pixels: it must match better than a whole needle.
 SLIVER_THRESHOLD = 0.85
+# A needle whose searched score is this low nowhere matches well enough once it is settled.
+HOPELESS_SCORE = 0.5
 # A place at which another needle of the gauge matches better is that needle's.
 RIVAL_REACH_DEG = 3.0
 # A needle is hidden only if what covers it is seen clearly; under a glare it may be anywhere.
@@ -185,10 +187,12 @@ class GaugeReader:
         covers = same_rows(above.match.row, self._turn_rows) + opposite_rows(above.match.row, self._grid)
         distances = [np.abs(np.arange(len(scores)) - row) for row in covers]
         far = np.min(distances, axis=0) > upper.axis + matcher.axis + 1
-        match = matcher.best(unwrapped, scores, self._allowed & far, scores)
-        if match.score >= SCORE_THRESHOLD:
-            twice = self._rivals.any(matcher, unwrapped, self._allowed & far, scores, match)
-            return _Found(match, Status.MISSING if twice else Status.READ)
+        allowed = self._allowed & far
+        if scores.max(where=allowed, initial=0.0) >= HOPELESS_SCORE:
+            match = matcher.best(unwrapped, scores, allowed, scores)
+            if match.score >= SCORE_THRESHOLD:
+                twice = self._rivals.any(matcher, unwrapped, allowed, scores, match)
+                return _Found(match, Status.MISSING if twice else Status.READ)
         mask = (~needle_places(self._grid, upper.touched, above.match.row, self._turn_rows)).astype(np.float32)
         seen = matcher.uncovered(unwrapped, mask, scores, covers, upper.axis)
         match = matcher.best(unwrapped, seen.scores, self._allowed & (seen.visible >= MIN_VISIBLE), seen.scores, mask)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from operator import itemgetter
 
 import numpy as np
@@ -21,7 +21,8 @@ from decoder.needle_layer import through_upper
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import FaceMoments, face_moments
-from decoder.searching import COARSE_STEP
+from decoder.quick_fit import QuickFitter
+from decoder.searching import COARSE_STEP, thinned
 
 # The best row of a blurred needle may be one beside its true place.
 MAX_PEAK_ROWS = 3.0
@@ -75,7 +76,7 @@ class Matcher:
         self.template = template
         self._face = face
         self.axis = (template.rows - 1) // 2
-        self._moments: FaceMoments | None = None
+        self._moments: dict[int, FaceMoments] = {}
         self.fitter = Fitter(template, pixels_per_sample)
         self._layers_through: dict[int, _LayersThrough] = {}
         self.pixels_per_sample = pixels_per_sample
@@ -103,10 +104,16 @@ class Matcher:
             last = min(round(cover_row) + reach, len(gauge) - self.axis)
             if first >= last:
                 continue
-            rows = slice(first - self.axis, last + self.axis)
-            inner = slice(first, last)
-            near = uncovered_scores(gauge[rows], self._face[rows], mask[rows], self.template, self._whole(rows))
-            left.scores[inner], left.visible[inner] = near.scores, near.visible
+            last += (first - last) % COARSE_STEP + 1  # one searched row more, for the rows before it
+            last = min(last, len(gauge) - self.axis)
+            skip = self.axis % COARSE_STEP
+            rows = slice(first - self.axis + skip, last + self.axis - skip, COARSE_STEP)
+            seen, face, open_to_view = (image[rows, ::COARSE_STEP] for image in (gauge, self._face, mask))
+            near = uncovered_scores(seen, face, open_to_view, self._coarse, self._whole(rows))
+            inner = np.arange(first, last)
+            searched = inner[::COARSE_STEP][: len(near.scores)]
+            left.scores[inner] = np.interp(inner, searched, near.scores)
+            left.visible[inner] = np.interp(inner, searched, near.visible)
         return left
 
     def products(self, gauge: Floats) -> Floats:
@@ -188,6 +195,28 @@ class Matcher:
             row += round(fit.fraction)
         return settled
 
+    def noises_over(
+        self, gauge: Floats, row: int, below: NeedleTemplate, below_rows: Sequence[int]
+    ) -> list[tuple[float, float]]:
+        """`noise_over` for the other needle on each of some rows."""
+        rows = self.window(row, len(gauge))
+        if rows is None:
+            return [(math.inf, math.nan)] * len(below_rows)
+        through = [self._through(below, below_row - rows.start) for below_row in below_rows]
+        behind = np.stack([light + part * self._face[rows] for light, part in through]).reshape(len(through), -1)
+        windows = np.broadcast_to(gauge[rows].ravel(), behind.shape)
+        fits = self._quick_fitter.first(np.zeros(len(through), np.intp), windows, behind)
+        return [
+            self.noise_over(gauge, row + round(fraction), below, below_row)
+            if MAX_FRACTION_ROWS < abs(fraction) <= self.axis
+            else (noise, row + fraction)
+            for fraction, noise, below_row in zip(fits.fraction.tolist(), fits.noise.tolist(), below_rows, strict=True)
+        ]
+
+    @cached_property
+    def _quick_fitter(self) -> QuickFitter:
+        return QuickFitter([self.template], [self.pixels_per_sample])
+
     def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: int) -> tuple[float, float]:
         """The mean square that this needle near `row` over another one leaves unexplained, and its row; roughly."""
         for _ in range(MAX_STEPS):
@@ -210,11 +239,19 @@ class Matcher:
             known.by_row[below_row] = through_upper(self.template, below, float(below_row))
         return known.by_row[below_row]
 
+    @cached_property
+    def _coarse(self) -> NeedleTemplate:
+        return thinned(self.template)
+
     def _whole(self, rows: slice) -> FaceMoments:
-        """The moments of needle and whole face for the gauge's rows."""
-        if self._moments is None:
-            self._moments = face_moments(self._face, self.template)
-        return self._moments.part(slice(rows.start, rows.stop - 2 * self.axis))
+        """The moments of needle and whole face for some of the gauge's rows, every third of them."""
+        phase = rows.start % COARSE_STEP
+        if phase not in self._moments:
+            face = np.ascontiguousarray(self._face[phase::COARSE_STEP, ::COARSE_STEP])
+            self._moments[phase] = face_moments(face, self._coarse)
+        first = rows.start // COARSE_STEP
+        count = len(range(rows.start, rows.stop, COARSE_STEP)) - self._coarse.rows + 1
+        return self._moments[phase].part(slice(first, first + count))
 
     def _padded(self, inner: Floats, rows: int) -> Floats:
         scores = np.zeros(rows, np.float32)

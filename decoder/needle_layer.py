@@ -126,15 +126,17 @@ def through_upper(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float
     return np.where(through, light / transparency, 0.0).astype(np.float32), part.astype(np.float32)
 
 
-def in_local_light(cut: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
-    """A cut brought to the light of what the template expects there; all (H, C). Light falls unevenly on a dial."""
+def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
+    """Cuts brought to the light of what the template expects there; (K, H, C). Light falls unevenly on a dial."""
     expected = template.light + template.transparency * behind
-    weights = template.trust
-    total = float(weights.sum())
-    seen_mean, expected_mean = float((weights * cut).sum()) / total, float((weights * expected).sum()) / total
-    seen, wanted = cut - seen_mean, expected - expected_mean
-    gain = float((weights * seen * wanted).sum()) / max(float((weights * wanted * wanted).sum()), 1e-6)
-    like: Floats = (seen / max(gain, MIN_GAIN) + expected_mean).astype(np.float32)
+    weights, inner = template.trust, (1, 2)
+    total = weights.sum()
+    seen = cuts - ((weights * cuts).sum(axis=inner, keepdims=True) / total)
+    expected_mean = (weights * expected).sum(axis=inner, keepdims=True) / total
+    wanted = weights * (expected - expected_mean)
+    energy = (wanted * (expected - expected_mean)).sum(axis=inner, keepdims=True)
+    gain = (seen * wanted).sum(axis=inner, keepdims=True) / np.maximum(energy, 1e-6)
+    like: Floats = (seen / np.maximum(gain, MIN_GAIN) + expected_mean).astype(np.float32)
     return like
 
 

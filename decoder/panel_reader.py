@@ -23,13 +23,18 @@ from decoder.method import Method
 from decoder.motion import Frame2D, Model, MotionCovariance
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
-from decoder.picture_block import PictureBlock
+from decoder.picture_block import ROWS_OF_BLOCKS, PictureBlock, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading
 from decoder.resampling import inside
 from decoder.tuning import Tuning
 from decoder.unseen_motion import unseen_px
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
+
+# Rims are looked at in some points only; between these they bulge by less.
+RIM_MARGIN_PX = 8
+# How far a camera may shake without the panel's lower end leaving the rows that are decompressed.
+TOP_MARGIN_PX = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +82,6 @@ class PanelReader:
         self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
         self.block = PictureBlock()
         self.aligner = source.aligner(tuning.usual)
-        self._unwrapper = Unwrapper(self.grids)
         centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
         self._centres = np.vstack([optics.straight(centres), np.ones(centres.shape[1])])
         self._placers = [
@@ -134,7 +138,7 @@ class PanelReader:
         if self.tuning.dials_move:
             return self._unwrap_one_by_one(frame, focal_length_mm)
         aligned = self._aligned(frame, focal_length_mm)
-        return replace(aligned, gauges=self._unwrapper.unwrap(frame, aligned.alignment))
+        return replace(aligned, gauges=self.unwrapper.unwrap(frame, aligned.alignment))
 
     def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
         """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
@@ -187,36 +191,66 @@ class PanelReader:
             raise read
         return read
 
-    def read_many(self, frames: Iterable[FramePicture | PictureError]) -> list[FrameReadings | PictureError]:
+    def read_many(
+        self, frames: Iterable[FramePicture | TopOfFrame | PictureError]
+    ) -> list[FrameReadings | PictureError]:
         """The readings of each frame, or why there are none; to the bit the same whatever the frames beside it."""
         found: list[UnwrappedFrame | PictureError] = []
 
         def placed() -> Iterator[GaugesOfFrame]:
             for frame in frames:
-                one = self._placed(frame)
-                found.append(one)
-                if isinstance(one, UnwrappedFrame) and isinstance(frame, FramePicture):
-                    yield self._gauges_of(frame.pixels, one)
+                try:
+                    picture, one = self._placed(frame)
+                except PictureError as error:
+                    found.append(error)
+                else:
+                    found.append(one)
+                    yield self._gauges_of(picture, one)
 
         own = iter(self._many_frames.read(placed()))
         return [one if isinstance(one, PictureError) else self._composed(one, next(own)) for one in found]
 
-    def _placed(self, frame: FramePicture | PictureError) -> UnwrappedFrame | PictureError:
-        """Where the panel lies in a frame; unwrapped where each dial is to be found by itself."""
+    def _placed(self, frame: FramePicture | TopOfFrame | PictureError) -> tuple[GreyPicture, UnwrappedFrame]:
+        """A frame, and where the panel lies in it; unwrapped where each dial is to be found by itself."""
         if isinstance(frame, PictureError):
-            return frame
-        try:
-            if self.tuning.dials_move:
-                return self._unwrap_one_by_one(frame.pixels, frame.focal_length_mm)
-            return self._aligned(frame.pixels, frame.focal_length_mm)
-        except PictureError as error:
-            return error
+            raise frame
+        if isinstance(frame, TopOfFrame):
+            there = self._aligned_top(frame)
+            if there is not None:
+                return frame.pixels, there
+            frame = frame.whole()
+        if self.tuning.dials_move:
+            return frame.pixels, self._unwrap_one_by_one(frame.pixels, frame.focal_length_mm)
+        return frame.pixels, self._aligned(frame.pixels, frame.focal_length_mm)
+
+    def _aligned_top(self, frame: TopOfFrame) -> UnwrappedFrame | None:
+        """What `_aligned` says of the whole frame; None if it may say something else."""
+        height, width = frame.pixels.shape
+        alignment = self.aligner.align_top(frame.pixels, frame.height_px, frame.focal_length_mm)
+        if alignment is None or not inside(self._all_rims, alignment, width, height - RIM_MARGIN_PX):
+            return None
+        whole = [True] * len(self._rims)
+        return UnwrappedFrame(alignment, (), whole, frame.focal_length_mm, (width, frame.height_px))
+
+    def rows_wanted(self, samples: Sequence[UnwrappedFrame]) -> int | None:
+        """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""
+        if self.tuning.dials_move or any(grid.raised is not None for grid in self.grids) or not samples:
+            return None
+        points = np.ascontiguousarray(np.concatenate([self._all_rims, self.aligner.outline()], axis=1).T[None])
+        lowest_px = max(float(sample.alignment.places(points)[..., 1].max()) for sample in samples)
+        blocks = math.ceil((lowest_px + TOP_MARGIN_PX) / ROWS_OF_BLOCKS)
+        return max(blocks, 1) * ROWS_OF_BLOCKS
 
     @staticmethod
     def _gauges_of(picture: GreyPicture, frame: UnwrappedFrame) -> GaugesOfFrame:
         if frame.gauges:
             return UnwrappedGauges(frame.gauges, frame.whole)
         return PlacedFrame(picture, frame.alignment, frame.whole)
+
+    @cached_property
+    def unwrapper(self) -> Unwrapper:
+        """Of all gauges."""
+        return Unwrapper(self.grids)
 
     @cached_property
     def _many_frames(self) -> ManyFrames:

@@ -1,12 +1,31 @@
-"""Memory for the pictures of a batch, used again for the next: fresh memory costs a third of a decompression."""
+"""Memory for the pictures of a batch, used again for the next: fresh memory costs a third of a decompression.
+
+Of a JPEG whose rows follow each other the first alone can be had, at so much less cost: what lies below the panel need
+not be decompressed.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import simplejpeg
 
 from decoder.jpeg_header import jpeg_header
-from decoder.pictures import GreyPicture, grey_picture
+from decoder.pictures import FramePicture, GreyPicture, grey_picture
+
+ROWS_OF_BLOCKS = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TopOfFrame:
+    """The first rows of a frame that has `height_px` of them; `whole` decompresses all, and may raise PictureError."""
+
+    pixels: GreyPicture
+    height_px: int
+    focal_length_mm: float | None
+    whole: Callable[[], FramePicture]
 
 
 class PictureBlock:
@@ -26,12 +45,40 @@ class PictureBlock:
         header = jpeg_header(encoded)
         if header is None:
             return grey_picture(encoded)
-        size = header.height_px * header.width_px
-        if slot not in self._slots or self._slots[slot].size < size:
-            self._slots[slot] = np.empty(size, np.uint8)
-        buffer = self._slots[slot][:size]
         try:
+            buffer = self._slot(slot, header.height_px * header.width_px)
             picture = simplejpeg.decode_jpeg(encoded, "GRAY", buffer=buffer)
         except ValueError:  # whatever is odd about it, there is one judge
             return grey_picture(encoded)
         return np.asarray(picture[..., 0], np.uint8)
+
+    def frame(
+        self, encoded: bytes, slot: int, focal_length_mm: float | None, rows: int | None
+    ) -> FramePicture | TopOfFrame:
+        """A frame, or as many of its first rows as are wanted, if that spares anything.
+
+        Raises
+        ------
+        PictureError
+            As `grey_picture`.
+        """
+
+        def whole() -> FramePicture:
+            return FramePicture(self.grey_picture(encoded, slot), focal_length_mm)
+
+        header = None if rows is None else jpeg_header(encoded)
+        if rows is None or header is None or not header.is_sequential or rows >= header.height_px:
+            return whole()
+        at = header.height_at  # a decoder that is told of fewer rows stops after them
+        cut = b"".join((encoded[:at], rows.to_bytes(2), encoded[at + 2 :]))
+        try:
+            buffer = self._slot(slot, rows * header.width_px)
+            top = simplejpeg.decode_jpeg(cut, "GRAY", buffer=buffer, strict=False)
+        except ValueError:
+            return whole()
+        return TopOfFrame(np.asarray(top[..., 0], np.uint8), header.height_px, focal_length_mm, whole)
+
+    def _slot(self, slot: int, size: int) -> GreyPicture:
+        if slot not in self._slots or self._slots[slot].size < size:
+            self._slots[slot] = np.empty(size, np.uint8)
+        return self._slots[slot][:size]

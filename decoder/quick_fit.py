@@ -7,7 +7,7 @@ not depend on those beside it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -37,12 +37,14 @@ class Fits:
     fraction: Floats
     sigma_rows: Floats
     score: Floats
+    noise: Floats
 
     def where(self, chosen: Mask, others: Fits) -> Fits:
         """These fits with `others`, as many as are chosen, in the chosen ones' places."""
-        fraction, sigma_rows, score = self.fraction.copy(), self.sigma_rows.copy(), self.score.copy()
-        fraction[chosen], sigma_rows[chosen], score[chosen] = others.fraction, others.sigma_rows, others.score
-        return Fits(fraction, sigma_rows, score)
+        columns = [getattr(self, field.name).copy() for field in fields(self)]
+        for column, field in zip(columns, fields(self), strict=True):
+            column[chosen] = getattr(others, field.name)
+        return Fits(*columns)
 
 
 class QuickFitter:
@@ -78,6 +80,10 @@ class QuickFitter:
             return first
         return first.where(again, self._step(needles[again], nearest[again], windows[again], faces[again]))
 
+    def first(self, needles: Indices, windows: Floats, faces: Floats) -> Fits:
+        """One step of least squares from the windows' middle rows, as `fitting.Fitter.first`."""
+        return self._step(needles, np.zeros(len(needles), np.intp), windows, faces)
+
     def _step(self, needles: Indices, phase: Indices, windows: Floats, faces: Floats) -> Fits:
         rows = np.empty((len(windows), 5, windows.shape[1]), np.float32)
         layers = rows[:, :ONE]
@@ -102,6 +108,7 @@ class QuickFitter:
                 np.where(fits, shift_rows + shift / gain, np.nan),
                 np.where(fits, np.sqrt(variance) / gain, np.inf),
                 np.where(fits, _partial_correlation(moments), 0.0),
+                np.where(fits, np.maximum(noise, 0.0), np.inf),
             )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from decoder.arrays import Floats
 from decoder.features import FLAT_LEVELS, Feature
 from decoder.motion import Frame2D, Model, MotionCovariance
 from decoder.pictures import GreyPicture
-from decoder.resampling import Patch, PointMap
+from decoder.resampling import Patch, PointMap, levels_at
 
 ITERATIONS = 12
 FULL_STEPS = 4
@@ -34,29 +34,50 @@ MAX_SHRINKAGE = 0.9
 # each pixel had its own noise. By trial on rendered flights with blur, noise and JPEG.
 NOISE_CORRELATION = 2.0
 MIN_BELIEVED_SCORE = 0.1
+MIDDLE_GREY = 128.0  # keeps the sums of squares small enough for float32
 
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """Where the features match best, and the NCC of each of them there, by its name."""
+    """Where the features match best, and the NCC of each of them there, by its name.
+
+    `within`: whether all of them lie in the picture, with something around them.
+    """
 
     alignment: Alignment
     scores: Mapping[str, float]
+    within: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class _Solver:
     """What the panel picture alone says of one feature.
 
-    `columns` (parameters, N) are how its pixels change with the motion, what light can do to them projected out;
-    `normal` is the matrix they make; `centred` (N,) are its pixels without their mean, `energy` the sum of their
-    squares.
+    `rows` (parameters + 1, N) are how its pixels change with the motion, what light can do to them projected out, and
+    last its pixels without their mean; `normal` is the matrix that the first make; `energy` is the sum of the squares
+    of the last.
     """
 
-    columns: Floats
+    rows: Floats
     normal: Floats
-    centred: Floats
     energy: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """A feature's pixels in a frame, summed up: `sums` (parameters + 1,) by the solver's rows, and their energy."""
+
+    sums: Floats
+    energy: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Where one feature is looked for first: the part of the frame around it, and its places in that."""
+
+    rows: slice
+    columns: slice
+    places: Floats
 
 
 class Registration:
@@ -66,6 +87,7 @@ class Registration:
         self._features = tuple(features)
         self._model = model
         self._maps = [PointMap.of([feature.points]) for feature in features]
+        self._starts: tuple[Alignment, tuple[int, ...], list[_Start | None]] | None = None
         self._axes = Frame2D.around(np.concatenate([feature.points for feature in features], axis=1))
         self._solvers = [self._solver(feature) for feature in features]
         self._inverse = _inverse_normal(self._solvers, model)
@@ -82,16 +104,22 @@ class Registration:
         it has settled when what all further steps will add, by how these shrink, is less than `SETTLED_PX`.
         """
         margin_px, shrinkage = 0.0, EXPECTED_SHRINKAGE
+        within = True
         before_px = 0.0
         patches: list[Patch | None] = []
         for iteration in range(ITERATIONS):
-            if margin_px <= 0:
-                patches = [points.patch(frame, alignment, PATCH_MARGIN_PX) for points in self._maps]
+            if iteration == 0:
+                patches, seen = self._first_seen(frame, alignment)
                 margin_px = PATCH_MARGIN_PX
-            samples = self._samples(frame, alignment, patches)
+            else:
+                if margin_px <= 0:
+                    patches = [points.patch(frame, alignment, PATCH_MARGIN_PX) for points in self._maps]
+                    margin_px = PATCH_MARGIN_PX
+                seen = self._seen(frame, alignment, patches)
+            within = within and None not in patches
             # Full steps may go to and fro between two places for ever.
             part = 1.0 if iteration < FULL_STEPS else 0.5
-            step = [part * value for value in self._step(samples)]
+            step = [part * value for value in self._step(seen)]
             reach_px = math.hypot(step[0], step[1]) + sum(map(abs, step[2:]))
             if reach_px > MAX_STEP_PX:
                 return None
@@ -106,31 +134,67 @@ class Registration:
         else:
             if reach_px >= NEARLY_SETTLED_PX:
                 return None
-        scores = self._scores(frame, alignment, samples, patches)
-        return Registered(replace(alignment, covariance=self._covariance(scores)), scores)
+        scores = self._scores(frame, alignment, seen, patches)
+        return Registered(alignment.with_covariance(self._covariance(scores)), scores, within)
 
     def _covariance(self, scores: Mapping[str, float]) -> MotionCovariance:
         """Of the motion, from what the features' pixels leave unexplained in the frame."""
         middle = np.zeros_like(self._inverse)
         for feature, solver in zip(self._features, self._solvers, strict=True):
             score = max(scores[feature.name], MIN_BELIEVED_SCORE)
-            unexplained = solver.energy * (1.0 / score**2 - 1.0) / solver.centred.size
+            unexplained = solver.energy * (1.0 / score**2 - 1.0) / feature.pixels.size
             middle += solver.normal * (unexplained * NOISE_CORRELATION**2)
         return MotionCovariance(self._axes, self._model, self._inverse @ middle @ self._inverse)
 
-    def _samples(self, frame: GreyPicture, alignment: Alignment, patches: Sequence[Patch | None]) -> list[Floats]:
+    def _first_seen(self, frame: GreyPicture, alignment: Alignment) -> tuple[list[Patch | None], list[_Seen]]:
+        """The parts of the frame around the features where they are looked for first, and what is seen there."""
+        patches: list[Patch | None] = []
+        seen = []
+        parts = zip(self._started(frame, alignment), self._solvers, self._features, strict=True)
+        for start, solver, feature in parts:
+            if start is None:
+                patches.append(None)
+                seen.append(_summed(solver, _extended(feature, frame, alignment)))
+            else:
+                pixels = frame[start.rows, start.columns].astype(np.float32)
+                patches.append(Patch(pixels, start.columns.start, start.rows.start))
+                seen.append(_summed(solver, levels_at(pixels, start.places)[: feature.pixels.size]))
+        return patches, seen
+
+    def _started(self, frame: GreyPicture, alignment: Alignment) -> list[_Start | None]:
+        """Worked out once for all frames that are first looked at where the panel usually lies."""
+        if self._starts is None or self._starts[0] is not alignment or self._starts[1] != frame.shape:
+            starts: list[_Start | None] = []
+            for points in self._maps:
+                patch = points.patch(frame, alignment, PATCH_MARGIN_PX)
+                if patch is None:
+                    starts.append(None)
+                    continue
+                rows, columns = patch.pixels.shape
+                places = points.places(alignment, (patch.left, patch.top))
+                starts.append(
+                    _Start(slice(patch.top, patch.top + rows), slice(patch.left, patch.left + columns), places)
+                )
+            self._starts = (alignment, frame.shape, starts)
+        return self._starts[2]
+
+    def _seen(self, frame: GreyPicture, alignment: Alignment, patches: Sequence[Patch | None]) -> list[_Seen]:
         """Each feature's pixels in the frame; where they are not in it, as the others make one expect them."""
         return [
-            _extended(feature, frame, alignment) if patch is None else points.sample_patch(patch, alignment)
-            for feature, points, patch in zip(self._features, self._maps, patches, strict=True)
+            _summed(
+                solver, _extended(feature, frame, alignment) if patch is None else points.sample_patch(patch, alignment)
+            )
+            for solver, feature, points, patch in zip(self._solvers, self._features, self._maps, patches, strict=True)
         ]
 
     def _scores(
-        self, frame: GreyPicture, alignment: Alignment, samples: Sequence[Floats], patches: Sequence[Patch | None]
+        self, frame: GreyPicture, alignment: Alignment, seen: Sequence[_Seen], patches: Sequence[Patch | None]
     ) -> dict[str, float]:
+        """By feature; those that are not wholly in the frame have no patch."""
+        beside = {index for index, patch in enumerate(patches) if patch is None}
         return {
-            feature.name: feature.score(frame, alignment) if patch is None else _correlation(values, solver)
-            for feature, values, solver, patch in zip(self._features, samples, self._solvers, patches, strict=True)
+            feature.name: feature.score(frame, alignment) if index in beside else _correlation(own, solver)
+            for index, (feature, own, solver) in enumerate(zip(self._features, seen, self._solvers, strict=True))
         }
 
     def _solver(self, feature: Feature) -> _Solver:
@@ -142,15 +206,16 @@ class Registration:
         columns -= basis @ (basis.T @ columns)
         centred = feature.pixels - feature.pixels.mean()
         energy = max(float(centred @ centred), 1e-9)
-        return _Solver(columns.T.astype(np.float32).copy(), columns.T @ columns, centred, energy)
+        rows = np.concatenate([columns.T.astype(np.float32), centred[None]])
+        return _Solver(rows, columns.T @ columns, energy)
 
-    def _step(self, samples: Sequence[Floats]) -> list[float]:
+    def _step(self, seen: Sequence[_Seen]) -> list[float]:
         right = np.zeros(len(self._inverse))
         used = []
-        for values, solver in zip(samples, self._solvers, strict=True):
-            gain = float(solver.centred @ values) / solver.energy
-            if gain > 0:
-                right += solver.columns @ values / gain
+        for own, solver in zip(seen, self._solvers, strict=True):
+            gain = float(own.sums[-1]) / solver.energy
+            if gain > 0 and not _is_flat(own, solver):
+                right += own.sums[:-1] / gain
                 used.append(solver)
         inverse = self._inverse if len(used) == len(self._solvers) else _inverse_normal(used, len(right))
         step: list[float] = (inverse @ right).tolist()
@@ -172,9 +237,17 @@ def _extended(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Flo
     return np.where(within, samples, gain * feature.pixels + offset).astype(np.float32)
 
 
-def _correlation(values: Floats, solver: _Solver) -> float:
-    centred = values - values.mean()
-    energy = float(centred @ centred)
-    if min(energy, solver.energy) <= FLAT_LEVELS**2 * len(values):
+def _summed(solver: _Solver, values: Floats) -> _Seen:
+    values = values - np.float32(MIDDLE_GREY)
+    total = float(values.sum())
+    return _Seen(solver.rows @ values, float(values @ values) - total * total / values.size)
+
+
+def _is_flat(seen: _Seen, solver: _Solver) -> bool:
+    return bool(min(seen.energy, solver.energy) <= FLAT_LEVELS**2 * solver.rows.shape[1])
+
+
+def _correlation(seen: _Seen, solver: _Solver) -> float:
+    if _is_flat(seen, solver):
         return 0.0
-    return float(solver.centred @ centred) / math.sqrt(energy * solver.energy)
+    return float(seen.sums[-1]) / math.sqrt(seen.energy * solver.energy)

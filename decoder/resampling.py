@@ -60,6 +60,14 @@ class PointMap:
         """The same in whole grey levels, (N,) uint8."""
         return levels_at(frame, alignment.places(self._folded))[: self.slices[-1].stop]
 
+    def places(self, alignment: Alignment, origin: tuple[float, float] = (0.0, 0.0)) -> Floats:
+        """(rows, columns, 2) float32: where the points lie in a frame, as `levels_at` samples them; some twice.
+
+        `origin` is the frame's pixel that counts as (0, 0).
+        """
+        places: Floats = alignment.places(self._folded, origin)
+        return places
+
     def patch(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> Patch | None:
         """The part of the frame with all points and a margin around them; None if that leaves the frame."""
         x, y = alignment.places(self._corners)[0].T
@@ -71,8 +79,7 @@ class PointMap:
 
     def sample_patch(self, patch: Patch, alignment: Alignment) -> Floats:
         """As `sample`, without rounding to whole grey levels; the points must lie in the patch."""
-        places = alignment.places(self._folded, (patch.left, patch.top))
-        samples: Floats = levels_at(patch.pixels, places)
+        samples: Floats = levels_at(patch.pixels, self.places(alignment, (patch.left, patch.top)))
         return samples[: self.slices[-1].stop]
 
 

@@ -52,6 +52,8 @@ class Tuning:
         Whether anchors lie in one plane, so that all of them tell where dials are to be looked for.
     lifts
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
+    rows
+        How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
     """
 
     templates: Mapping[str, NeedleTemplate]
@@ -63,3 +65,4 @@ class Tuning:
     dials_move: bool = False
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
+    rows: int | None = None

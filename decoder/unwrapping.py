@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.alignment import Alignment
-from decoder.arrays import Floats
+from decoder.arrays import Floats, Indices
 from decoder.dial_plane import DialPlane
 from decoder.parallax import Raised
 from decoder.pictures import GreyPicture
@@ -64,7 +64,11 @@ class PolarGrid:
 
     def points(self) -> Floats:
         """(2, rows, columns) float32: x and y of every sample in the panel picture."""
-        angles = np.radians(self.start_deg + self.step_deg * np.arange(self.rows))[:, None]
+        return self._points(np.arange(self.rows))
+
+    def _points(self, rows: Indices) -> Floats:
+        """(2, len(rows), columns) float32: of some rows."""
+        angles = np.radians(self.start_deg + self.step_deg * rows)[:, None]
         radii = self.radii_px[None, :]
         if self.plane is not None:
             square_on = np.stack([np.cos(angles) * radii, np.sin(angles) * radii])
@@ -75,9 +79,8 @@ class PolarGrid:
 
     def rim(self) -> Floats:
         """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
-        points = self.points()
-        some = np.unique(np.linspace(0, self.rows - 1, RIM_POINTS).round().astype(int))
-        return np.concatenate([points[:, some, -1], points[:, some, 0]], axis=1)
+        points = self._points(np.unique(np.linspace(0, self.rows - 1, RIM_POINTS).round().astype(np.intp)))
+        return np.concatenate([points[:, :, -1], points[:, :, 0]], axis=1)
 
     def at(self, angle_deg: float, rows: int) -> PolarGrid:
         """The same dial around one angle: an odd number of rows with `angle_deg` in the middle one."""

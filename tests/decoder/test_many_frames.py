@@ -23,7 +23,7 @@ from decoder.method import Method
 from decoder.needle_template import NeedleTemplate
 from decoder.panel_pictures import panel_from_attachments
 from decoder.panel_reader import FrameReadings, PanelReader
-from decoder.picture_block import PictureBlock
+from decoder.picture_block import PictureBlock, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.quick_fit import QuickFitter
 from decoder.reading import Status
@@ -217,3 +217,38 @@ def test_header_says_the_size(pictures: list[GreyPicture]) -> None:
     assert header is not None
     assert (header.height_px, header.width_px) == (200, 300)
     assert jpeg_header(b"\x89PNG") is None
+
+
+def test_first_rows_alone_give_the_same_bits(flight: Flight, reader: PanelReader, together: list[str]) -> None:
+    """Where the panel lies in the first rows the others need not be decompressed: no number changes."""
+    rows = reader.tuning.rows
+    assert rows is not None
+    assert rows < reader.source.picture.shape[0]
+    block = PictureBlock()
+    tops = [block.frame(frame.jpeg, slot, None, rows) for slot, frame in enumerate(flight.frames())]
+
+    assert all(isinstance(top, TopOfFrame) and len(top.pixels) == rows for top in tops)
+    assert [as_text(read) for read in reader.read_many(tops)] == together
+
+
+@pytest.mark.parametrize("rows", [16, 320, 592, 600])
+def test_too_few_rows_are_made_up_for(flight: Flight, reader: PanelReader, together: list[str], rows: int) -> None:
+    """A frame whose first rows do not show all of the panel is decompressed whole: no number changes."""
+    block = PictureBlock()
+    tops = [block.frame(frame.jpeg, slot, None, rows) for slot, frame in enumerate(flight.frames())]
+
+    assert [as_text(read) for read in reader.read_many(tops)] == together
+
+
+def test_first_rows_are_those_of_the_picture(flight: Flight, pictures: list[GreyPicture]) -> None:
+    """Bit for bit; more rows than there are, or a progressive JPEG, give the whole picture."""
+    block = PictureBlock()
+    jpeg = next(iter(flight.frames())).jpeg
+
+    for rows in (16, 400, 401):
+        assert np.array_equal(block.frame(jpeg, 0, None, rows).pixels, pictures[0][:rows])
+    assert np.array_equal(block.frame(jpeg, 0, None, 768).pixels, pictures[0])
+    progressive = encoded(pictures[0], progressive=True)
+    assert isinstance(block.frame(progressive, 0, None, 400), FramePicture)
+    with pytest.raises(PictureError):
+        block.frame(jpeg[:-2], 0, None, 400)
