@@ -65,11 +65,12 @@ def fit_pair(gauge: Floats, upper: Matcher, upper_match: Match, lower: Matcher, 
     seen: set[int] = set()
 
     def look(indices: Iterable[int]) -> None:
-        new = [index for index in indices if 0 <= index < len(noise) and index not in seen]
-        seen.update(new)
-        if new:
-            found = upper.noises_over(gauge, middle, lower.template, [middle - reach + index for index in new])
-            noise[new], upper_rows[new] = zip(*found, strict=True)
+        for index in set(indices) - seen:
+            if 0 <= index < len(noise):
+                noise[index], upper_rows[index] = upper.noise_over(
+                    gauge, middle, lower.template, middle - reach + index
+                )
+                seen.add(index)
 
     look(range(reach % COARSE_ROWS, len(noise), COARSE_ROWS))
     best = -1

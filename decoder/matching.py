@@ -21,7 +21,6 @@ from decoder.needle_layer import through_upper
 from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import FaceMoments, face_moments
-from decoder.quick_fit import QuickFitter
 from decoder.searching import COARSE_STEP, thinned
 
 # The best row of a blurred needle may be one beside its true place.
@@ -194,28 +193,6 @@ class Matcher:
                 break
             row += round(fit.fraction)
         return settled
-
-    def noises_over(
-        self, gauge: Floats, row: int, below: NeedleTemplate, below_rows: Sequence[int]
-    ) -> list[tuple[float, float]]:
-        """`noise_over` for the other needle on each of some rows."""
-        rows = self.window(row, len(gauge))
-        if rows is None:
-            return [(math.inf, math.nan)] * len(below_rows)
-        through = [self._through(below, below_row - rows.start) for below_row in below_rows]
-        behind = np.stack([light + part * self._face[rows] for light, part in through]).reshape(len(through), -1)
-        windows = np.broadcast_to(gauge[rows].ravel(), behind.shape)
-        fits = self._quick_fitter.first(np.zeros(len(through), np.intp), windows, behind)
-        return [
-            self.noise_over(gauge, row + round(fraction), below, below_row)
-            if MAX_FRACTION_ROWS < abs(fraction) <= self.axis
-            else (noise, row + fraction)
-            for fraction, noise, below_row in zip(fits.fraction.tolist(), fits.noise.tolist(), below_rows, strict=True)
-        ]
-
-    @cached_property
-    def _quick_fitter(self) -> QuickFitter:
-        return QuickFitter([self.template], [self.pixels_per_sample])
 
     def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: int) -> tuple[float, float]:
         """The mean square that this needle near `row` over another one leaves unexplained, and its row; roughly."""

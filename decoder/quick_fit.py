@@ -37,7 +37,6 @@ class Fits:
     fraction: Floats
     sigma_rows: Floats
     score: Floats
-    noise: Floats
 
     def where(self, chosen: Mask, others: Fits) -> Fits:
         """These fits with `others`, as many as are chosen, in the chosen ones' places."""
@@ -80,10 +79,6 @@ class QuickFitter:
             return first
         return first.where(again, self._step(needles[again], nearest[again], windows[again], faces[again]))
 
-    def first(self, needles: Indices, windows: Floats, faces: Floats) -> Fits:
-        """One step of least squares from the windows' middle rows, as `fitting.Fitter.first`."""
-        return self._step(needles, np.zeros(len(needles), np.intp), windows, faces)
-
     def _step(self, needles: Indices, phase: Indices, windows: Floats, faces: Floats) -> Fits:
         rows = np.empty((len(windows), 5, windows.shape[1]), np.float32)
         layers = rows[:, :ONE]
@@ -108,7 +103,6 @@ class QuickFitter:
                 np.where(fits, shift_rows + shift / gain, np.nan),
                 np.where(fits, np.sqrt(variance) / gain, np.inf),
                 np.where(fits, _partial_correlation(moments), 0.0),
-                np.where(fits, np.maximum(noise, 0.0), np.inf),
             )
 
 

@@ -49,7 +49,7 @@ class Windows:
         windows = np.stack([frame.at(own) for frame, own in zip(frames, index, strict=True)])
         faces = self._faces[index]
         guess_rows = np.clip(peaks.place - row, -0.5, 0.5)
-        found = np.empty((4, *row.shape))
+        found = np.empty((3, *row.shape))
         for group, fitter, part in zip(self._groups, self._fitters, self._parts, strict=True):
             needles: Indices = np.tile(np.arange(len(group)), len(frames))
             fits = fitter.fit(
@@ -58,6 +58,6 @@ class Windows:
                 faces[:, part].reshape(len(needles), -1),
                 guess_rows[:, group].ravel(),
             )
-            for number, values in enumerate((fits.fraction, fits.sigma_rows, fits.score, fits.noise)):
+            for number, values in enumerate((fits.fraction, fits.sigma_rows, fits.score)):
                 found[number][:, group] = values.reshape(len(frames), len(group))
         return Fits(*found)
