@@ -8,6 +8,7 @@ DecoderError                  the decode cannot give what was asked for; one sen
 │   ├── CameraError           the camera's description is wrong or does not fit a picture
 │   └── MappingError          a file of names and units is wrong
 ├── PictureError              one picture cannot be used; the frame is `missing`, the flight goes on
+│   └── AlignmentLost         the panel is not found in it
 ├── FlightUnreadable          no frame of the flight can be read with this panel
 ├── CalibrationError          photographs, points or options from which no camera can be calibrated
 │   └── PoseError             no camera position follows from reference points
@@ -25,6 +26,8 @@ DecoderError                  the decode cannot give what was asked for; one sen
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 class DecoderError(Exception):
@@ -72,6 +75,14 @@ class PanelMissing(PanelError):
 
 class PictureError(DecoderError):
     """One picture cannot be used."""
+
+
+class AlignmentLost(PictureError):
+    """The panel was not found in a frame; `failed` are the features that did not match."""
+
+    def __init__(self, message: str, failed: Sequence[str] = ()) -> None:
+        self.failed = tuple(failed)
+        super().__init__(message)
 
 
 class FlightUnreadable(DecoderError):

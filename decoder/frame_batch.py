@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from decoder.aligner import AlignmentLost
-from decoder.errors import PictureError
+from decoder.errors import AlignmentLost, PictureError
 from decoder.panel_reader import FrameReadings, PanelReader
 from decoder.picture_block import TopOfFrame
 from decoder.pictures import FramePicture

@@ -10,25 +10,22 @@ from typing import Self
 
 import numpy as np
 
-from decoder.aligner import AlignmentLost
 from decoder.alignment import Alignment, Matrix, Point
-from decoder.anchors import middle_of
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader
-from decoder.errors import PictureError
+from decoder.errors import AlignmentLost, PictureError
 from decoder.gauge_places import GaugePlacer, place_all
 from decoder.gauge_reader import GaugeReader
 from decoder.many_frames import GaugesOfFrame, ManyFrames, PlacedFrame, UnwrappedGauges
 from decoder.method import Method
-from decoder.motion import Frame2D, Model, MotionCovariance
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
 from decoder.picture_block import ROWS_OF_BLOCKS, PictureBlock, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
+from decoder.place_uncertainty import PlaceUncertainty
 from decoder.reading import Reading
 from decoder.resampling import inside
 from decoder.tuning import Tuning
-from decoder.unseen_motion import unseen_px
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
 # Rims are looked at in some points only; between these they bulge by less.
@@ -82,13 +79,11 @@ class PanelReader:
         self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
         self.block = PictureBlock()
         self.aligner = source.aligner(tuning.usual)
-        centres = np.array([gauge.centre for gauge in source.panel.gauges]).T
-        self._centres = np.vstack([optics.straight(centres), np.ones(centres.shape[1])])
+        self._places = PlaceUncertainty(source, tuning)
         self._placers = [
             None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, optics.own)
             for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), self.grids, strict=False)
         ]
-        self._levers: dict[tuple[Frame2D, Model], tuple[Floats, Floats]] = {}
         self._radii_px = np.array([sum(gauge.radius) / 2 for gauge in source.panel.gauges])
         self._unwrappers = [Unwrapper([grid]) for grid in self.grids if tuning.dials_move]
         self._rims = [grid.rim() for grid in self.grids]
@@ -298,38 +293,7 @@ class PanelReader:
         """(gauges,): how uncertain the place of each dial is, in the panel picture's pixels."""
         if unwrapped.dial_sigmas_px:
             return np.array(unwrapped.dial_sigmas_px)
-        return np.array(self._sigma_px(unwrapped.alignment))
-
-    def _sigma_px(self, alignment: Alignment) -> tuple[float, ...]:
-        """For each gauge, by how much its centre may be off, in the panel picture's pixels."""
-        if alignment.covariance is None:
-            return (0.0,) * len(self.grids)
-        known = alignment.covariance
-        key = (known.axes, known.model)  # the axes tell which features it rests on
-        if key not in self._levers:  # where the camera usually stands is near enough for a doubt
-            self._levers[key] = self._lever(known, alignment.failed)
-        levers, unseen_px2 = self._levers[key]
-        variance = ((levers @ known.covariance) * levers).sum(axis=1).reshape(-1, 2).sum(axis=1) / 2
-        return tuple(np.sqrt(np.maximum(variance, 0.0) + unseen_px2).tolist())
-
-    def _lever(self, known: MotionCovariance, failed: Sequence[str]) -> tuple[Floats, Floats]:
-        """How gauges' centres move with a motion, two rows each, and the variance of what its model leaves out."""
-        usual = self.tuning.usual
-        there = usual.matrix @ self._centres
-        scale = usual.motion_at((float(self._centres[0, 0]), float(self._centres[1, 0]))).scale
-        levers = known.axes.jacobian(there[:2] / there[2], known.model) / scale
-        features = self._features_at(usual, failed)
-        off_px = unseen_px(self.tuning.motions, features, there[:2] / there[2], known.model) / scale
-        return levers.transpose(1, 0, 2).reshape(2 * len(self.grids), -1), off_px**2 / 2
-
-    def _features_at(self, usual: Alignment, failed: Sequence[str]) -> list[Point]:
-        """Where what an alignment rests on usually lies: the middles of anchors, the ends of the level edge."""
-        panel = self.source.panel
-        middles = [middle_of(anchor)[:, 0].tolist() for anchor in panel.anchors if anchor.name not in failed]
-        ends = panel.level if panel.level is not None and "level" not in failed else ()
-        straight = self.source.optics.straight(np.array([*middles, *ends], np.float64).T)
-        carried = usual.matrix @ np.vstack([straight, np.ones(straight.shape[1])])
-        return [(float(x), float(y)) for x, y in (carried[:2] / carried[2]).T]
+        return self._places.sigma_px(unwrapped.alignment)
 
 
 def _shift(shift_px: Point, part: float) -> Matrix:

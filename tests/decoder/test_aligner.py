@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from decoder.aligner import Aligner, AlignmentLost
+from decoder.aligner import Aligner
 from decoder.alignment import IDENTITY, Alignment
-from decoder.errors import PanelError
+from decoder.errors import AlignmentLost, PanelError
 from decoder.panel import Panel
 from decoder.pictures import GreyPicture
 

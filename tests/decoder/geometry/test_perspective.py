@@ -11,8 +11,9 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from decoder.aligner import Aligner, AlignmentLost
+from decoder.aligner import Aligner
 from decoder.alignment import Alignment
+from decoder.errors import AlignmentLost
 from decoder.panel import Panel
 from decoder.pictures import GreyPicture
 
