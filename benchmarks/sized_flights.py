@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -108,9 +108,10 @@ def _enlarged(jpeg: bytes, size: Size, seed: int) -> bytes:
 def panel_of(factor: float, needles: int) -> dict[str, Any]:
     """The animation's panel in pictures that are so much larger, with so many needles."""
     panel: dict[str, Any] = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
-    panel["level"] = _times(panel["level"], factor)
+    panel["level"] = [_place(point, factor) for point in panel["level"]]
     for anchor in panel["anchors"]:
-        anchor["box"] = [round(number) for number in _times(anchor["box"], factor)]
+        left, top, width, height = anchor["box"]
+        anchor["box"] = [round(number) for number in (left * factor, top * factor, width * factor, height * factor)]
     gauges, have, copy = [], 0, 0
     while have < needles:
         for gauge in panel["gauges"]:
@@ -122,7 +123,7 @@ def panel_of(factor: float, needles: int) -> dict[str, Any]:
 
 
 def _copied(gauge: dict[str, Any], factor: float, copy: int) -> dict[str, Any]:
-    own = {**gauge, "centre": _times(gauge["centre"], factor), "radius": _times(gauge["radius"], factor)}
+    own = {**gauge, "centre": _place(gauge["centre"], factor), "radius": [r * factor for r in gauge["radius"]]}
     if copy == 0:
         return own
     text = yaml.safe_dump(own)
@@ -138,5 +139,6 @@ def _numbered(name: str, copy: int) -> str:
     return f"{stem}{'abcdefg'[copy - 1]}{underscore}{rest}"
 
 
-def _times(numbers: Any, factor: float) -> Any:  # noqa: ANN401 - a number, or lists of them
-    return [_times(number, factor) for number in numbers] if isinstance(numbers, list) else numbers * factor
+def _place(point: Sequence[float], factor: float) -> list[float]:
+    """Pixels' centres are on whole numbers, so the first pixel's corner stays where it is."""
+    return [(number + 0.5) * factor - 0.5 for number in point]
