@@ -17,14 +17,14 @@ def output_name(flight: Flight) -> str:
     return flight.paths[0].name.removesuffix(".part").removesuffix(".mcap")
 
 
-def refuse_overwriting(flight: Flight, outputs: Sequence[Path]) -> None:
-    """Keeps the flight's files from being replaced by what is made of it.
+def refuse_overwriting(inputs: Sequence[Path], outputs: Sequence[Path]) -> None:
+    """Keeps the flight's files, and whatever else is read with it, from being replaced by what is made of it.
 
     Raises
     ------
     OutputError
         Naming the file.
     """
-    for path in flight.paths:
+    for path in inputs:
         if any(output.exists() and path.exists() and output.samefile(path) for output in outputs):
-            raise OutputError(f"{path}: would be overwritten by what is decoded from it; choose another folder with -o")
+            raise OutputError(f"{path}: would be overwritten by what is decoded; choose another folder with -o")

@@ -108,7 +108,8 @@ def command(
         raise click.UsageError("--truth needs --format html; without a report there is `decode accuracy`")
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
-    refuse_overwriting(flight, [directory / file for file in files])
+    given = [file for file in (panel_file, camera_file, truth_file, map_file) if file is not None]
+    refuse_overwriting([*flight.paths, *given], [directory / file for file in files])
     panel = _panel(flight, panel_file)
     asked = AskedPart(start, end, every)
     part = None if asked.is_whole else part_of(flight, asked)

@@ -195,6 +195,17 @@ def test_flight_file_is_never_overwritten(run: Run, tmp_path: Path) -> None:
     done = run("decode", flight, "-o", tmp_path, "--format", "csv,mcap")
 
     assert done.returncode == 1
-    assert "would be overwritten by what is decoded from it; choose another folder with -o" in done.stderr
+    assert "would be overwritten by what is decoded; choose another folder with -o" in done.stderr
     assert flight.read_bytes() == A1.read_bytes()
     assert list(tmp_path.iterdir()) == [flight]
+
+
+def test_truth_is_never_overwritten(run: Run, tmp_path: Path) -> None:
+    """A truth that is called as the flight data would be is refused before anything is decoded."""
+    truth = tmp_path / "thesis_a1.csv"
+    truth.write_bytes(TRUTH.read_bytes())
+    done = run("decode", A1, "-o", tmp_path, "--format", "csv,html", "--truth", truth)
+
+    assert done.returncode == 1
+    assert f"{truth}: would be overwritten by what is decoded; choose another folder with -o" in done.stderr
+    assert truth.read_bytes() == TRUTH.read_bytes()
