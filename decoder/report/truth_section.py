@@ -88,11 +88,9 @@ def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> Tru
     tables = [TruthTable("Accuracy", HEADER, accuracy_rows(result.needles), [COLUMNS_SAY])]
     if truth.request.limits and result.limits:
         rows = limit_rows(result.limits)
-        tables.append(
-            TruthTable("Against what is asked of recorders", LIMITS_HEADER, rows, source_lines(result.limits))
-        )
+        tables.append(TruthTable(LIMITS_TITLE, LIMITS_HEADER, rows, source_lines(result.limits)))
     elif truth.request.limits:
-        tables.append(TruthTable("Against what is asked of recorders", LIMITS_HEADER, [], [NO_LIMITS]))
+        tables.append(TruthTable(LIMITS_TITLE, LIMITS_HEADER, [], [NO_LIMITS]))
     by_frame = result.applied_s is None and "frame" in result.truth.columns
     found = {
         name: truth_at(flight.table, result.truth, name, flight.described(name).wraps, result.applied_s)
@@ -105,9 +103,7 @@ def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> Tru
         words=offset_text(result) + "." if truth.request.has_own_clock else BY_FRAME if by_frame else BY_TIME,
         tables=tables,
         values=values,
-        needles=[
-            place for place, name in enumerate(flight.needles) if name in names and np.isfinite(values[name]).any()
-        ],
+        needles=[place for place, name in enumerate(flight.needles) if name in values],
     )
 
 

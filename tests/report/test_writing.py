@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -172,6 +173,18 @@ def test_truth_gives_the_table_of_decode_accuracy() -> None:
     assert section.needles == list(range(7))
     assert np.nanmax(np.abs(section.values["n2_pct"] - decoded.data.series[1].value)) < 1.0
     assert [table.title for table in section.tables][1:] == ["Against what is asked of recorders"]
+
+
+def test_needle_without_a_true_value_has_no_plot_of_errors(tmp_path: Path) -> None:
+    """A column of a truth may be empty; the others are held against theirs."""
+    header, *rows = csv.reader((FIXTURES / "thesis_a2_truth.csv").read_text(encoding="utf-8").splitlines())
+    empty = header.index("n1_pct")
+    with (tmp_path / "truth.csv").open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream).writerows([header, *([*row[:empty], "", *row[empty + 1 :]] for row in rows)])
+    decoded = decoded_flight(open_flight([A2]), None, "normxcorr")
+    section = truth_section(decoded.data, decoded.provenance, read_truth(TruthRequest(tmp_path / "truth.csv")))
+
+    assert section.needles == list(range(1, 7))
 
 
 def segment_checks(*findings: Finding, signed_by: tuple[bytes | None, ...] = (None,)) -> list[RecordingCheck]:
