@@ -10,12 +10,14 @@ import io
 import json
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from decoder.errors import OutputError
 from decoder.fleet.addresses import join
 from decoder.fleet.outcome import KINDS, Outcome, as_row, from_row
 from decoder.fleet.staging import working_folder
@@ -24,6 +26,9 @@ from decoder.fleet.stores import store_of
 INDEX = "index.csv"
 INDEX_PARQUET = "index.parquet"
 ROWS_AT_ONCE = 1000
+# A flight that is damaged in many places has many losses in one field.
+LONGEST_FIELD = 1 << 30
+_NAMING = {"flight", "status"}
 
 
 class Index:
@@ -39,14 +44,23 @@ class Index:
         self._rows.write(json.dumps(as_row(outcome)).encode() + b"\n")
 
     def add_earlier(self, output: str) -> None:
-        """The rows of the index that is there already, but for flights that have one."""
+        """The rows of the index that is there already, but for flights that have one.
+
+        Raises
+        ------
+        OutputError
+            If the file is somebody's own.
+        """
         store, address = store_of(output), join(output, INDEX)
         if not store.has(address):
             return
         with working_folder() as folder:
             (path,) = store.fetch([address], folder)
-            with path.open(encoding="utf-8", errors="replace", newline="") as stream:
-                for outcome in filter(None, map(_known, csv.DictReader(stream))):
+            with path.open(encoding="utf-8", errors="replace", newline="") as stream, _long_fields():
+                rows = csv.DictReader(stream)
+                if not {*(rows.fieldnames or KINDS)} >= _NAMING:
+                    raise OutputError(f"{address}: is no index of flights; move it away or choose another with -o")
+                for outcome in filter(None, map(_known, rows)):
                     if outcome.flight not in self._places:
                         self.add(outcome)
 
@@ -78,6 +92,15 @@ class Index:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._rows.close()
+
+
+@contextmanager
+def _long_fields() -> Iterator[None]:
+    before = csv.field_size_limit(LONGEST_FIELD)
+    try:
+        yield
+    finally:
+        csv.field_size_limit(before)
 
 
 def _known(row: dict[str, str]) -> Outcome | None:

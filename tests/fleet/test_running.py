@@ -13,7 +13,7 @@ from typing import Self
 import pandas as pd
 import pytest
 
-from decoder.errors import ClusterLost
+from decoder.errors import ClusterLost, OutputError
 from decoder.fleet.flights import FleetFlight
 from decoder.fleet.index import Index
 from decoder.fleet.order import Order
@@ -169,3 +169,23 @@ def test_index_keeps_rows_of_earlier_runs(tmp_path: Path) -> None:
 
     assert [(row["flight"], row["status"]) for row in rows] == [("a", "decoded"), ("b", "kept"), ("c", "failed")]
     assert from_row(rows[0]) == Outcome("a", State.DECODED, frames=4, seconds=1.5)
+
+
+def test_index_keeps_the_row_of_a_flight_with_many_losses(tmp_path: Path) -> None:
+    """However long a field is, the next run reads it."""
+    damaged = Outcome("a", State.DECODED, losses=" | ".join(f"a.mcap: loss {number}" for number in range(20_000)))
+    with Index() as index:
+        index.add(damaged)
+        index.put(str(tmp_path), parquet=False)
+    with Index() as index:
+        index.add_earlier(str(tmp_path))
+        (row,) = index.rows()
+
+    assert row["losses"] == damaged.losses
+
+
+def test_index_of_somebody_else_is_not_replaced(tmp_path: Path) -> None:
+    """A table that has the index's name and is none is left alone, with a sentence."""
+    (tmp_path / "index.csv").write_text("name,phone\nAnn,1\n")
+    with Index() as index, pytest.raises(OutputError, match="is no index of flights; move it away"):
+        index.add_earlier(str(tmp_path))
