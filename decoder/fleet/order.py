@@ -63,6 +63,7 @@ class Order:
         """What results must agree in to be those of this order."""
         return {
             "software": self.versions.software,
+            "libraries": list(self.versions.libraries),
             "method": self.method,
             "formats": sorted(self.formats),
             "with_images": self.with_images,

@@ -205,6 +205,14 @@ def test_other_versions_are_refused(order: MakeOrder, flight: FleetFlight) -> No
         )
 
 
+def test_results_of_other_libraries_are_not_kept(order: MakeOrder) -> None:
+    """Results are of what computed them: those that an earlier OpenCV gave are made anew."""
+    now = order()
+    earlier = replace(now, versions=replace(now.versions, libraries=("numpy 1", *now.versions.libraries[1:])))
+
+    assert earlier.key != now.key
+
+
 def test_working_folders_of_killed_workers_go(
     order: MakeOrder, flight: FleetFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
