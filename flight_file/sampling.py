@@ -38,7 +38,7 @@ class ImageCounts:
 
 
 def count_images(segment: Segment) -> ImageCounts:
-    """Count without reading much: by the message indexes; a chunk without one, or before the first image, is read.
+    """Count without reading much: by the message indexes; a chunk without one, or up to the first whole image, is read.
 
     Raises
     ------
@@ -47,15 +47,17 @@ def count_images(segment: Segment) -> ImageCounts:
     """
     channels = dict(CHANNEL_TOPICS)
     learnt = False
-    counts = []
+    read: dict[int, int] = {}
     with opened(segment.path) as source:
-        for place in segment.chunks:
+        for index, place in enumerate(segment.chunks):
             if learnt and place.messages:
-                counts.append(_indexed(place, channels))
                 continue
-            images = [item for item in _readable(segment, source, place, channels)[0] if isinstance(item, Image)]
-            learnt = learnt or bool(images)
-            counts.append(len(images))
+            items, damage = _readable(segment, source, place, channels)
+            if damage and place.messages:
+                continue
+            read[index] = sum(isinstance(item, Image) for item in items)
+            learnt = learnt or read[index] > 0
+    counts = (read.get(index, _indexed(place, channels)) for index, place in enumerate(segment.chunks))
     return ImageCounts(tuple(counts), channels)
 
 

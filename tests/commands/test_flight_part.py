@@ -116,6 +116,19 @@ def test_damage_in_a_part_is_a_loss_of_it(tmp_path: Path) -> None:
     assert all("chunk" in loss.reason or "frame 6 is missing" in loss.reason for loss in flight.losses)
 
 
+def test_damage_at_the_beginning_is_a_loss_of_the_part_there(tmp_path: Path) -> None:
+    """A damaged first frame is counted by the index, so that a part from the beginning reports it."""
+    first = next(place for place in open_flight([A1]).segments[0].chunks if sum(place.messages.values()) > 1)
+    content = bytearray(A1.read_bytes())
+    content[first.offset + first.length // 2] ^= 0xFF
+    (tmp_path / "damaged.mcap").write_bytes(content)
+    flight = open_flight([tmp_path / "damaged.mcap"])
+
+    assert flight.count() == 20
+    assert [frame.sequence for frame in flight.frames(range(3))] == [1, 2]
+    assert ["chunk" in loss.reason for loss in flight.losses] == [True]
+
+
 def test_frames_are_counted_through_segments(run: Run, tmp_path: Path) -> None:
     """A part goes over the border of two segments as if there were none."""
     (tmp_path / "recorder.yaml").write_text(
