@@ -57,14 +57,15 @@ def decode_and_write(
     journal = DecodeJournal(
         directory / f"{output_name(flight)}{SUFFIX}", partial(identity_of, flight, part), resume=resume, tell=_tell
     )
-    with pool or nullcontext(), _kept(journal):
-        read = journal.around(read_here if pool is None else pool.read)
-        decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part)
-    decoded = replace(decoded, with_images=with_images)
-    if known is not None:
-        section = truth_section(decoded.data, decoded.provenance, known)
-        decoded = replace(decoded, truth=section, command=f"{decoded.command} {shlex.join(known.request.words)}")
-    written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
+    with _kept(journal):
+        with pool or nullcontext():
+            read = journal.around(read_here if pool is None else pool.read)
+            decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part)
+        decoded = replace(decoded, with_images=with_images)
+        if known is not None:
+            section = truth_section(decoded.data, decoded.provenance, known)
+            decoded = replace(decoded, truth=section, command=f"{decoded.command} {shlex.join(known.request.words)}")
+        written = write_all(directory, {file: writer(decoded) for file, writer in files.items()})
     journal.remove()
     _report(decoded.data, decoded.provenance, pool.deaths if pool is not None else [], written)
     return bool(decoded.provenance.losses or (pool is not None and pool.left_out))
