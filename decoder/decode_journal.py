@@ -24,6 +24,7 @@ BEGIN_AFTER = 64
 
 Identity = Mapping[str, object]
 """All that readings depend on, by what it is called."""
+Results = Iterator[tuple[Batch, list[Outcome]]]
 
 
 class DecodeJournal:
@@ -72,11 +73,11 @@ class DecodeJournal:
         What comes out raises OutputError if the journal cannot be written.
         """
 
-        def read_on(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
+        def read_on(reader: PanelReader, cut: Iterable[Batch]) -> Results:
             coming, unknown = iter(cut), list[Batch]()
             self._is_ours = self._is_begun_by(reader)
             if self._is_ours and self._resume:
-                yield from self._known(coming, unknown)
+                yield from self._known(coming, unknown, lambda batch: read(reader, [batch]))
             for batch, outcomes in read(reader, chain(unknown, coming)):
                 self._note(reader, batch, outcomes)
                 yield batch, outcomes
@@ -113,8 +114,11 @@ class DecodeJournal:
             self._tell(f"{self.path} {_difference(found, ours)}, so this decode starts at the beginning")
         return bool(found == ours)
 
-    def _known(self, coming: Iterator[Batch], unknown: list[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
-        """The batches that were read before; one that was taken to see that it was not goes to `unknown`."""
+    def _known(self, coming: Iterator[Batch], unknown: list[Batch], read: Callable[[Batch], Results]) -> Results:
+        """The batches that were read before; one that was taken to see that it was not goes to `unknown`.
+
+        Those of which frames were left out are read again: their journal says no more than their place.
+        """
         with self.path.open("rb") as stream:
             whole_bytes = len(stream.readline())
             for line in stream:
@@ -128,7 +132,7 @@ class DecodeJournal:
                     break
                 whole_bytes += len(line)
                 self.frames += len(batch)
-                yield batch, outcomes
+                yield from [(batch, outcomes)] if outcomes else read(batch)
         with self._failing_as_output():
             os.truncate(self.path, whole_bytes)
             self._stream = self.path.open("ab")

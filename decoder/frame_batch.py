@@ -39,6 +39,11 @@ class Unread:
     failed: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class LeftOut(Unread):
+    """Of a frame that was not read because whoever read it was killed: at another time it may be."""
+
+
 Batch = tuple[RawFrame, ...]
 Outcome = FrameReadings | Unread
 ReadBatches = Callable[[PanelReader, Iterable[Batch]], Iterator[tuple[Batch, list[Outcome]]]]

@@ -12,7 +12,7 @@ from dataclasses import astuple
 from typing import Any
 
 from decoder.alignment import Alignment
-from decoder.frame_batch import Batch, Outcome, Unread
+from decoder.frame_batch import Batch, LeftOut, Outcome, Unread
 from decoder.lens import Lens
 from decoder.panel_reader import FrameReadings
 from decoder.reading import Reading, Status
@@ -33,15 +33,16 @@ def content_of(line: bytes) -> Any:  # noqa: ANN401 - whatever was written
 
 
 def plain_batch(batch: Batch, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """A batch's frames by number and time, and what was read of each."""
+    """A batch's frames by number and time, and what was read of each; nothing where one of them was left out."""
+    is_read = not any(isinstance(outcome, LeftOut) for outcome in outcomes)
     return {
         "frames": [[frame.sequence, frame.captured_ns] for frame in batch],
-        "read": [_plain(outcome) for outcome in outcomes],
+        "read": [_plain(outcome) for outcome in outcomes] if is_read else [],
     }
 
 
 def outcomes_of(content: dict[str, Any], batch: Batch) -> list[Outcome] | None:
-    """Inverse of `plain_batch`; None if it is about other frames."""
+    """Inverse of `plain_batch`, empty where it is to be read again; None if it is about other frames."""
     if content["frames"] != [[frame.sequence, frame.captured_ns] for frame in batch]:
         return None
     return [_outcome(each) for each in content["read"]]

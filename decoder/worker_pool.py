@@ -19,7 +19,7 @@ from typing import Self
 
 from decoder import fork_server
 from decoder.errors import WorkersLost
-from decoder.frame_batch import Batch, Outcome, RawFrame, Unread
+from decoder.frame_batch import Batch, LeftOut, Outcome, RawFrame
 from decoder.panel_reader import PanelReader
 from decoder.shared_pictures import PicturesGiven
 from decoder.worker import recipe, serve
@@ -143,7 +143,7 @@ class WorkerPool:
                 jobs.extendleft(reversed(job.one_by_one()))
             else:
                 self.left_out.append(job.frames[0].sequence)
-                row.fill(job, [Unread(f"the process that read it {how} each time")])
+                row.fill(job, [LeftOut(f"the process that read it {how} each time")])
         else:
             self._in_a_row = 0
             row.fill(job, outcomes)

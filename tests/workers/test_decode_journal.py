@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from decoder.alignment import Alignment
 from decoder.decode_journal import DecodeJournal
 from decoder.errors import OutputError
-from decoder.frame_batch import Batch, Outcome, RawFrame, Unread, read_here
+from decoder.frame_batch import Batch, LeftOut, Outcome, RawFrame, Unread, read_here
 from decoder.lens import Lens
 from decoder.outcome_text import content_of, line_of, outcomes_of, plain_batch
 from decoder.panel_reader import FrameReadings, PanelReader
@@ -121,6 +121,23 @@ def test_changed_line_ends_what_is_known(path: Path, fitted: Fitted, change: byt
         read_here(fitted.reader, fitted.batches)
     )
     assert reading.read == len(fitted.batches) - 1
+    journal.close()
+
+
+def test_frame_that_was_left_out_is_read_again(path: Path, fitted: Fitted) -> None:
+    """What a killed process did not read is no reading: its batch is read anew, those before and behind it are not."""
+    outcomes = dict(read_here(fitted.reader, fitted.batches[:3]))
+    outcomes[fitted.batches[1]][2] = LeftOut("the process that read it was killed (SIGKILL) each time")
+    journal, _ = journal_at(path)
+    list(journal.around(lambda _reader, _cut: iter(outcomes.items()))(fitted.reader, fitted.batches))
+    journal.close()
+    reading = Counting()
+    journal, _ = journal_at(path, resume=True)
+
+    assert list(journal.around(reading)(fitted.reader, fitted.batches)) == list(
+        read_here(fitted.reader, fitted.batches)
+    )
+    assert reading.read == 1 + len(fitted.batches) - 3
     journal.close()
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from decoder.errors import WorkersLost
-from decoder.frame_batch import Batch, Unread, read_here
+from decoder.frame_batch import Batch, LeftOut, read_here
 from decoder.method import Method
 from decoder.panel_reader import PanelReader
 from decoder.worker_pool import BATCHES_AHEAD, WorkerPool
@@ -67,7 +67,7 @@ def test_frame_that_kills_is_left_out_alone(fitted: Fitted) -> None:
         outcomes = [outcome for _, some in pool.read(fitted.reader, deadly) for outcome in some]
     whole = [outcome for _, some in read_here(fitted.reader, fitted.batches) for outcome in some]
 
-    assert outcomes[6] == Unread("the process that read it was killed (SIGKILL) each time")
+    assert outcomes[6] == LeftOut("the process that read it was killed (SIGKILL) each time")
     assert outcomes[:6] + outcomes[7:] == whole[:6] + whole[7:]
     assert pool.left_out == [6]
     assert [str(death) for death in pool.deaths] == [
