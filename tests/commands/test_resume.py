@@ -91,3 +91,15 @@ def test_changed_options_are_not_resumed(run: Run, flight: Path, tmp_path: Path)
     assert part.returncode == 0
     assert "is of another decode (method, part), so this decode starts at the beginning" in part.stderr
     assert journal.exists()
+
+
+def test_what_was_read_outlives_a_truth_that_does_not_fit(flight: Path, tmp_path: Path) -> None:
+    """Where nothing can be written although all was read, it says what is kept."""
+    (tmp_path / "truth.csv").write_text("frame,altitude_ft\n0,1000\n")
+    words = (flight, "-o", tmp_path / "out", "--format", "csv,html", "--truth", tmp_path / "truth.csv", "--jobs", 1)
+    with eager(*words) as running:
+        _, said = running.communicate(timeout=60)
+
+    assert running.returncode == 1
+    assert "flight.decode-journal keeps 120 frames; --resume goes on from there" in said
+    assert contents(tmp_path / "out").keys() == {"flight.decode-journal"}
