@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from recorder.config import AttachSettings
-from recorder.failures import failures_as_sentences
+from recorder.failures import DONE_WITH_LOSS, failures_as_sentences
 from recorder.host import this_host
 from recorder.replaying import replay_into
 from recorder.signals import stop_on_signals
@@ -19,7 +19,10 @@ from recorder.stop import Stop
 Examples:
   recorder replay photographs -o flight.mcap
   recorder replay photographs -o flight.mcap --rate 0.5 --panel panel.yaml
-  recorder replay flights/20180504T120000Z_*.mcap -o flight.mcap --panel panel.yaml""",
+  recorder replay flights/20180504T120000Z_*.mcap -o flight.mcap --panel panel.yaml
+
+\b
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of the flights that were replayed.""",
 )
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
@@ -32,8 +35,15 @@ Examples:
 )  # fmt: skip
 @click.option("--panel", type=click.Path(path_type=Path), help="A panel.yaml to put in, with the pictures it names.")
 @click.option("--camera", type=click.Path(path_type=Path), help="A camera.yaml to put in.")
+@click.pass_context
 def replay(
-    sources: tuple[Path, ...], target: Path, rate_hz: float | None, panel: Path | None, camera: Path | None
+    context: click.Context,
+    *,
+    sources: tuple[Path, ...],
+    target: Path,
+    rate_hz: float | None,
+    panel: Path | None,
+    camera: Path | None,
 ) -> None:
     """Make one flight file of a folder of photographs, or of earlier flight files.
 
@@ -44,5 +54,8 @@ def replay(
         attach = AttachSettings(panel=panel, camera=camera)
         stop = Stop()
         stop_on_signals(stop)
-        stored = replay_into(target, sources, rate_hz=rate_hz, attach=attach, host=this_host(), stop=stop)
-    click.echo(f"{target}: {stored} pictures")
+        replayed = replay_into(target, sources, rate_hz=rate_hz, attach=attach, host=this_host(), stop=stop)
+    click.echo(f"{target}: {replayed.stored} pictures")
+    for loss in replayed.losses:
+        click.echo(f"  lost: {loss.reason}", err=True)
+    context.exit(DONE_WITH_LOSS if replayed.losses else 0)

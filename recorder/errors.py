@@ -2,7 +2,7 @@
 
     RecorderError
     ├── ConfigurationError       recorder.yaml, or a file it names, is not as it should be
-    ├── ReplayNotPossibleError   what `recorder replay` is to make cannot be called so
+    ├── ReplayNotPossibleError   what `recorder replay` or `extract` is to make cannot be called so
     ├── FileNotWrittenError      a file that a command makes cannot be written
     ├── NothingToMarkError       no segment is where one should be marked
     └── NotMarkedError           the marks cannot be written
@@ -25,7 +25,7 @@ class ConfigurationError(RecorderError):
 
 
 class ReplayNotPossibleError(RecorderError):
-    """The flight file's name is taken, or is none."""
+    """The name of what is to be made is taken, or is none."""
 
 
 class FileNotWrittenError(RecorderError):

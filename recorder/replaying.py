@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from flight_file.reader import Flight
+from flight_file.losses import Loss
+from flight_file.reader import Flight, open_flight
 from recorder.config import AttachSettings, RecorderConfig, ReplaySettings, StorageSettings
 from recorder.errors import FileNotWrittenError, ReplayNotPossibleError
 from recorder.host import Host
@@ -21,6 +23,14 @@ _NO_LIMIT = 1e9
 
 
 @dataclass(frozen=True, slots=True)
+class Replayed:
+    """How many pictures are in the new flight file, and what the flights they come from have lost of theirs."""
+
+    stored: int
+    losses: tuple[Loss, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Extracted:
     """A picture that lies in a file of its own now."""
 
@@ -30,8 +40,8 @@ class Extracted:
 
 def replay_into(
     target: Path, sources: Sequence[Path], *, rate_hz: float | None, attach: AttachSettings, host: Host, stop: Stop
-) -> int:
-    """Record pictures into one flight file, named after it; gives how many.
+) -> Replayed:
+    """Record pictures into one flight file, named after it.
 
     Nothing is left behind where it fails.
 
@@ -68,11 +78,12 @@ def replay_into(
             outcome = record(config, host=host, stop=stop, journal=Journal(io.StringIO()), name=target.stem)
             if stop.is_requested:
                 raise ReplayNotPossibleError(f"{target}: {stop.reason}; nothing was written.")
+            losses = () if sources[0].is_dir() else _losses(sources)
             (path,) = outcome.paths
             path.rename(target)
     except OSError as error:
         raise FileNotWrittenError(target, error) from error
-    return outcome.stored
+    return Replayed(outcome.stored, losses)
 
 
 def extract(flight: Flight, directory: Path) -> Iterator[Extracted]:
@@ -82,17 +93,28 @@ def extract(flight: Flight, directory: Path) -> Iterator[Extracted]:
 
     Raises
     ------
+    ReplayNotPossibleError
+        Another file has a picture's name; it is left as it is.
     FileNotWrittenError
         A picture cannot be written.
     """
     for frame in flight.frames():
         path = directory / f"{frame.sequence:06d}.jpg"
         try:
+            if path.exists() and path.read_bytes() != frame.jpeg:
+                raise ReplayNotPossibleError(f"{path}: is there already with another picture; choose another folder.")
             directory.mkdir(parents=True, exist_ok=True)
             path.write_bytes(frame.jpeg)
         except OSError as error:
             raise FileNotWrittenError(path, error) from error
         yield Extracted(path, frame.sequence)
+
+
+def _losses(paths: Sequence[Path]) -> tuple[Loss, ...]:
+    """What could not be read of flight files; a gap at an end shows nowhere else."""
+    flight = open_flight(paths)
+    deque(flight.frames(), maxlen=0)
+    return tuple(flight.losses)
 
 
 def _config(

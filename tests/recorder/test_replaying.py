@@ -81,3 +81,30 @@ def test_what_is_lost_of_a_flight_is_said(pictures: Path, tmp_path: Path) -> Non
     assert done.returncode == 3
     assert "  lost: " in done.stderr
     assert len(list(folder.iterdir())) < 40
+
+
+def test_what_a_replayed_flight_has_lost_is_said(pictures: Path, tmp_path: Path) -> None:
+    """Pictures that are lost at its end leave no gap in the new flight file, so they are told; exit code 3."""
+    target, again = tmp_path / "flight.mcap", tmp_path / "again.mcap"
+    recorder("replay", pictures, "-o", target, "--rate", "4")
+    content = target.read_bytes()
+    target.write_bytes(content[: len(content) // 2])
+    done = recorder("replay", target, "-o", again)
+
+    assert done.returncode == 3
+    assert "  lost: " in done.stderr
+    assert 0 < open_flight([again]).count() < 40
+
+
+def test_other_pictures_are_not_replaced(pictures: Path, tmp_path: Path) -> None:
+    """A folder that holds another picture of the same name is refused; the same pictures once more are not."""
+    target, folder = tmp_path / "flight.mcap", tmp_path / "out"
+    recorder("replay", pictures, "-o", target, "--rate", "4")
+    again = [recorder("extract", target, "-o", folder).returncode for _ in range(2)]
+    (folder / "000003.jpg").write_bytes(b"mine")
+    done = recorder("extract", target, "-o", folder)
+
+    assert again == [0, 0]
+    assert done.returncode == 1
+    assert "000003.jpg: is there already with another picture; choose another folder" in done.stderr
+    assert (folder / "000003.jpg").read_bytes() == b"mine"
