@@ -118,6 +118,8 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         if gauge.centre != before.centre
     }
     uncertainties = quantity_uncertainties(source, pivots, dials_move=tuned.tuning.dials_move)
+    if tuned.tuning.dials_move:
+        tuned = tuned.tuned(replace(tuned.tuning, pivots=pivots))
     return FittedReader(tuned, uncertainties, moved)
 
 

@@ -22,6 +22,7 @@ from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
 from decoder.picture_block import ROWS_OF_BLOCKS, PictureBlock, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
+from decoder.pivots import with_lines_checked
 from decoder.place_uncertainty import PlaceUncertainty
 from decoder.reading import Reading
 from decoder.resampling import inside
@@ -276,12 +277,26 @@ class PanelReader:
         readings: dict[str, Reading] = {}
         sigma_px = self._dial_sigmas_px(unwrapped)
         sigmas_deg = np.degrees(sigma_px / self._radii_px).tolist()
-        for own, sigma_deg in zip(own_readings, sigmas_deg, strict=True):
+        for own, sigma_deg in zip(self._lines_checked(unwrapped, own_readings), sigmas_deg, strict=True):
             for name, reading in own.items():
                 total_deg = math.hypot(reading.sigma_deg, sigma_deg)
                 readings[name] = Reading(reading.status, reading.angle_deg, total_deg, reading.score)
         shifts_px = self._needle_shifts_px(unwrapped)
         return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()), shifts_px)
+
+    def _lines_checked(
+        self, unwrapped: UnwrappedFrame, own_readings: Sequence[Mapping[str, Reading]]
+    ) -> Sequence[Mapping[str, Reading]]:
+        """Where dials are found by themselves, each needle's line held against its pivot."""
+        tuning, gauges = self.tuning, self.source.panel.gauges
+        if not tuning.pivots:
+            return own_readings
+        return [
+            with_lines_checked(strip, readings, gauge, grid, face=face, templates=tuning.templates, pivot=pivot)
+            for gauge, grid, face, pivot, strip, readings in zip(
+                gauges, self.grids, tuning.faces, tuning.pivots, unwrapped.gauges, own_readings, strict=True
+            )
+        ]
 
     def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
         """How far the needles of each gauge lie from where the alignment has them: their dial's shift, and the lift."""

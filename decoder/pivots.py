@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +31,9 @@ HUBER_SPREADS = 2.0
 ROBUST_PASSES = 4
 SIGNIFICANT_SPREADS = 2.5
 MAD_TO_SIGMA = 1.4826
+# A needle's line that misses its pivot by more than both is no line of that needle.
+MISSING_SPREADS = 5.0
+MISSING_PX = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,8 @@ class Pivot:
     scatter_px2, tilts
         The variance of the needles' tilts beyond their own noise, which may come out below nothing, and how many
         tilts tell it: by so much the dial is not where it was unwrapped, another way in each frame.
+    own_px
+        By needle: its tilt where the dial lies right.
     """
 
     offset_px: tuple[float, float]
@@ -71,6 +76,7 @@ class Pivot:
     lift: float = 0.0
     scatter_px2: float = 0.0
     tilts: int = 0
+    own_px: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_certain(self) -> bool:
@@ -156,8 +162,44 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
     scatter_px2 = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
     own_px2 = float(np.median([tilt.sigma_px for tilt in tilts])) ** 2
     return Pivot(
-        (float(solution[0]), float(solution[1])), covariance, float(solution[-1]), scatter_px2 - own_px2, len(left)
+        offset_px=(float(solution[0]), float(solution[1])),
+        covariance_px2=covariance,
+        lift=float(solution[-1]),
+        scatter_px2=scatter_px2 - own_px2,
+        tilts=len(left),
+        own_px=dict(zip(names, solution[2:-1].tolist(), strict=True)),
     )
+
+
+def with_lines_checked(
+    strip: UnwrappedGauge,
+    readings: Mapping[str, Reading],
+    gauge: Gauge,
+    grid: PolarGrid,
+    *,
+    face: UnwrappedGauge,
+    templates: Mapping[str, NeedleTemplate],
+    pivot: Pivot,
+) -> dict[str, Reading]:
+    """A gauge's readings; a needle whose line misses its pivot by far was seen in part, or not as it is: `edge`."""
+    checked = dict(readings)
+    for name, own_px in pivot.own_px.items():
+        if not _stands_alone(name, gauge, readings, templates):
+            continue
+        reading = readings[name]
+        window = _window(reading.angle_deg, grid, templates[name])
+        if window[0] < 0 or window[-1] > grid.rows - 1:
+            continue
+        (tilt,) = _tilts(rows_at(strip, window)[None], window[None], face, grid, templates[name])
+        if tilt is None:
+            continue
+        across = _across(np.array([reading.angle_deg]))[0]
+        miss_px = abs(tilt[0] - own_px - float(across @ pivot.offset_px))
+        spread_px = math.hypot(tilt[1], TILT_FLOOR_PX, math.sqrt(max(pivot.scatter_px2, 0.0)))
+        if miss_px > max(MISSING_SPREADS * spread_px, MISSING_PX):
+            sigma_deg = math.hypot(reading.sigma_deg, math.degrees(miss_px / (sum(gauge.radius) / 2)))
+            checked[name] = Reading(Status.EDGE, reading.angle_deg, sigma_deg, reading.score)
+    return checked
 
 
 def _across(angles_deg: Floats) -> Floats:

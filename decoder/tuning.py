@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from decoder.alignment import Alignment, Matrix
 from decoder.needle_template import NeedleTemplate
+from decoder.pivots import Pivot
 from decoder.unwrapping import UnwrappedGauge
 
 
@@ -52,6 +53,8 @@ class Tuning:
         Whether anchors lie in one plane, so that all of them tell where dials are to be looked for.
     lifts
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
+    pivots
+        By gauge, where dials move: what its needles' lines are held against.
     rows
         How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
     """
@@ -65,4 +68,5 @@ class Tuning:
     dials_move: bool = False
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
+    pivots: tuple[Pivot, ...] = ()
     rows: int | None = None

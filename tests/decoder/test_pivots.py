@@ -17,7 +17,7 @@ from decoder.method import Method
 from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
-from decoder.pivots import UNKNOWN, Tilt, pivot_from
+from decoder.pivots import UNKNOWN, Pivot, Tilt, pivot_from, with_lines_checked
 from decoder.reading import Status
 
 Draw = Callable[..., GreyPicture]
@@ -154,3 +154,24 @@ def test_frames_of_another_shape_do_not_end_the_fit() -> None:
 
     assert fitted.reader.tuning.usual == reader.tuning.usual
     assert not fitted.moved_px
+
+
+@pytest.mark.parametrize(("bent_rows", "status"), [(0, Status.READ), (5, Status.EDGE)])
+def test_needle_whose_line_misses_its_pivot_is_not_called_read(
+    reader_of: MakeReader, draw: Draw, bent_rows: int, status: Status
+) -> None:
+    """Its inner half is moved along the dial, as where a frame shows a needle in two places at once."""
+    reader = reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True))
+    frame = reader.unwrap(draw({**PANEL_HANDS, "speed_kt": 300.0}, noise=2.0, seed=4, ticks=True))
+    gauge, grid, face = reader.source.panel.gauges[0], reader.grids[0], reader.tuning.faces[0]
+    readings = {"speed_kt": reader.read_unwrapped(frame).readings["speed_kt"]}
+    strip = np.array(frame.gauges[0])
+    inner = strip.shape[1] // 2
+    strip[:, :inner] = np.roll(strip[:, :inner], bent_rows, axis=0)
+    pivot = Pivot((0.0, 0.0), 0.01 * np.eye(2), own_px={"speed_kt": 0.0})
+    checked = with_lines_checked(
+        strip, readings, gauge, grid, face=face, templates=reader.tuning.templates, pivot=pivot
+    )["speed_kt"]
+
+    assert checked.status is status
+    assert (checked.sigma_deg > 10 * readings["speed_kt"].sigma_deg) == (status is Status.EDGE)
