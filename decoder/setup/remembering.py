@@ -41,7 +41,7 @@ class AlignmentMemory:
             with self._lock:
                 self._found[name] = (weakref.ref(frame), found)
         if isinstance(found, PictureError):
-            raise found
+            raise found.with_traceback(None)  # else it would keep the frames of each asking
         return found
 
 
