@@ -47,7 +47,7 @@ def test_panel_of_more_needles_is_a_panel(needles: int) -> None:
     first = parse_panel((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
 
     assert sum(len(gauge.needles) for gauge in panel.gauges) == needles
-    assert panel.gauges[0].centre[0] == pytest.approx(first.gauges[0].centre[0] * 1.578125)
+    assert panel.gauges[0].centre[0] == pytest.approx((first.gauges[0].centre[0] + 0.5) * 1.578125 - 0.5)
     assert {gauge.radius[1] for gauge in panel.gauges} == {52 * 1.578125}
 
 
