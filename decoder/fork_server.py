@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver, get_context, resource_tracker
 from multiprocessing.context import ForkServerContext
 
 PRELOADED = ["decoder.worker"]
+# Of the 107 bytes that a socket's path may have, multiprocessing takes some thirty for names below this folder.
+LONGEST_FOLDER = 70
+SHORT_FOLDER = "/tmp"  # noqa: S108 - multiprocessing makes a folder in it that is nobody else's
 # A thread pool that a fork leaves behind must never have been made.
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -23,7 +27,7 @@ def begin() -> ForkServerContext:
     context = get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     resource_tracker.ensure_running()  # the fork server would start it, which lets held interrupts go
-    with _interrupts_held(), _environment(_ONE_THREAD):
+    with _interrupts_held(), _environment(_ONE_THREAD), _temporary_folder_for_sockets():
         forkserver.ensure_running()
     return context
 
@@ -36,6 +40,18 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _temporary_folder_for_sockets() -> Iterator[None]:
+    """A socket's path may not be long, but TMPDIR may."""
+    before = tempfile.gettempdir()
+    if len(os.fsencode(before)) > LONGEST_FOLDER:
+        tempfile.tempdir = SHORT_FOLDER
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
 
 
 @contextmanager

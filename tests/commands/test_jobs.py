@@ -141,3 +141,20 @@ def test_short_flight_is_read_by_one_process(monkeypatch: pytest.MonkeyPatch) ->
     assert jobs_for(MIN_SHARED_BYTES - 1, asked=3) == 3
     assert jobs_for(MIN_SHARED_BYTES, asked=None) == 8
     assert jobs_for(MIN_SHARED_BYTES, asked=1) == 1
+
+
+def test_a_long_path_of_temporary_files_keeps_nobody_from_working(tmp_path: Path) -> None:
+    """Processes talk over a socket, whose path may not be longer than some hundred bytes."""
+    folder = tmp_path / ("long" * 20) / ("longer" * 10)
+    folder.mkdir(parents=True)
+    done = subprocess.run(
+        [DECODE, str(A2), "-o", str(tmp_path / "out"), "--jobs", "2"],
+        env={**os.environ, "TMPDIR": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "thesis_a2.csv").exists()
+    assert list(folder.iterdir()) == []

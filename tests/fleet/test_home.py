@@ -86,8 +86,6 @@ def test_failures_stop_nobody(run: Run, few: Path, results: Results, tmp_path: P
 @pytest.fixture
 def running(few: Path, long_flight: Path, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A fleet in work: three short flights and a long one, its temporary files in a folder of their own."""
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        pytest.skip("its worker is not found beside other tests' processes; run pytest tests/fleet/test_home.py alone")
     shutil.copy(long_flight, few / "long.mcap")
     (tmp_path / "tmp").mkdir()
     command = [DECODE, "fleet", f"{few}/*.mcap", "-o", tmp_path / "out", "--jobs", "2"]
