@@ -147,7 +147,7 @@ FORMATS: dict[str, Format] = {
     "csv": Format(_csv),
     "mcap": Format(_mcap, takes_images=True),
     "layout": Format(_layout, suffix="layout.json"),
-    "html": Format(_html, needs=("plotly", "report")),
+    "html": Format(_html, needs=("jinja2", "report")),
     "parquet": Format(_parquet, needs=("pyarrow", "parquet")),
 }
 

@@ -11,6 +11,7 @@ from importlib.resources.abc import Traversable
 
 PAGE = files("decoder.report") / "page"
 SHARED = files("decoder.setup") / "page"
+PLOTLY = files("decoder.report") / "vendor" / "plotly-basic.min.js"
 STYLES = ("style.css", "parts.css", "print.css")
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([a-z]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:const|class|function|async) )", re.MULTILINE)
@@ -29,8 +30,8 @@ def script() -> str:
 
 
 def plotly() -> str:
-    """plotly.js, as the package `plotly` carries it."""
-    return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+    """plotly.js with its basic kinds of plots, as its makers publish it; `vendor/README.md` says from where."""
+    return PLOTLY.read_text(encoding="utf-8")
 
 
 def security_policy(scripts: Iterator[str]) -> str:

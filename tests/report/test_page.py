@@ -130,6 +130,20 @@ def test_single_flag_of_two_hours_is_seen(long_page: Page) -> None:
     expect(page.locator("#flags tbody tr")).to_have_count(2)
 
 
+def test_many_flags_are_thinned_but_their_extremes_stay(
+    make_report: MakeReport, write: Write, open_report: OpenReport
+) -> None:
+    """Zoomed out, marks that would lie over each other are left out, the highest and the lowest of a status never."""
+    marks = {("n1_pct", row): Status.EDGE for row in range(0, TWO_HOURS, 2)}
+    report = make_report(TWO_HOURS, marks, frames=None)
+    page = open_report(write(report))
+    rows, value = plotted(page, 0, "mark")["rows"], report.data.series[0].value.astype(np.float32)
+    shown = value[rows]
+
+    assert len(rows) < 1000
+    assert (shown.min(), shown.max()) == (value[::2].min(), value[::2].max())
+
+
 def test_zoom_is_linked_and_brings_every_frame(long_page: Page) -> None:
     """A drag over one plot zooms all; near enough every frame is a point."""
     page = long_page

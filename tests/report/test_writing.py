@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from decoder.commands.decoding import decoded_flight
 from decoder.flight_data import FlightData
 from decoder.panel_pictures import PanelPictures
 from decoder.reading import Status
-from decoder.report.bundle import script
+from decoder.report.bundle import PLOTLY, plotly, script
 from decoder.report.choosing import Room, planned, scattered_order
 from decoder.report.flags import Kind, find_flags
 from decoder.report.integrity import checked
@@ -88,7 +89,7 @@ def test_same_flight_same_bytes() -> None:
     assert contents[0] == contents[1]
     assert str(FIXTURES) not in text
     assert "decode thesis_a2.mcap --method normxcorr --format html" in text
-    assert "http://" not in text.split("plotly.js v")[0]
+    assert "http://" not in text.split("plotly.js (")[0]
 
 
 @given(st.integers(0, 300))
@@ -229,3 +230,16 @@ def test_script_is_in_one_piece() -> None:
 
     assert not re.search(r"^\s*(import|export) ", text, re.MULTILINE)
     assert text.count("class TimePlot") == 1
+
+
+def test_others_script_is_as_they_published_it() -> None:
+    """What is kept of plotly.js are the bytes whose hash and version stand beside it."""
+    folder = Path(str(PLOTLY)).parent
+    said = re.findall(
+        r"^\| `([^`]+)` \|.*\| ([0-9.]+) \|.*\| ([0-9a-f]{64}) \|$", (folder / "README.md").read_text(), re.MULTILINE
+    )
+
+    assert {name for name, _, _ in said} == {path.name for path in folder.iterdir()} - {"README.md"}
+    for name, _, digest in said:
+        assert sha256((folder / name).read_bytes()).hexdigest() == digest
+    assert f"plotly.js (basic - minified) v{said[0][1]}\n" in plotly()

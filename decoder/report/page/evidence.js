@@ -36,6 +36,7 @@ export function showEvidence(state) {
   }
 
   state.on("row", show);
+  show();
   byId("drawing").addEventListener("change", () => state.toggleDrawing());
   state.on("row", () => (byId("drawing").checked = state.drawing));
   byId("fold").addEventListener("click", () => fold(!byId("evidence").classList.contains("folded")));

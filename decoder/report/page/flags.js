@@ -9,11 +9,18 @@ export function useFlags(state) {
       byId("data").scrollIntoView({ block: "start" });
     });
   }
+  state.on("paper", showTable);
   for (const box of document.querySelectorAll("#kinds input")) {
     box.addEventListener("change", () => {
       for (const row of rows) if (row.dataset.kind === box.value) row.hidden = !box.checked;
     });
   }
+}
+
+// Two thousand rows take a fifth of a second to lay out.
+export function showTable() {
+  const table = byId("flags");
+  if (table) table.hidden = false;
 }
 
 // Looks at a span with as much again around it, and chooses the frame in its middle.

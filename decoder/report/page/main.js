@@ -3,7 +3,7 @@ import { byId } from "./dom.js";
 import { loadFlight } from "./columns.js";
 import { drawCharts } from "./charts.js";
 import { showEvidence } from "./evidence.js";
-import { useFlags } from "./flags.js";
+import { showTable, useFlags } from "./flags.js";
 import { useKeys } from "./keys.js";
 import { TimePlot } from "./plot.js";
 import { State } from "./state.js";
@@ -13,11 +13,11 @@ import { durationText, spreadText, utcText, valueText } from "./words.js";
 const flight = loadFlight();
 const state = new State(flight);
 
-for (const host of document.querySelectorAll("[data-plot]")) {
+const plots = [...document.querySelectorAll("[data-plot]")].map((host) => {
   const at = Number(host.dataset.at);
   const track = { needle: () => needleTrack(flight, at), error: () => errorTrack(flight, at), alignment: () => flight.alignment[at] };
-  new TimePlot(host, state, track[host.dataset.plot]);
-}
+  return new TimePlot(host, state, track[host.dataset.plot]);
+});
 
 function tellValues() {
   const { row } = state;
@@ -34,10 +34,8 @@ function tellView() {
 
 state.on("row", tellValues);
 state.on("view", tellView);
-showEvidence(state);
 useFlags(state);
 useKeys(state);
-drawCharts(state);
 tellView();
 
 // Another width or another scheme: the plots are drawn anew; on paper all of them, at once.
@@ -50,4 +48,17 @@ addEventListener("afterprint", () => state.tell("style"));
 
 const [first, last, , needle] = flight.flags[0] || [0, 0, "", -1];
 state.choose((first + last) >> 1, needle);
-requestAnimationFrame(() => requestAnimationFrame(() => (document.body.dataset.ready = "")));
+
+// The curves are drawn while the pictures below are still being read; what is out of sight waits until all that is in sight is there.
+const pictures = new Promise((done) => addEventListener("DOMContentLoaded", done)).then(() => showEvidence(state));
+Promise.all([pictures, ...plots.map((plot) => plot.seen)]).then(() =>
+  requestAnimationFrame(() => setTimeout(() => {
+    document.body.dataset.ready = "";
+    requestIdleCallback(showRest, { timeout: 1000 });
+  })),
+);
+
+function showRest() {
+  showTable();
+  drawCharts(state);
+}

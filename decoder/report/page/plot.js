@@ -5,6 +5,7 @@ import { palette } from "./palette.js";
 
 const SPARSE = 360; // so many rows in view are drawn as points
 const SHAPES = { read: "circle", edge: "diamond", hidden: "square", interpolated: "triangle-up", missing: "x" };
+const MARK_PX = 6; // how wide a mark is where rows are not drawn as points
 const STRIP_PX = 2.5; // a single frame in the band is at least so wide
 const CONFIG = { displayModeBar: false, doubleClick: false, responsive: false, showTips: false };
 
@@ -14,12 +15,14 @@ export class TimePlot {
     Object.assign(this, { host, state, makeTrack, track: null, waiting: false, drawn: false });
     state.on("view row style", () => this.draw());
     state.on("paper", () => this.drawNow()); // on paper all of them are in sight
+    this.seen = new Promise((tell) => (this.tellSeen = tell)); // until it is drawn, or known to be out of sight
     new IntersectionObserver(([entry]) => this.see(entry.isIntersecting), { rootMargin: "120px" }).observe(host);
   }
 
   see(visible) {
     this.visible = visible;
     if (visible && (this.late || !this.drawn)) this.draw();
+    else this.tellSeen();
   }
 
   // Once for each picture of the screen, and only what can be seen.
@@ -41,6 +44,7 @@ export class TimePlot {
     Plotly.react(this.host, this.traces(width, colours), this.layout(width, colours), CONFIG);
     if (this.drawn) return;
     this.drawn = true;
+    this.tellSeen();
     this.host.on("plotly_relayout", (change) => this.changed(change));
     this.host.on("plotly_doubleclick", () => this.state.lookAtAll());
     this.host.on("plotly_click", (event) => this.clicked(event));
@@ -77,6 +81,7 @@ export class TimePlot {
     const longest = this.state.usual * LONG_GAP || Infinity;
     const runs = buckets(times, ...view, columns);
     const sparse = runs.length <= SPARSE;
+    const places = sparse ? runs : buckets(times, ...view, columns / MARK_PX);
     const xs = (rows) => rows.map((row) => (row === null ? null : this.date(times[row])));
     const ys = (of, rows) => rows.map((row) => (row === null ? null : of[row]));
     const curve = (of, more) => {
@@ -93,10 +98,10 @@ export class TimePlot {
     if (status) {
       flight.statuses.forEach((name, code) => {
         if (name === "missing" || (name === "read" && !sparse)) return;
-        const rows = marked(values, status, code, runs);
+        const rows = marked(values, status, code, places);
         made.push({
           type: "scatter", mode: "markers", x: xs(rows), y: ys(values, rows), customdata: rows, meta: "mark", hoverinfo: "none",
-          marker: { symbol: SHAPES[name], size: name === "read" ? 5 : sparse ? 8 : 6, color: colours.status(name), line: { width: sparse ? 0.8 : 0.3, color: colours.ink } },
+          marker: { symbol: SHAPES[name], size: name === "read" ? 5 : sparse ? 8 : 6, color: colours.status(name), line: { width: sparse ? 0.8 : 0, color: colours.ink } },
         });
       });
       const rings = (this.track.rings || []).filter((row) => Number.isFinite(values[row]));
@@ -106,7 +111,7 @@ export class TimePlot {
       });
       made.push(...this.strip((STRIP_PX * (view[1] - view[0])) / columns, colours));
     }
-    return made;
+    return made.filter((trace) => trace.x.length);
   }
 
   // The status of every frame; what is rarer and graver lies on top.
