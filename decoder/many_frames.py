@@ -16,9 +16,10 @@ from decoder.pictures import GreyPicture
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_reader import Plain, QuickReader
 from decoder.quick_search import QuickNeedle
-from decoder.reading import Reading, Status
+from decoder.reading import Reading
 from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.searching import Search, Sought
+from decoder.touching_pairs import STATUSES
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
 
@@ -167,9 +168,15 @@ class ManyFrames:
         is_round = np.array([gauge.gauge.is_round for gauge in self._of_needle])
         angles_deg = starts_deg + plain.row * steps_deg
         angles_deg = np.where(is_round, firsts_deg + (angles_deg - firsts_deg) % FULL_CIRCLE_DEG, angles_deg)
-        columns = (angles_deg.tolist(), (plain.sigma_rows * steps_deg).tolist(), plain.score.tolist())
+        columns = (
+            plain.status.tolist(),
+            angles_deg.tolist(),
+            (plain.sigma_rows * steps_deg).tolist(),
+            plain.score.tolist(),
+        )
         return [
-            [Reading(Status.READ, *values) for values in zip(*own, strict=True)] for own in zip(*columns, strict=True)
+            [Reading(STATUSES[status], *values) for status, *values in zip(*own, strict=True)]
+            for own in zip(*columns, strict=True)
         ]
 
     def _read(self, index: int, frame: GaugesOfFrame, scores: Mapping[str, Floats] | None) -> Mapping[str, Reading]:

@@ -6,7 +6,7 @@ not depend on those beside it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -29,6 +29,9 @@ from decoder.fitting import (
 from decoder.needle_template import NeedleTemplate
 from decoder.over_face import FACE_NOISE_LEVELS
 
+Behind = Callable[[Indices, Floats], Floats]
+"""Gives what lies behind some needles, (M', H * C): those of these numbers, (M',), with this transparency there."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fits:
@@ -37,8 +40,14 @@ class Fits:
     fraction: Floats
     sigma_rows: Floats
     score: Floats
+    noise: Floats
+    gain: Floats
+    correlation: Floats
+    offset: Floats
+    shift: Floats
+    phase: Indices
 
-    def where(self, chosen: Mask, others: Fits) -> Fits:
+    def replaced(self, chosen: Mask | Indices, others: Fits) -> Fits:
         """These fits with `others`, as many as are chosen, in the chosen ones' places."""
         columns = [getattr(self, field.name).copy() for field in fields(self)]
         for column, field in zip(columns, fields(self), strict=True):
@@ -60,8 +69,17 @@ class QuickFitter:
         )
         self._trust = np.stack([template.trust.ravel() for template in templates])
 
-    def fit(self, needles: Indices, windows: Floats, faces: Floats, guess_rows: Floats) -> Fits:
-        """Each needle in a window, over the face there.
+    def fit(
+        self,
+        needles: Indices,
+        windows: Floats,
+        faces: Floats,
+        guess_rows: Floats,
+        *,
+        masks: Floats | None = None,
+        behind: Behind | None = None,
+    ) -> Fits:
+        """Each needle in a window, over what lies behind it there.
 
         Parameters
         ----------
@@ -69,41 +87,80 @@ class QuickFitter:
         windows, faces : (M, H * C) float32
         guess_rows : (M,)
             How far below the window's middle the needle is expected, at most half a row.
+        masks : (M, H * C) float32
+            0 where pixels are left out.
+        behind
+            What lies behind the needles, if that is not the face alone.
         """
+        every = np.arange(len(windows))
+
+        def step(chosen: Indices, phase: Indices) -> Fits:
+            trust = self._trust[needles[chosen]]
+            weights = trust if masks is None else trust * masks[chosen]
+            transparency = self._transparency[needles[chosen], phase + self._reach]
+            back = faces[chosen] if behind is None else behind(chosen, transparency[:, 0])
+            light = self._light[needles[chosen], phase + self._reach]
+            moments = _moments(light, transparency, back, windows[chosen], weights)
+            return solved(moments, phase, self._pixels_per_sample[needles[chosen]])
+
         guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
-        first = self._step(needles, guess, windows, faces)
+        first = step(every, guess)
         near = np.abs(first.fraction) <= MAX_FRACTION_ROWS  # not where it is NaN
         nearest = np.rint(np.where(near, first.fraction, 0.0) * PHASES_PER_ROW).astype(np.intp)
-        again = near & (nearest != guess)
-        if not again.any():
-            return first
-        return first.where(again, self._step(needles[again], nearest[again], windows[again], faces[again]))
+        again = np.flatnonzero(near & (nearest != guess))
+        return first.replaced(again, step(again, nearest[again])) if again.size else first
 
-    def _step(self, needles: Indices, phase: Indices, windows: Floats, faces: Floats) -> Fits:
-        rows = np.empty((len(windows), 5, windows.shape[1]), np.float32)
-        layers = rows[:, :ONE]
-        np.multiply(self._transparency[needles, phase + self._reach], faces[:, None], out=layers)
-        layers += self._light[needles, phase + self._reach]
-        rows[:, ONE] = 1.0
-        np.subtract(windows, np.float32(MIDDLE_GREY), out=rows[:, SEEN])
-        rows[:, FACE] = faces
-        weighted = rows * self._trust[needles][:, None]
-        moments = (weighted @ rows.transpose(0, 2, 1)).astype(np.float64)
-        return self._solved(moments.transpose(1, 2, 0), phase / PHASES_PER_ROW, self._pixels_per_sample[needles])
+    def unexplained(self, fits: Fits, windows: Floats, backs: Floats) -> Floats:
+        """(M, H * C): what fits of the first needle leave of each pixel, over what they were made over."""
+        phase = fits.phase + self._reach
+        layers = self._transparency[0, phase] * backs[:, None] + self._light[0, phase]
+        gain, offset, shift = (each.astype(np.float32)[:, None] for each in (fits.gain, fits.offset, fits.shift))
+        left: Floats = windows - (np.float32(MIDDLE_GREY) + offset) - gain * layers[:, 0] - shift * layers[:, 1]
+        return left
 
-    @staticmethod
-    def _solved(moments: Floats, shift_rows: Floats, pixels_per_sample: Floats) -> Fits:
-        total, seen = moments[ONE, ONE], moments[SEEN]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            (gain, offset, shift), shift_variance = _solution(moments)
-            fits = (gain >= MIN_GAIN) & (total > 0)
-            noise = (seen[SEEN] - gain * seen[NEEDLE] - offset * seen[ONE] - shift * seen[SLOPE]) / total
-            variance = np.maximum(noise, 0.0) * np.maximum(shift_variance, 0.0) / pixels_per_sample
-            return Fits(
-                np.where(fits, shift_rows + shift / gain, np.nan),
-                np.where(fits, np.sqrt(variance) / gain, np.inf),
-                np.where(fits, _partial_correlation(moments), 0.0),
-            )
+    def transparency_at(self, fits: Fits) -> Floats:
+        """(M, H * C): of the first needle where the fits have it."""
+        transparency: Floats = self._transparency[0, fits.phase + self._reach, 0]
+        return transparency
+
+
+def _moments(light: Floats, transparency: Floats, back: Floats, windows: Floats, weights: Floats) -> Floats:
+    """(5, 5, M) float64: as in `fitting`."""
+    rows = np.empty((len(windows), 5, windows.shape[1]), np.float32)
+    layers = rows[:, :ONE]
+    np.multiply(transparency, back[:, None], out=layers)
+    layers += light
+    rows[:, ONE] = 1.0
+    np.subtract(windows, np.float32(MIDDLE_GREY), out=rows[:, SEEN])
+    rows[:, FACE] = back
+    weighted = rows * weights[:, None]
+    moments: Floats = (weighted @ rows.transpose(0, 2, 1)).astype(np.float64).transpose(1, 2, 0)
+    return moments
+
+
+def solved(moments: Floats, phase: Indices, pixels_per_sample: Floats | float) -> Fits:
+    """Gain, offset and shift by moments, (5, 5, M) or at least their first four rows and columns."""
+    total, seen = moments[ONE, ONE], moments[SEEN]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        (gain, offset, shift), shift_variance = _solution(moments)
+        fits = (gain >= MIN_GAIN) & (total > 0)
+        left = (seen[SEEN] - gain * seen[NEEDLE] - offset * seen[ONE] - shift * seen[SLOPE]) / total
+        noise = np.maximum(left, 0.0)
+        variance = (seen[SEEN] - seen[ONE] ** 2 / total) / total
+        explained = np.where(variance > 0, 1.0 - noise / variance, 0.0)
+        shift_sigma = np.sqrt(noise * np.maximum(shift_variance, 0.0) / pixels_per_sample)
+        score = _partial_correlation(moments) if len(moments) > FACE else np.full_like(total, np.nan)
+        return Fits(
+            fraction=np.where(fits, phase / PHASES_PER_ROW + shift / gain, np.nan),
+            sigma_rows=np.where(fits, shift_sigma / gain, np.inf),
+            score=np.where(fits, score, 0.0),
+            noise=np.where(fits, noise, np.inf),
+            gain=np.where(fits, gain, 0.0),
+            correlation=np.where(fits, np.sqrt(np.maximum(explained, 0.0)), 0.0),
+            offset=offset,
+            shift=shift,
+            phase=phase,
+        )
 
 
 def _solution(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:

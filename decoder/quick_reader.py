@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats, Mask
+from decoder.arrays import Floats, Indices, Mask
 from decoder.fitting import MAX_FRACTION_ROWS
 from decoder.gauge_reader import SCORE_THRESHOLD
 from decoder.matching import MAX_PEAK_ROWS
-from decoder.quick_fit import Fits
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_search import Peaks, QuickNeedle, QuickSearch, pairs_of
-from decoder.quick_windows import Windows
+from decoder.quick_windows import WindowFits, Windows
 from decoder.rivals import MIN_RIVAL
+from decoder.touching_pairs import READ, Needle, TouchingPair
 
 # How far a covering needle may lie from where the search had it: the search for the one below allows for that.
 MAX_OFF_ROWS = 1.0
@@ -33,14 +33,17 @@ class Plain:
 
     Attributes
     ----------
+    status
+        (F, K): index into `touching_pairs.STATUSES`.
     row, sigma_rows, score
         (F, K), as of a `matching.Match`, where it is settled.
     settled
-        (F, K): whether the needle is there, and shows whole, beyond doubt.
+        (F, K): whether that is beyond doubt.
     coarse
         For each needle the scores of the search, (F, N).
     """
 
+    status: Indices
     row: Floats
     sigma_rows: Floats
     score: Floats
@@ -58,6 +61,7 @@ class QuickReader:
         self.search = QuickSearch(needles, self.grids)
         self._windows = Windows(needles, self.grids)
         self._pairs = pairs_of(needles)
+        self._touching = [TouchingPair(needles[upper], needles[lower]) for upper, lower in self._pairs]
         self._plain = np.array([needle.is_plain for needle in needles])
         paired = {index for pair in self._pairs for index in pair}
         self._needed = np.array(
@@ -75,9 +79,37 @@ class QuickReader:
         peaks = self.search.peaks(coarse)
         fits = self._windows.fits(frames, peaks)
         row = peaks.row + fits.fraction
-        return Plain(row, fits.sigma_rows, fits.score, self._settled(peaks, row, fits), coarse)
+        alone = self._alone(peaks, row, fits)
+        settled = self._apart(peaks, row, alone)
+        plain = Plain(np.full(row.shape, READ), row, fits.sigma_rows, fits.score, settled, coarse)
+        for pair in range(len(self._pairs)):
+            self._read_touching(frames, pair, peaks, alone, plain)
+        return plain
 
-    def _settled(self, peaks: Peaks, row: Floats, fits: Fits) -> Mask:
+    def _read_touching(self, frames: Sequence[Pixels], pair: int, peaks: Peaks, alone: Mask, plain: Plain) -> None:
+        """Fills in what is found of two needles in those frames in which the upper one stands, the lower near it."""
+        (upper, lower), touching = self._pairs[pair], self._touching[pair]
+        where = np.flatnonzero(alone[:, upper] & ~plain.settled[:, lower])
+        is_beside = touching.is_beside(
+            peaks.rows[lower], peaks.scores[where, lower], self.search.allowed(lower), plain.row[where, upper]
+        )
+        where = where[is_beside]
+        if not where.size:
+            return
+        columns = (plain.status, plain.row, plain.sigma_rows, plain.score)
+        above = Needle(*(column[where, upper] for column in columns))
+        needle = self.needles[upper]
+        rows = touching.strip_rows(above.row)
+        first = self.grids.first[needle.gauge_index]
+        index = first + rows[:, :, None] * needle.grid.columns + np.arange(needle.grid.columns)
+        pixels = np.stack([frames[number].at(own.ravel()) for number, own in zip(where.tolist(), index, strict=True)])
+        *found, is_settled = touching.read(pixels.reshape(index.shape).astype(np.float32), above)
+        for name, own in zip((upper, lower), found, strict=True):
+            for column, values in zip(columns, (own.status, own.row, own.sigma_rows, own.score), strict=True):
+                column[where, name] = values
+            plain.settled[where, name] = is_settled
+
+    def _alone(self, peaks: Peaks, row: Floats, fits: WindowFits) -> Mask:
         """(F, K): the least squares agree with the search, the needle matches well, and nowhere else nearly as well."""
         settled = self._plain & peaks.clear & (fits.score >= self._needed)
         settled &= (np.abs(fits.fraction) <= MAX_FRACTION_ROWS) & (np.abs(row - peaks.top_row) <= MAX_PEAK_ROWS)
@@ -86,6 +118,11 @@ class QuickReader:
         # Between two searched rows scores lie on the line: what lies beyond the reach is bounded by one just within.
         elsewhere = peaks.open & (apart > self._reach_rows[:, None] - 2.5)
         settled &= peaks.scores.max(axis=2, where=elsewhere, initial=0.0) < MIN_RIVAL
+        return settled
+
+    def _apart(self, peaks: Peaks, row: Floats, alone: Mask) -> Mask:
+        """(F, K): those of a pair only together, and so far apart that neither changes what is seen of the other."""
+        settled = alone.copy()
         for cover, lower in self._pairs:
             far = self.needles[cover].axis + self.needles[lower].axis
             both = settled[:, cover] & settled[:, lower] & (np.abs(row[:, cover] - row[:, lower]) > far)

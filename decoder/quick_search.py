@@ -130,6 +130,11 @@ class QuickSearch:
             self._allowed[index, inner] = own[rows[inner]] & (rows[inner] <= place.last_row)
             self._open[index, : place.count] = beside[np.minimum(rows, place.size - 1)]
 
+    def allowed(self, needle: int) -> Mask:
+        """(N,): the searched rows on which a needle's axis may lie."""
+        allowed: Mask = self._allowed[needle]
+        return allowed
+
     def scores(self, frames: Sequence[Pixels]) -> list[Floats]:
         """For each needle (F, N) float32: as `searching.Search.coarse`, in F frames."""
         samples = np.stack([frame.searched for frame in frames])

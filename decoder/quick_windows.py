@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from decoder.arrays import Indices
-from decoder.quick_fit import Fits, QuickFitter
+from decoder.arrays import Floats, Indices
+from decoder.quick_fit import QuickFitter
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_search import Peaks, QuickNeedle
+
+
+@dataclass(frozen=True, slots=True)
+class WindowFits:
+    """Of K needles in F frames, (F, K) each: as in `quick_fit.Fits`."""
+
+    fraction: Floats
+    sigma_rows: Floats
+    score: Floats
 
 
 class Windows:
@@ -41,7 +51,7 @@ class Windows:
         parts = np.cumsum([0, *(len(group) * size for group, size in zip(self._groups, sizes, strict=True))])
         self._parts = [slice(first, end) for first, end in pairwise(parts.tolist())]
 
-    def fits(self, frames: Sequence[Pixels], peaks: Peaks) -> Fits:
+    def fits(self, frames: Sequence[Pixels], peaks: Peaks) -> WindowFits:
         """The least squares of K needles in F frames, (F, K) each, in windows around the peaks' rows."""
         row = np.clip(peaks.row, self._axis, self._last_row)
         first = self._first + (row - self._axis) * self._columns
@@ -60,4 +70,4 @@ class Windows:
             )
             for number, values in enumerate((fits.fraction, fits.sigma_rows, fits.score)):
                 found[number][:, group] = values.reshape(len(frames), len(group))
-        return Fits(*found)
+        return WindowFits(*found)

@@ -1,0 +1,276 @@
+"""Two needles that nearly coincide, read together in many frames at once: as `covered_pair` has it.
+
+Every place is tried at which the lower needle touches the upper one. The two of them at one distance are a needle
+like any other: a light and a transparency over the face; so the upper one's least squares over each place of the lower
+take one product with what is seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.arrays import Floats, Indices, Mask
+from decoder.covered_pair import (
+    COARSE_ROWS,
+    DIP,
+    HIDDEN_ROWS,
+    MIN_PAIR_CORRELATION,
+    MIN_SHOWN_PIXELS,
+    MIRROR_BETTER,
+    MUCH_BETTER,
+    SHOWN_PART,
+)
+from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, SEEN, SLOPE, phases_of
+from decoder.lower_layer import LowerLayer
+from decoder.matching import MAX_STEPS
+from decoder.needle_template import NeedleTemplate
+from decoder.quick_fit import Fits, QuickFitter, solved
+from decoder.uncovered_search import Strips
+
+
+@dataclass(frozen=True, slots=True)
+class Over:
+    """An upper needle settled over a lower one in M frames; all (M,) or (M, H * C).
+
+    `row` is NaN where it was lost; `window` is the row that its fit was made around.
+    """
+
+    row: Floats
+    window: Indices
+    fits: Fits
+    seen: Floats
+    face: Floats
+    back: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """M pairs, (M,) each: as `covered_pair.Pair`; not `is_settled` where the search came to nothing."""
+
+    upper_row: Floats
+    upper_sigma_rows: Floats
+    upper_score: Floats
+    lower_row: Floats
+    lower_sigma_rows: Floats
+    lower_score: Floats
+    correlation: Floats
+    is_settled: Mask
+
+
+class PairFitter:
+    """Fits two needles of one gauge together; `reach_rows` is how far apart their axes are tried."""
+
+    def __init__(self, upper: NeedleTemplate, lower: NeedleTemplate, reach_rows: int, pixels_per_sample: float) -> None:
+        self._upper, self._lower = upper, lower
+        self._axis = (upper.rows - 1) // 2
+        self._pixels_per_sample = pixels_per_sample
+        self._independent_pixels = float(upper.trust.sum()) * pixels_per_sample
+        self._fitter = QuickFitter([upper], [pixels_per_sample])
+        self._own = phases_of(upper)[0]
+        self._apart = np.arange(-reach_rows, reach_rows + 1)
+        self._light, self._part = self._layers(self._axis + self._apart)
+        trust = upper.trust.ravel()
+        self._seen_kernel = self._kernel(self._light * trust, trust)
+        self._face_kernel = self._kernel(self._part * trust, None)
+        self._known: dict[int, Floats] = {}
+
+    def over(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Over:
+        """The upper needle near a row, settled over the lower one on another, (M,) each: as `Matcher.again`."""
+        face_rows = len(strips.face)
+        rows = np.rint(upper_rows).astype(np.intp)
+        lost = ~((rows >= self._axis) & (rows < face_rows - self._axis))
+        rows = np.clip(rows, self._axis, face_rows - self._axis - 1)
+        found = self._fit_over(strips, rows, lower_rows)
+        for _ in range(1, MAX_STEPS):
+            fraction = found.fits.fraction
+            lost |= ~(np.abs(fraction) <= self._axis)
+            further = np.flatnonzero(~lost & (np.abs(fraction) > MAX_FRACTION_ROWS))
+            if not further.size:
+                break
+            moved = rows[further] + np.rint(fraction[further]).astype(np.intp)
+            stays = (moved >= self._axis) & (moved < face_rows - self._axis)
+            further = further[stays]
+            if not further.size:
+                break
+            rows[further] = moved[stays]
+            again = self._fit_over(strips.part(further), rows[further], lower_rows[further])
+            found = _replaced(found, further, again)
+        row = np.where(lost | ~(np.abs(found.fits.fraction) <= self._axis), np.nan, found.row)
+        return Over(row, found.window, found.fits, found.seen, found.face, found.back)
+
+    def fit(self, strips: Strips, upper_rows: Floats) -> Pairs:
+        """The best pairs near the rows, (M,), where the upper needles were found."""
+        every, middle = np.arange(len(upper_rows)), np.rint(upper_rows).astype(np.intp)
+        noise, rows = self._noises(strips, middle)
+        noise = _where_looked(noise)
+        best = noise.argmin(axis=1)
+        least = noise[every, best]
+        inner = np.clip(best, 1, noise.shape[1] - 2)
+        before, here, after = (noise[every, inner + step] for step in (-1, 0, 1))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bend = before - 2 * here + after
+            is_dip = (inner == best) & np.isfinite(bend) & (bend > 0)
+            off = np.where(is_dip, 0.5 * (before - after) / bend, 0.0)
+            spread = np.sqrt(2 * least / np.maximum(bend * self._independent_pixels, 1e-9))
+        place = middle + self._apart[best] + off
+        over = self.over(strips, upper_rows, place)
+        side = np.sign(place - over.row)
+        with np.errstate(invalid="ignore"):
+            apart = (middle[:, None] + self._apart - over.row[:, None]) * side[:, None]
+            is_better = least <= _noise_to_beat(noise, apart)
+            doubts = np.where(noise * MIRROR_BETTER <= least[:, None], np.abs(rows - over.row[:, None]), 0.0)
+        doubt_rows = np.nan_to_num(doubts).max(axis=1)
+        return Pairs(
+            upper_row=over.row,
+            upper_sigma_rows=np.hypot(over.fits.sigma_rows, doubt_rows),
+            upper_score=over.fits.score,
+            lower_row=place,
+            lower_sigma_rows=np.where((inner == best) & np.isfinite(bend), spread, 1.0),
+            lower_score=np.where(is_better, self._lower_score(over, place), 0.0),
+            correlation=over.fits.correlation,
+            is_settled=np.isfinite(least) & np.isfinite(over.row),
+        )
+
+    def _fit_over(self, strips: Strips, rows: Indices, lower_rows: Floats) -> Over:
+        seen, face = strips.windows(rows, self._axis)
+        layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows - rows + self._axis)
+        back = np.empty_like(seen)
+
+        def behind(chosen: Indices, transparency: Floats) -> Floats:
+            light, part = layer.chosen(chosen).behind(transparency.reshape(-1, *self._upper.pixels.shape))
+            back[chosen] = light.reshape(len(chosen), -1) + part.reshape(len(chosen), -1) * face[chosen]
+            return back[chosen]
+
+        none = np.zeros(len(rows), np.intp)
+        fits = self._fitter.fit(none, seen, face, np.zeros(len(rows)), behind=behind)
+        return Over(rows + fits.fraction, rows, fits, seen, face, back)
+
+    def _layers(self, lower_rows: Indices) -> tuple[Floats, Floats]:
+        """Both needles as one, the lower's axis on rows (K,) of the window: light and transparency, (K, 2, H * C) each.
+
+        The second of the two is how the upper's own layer changes when it moves on.
+        """
+        layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows.astype(np.float64))
+        light, part = layer.behind(self._own.transparency[0])
+        own_light, own_part = self._own.light, self._own.transparency
+        both = (own_light + own_part * light[:, None]), own_part * part[:, None]
+        one, other = (each.reshape(len(lower_rows), 2, -1).astype(np.float32) for each in both)
+        return one, other
+
+    @staticmethod
+    def _kernel(layers: Floats, more: Floats | None) -> Floats:
+        """(H * C, 2 K), and one column more."""
+        rows = layers.reshape(-1, layers.shape[-1])
+        return np.ascontiguousarray((rows if more is None else np.vstack([rows, more])).T.astype(np.float32))
+
+    def _noises(self, strips: Strips, middle: Indices) -> tuple[Floats, Floats]:
+        """What each place of the lower needle leaves unexplained, and where the upper one then is; (M, K) each."""
+        seen, face = strips.windows(middle, self._axis)
+        seen = seen - np.float32(MIDDLE_GREY)
+        count = len(self._apart)
+        with_light = (seen[:, None] @ self._seen_kernel)[:, 0].astype(np.float64)
+        with_part = ((seen * face)[:, None] @ self._face_kernel)[:, 0].astype(np.float64)
+        both = with_light[:, :-1] + with_part
+        moments = np.empty((4, 4, len(middle), count))
+        unseen = [self._unseen(row, own) for row, own in zip(middle.tolist(), face, strict=True)]
+        moments[: ONE + 1, : ONE + 1] = np.stack(unseen, axis=2)
+        by_place = both.reshape(-1, count, 2)
+        energy = ((seen * self._upper.trust.ravel())[:, None] @ seen[:, :, None])[:, 0].astype(np.float64)
+        for layer, values in ((NEEDLE, by_place[..., 0]), (SLOPE, by_place[..., 1]), (ONE, with_light[:, -1:])):
+            moments[layer, SEEN] = moments[SEEN, layer] = values
+        moments[SEEN, SEEN] = energy
+        fits = solved(moments, np.zeros((len(middle), count), np.intp), self._pixels_per_sample)
+        noise, rows = fits.noise, middle[:, None] + fits.fraction
+        is_off = ~(np.abs(fits.fraction) <= self._axis)
+        further = (np.abs(fits.fraction) > MAX_FRACTION_ROWS) & ~is_off
+        noise[is_off], rows[is_off] = np.inf, np.nan
+        if further.any():
+            self._moved_on(strips, middle, noise, rows, np.argwhere(further))
+        return noise, rows
+
+    def _moved_on(self, strips: Strips, middle: Indices, noise: Floats, rows: Floats, open_: Indices) -> None:
+        """Those places at which the upper needle lies further away, again from there; fills in noise and rows."""
+        axis, face_rows = self._axis, len(strips.face)
+        at = np.rint(rows[open_[:, 0], open_[:, 1]]).astype(np.intp)
+        for _ in range(1, MAX_STEPS):
+            frame, place = open_[:, 0], open_[:, 1]
+            noise[frame, place], rows[frame, place] = np.inf, np.nan
+            inside = (at >= axis) & (at < face_rows - axis)
+            open_, at = open_[inside], at[inside]
+            if not open_.size:
+                return
+            frame, place = open_[:, 0], open_[:, 1]
+            seen, face = strips.part(frame).windows(at, axis)
+            light, part = self._layers(middle[frame] + self._apart[place] - at + axis)
+            layers = np.empty((len(at), 4, seen.shape[1]), np.float32)
+            np.multiply(part, face[:, None], out=layers[:, :ONE])
+            layers[:, :ONE] += light
+            layers[:, ONE] = 1.0
+            np.subtract(seen, np.float32(MIDDLE_GREY), out=layers[:, SEEN])
+            moments = ((layers * self._upper.trust.ravel()) @ layers.transpose(0, 2, 1)).astype(np.float64)
+            fits = solved(moments.transpose(1, 2, 0), np.zeros(len(at), np.intp), self._pixels_per_sample)
+            done = ~((np.abs(fits.fraction) > MAX_FRACTION_ROWS) & (np.abs(fits.fraction) <= axis))
+            noise[frame[done], place[done]] = fits.noise[done]
+            rows[frame[done], place[done]] = at[done] + fits.fraction[done]
+            at = at[~done] + np.rint(fits.fraction[~done]).astype(np.intp)
+            open_ = open_[~done]
+
+    def _unseen(self, row: int, face: Floats) -> Floats:
+        """(3, 3, K): the moments of needles and 1 with each other on one row of the gauge: no frame changes them."""
+        if row not in self._known:
+            layers = np.empty((len(self._apart), 3, face.size), np.float32)
+            np.multiply(self._part, face, out=layers[:, :ONE])
+            layers[:, :ONE] += self._light
+            layers[:, ONE] = 1.0
+            moments = (layers * self._upper.trust.ravel()) @ layers.transpose(0, 2, 1)
+            self._known[row] = moments.astype(np.float64).transpose(1, 2, 0)
+        return self._known[row]
+
+    def _lower_score(self, over: Over, lower_rows: Floats) -> Floats:
+        """How well what shows of the lower needle explains what upper needle and face leave there: a correlation."""
+        layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows - over.window + self._axis)
+        shown = layer.shown(self._upper.transparency)
+        light = (layer.colour * shown).reshape(len(lower_rows), -1)
+        shown = shown.reshape(len(lower_rows), -1)
+        where = shown > SHOWN_PART
+        pixels = np.where(where, shown, 0.0).sum(axis=1) * self._pixels_per_sample
+        added = over.fits.gain.astype(np.float32)[:, None] * (light - over.face * shown)
+        left = self._fitter.unexplained(over.fits, over.seen, over.back)
+        beside = (np.where(where, left, 0.0) ** 2).sum(axis=1)
+        without = (np.where(where, left + added, 0.0) ** 2).sum(axis=1)
+        score = np.sqrt(np.maximum(1.0 - beside / np.maximum(without, 1e-9), 0.0))
+        enough = (over.fits.correlation >= MIN_PAIR_CORRELATION) & (pixels >= MIN_SHOWN_PIXELS)
+        found: Floats = np.where(enough, score, 0.0)
+        return found
+
+
+def _replaced(over: Over, chosen: Indices, others: Over) -> Over:
+    """`over` with `others` in the chosen frames' places."""
+    values = {}
+    for name in ("row", "window", "seen", "face", "back"):
+        values[name] = getattr(over, name).copy()
+        values[name][chosen] = getattr(others, name)
+    return Over(fits=over.fits.replaced(chosen, others.fits), **values)
+
+
+def _where_looked(noise: Floats) -> Floats:
+    """(M, K): infinite but on every third place, and around the best of those: rivals are what lies apart."""
+    places = np.arange(noise.shape[1])
+    looked = np.broadcast_to(places % COARSE_ROWS == len(places) // 2 % COARSE_ROWS, noise.shape)
+    while True:
+        seen = np.where(looked, noise, np.inf)
+        nearer = looked | (np.abs(places - seen.argmin(axis=1)[:, None]) < COARSE_ROWS)
+        if (nearer == looked).all():
+            return seen
+        looked = nearer
+
+
+def _noise_to_beat(noise: Floats, apart: Floats) -> Floats:
+    """(M,): as in `covered_pair`; noise and apart are (M, K)."""
+    hidden = noise.min(axis=1, where=np.abs(apart) <= HIDDEN_ROWS, initial=np.inf)
+    mirrored = noise.min(axis=1, where=apart < -HIDDEN_ROWS, initial=np.inf)
+    part = np.where(mirrored < DIP * hidden, MIRROR_BETTER, MUCH_BETTER)
+    to_beat: Floats = np.minimum(MUCH_BETTER * hidden, part * mirrored)
+    return to_beat

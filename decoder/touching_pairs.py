@@ -1,0 +1,187 @@
+"""Pairs of needles that touch, cover or hide each other, in many frames at once: the cascade of the gauge reader.
+
+What is less than clear here, too, is left to the gauge reader: a reflection, a glare, needles that are lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.arrays import Floats, Indices, Mask
+from decoder.covered_pair import hidden_reach_rows, pair_reach_rows
+from decoder.gauge_grid import rows_in_sweep
+from decoder.gauge_reader import (
+    HOPELESS_SCORE,
+    MIN_HIDDEN_CORRELATION,
+    MIN_TOUCHING_CORRELATION,
+    SCORE_THRESHOLD,
+    SLIVER_THRESHOLD,
+)
+from decoder.matching import Matcher
+from decoder.occlusion import WHOLE_VISIBLE
+from decoder.pair_fit import PairFitter
+from decoder.quick_search import QuickNeedle
+from decoder.reading import Status
+from decoder.uncovered_search import Strips, Uncovered, UncoveredSearch
+
+STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN, Status.MISSING)
+READ, EDGE, HIDDEN, MISSING = range(4)
+# So many rows more than the windows need: where a fit starts is not quite where it ends.
+SPARE_ROWS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Needle:
+    """One needle in M frames, (M,) each: `status` an index into `STATUSES`, the rest as of a `matching.Match`."""
+
+    status: Indices
+    row: Floats
+    sigma_rows: Floats
+    score: Floats
+
+    def part(self, which: Indices) -> Needle:
+        """In some of the frames."""
+        return Needle(self.status[which], self.row[which], self.sigma_rows[which], self.score[which])
+
+    def put(self, which: Indices, other: Needle) -> None:
+        """What was found in some of the frames."""
+        for name in ("status", "row", "sigma_rows", "score"):
+            getattr(self, name)[which] = getattr(other, name)
+
+
+class TouchingPair:
+    """Reads the two needles of one gauge where the upper one was found, and the lower is near it.
+
+    The gauge is neither read all the way round nor with tails.
+    """
+
+    def __init__(self, upper: QuickNeedle, lower: QuickNeedle) -> None:
+        one, other = (Matcher(needle.template, needle.grid.pixels_per_sample, needle.face) for needle in (upper, lower))
+        self._face = upper.face
+        self._both_axes = one.axis + other.axis
+        self._pair_reach = pair_reach_rows(one, other)
+        self._hidden_sigma_rows = hidden_reach_rows(one, other) / math.sqrt(3.0)
+        pixels_per_sample = upper.grid.pixels_per_sample
+        allowed = rows_in_sweep(lower.gauge, lower.grid)
+        self._search = UncoveredSearch(upper.template, lower.template, upper.face, allowed, pixels_per_sample)
+        self._fitter = PairFitter(upper.template, lower.template, self._pair_reach, pixels_per_sample)
+        self._half_strip = self._search.reach_rows + other.axis + SPARE_ROWS
+
+    def strip_rows(self, above_rows: Floats) -> Indices:
+        """(M, S): the gauge's rows that are looked at around the upper needle's, (M,); end rows for those beyond."""
+        middle = np.rint(above_rows).astype(np.intp)
+        rows = middle[:, None] + np.arange(-self._half_strip, self._half_strip + 1)
+        inside: Indices = np.clip(rows, 0, len(self._face) - 1)
+        return inside
+
+    def is_beside(self, rows: Indices, scores: Floats, allowed: Mask, above_rows: Floats) -> Mask:
+        """(M,): where the lower needle matches nowhere further away.
+
+        Parameters
+        ----------
+        rows, allowed
+            (N,): the gauge's rows that were searched, and whether the needle may be there.
+        scores
+            (M, N): what was found on them.
+        """
+        far = np.abs(rows - above_rows[:, None]) > self._both_axes + 1
+        peaks = far & allowed
+        peaks[:, 1:-1] &= (scores[:, 1:-1] >= scores[:, :-2]) & (scores[:, 1:-1] >= scores[:, 2:])
+        beside: Mask = scores.max(axis=1, where=peaks, initial=0.0) < HOPELESS_SCORE
+        return beside
+
+    def read(self, pixels: Floats, above: Needle) -> tuple[Needle, Needle, Mask]:
+        """Upper and lower needle, and where that is beyond doubt.
+
+        Parameters
+        ----------
+        pixels
+            (M, S, C) float32: the gauge on `strip_rows`.
+        above
+            The upper needle as it is found alone.
+        """
+        first = np.rint(above.row).astype(np.intp) - self._half_strip
+        strips = Strips(pixels, first, self._face)
+        found = self._search.find(strips, above.row)
+        below = self._below(found, above)
+        is_settled = found.is_settled.copy()
+        apart_rows = np.abs(below.row - above.row)
+        upper, lower = above.part(np.arange(len(first))), below.part(np.arange(len(first)))
+        together = (below.status == HIDDEN) | (apart_rows <= self._pair_reach)
+        touching = ~together & ~((below.status == READ) & (apart_rows > self._both_axes))
+        for chosen, read in ((together, self._coinciding), (touching, self._touching)):
+            where = np.flatnonzero(chosen & is_settled)
+            if where.size:
+                one, other, settled = read(strips.part(where), above.part(where), below.part(where))
+                upper.put(where, one)
+                lower.put(where, other)
+                is_settled[where] = settled
+        return upper, lower, is_settled
+
+    def _below(self, found: Uncovered, above: Needle) -> Needle:
+        """The lower needle as what shows of it tells; hidden if that is too little."""
+        hidden = ~(found.score >= SCORE_THRESHOLD)
+        status = np.where(hidden, HIDDEN, np.where(found.visible >= WHOLE_VISIBLE, READ, EDGE))
+        concealed = self._hidden(above)
+        return Needle(
+            status,
+            np.where(hidden, concealed.row, found.row),
+            np.where(hidden, concealed.sigma_rows, found.sigma_rows),
+            np.where(hidden, concealed.score, found.score),
+        )
+
+    def _hidden(self, above: Needle) -> Needle:
+        sigma_rows = np.hypot(above.sigma_rows, self._hidden_sigma_rows)
+        return Needle(np.full(len(above.row), HIDDEN), above.row, sigma_rows, above.score)
+
+    def _touching(self, strips: Strips, above: Needle, below: Needle) -> tuple[Needle, Needle, Mask]:
+        """Each with what is known of the other."""
+        over = self._fitter.over(strips, above.row, below.row)
+        explained = np.isfinite(over.row) & (over.fits.correlation >= MIN_TOUCHING_CORRELATION)
+        upper = Needle(
+            np.where(explained, above.status, MISSING),
+            np.where(explained, over.row, above.row),
+            np.where(explained, over.fits.sigma_rows, above.sigma_rows),
+            np.where(explained, over.fits.score, above.score),
+        )
+        lower = below.part(np.arange(len(below.row)))
+        is_settled = np.ones(len(below.row), bool)
+        moved = np.flatnonzero(explained & _covers_other_pixels(above.row, upper.row))
+        if moved.size:
+            found = self._search.find(strips.part(moved), upper.row[moved])
+            lower.put(moved, self._below(found, upper.part(moved)))
+            is_settled[moved] = found.is_settled
+        return upper, lower, is_settled
+
+    def _coinciding(self, strips: Strips, above: Needle, below: Needle) -> tuple[Needle, Needle, Mask]:
+        """With too little room between them to be read one after the other."""
+        pairs = self._fitter.fit(strips, above.row)
+        explained = pairs.correlation >= MIN_TOUCHING_CORRELATION
+        together = Needle(above.status, pairs.upper_row, pairs.upper_sigma_rows, pairs.upper_score)
+        shows = explained & (pairs.lower_score >= SLIVER_THRESHOLD)
+        hidden = explained & ~shows & (pairs.correlation >= MIN_HIDDEN_CORRELATION)
+        upper = _chosen([explained], [together], _missing(above))
+        sliver = Needle(np.full(len(shows), EDGE), pairs.lower_row, pairs.lower_sigma_rows, pairs.lower_score)
+        return upper, _chosen([shows, hidden], [sliver, self._hidden(together)], _missing(below)), pairs.is_settled
+
+
+def _covers_other_pixels(before: Floats, after: Floats) -> Mask:
+    """Where a needle that moved from one row to another touches other pixels."""
+    moved: Mask = (np.floor(before) != np.floor(after)) | (np.ceil(before) != np.ceil(after))
+    return moved
+
+
+def _missing(needle: Needle) -> Needle:
+    return Needle(np.full(len(needle.row), MISSING), needle.row, needle.sigma_rows, needle.score)
+
+
+def _chosen(where: Sequence[Mask], needles: Sequence[Needle], otherwise: Needle) -> Needle:
+    """The first of the needles whose place it is, frame by frame."""
+    names = ("status", "row", "sigma_rows", "score")
+    return Needle(
+        *(np.select(list(where), [getattr(each, name) for each in needles], getattr(otherwise, name)) for name in names)
+    )
