@@ -6,6 +6,7 @@ It knows how the panel looks at each zoom and size of frames; one frame's search
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from decoder.anchors import check_anchor
 from decoder.arrays import Floats
 from decoder.errors import PanelError
 from decoder.features import level_feature
-from decoder.frame_search import MIN_FEATURE_SCORE, FrameSearch
+from decoder.frame_search import MIN_FEATURE_SCORE, UNMISTAKABLE_SCORE, FrameSearch
 from decoder.optics import Optics
 from decoder.panel import Panel
 from decoder.pictures import GreyPicture
@@ -77,15 +78,21 @@ class Aligner:
         height, width = frame.shape
         return FrameSearch(self._seen_at(focal_length_mm, (width, height)), frame).alignment()
 
-    def align_top(self, top: GreyPicture, height_px: int, focal_length_mm: float | None = None) -> Alignment | None:
-        """What `align` says of a frame of which only the first rows are there; None if it may say something else.
+    def align_usual(
+        self, frames: Sequence[GreyPicture], height_px: int, focal_length_mm: float | None = None
+    ) -> list[Alignment | None]:
+        """What `align` says of frames of one size and zoom in which the panel lies where it usually does.
+
+        Of the frames, `height_px` high, the first rows may be all that is there. None for those that take more than a
+        look, or of which `align` may say something else.
 
         Raises
         ------
-        AlignmentLost, PictureError
+        PictureError
             As `align`.
         """
-        return FrameSearch(self._seen_at(focal_length_mm, (top.shape[1], height_px)), top).as_usual(all_within=True)
+        seen = self._seen_at(focal_length_mm, (frames[0].shape[1], height_px))
+        return seen.usual_place(UNMISTAKABLE_SCORE).find(frames)
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """The same for a panel that is no plane: where its features disagree, what most anchors agree on roughly.

@@ -54,7 +54,7 @@ class FrameSearch:
 
     def alignment(self) -> Alignment:
         """Of the panel picture with the frame."""
-        as_usual = self.as_usual()
+        as_usual = self._as_usual()
         if as_usual is not None:
             return as_usual
         losses = []
@@ -68,10 +68,13 @@ class FrameSearch:
             raise AlignmentLost("the panel's features do not settle on one place")
         raise min(losses, key=lambda loss: len(loss.failed))  # the first of those that came nearest
 
-    def as_usual(self, *, all_within: bool = False) -> Alignment | None:
-        """Where the panel usually lies, if all its features match there well; all of them in the frame, if need be."""
+    def _as_usual(self) -> Alignment | None:
+        """Where the panel usually lies, if all its features match there well; also with some of them half outside."""
+        (at_once,) = self._seen.usual_place(UNMISTAKABLE_SCORE).find([self._frame])
+        if at_once is not None:
+            return at_once
         found = self._seen.registration(self._seen.features).refine(self._frame, self._seen.start)
-        if found is None or min(found.scores.values()) < UNMISTAKABLE_SCORE or (all_within and not found.within):
+        if found is None or min(found.scores.values()) < UNMISTAKABLE_SCORE:
             return None
         return self._checked(found.alignment, found.scores, self._seen.features)
 

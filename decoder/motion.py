@@ -6,7 +6,6 @@ roll, scale and the rest do at a lever's length from the middle of what is looke
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -62,20 +61,26 @@ class Frame2D:
 
     def matrix(self, parameters: Sequence[float], model: Model) -> Floats:
         """(3, 3): the motion with these parameters, in pixels."""
-        part = [value / self.lever_px for value in parameters] + [0.0] * (Model.PERSPECTIVE - model)
-        right, down, roll, scale, stretch, shear, tilt_x, tilt_y = part
+        matrix: Floats = self.matrices(np.array([parameters]), model)[0]
+        return matrix
+
+    def matrices(self, parameters: Floats, model: Model) -> Floats:
+        """(F, 3, 3): the motions with parameters (F, parameters), in pixels."""
+        part = np.zeros((len(parameters), Model.PERSPECTIVE))
+        part[:, :model] = parameters / self.lever_px
+        right, down, roll, scale, stretch, shear, tilt_x, tilt_y = part.T
+        own = np.zeros((len(part), 3, 3))
+        own[:, 2, 2] = 1.0
+        own[:, 0, 2], own[:, 1, 2] = right, down
         if model >= Model.AFFINE:
-            own = np.array(
-                [
-                    [1 + scale + stretch, shear - roll, right],
-                    [shear + roll, 1 + scale - stretch, down],
-                    [tilt_x, tilt_y, 1.0],
-                ]
-            )
+            own[:, 0, 0], own[:, 0, 1] = 1 + scale + stretch, shear - roll
+            own[:, 1, 0], own[:, 1, 1] = shear + roll, 1 + scale - stretch
+            own[:, 2, 0], own[:, 2, 1] = tilt_x, tilt_y
         else:
-            size = math.exp(scale)
-            cos, sin = size * math.cos(roll), size * math.sin(roll)
-            own = np.array([[cos, -sin, right], [sin, cos, down], [0.0, 0.0, 1.0]])
+            size = np.exp(scale)
+            own[:, 0, 0] = own[:, 1, 1] = size * np.cos(roll)
+            own[:, 1, 0] = size * np.sin(roll)
+            own[:, 0, 1] = -own[:, 1, 0]
         x, y = self.middle_px
         there = np.array([[self.lever_px, 0.0, x], [0.0, self.lever_px, y], [0.0, 0.0, 1.0]])
         back = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, self.lever_px]]) / self.lever_px

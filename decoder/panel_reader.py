@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -191,42 +191,59 @@ class PanelReader:
         self, frames: Iterable[FramePicture | TopOfFrame | PictureError]
     ) -> list[FrameReadings | PictureError]:
         """The readings of each frame, or why there are none; to the bit the same whatever the frames beside it."""
-        found: list[UnwrappedFrame | PictureError] = []
+        taken = list(frames)
+        placed = [
+            (frame.pixels, there) if there is not None and not isinstance(frame, PictureError) else self._placed(frame)
+            for frame, there in zip(taken, self._at_first_look(taken), strict=True)
+        ]
+        gauges = [self._gauges_of(*one) for one in placed if not isinstance(one, PictureError)]
+        own = iter(self._many_frames.read(gauges))
+        return [one if isinstance(one, PictureError) else self._composed(one[1], next(own)) for one in placed]
 
-        def placed() -> Iterator[GaugesOfFrame]:
-            for frame in frames:
-                try:
-                    picture, one = self._placed(frame)
-                except PictureError as error:
-                    found.append(error)
-                else:
-                    found.append(one)
-                    yield self._gauges_of(picture, one)
-
-        own = iter(self._many_frames.read(placed()))
-        return [one if isinstance(one, PictureError) else self._composed(one, next(own)) for one in found]
-
-    def _placed(self, frame: FramePicture | TopOfFrame | PictureError) -> tuple[GreyPicture, UnwrappedFrame]:
-        """A frame, and where the panel lies in it; unwrapped where each dial is to be found by itself."""
-        if isinstance(frame, PictureError):
-            raise frame
-        if isinstance(frame, TopOfFrame):
-            there = self._aligned_top(frame)
-            if there is not None:
-                return frame.pixels, there
-            frame = frame.whole()
+    def _at_first_look(self, frames: Sequence[FramePicture | TopOfFrame | PictureError]) -> list[UnwrappedFrame | None]:
+        """Where the panel lies in those frames in which it lies where it usually does, gauges and all."""
+        found: list[UnwrappedFrame | None] = [None] * len(frames)
         if self.tuning.dials_move:
-            return frame.pixels, self._unwrap_one_by_one(frame.pixels, frame.focal_length_mm)
-        return frame.pixels, self._aligned(frame.pixels, frame.focal_length_mm)
+            return found
+        alike: dict[tuple[object, ...], list[int]] = {}
+        for index, frame in enumerate(frames):
+            if not isinstance(frame, PictureError):
+                key = (*frame.pixels.shape, frame.height_px, frame.focal_length_mm)
+                alike.setdefault(key, []).append(index)
+        for own in alike.values():
+            pictures = [frame for frame in (frames[index] for index in own) if not isinstance(frame, PictureError)]
+            for index, there in zip(own, self._all_where_usual(pictures), strict=True):
+                found[index] = there
+        return found
 
-    def _aligned_top(self, frame: TopOfFrame) -> UnwrappedFrame | None:
-        """What `_aligned` says of the whole frame; None if it may say something else."""
-        height, width = frame.pixels.shape
-        alignment = self.aligner.align_top(frame.pixels, frame.height_px, frame.focal_length_mm)
-        if alignment is None or not inside(self._all_rims, alignment, width, height - RIM_MARGIN_PX):
-            return None
-        whole = [True] * len(self._rims)
-        return UnwrappedFrame(alignment, (), whole, frame.focal_length_mm, (width, frame.height_px))
+    def _all_where_usual(self, frames: Sequence[FramePicture | TopOfFrame]) -> list[UnwrappedFrame | None]:
+        """The same for frames of one size and zoom."""
+        (height, width), height_px = frames[0].pixels.shape, frames[0].height_px
+        focal_length_mm = frames[0].focal_length_mm
+        try:
+            alignments = self.aligner.align_usual([frame.pixels for frame in frames], height_px, focal_length_mm)
+        except PictureError:
+            return [None] * len(frames)  # each frame says so itself
+        last_px = height - (RIM_MARGIN_PX if height < height_px else 0)
+        return [
+            UnwrappedFrame(there, (), [True] * len(self._rims), focal_length_mm, (width, height_px))
+            if there is not None and inside(self._all_rims, there, width, last_px)
+            else None
+            for there in alignments
+        ]
+
+    def _placed(
+        self, frame: FramePicture | TopOfFrame | PictureError
+    ) -> tuple[GreyPicture, UnwrappedFrame] | PictureError:
+        """A frame, and where the panel lies in it; unwrapped where each dial is to be found by itself."""
+        try:
+            if isinstance(frame, PictureError):
+                return frame
+            whole = frame.whole() if isinstance(frame, TopOfFrame) else frame
+            place = self._unwrap_one_by_one if self.tuning.dials_move else self._aligned
+            return whole.pixels, place(whole.pixels, whole.focal_length_mm)
+        except PictureError as error:
+            return error
 
     def rows_wanted(self, samples: Sequence[UnwrappedFrame]) -> int | None:
         """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""

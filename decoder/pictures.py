@@ -27,6 +27,11 @@ class FramePicture:
     pixels: GreyPicture
     focal_length_mm: float | None = None
 
+    @property
+    def height_px(self) -> int:
+        """How many rows it has."""
+        return len(self.pixels)
+
 
 def grey_picture(encoded: bytes) -> GreyPicture:
     """The picture's luma.

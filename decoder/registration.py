@@ -39,14 +39,10 @@ MIDDLE_GREY = 128.0  # keeps the sums of squares small enough for float32
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """Where the features match best, and the NCC of each of them there, by its name.
-
-    `within`: whether all of them lie in the picture, with something around them.
-    """
+    """Where the features match best, and the NCC of each of them there, by its name."""
 
     alignment: Alignment
     scores: Mapping[str, float]
-    within: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +68,7 @@ class _Seen:
 
 
 @dataclass(frozen=True, slots=True)
-class _Start:
+class Start:
     """Where one feature is looked for first: the part of the frame around it, and its places in that."""
 
     rows: slice
@@ -85,17 +81,53 @@ class Registration:
 
     def __init__(self, features: Sequence[Feature], model: Model) -> None:
         self._features = tuple(features)
-        self._model = model
-        self._maps = [PointMap.of([feature.points]) for feature in features]
-        self._starts: tuple[Alignment, tuple[int, ...], list[_Start | None]] | None = None
-        self._axes = Frame2D.around(np.concatenate([feature.points for feature in features], axis=1))
+        self.model = model
+        self.maps = [PointMap.of([feature.points]) for feature in features]
+        self._starts: tuple[Alignment, tuple[int, ...], list[Start | None]] | None = None
+        self.axes = Frame2D.around(np.concatenate([feature.points for feature in features], axis=1))
         self._solvers = [self._solver(feature) for feature in features]
         self._inverse = _inverse_normal(self._solvers, model)
+
+    def summed(self, index: int, values: Floats) -> tuple[Floats, Floats]:
+        """What is seen of one feature in F frames: (F, parameters + 1) summed by the solver's rows, and its energy (F,).
+
+        `values` are the feature's pixels in the frames, (F, N) float32 or a few more.
+        """
+        solver = self._solvers[index]
+        size = solver.rows.shape[1]
+        own = values[:, None, :size] - np.float32(MIDDLE_GREY)
+        total = own.sum(axis=2, dtype=np.float64)[:, 0]
+        energy = (own @ own.transpose(0, 2, 1))[:, 0, 0] - total * total / size
+        return (own @ solver.rows.T)[:, 0].astype(np.float64), energy
+
+    def steps(self, sums: Sequence[Floats], energies: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """Of F frames the steps that bring all features nearer, (F, parameters), and the scores of each, (F, features).
+
+        `sums` and `energies` are by the features, as `summed` has them. A feature that is flat, or inverted, in a frame
+        scores 0 there, and the step means nothing.
+        """
+        right, scores = np.zeros((len(sums[0]), len(self._inverse))), np.zeros((len(sums[0]), len(sums)))
+        for index, (own, energy, solver) in enumerate(zip(sums, energies, self._solvers, strict=True)):
+            gain = own[:, -1] / solver.energy
+            flat = np.minimum(energy, solver.energy) <= FLAT_LEVELS**2 * solver.rows.shape[1]
+            usable = (gain > 0) & ~flat
+            right += own[:, :-1] / np.where(usable, gain, np.inf)[:, None]
+            scores[usable, index] = own[usable, -1] / np.sqrt(energy[usable] * solver.energy)
+        return np.einsum("pq,fq->fp", self._inverse, right), scores
+
+    def covariances(self, scores: Floats) -> Floats:
+        """(F, parameters, parameters): as of `Registered`, of F frames in which features match so, (F, features)."""
+        believed = np.maximum(scores, MIN_BELIEVED_SCORE)
+        energies = np.array([solver.energy / solver.rows.shape[1] for solver in self._solvers])
+        unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
+        each = np.stack([self._inverse @ solver.normal @ self._inverse for solver in self._solvers])
+        covariances: Floats = np.einsum("fk,kpq->fpq", unexplained, each)
+        return covariances
 
     def predicted(self, noise_levels: float) -> MotionCovariance:
         """How uncertain the motion will be if frames differ from the panel picture by so many grey levels."""
         variance = (noise_levels * NOISE_CORRELATION) ** 2
-        return MotionCovariance(self._axes, self._model, self._inverse * variance)
+        return MotionCovariance(self.axes, self.model, self._inverse * variance)
 
     def refine(self, frame: GreyPicture, alignment: Alignment) -> Registered | None:
         """The alignment at which the features match best in least squares, starting within some pixels of it.
@@ -104,7 +136,6 @@ class Registration:
         it has settled when what all further steps will add, by how these shrink, is less than `SETTLED_PX`.
         """
         margin_px, shrinkage = 0.0, EXPECTED_SHRINKAGE
-        within = True
         before_px = 0.0
         patches: list[Patch | None] = []
         for iteration in range(ITERATIONS):
@@ -113,10 +144,9 @@ class Registration:
                 margin_px = PATCH_MARGIN_PX
             else:
                 if margin_px <= 0:
-                    patches = [points.patch(frame, alignment, PATCH_MARGIN_PX) for points in self._maps]
+                    patches = [points.patch(frame, alignment, PATCH_MARGIN_PX) for points in self.maps]
                     margin_px = PATCH_MARGIN_PX
                 seen = self._seen(frame, alignment, patches)
-            within = within and None not in patches
             # Full steps may go to and fro between two places for ever.
             part = 1.0 if iteration < FULL_STEPS else 0.5
             step = [part * value for value in self._step(seen)]
@@ -124,7 +154,7 @@ class Registration:
             if reach_px > MAX_STEP_PX:
                 return None
             # Where the alignment expected panel point p the frame shows p moved by the step: move back.
-            alignment = alignment.after(self._axes.matrix([-value for value in step], self._model))
+            alignment = alignment.after(self.axes.matrix([-value for value in step], self.model))
             margin_px -= reach_px
             if before_px > 0:
                 shrinkage = min(reach_px / before_px, MAX_SHRINKAGE)
@@ -135,22 +165,18 @@ class Registration:
             if reach_px >= NEARLY_SETTLED_PX:
                 return None
         scores = self._scores(frame, alignment, seen, patches)
-        return Registered(alignment.with_covariance(self._covariance(scores)), scores, within)
+        return Registered(alignment.with_covariance(self._covariance(scores)), scores)
 
     def _covariance(self, scores: Mapping[str, float]) -> MotionCovariance:
         """Of the motion, from what the features' pixels leave unexplained in the frame."""
-        middle = np.zeros_like(self._inverse)
-        for feature, solver in zip(self._features, self._solvers, strict=True):
-            score = max(scores[feature.name], MIN_BELIEVED_SCORE)
-            unexplained = solver.energy * (1.0 / score**2 - 1.0) / feature.pixels.size
-            middle += solver.normal * (unexplained * NOISE_CORRELATION**2)
-        return MotionCovariance(self._axes, self._model, self._inverse @ middle @ self._inverse)
+        (own,) = self.covariances(np.array([[scores[feature.name] for feature in self._features]]))
+        return MotionCovariance(self.axes, self.model, own)
 
     def _first_seen(self, frame: GreyPicture, alignment: Alignment) -> tuple[list[Patch | None], list[_Seen]]:
         """The parts of the frame around the features where they are looked for first, and what is seen there."""
         patches: list[Patch | None] = []
         seen = []
-        parts = zip(self._started(frame, alignment), self._solvers, self._features, strict=True)
+        parts = zip(self.started(frame, alignment), self._solvers, self._features, strict=True)
         for start, solver, feature in parts:
             if start is None:
                 patches.append(None)
@@ -161,11 +187,11 @@ class Registration:
                 seen.append(_summed(solver, levels_at(pixels, start.places)[: feature.pixels.size]))
         return patches, seen
 
-    def _started(self, frame: GreyPicture, alignment: Alignment) -> list[_Start | None]:
+    def started(self, frame: GreyPicture, alignment: Alignment) -> list[Start | None]:
         """Worked out once for all frames that are first looked at where the panel usually lies."""
         if self._starts is None or self._starts[0] is not alignment or self._starts[1] != frame.shape:
-            starts: list[_Start | None] = []
-            for points in self._maps:
+            starts: list[Start | None] = []
+            for points in self.maps:
                 patch = points.patch(frame, alignment, PATCH_MARGIN_PX)
                 if patch is None:
                     starts.append(None)
@@ -173,7 +199,7 @@ class Registration:
                 rows, columns = patch.pixels.shape
                 places = points.places(alignment, (patch.left, patch.top))
                 starts.append(
-                    _Start(slice(patch.top, patch.top + rows), slice(patch.left, patch.left + columns), places)
+                    Start(slice(patch.top, patch.top + rows), slice(patch.left, patch.left + columns), places)
                 )
             self._starts = (alignment, frame.shape, starts)
         return self._starts[2]
@@ -184,7 +210,7 @@ class Registration:
             _summed(
                 solver, _extended(feature, frame, alignment) if patch is None else points.sample_patch(patch, alignment)
             )
-            for solver, feature, points, patch in zip(self._solvers, self._features, self._maps, patches, strict=True)
+            for solver, feature, points, patch in zip(self._solvers, self._features, self.maps, patches, strict=True)
         ]
 
     def _scores(
@@ -198,7 +224,7 @@ class Registration:
         }
 
     def _solver(self, feature: Feature) -> _Solver:
-        jacobian = self._axes.jacobian(feature.points, self._model)
+        jacobian = self.axes.jacobian(feature.points, self.model)
         columns = np.einsum("in,inp->np", feature.gradient.astype(np.float64), jacobian)
         x, y = feature.points.astype(np.float64) - feature.points.mean(axis=1, dtype=np.float64)[:, None]
         light = np.stack([feature.pixels.astype(np.float64), np.ones(feature.pixels.size), x, y], axis=1)

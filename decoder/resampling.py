@@ -36,10 +36,12 @@ class PointMap:
     ----------
     slices
         Where each part lies in the flattened samples.
+    folded
+        (rows, columns, 2) float32: the points, some at the end twice.
     """
 
     slices: tuple[slice, ...]
-    _folded: Floats
+    folded: Floats
     _corners: Floats
 
     @classmethod
@@ -58,14 +60,14 @@ class PointMap:
 
     def levels(self, frame: GreyPicture, alignment: Alignment) -> GreyPicture:
         """The same in whole grey levels, (N,) uint8."""
-        return levels_at(frame, alignment.places(self._folded))[: self.slices[-1].stop]
+        return levels_at(frame, alignment.places(self.folded))[: self.slices[-1].stop]
 
     def places(self, alignment: Alignment, origin: tuple[float, float] = (0.0, 0.0)) -> Floats:
         """(rows, columns, 2) float32: where the points lie in a frame, as `levels_at` samples them; some twice.
 
         `origin` is the frame's pixel that counts as (0, 0).
         """
-        places: Floats = alignment.places(self._folded, origin)
+        places: Floats = alignment.places(self.folded, origin)
         return places
 
     def patch(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> Patch | None:

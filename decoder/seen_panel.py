@@ -25,6 +25,7 @@ from decoder.optics import Optics
 from decoder.panel import Anchor, Panel
 from decoder.pictures import GreyPicture
 from decoder.registration import Registration
+from decoder.usual_place import UsualPlace
 
 # A motion that would be this uncertain at some gauge does not help it.
 MAX_SIGMA_PX = 0.25
@@ -60,11 +61,18 @@ class SeenPanel:
         self.finders = [self._finder(anchor) for anchor in panel.anchors]
         self.levels = [LevelFinder(self.level, finder.centre_px, lens) for finder in self.finders] if self.level else []
         self._gauges = self.carry(np.concatenate([_cross(gauge) for gauge in panel.gauges], axis=1))
+        self._usual_place: UsualPlace | None = None
         self._registrations: OrderedDict[tuple[object, ...], tuple[Registration, Model, float]] = OrderedDict()
 
     def carry(self, points: Floats) -> Floats:
         """(2, N) points of the panel picture, as taken, where such frames usually have them, without distortion."""
         return _projected(self._optics.straight(points), self.usual)
+
+    def usual_place(self, least_score: float) -> UsualPlace:
+        """The first look at frames, at all features; each is to match at least so well."""
+        if self._usual_place is None:
+            self._usual_place = UsualPlace(self.registration(self.features), self.start, self.usual, least_score)
+        return self._usual_place
 
     def registration(self, features: Sequence[Feature], largest: Model = Model.PERSPECTIVE) -> Registration:
         """The registration on some of the features, with the largest model that they can carry, and may have."""

@@ -1,4 +1,4 @@
-"""Touching pairs: two needles of one dial at any distance, read in many frames at once as the gauge reader reads them."""
+"""Touching pairs: two needles of one dial at any distance, read in many frames at once as by the gauge reader."""
 
 from __future__ import annotations
 
