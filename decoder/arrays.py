@@ -13,3 +13,9 @@ Mask = NDArray[np.bool_]
 """True where something holds."""
 Indices = NDArray[np.intp]
 """Places in arrays."""
+
+
+def limited(values: NDArray[Any], low: float | NDArray[Any], high: float | NDArray[Any]) -> NDArray[Any]:
+    """As `np.clip`, which costs several times as much on a small array."""
+    inside: NDArray[Any] = np.minimum(np.maximum(values, low), high)
+    return inside

@@ -43,7 +43,7 @@ class LowerLayer:
         far = ((np.arange(height) - rows[:, None]) * side >= 0)[..., None]
         return cls(cover, light / np.maximum(cover, np.float32(MIN_COVER)), far)
 
-    def chosen(self, which: Indices) -> LowerLayer:
+    def chosen(self, which: Indices | slice) -> LowerLayer:
         """Some of the windows."""
         return LowerLayer(self.cover[which], self.colour[which], self.far[which])
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, Mask
+from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.covered_pair import (
     COARSE_ROWS,
     DIP,
@@ -67,7 +67,7 @@ class PairFitter:
         self._axis = (upper.rows - 1) // 2
         self._pixels_per_sample = pixels_per_sample
         self._independent_pixels = float(upper.trust.sum()) * pixels_per_sample
-        self._fitter = QuickFitter([upper], [pixels_per_sample])
+        self._fitter = QuickFitter(upper, pixels_per_sample)
         self._own = phases_of(upper)[0]
         self._apart = np.arange(-reach_rows, reach_rows + 1)
         self._light, self._part = self._layers(self._axis + self._apart)
@@ -81,7 +81,7 @@ class PairFitter:
         face_rows = len(strips.face)
         rows = np.rint(upper_rows).astype(np.intp)
         lost = ~((rows >= self._axis) & (rows < face_rows - self._axis))
-        rows = np.clip(rows, self._axis, face_rows - self._axis - 1)
+        rows = limited(rows, self._axis, face_rows - self._axis - 1)
         found = self._fit_over(strips, rows, lower_rows)
         for _ in range(1, MAX_STEPS):
             fraction = found.fits.fraction
@@ -107,7 +107,7 @@ class PairFitter:
         noise = _where_looked(noise)
         best = noise.argmin(axis=1)
         least = noise[every, best]
-        inner = np.clip(best, 1, noise.shape[1] - 2)
+        inner = limited(best, 1, noise.shape[1] - 2)
         before, here, after = (noise[every, inner + step] for step in (-1, 0, 1))
         with np.errstate(invalid="ignore", divide="ignore"):
             bend = before - 2 * here + after
@@ -138,13 +138,12 @@ class PairFitter:
         layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows - rows + self._axis)
         back = np.empty_like(seen)
 
-        def behind(chosen: Indices, transparency: Floats) -> Floats:
+        def behind(chosen: Indices | slice, transparency: Floats) -> Floats:
             light, part = layer.chosen(chosen).behind(transparency.reshape(-1, *self._upper.pixels.shape))
-            back[chosen] = light.reshape(len(chosen), -1) + part.reshape(len(chosen), -1) * face[chosen]
+            back[chosen] = light.reshape(len(light), -1) + part.reshape(len(part), -1) * face[chosen]
             return back[chosen]
 
-        none = np.zeros(len(rows), np.intp)
-        fits = self._fitter.fit(none, seen, face, np.zeros(len(rows)), behind=behind)
+        fits = self._fitter.fit(seen, face, np.zeros(len(rows)), behind=behind)
         return Over(rows + fits.fraction, rows, fits, seen, face, back)
 
     def _layers(self, lower_rows: Indices) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Fits of many needles in many frames at once: the same least squares as `fitting`, in arrays.
+"""Fits of one needle in many windows at once: the same least squares as `fitting`, in arrays.
 
 Each window is summed up by a product of its own, always of one shape, and all else is number by number: so a fit does
 not depend on those beside it.
@@ -6,12 +6,12 @@ not depend on those beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, Mask
+from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.correlation import MIN_SPREAD_LEVELS
 from decoder.fitting import (
     FACE,
@@ -29,8 +29,8 @@ from decoder.fitting import (
 from decoder.needle_template import NeedleTemplate
 from decoder.over_face import FACE_NOISE_LEVELS
 
-Behind = Callable[[Indices, Floats], Floats]
-"""Gives what lies behind some needles, (M', H * C): those of these numbers, (M',), with this transparency there."""
+Behind = Callable[[Indices | slice, Floats], Floats]
+"""Gives what lies behind the needle in some of the windows, (M', H * C), with this transparency there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,22 +56,21 @@ class Fits:
 
 
 class QuickFitter:
-    """Fits any of K needles whose templates have one shape, (H, C)."""
+    """Fits one needle, (H, C), in many windows; `pixels_per_sample` as of its gauge's grid."""
 
-    def __init__(self, templates: Sequence[NeedleTemplate], pixels_per_sample: Sequence[float]) -> None:
-        self._pixels_per_sample = np.array(pixels_per_sample)
-        phases = [phases_of(template) for template in templates]
-        self._reach = max(phases[0])
-        # (K, phases, 2, H * C): light and transparency, and how they change when the needle moves on
+    def __init__(self, template: NeedleTemplate, pixels_per_sample: float) -> None:
+        self._pixels_per_sample = pixels_per_sample
+        phases = phases_of(template)
+        self._reach = max(phases)
+        # (phases, 2, H * C): light and transparency, and how they change when the needle moves on
         self._light, self._transparency = (
-            np.stack([[getattr(own[step], name).reshape(2, -1) for step in sorted(own)] for own in phases])
+            np.stack([getattr(phases[step], name).reshape(2, -1) for step in sorted(phases)])
             for name in ("light", "transparency")
         )
-        self._trust = np.stack([template.trust.ravel() for template in templates])
+        self._trust = template.trust.ravel()
 
     def fit(
         self,
-        needles: Indices,
         windows: Floats,
         faces: Floats,
         guess_rows: Floats,
@@ -79,11 +78,10 @@ class QuickFitter:
         masks: Floats | None = None,
         behind: Behind | None = None,
     ) -> Fits:
-        """Each needle in a window, over what lies behind it there.
+        """The needle in each window, over what lies behind it there.
 
         Parameters
         ----------
-        needles : (M,)
         windows, faces : (M, H * C) float32
         guess_rows : (M,)
             How far below the window's middle the needle is expected, at most half a row.
@@ -92,36 +90,28 @@ class QuickFitter:
         behind
             What lies behind the needles, if that is not the face alone.
         """
-        every = np.arange(len(windows))
+        weights = np.broadcast_to(self._trust, windows.shape) if masks is None else self._trust * masks
 
-        def step(chosen: Indices, phase: Indices) -> Fits:
-            trust = self._trust[needles[chosen]]
-            weights = trust if masks is None else trust * masks[chosen]
-            transparency = self._transparency[needles[chosen], phase + self._reach]
+        def step(chosen: Indices | slice, phase: Indices) -> Fits:
+            transparency = self._transparency[phase + self._reach]
             back = faces[chosen] if behind is None else behind(chosen, transparency[:, 0])
-            light = self._light[needles[chosen], phase + self._reach]
-            moments = _moments(light, transparency, back, windows[chosen], weights)
-            return solved(moments, phase, self._pixels_per_sample[needles[chosen]])
+            moments = _moments(self._light[phase + self._reach], transparency, back, windows[chosen], weights[chosen])
+            return solved(moments, phase, self._pixels_per_sample)
 
         guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
-        first = step(every, guess)
+        first = step(slice(None), guess)
         near = np.abs(first.fraction) <= MAX_FRACTION_ROWS  # not where it is NaN
         nearest = np.rint(np.where(near, first.fraction, 0.0) * PHASES_PER_ROW).astype(np.intp)
         again = np.flatnonzero(near & (nearest != guess))
         return first.replaced(again, step(again, nearest[again])) if again.size else first
 
     def unexplained(self, fits: Fits, windows: Floats, backs: Floats) -> Floats:
-        """(M, H * C): what fits of the first needle leave of each pixel, over what they were made over."""
+        """(M, H * C): what fits leave of each pixel, over what they were made over."""
         phase = fits.phase + self._reach
-        layers = self._transparency[0, phase] * backs[:, None] + self._light[0, phase]
+        layers = self._transparency[phase] * backs[:, None] + self._light[phase]
         gain, offset, shift = (each.astype(np.float32)[:, None] for each in (fits.gain, fits.offset, fits.shift))
         left: Floats = windows - (np.float32(MIDDLE_GREY) + offset) - gain * layers[:, 0] - shift * layers[:, 1]
         return left
-
-    def transparency_at(self, fits: Fits) -> Floats:
-        """(M, H * C): of the first needle where the fits have it."""
-        transparency: Floats = self._transparency[0, fits.phase + self._reach, 0]
-        return transparency
 
 
 def _moments(light: Floats, transparency: Floats, back: Floats, windows: Floats, weights: Floats) -> Floats:
@@ -193,5 +183,5 @@ def _partial_correlation(moments: Floats) -> Floats:
     both = shared(NEEDLE, SEEN) - needle_face * seen_face / of_face
     shown = np.minimum(needle_left, seen_left) > total * MIN_SPREAD_LEVELS**2
     correlation = np.divide(both, np.sqrt(needle_left * seen_left), out=np.zeros_like(both), where=shown)
-    clipped: Floats = np.clip(correlation, -1.0, 1.0)
+    clipped: Floats = limited(correlation, -1.0, 1.0)
     return clipped

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from decoder.alignment import Alignment
 from decoder.arrays import Floats, Indices
 from decoder.pictures import GreyPicture
-from decoder.resampling import PointMap, levels_at, map_points
+from decoder.resampling import PointMap, levels_at
 from decoder.searching import COARSE_STEP
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
@@ -29,8 +29,8 @@ class Pixels(Protocol):
     searched: Levels
     """(S,) float32 or uint8: every third column and row of each gauge, rows side by side."""
 
-    def at(self, index: Indices) -> Levels:
-        """(len(index),): samples by their numbers."""
+    def runs(self, first: Indices, size: int) -> Levels:
+        """(len(first), size): from each of these numbers on so many samples."""
         ...
 
 
@@ -73,9 +73,9 @@ class _FramePixels:
         self._points, self._frame, self._alignment = points, frame, alignment
         self.searched = searched
 
-    def at(self, index: Indices) -> Levels:
-        places = self._alignment.places(map_points(self._points, index))
-        return levels_at(self._frame, places)[: len(index)]
+    def runs(self, first: Indices, size: int) -> Levels:
+        places = self._alignment.places(_runs(self._points, size)[first])
+        return levels_at(self._frame, places).reshape(-1, size)
 
 
 class _UnwrappedPixels:
@@ -83,6 +83,13 @@ class _UnwrappedPixels:
         self._flat = flat
         self.searched = searched
 
-    def at(self, index: Indices) -> Levels:
-        chosen: Levels = self._flat[index]
+    def runs(self, first: Indices, size: int) -> Levels:
+        chosen: Levels = _runs(self._flat, size)[first]
         return chosen
+
+
+def _runs(values: Levels, size: int) -> Levels:
+    """(N - size + 1, size, ...): a view on (N, ...) that shows for each of them the next so many."""
+    stride, *others = values.strides
+    shape = (len(values) - size + 1, size, *values.shape[1:])
+    return np.ndarray(shape, values.dtype, values, strides=(stride, stride, *others))

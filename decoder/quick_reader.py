@@ -99,11 +99,14 @@ class QuickReader:
         columns = (plain.status, plain.row, plain.sigma_rows, plain.score)
         above = Needle(*(column[where, upper] for column in columns))
         needle = self.needles[upper]
-        rows = touching.strip_rows(above.row)
-        first = self.grids.first[needle.gauge_index]
-        index = first + rows[:, :, None] * needle.grid.columns + np.arange(needle.grid.columns)
-        pixels = np.stack([frames[number].at(own.ravel()) for number, own in zip(where.tolist(), index, strict=True)])
-        *found, is_settled = touching.read(pixels.reshape(index.shape).astype(np.float32), above)
+        top_rows = touching.top_rows(above.row)
+        columns_px, size = needle.grid.columns, touching.strip_rows * needle.grid.columns
+        first = self.grids.first[needle.gauge_index] + top_rows * columns_px
+        pixels = np.concatenate(
+            [frames[number].runs(own, size) for number, own in zip(where.tolist(), first[:, None], strict=True)]
+        )
+        strips = pixels.reshape(-1, touching.strip_rows, columns_px).astype(np.float32)
+        *found, is_settled = touching.read(strips, top_rows, above)
         for name, own in zip((upper, lower), found, strict=True):
             for column, values in zip(columns, (own.status, own.row, own.sigma_rows, own.score), strict=True):
                 column[where, name] = values

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, Mask
+from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.gauge import Gauge
 from decoder.gauge_grid import rows_in_sweep, turn_rows
 from decoder.gauge_reader import RIVAL_REACH_DEG
@@ -180,11 +180,11 @@ class QuickSearch:
 def _highest(scores: Floats, where: Mask) -> tuple[Indices, Floats]:
     """The index of the highest score among some, and that of the parabola's peak there: (..., N) to (...)."""
     top = np.where(where, scores, NOTHING).argmax(axis=-1)
-    around = np.clip(top[..., None] + np.array([-1, 0, 1]), 0, scores.shape[-1] - 1)
+    around = limited(top[..., None] + np.array([-1, 0, 1]), 0, scores.shape[-1] - 1)
     before, here, after = np.moveaxis(np.take_along_axis(scores, around, axis=-1).astype(np.float64), -1, 0)
     bend = before - 2 * here + after
     off = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0)
-    return top, top + np.clip(off, -0.5, 0.5)
+    return top, top + limited(off, -0.5, 0.5)
 
 
 def _nearby_best(scores: Floats, steps: int) -> Floats:

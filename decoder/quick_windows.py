@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices
-from decoder.quick_fit import QuickFitter
+from decoder.arrays import Floats, limited
+from decoder.plain_fit import PlainFitter
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_search import Peaks, QuickNeedle
 
@@ -27,8 +26,6 @@ class Windows:
     """The windows of K needles; templates of one shape are fitted together."""
 
     def __init__(self, needles: Sequence[QuickNeedle], grids: QuickGrids) -> None:
-        faces = {needle.gauge_index: needle.face.ravel() for needle in needles}
-        self._faces = np.concatenate([faces[index] for index in grids.gauges])
         self._columns = np.array([needle.grid.columns for needle in needles])
         self._first = np.array([grids.first[needle.gauge_index] for needle in needles])
         self._axis = np.array([needle.axis for needle in needles])
@@ -37,37 +34,26 @@ class Windows:
         self._groups = [
             np.array([index for index, shape in enumerate(shapes) if shape == own]) for own in dict.fromkeys(shapes)
         ]
+        self._sizes = [int(np.prod(shape)) for shape in dict.fromkeys(shapes)]
         self._fitters = [
-            QuickFitter(
-                [needles[index].template for index in group], [needles[index].grid.pixels_per_sample for index in group]
+            PlainFitter(
+                [needles[index].template for index in group],
+                [needles[index].face for index in group],
+                [needles[index].grid.pixels_per_sample for index in group],
             )
             for group in self._groups
         ]
-        sizes = [int(np.prod(shapes[group[0]])) for group in self._groups]
-        self._owner = np.concatenate([np.repeat(group, size) for group, size in zip(self._groups, sizes, strict=True)])
-        self._offset = np.concatenate(
-            [np.tile(np.arange(size), len(group)) for group, size in zip(self._groups, sizes, strict=True)]
-        )
-        parts = np.cumsum([0, *(len(group) * size for group, size in zip(self._groups, sizes, strict=True))])
-        self._parts = [slice(first, end) for first, end in pairwise(parts.tolist())]
 
     def fits(self, frames: Sequence[Pixels], peaks: Peaks) -> WindowFits:
         """The least squares of K needles in F frames, (F, K) each, in windows around the peaks' rows."""
-        row = np.clip(peaks.row, self._axis, self._last_row)
-        first = self._first + (row - self._axis) * self._columns
-        index = first[:, self._owner] + self._offset
-        windows = np.stack([frame.at(own) for frame, own in zip(frames, index, strict=True)])
-        faces = self._faces[index]
-        guess_rows = np.clip(peaks.place - row, -0.5, 0.5)
+        row = limited(peaks.row, self._axis, self._last_row)
+        top_rows = row - self._axis
+        first = self._first + top_rows * self._columns
+        guess_rows = limited(peaks.place - row, -0.5, 0.5)
         found = np.empty((3, *row.shape))
-        for group, fitter, part in zip(self._groups, self._fitters, self._parts, strict=True):
-            needles: Indices = np.tile(np.arange(len(group)), len(frames))
-            fits = fitter.fit(
-                needles,
-                windows[:, part].reshape(len(needles), -1),
-                faces[:, part].reshape(len(needles), -1),
-                guess_rows[:, group].ravel(),
-            )
+        for group, size, fitter in zip(self._groups, self._sizes, self._fitters, strict=True):
+            windows = np.stack([frame.runs(own, size) for frame, own in zip(frames, first[:, group], strict=True)])
+            fits = fitter.fit(windows, top_rows[:, group], guess_rows[:, group])
             for number, values in enumerate((fits.fraction, fits.sigma_rows, fits.score)):
-                found[number][:, group] = values.reshape(len(frames), len(group))
+                found[number][:, group] = values
         return WindowFits(*found)

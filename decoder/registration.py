@@ -89,7 +89,7 @@ class Registration:
         self._inverse = _inverse_normal(self._solvers, model)
 
     def summed(self, index: int, values: Floats) -> tuple[Floats, Floats]:
-        """What is seen of one feature in F frames: (F, parameters + 1) summed by the solver's rows, and its energy (F,).
+        """What is seen of one feature in F frames: the sums by its solver's rows, (F, parameters + 1), and energy (F,).
 
         `values` are the feature's pixels in the frames, (F, N) float32 or a few more.
         """

@@ -91,13 +91,6 @@ def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) 
     return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
 
 
-def map_points(points: Floats, index: NDArray[np.intp]) -> Floats:
-    """Some of (M, 2) points as a map, (rows, columns, 2), that `Alignment.places` moves and `levels_at` samples."""
-    chosen = np.zeros((-(-len(index) // _WIDTH), _WIDTH, 2), np.float32)
-    np.take(points, index, axis=0, out=chosen.reshape(-1, 2)[: len(index)])
-    return chosen
-
-
 def levels_at(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
     """Grey levels at places (rows, columns, 2), flattened, of the pixels' own type: whole levels stay whole."""
     return cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, Mask
+from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.covered_pair import hidden_reach_rows, pair_reach_rows
 from decoder.gauge_grid import rows_in_sweep
 from decoder.gauge_reader import (
@@ -47,6 +47,10 @@ class Needle:
         """In some of the frames."""
         return Needle(self.status[which], self.row[which], self.sigma_rows[which], self.score[which])
 
+    def copy(self) -> Needle:
+        """The same, with arrays of its own."""
+        return self.part(np.arange(len(self.row)))
+
     def put(self, which: Indices, other: Needle) -> None:
         """What was found in some of the frames."""
         for name in ("status", "row", "sigma_rows", "score"):
@@ -70,13 +74,13 @@ class TouchingPair:
         self._search = UncoveredSearch(upper.template, lower.template, upper.face, allowed, pixels_per_sample)
         self._fitter = PairFitter(upper.template, lower.template, self._pair_reach, pixels_per_sample)
         self._half_strip = self._search.reach_rows + other.axis + SPARE_ROWS
+        self.strip_rows = min(2 * self._half_strip + 1, len(upper.face))
 
-    def strip_rows(self, above_rows: Floats) -> Indices:
-        """(M, S): the gauge's rows that are looked at around the upper needle's, (M,); end rows for those beyond."""
+    def top_rows(self, above_rows: Floats) -> Indices:
+        """(M,): where on the gauge the `strip_rows` begin that are looked at around the upper needle's row, (M,)."""
         middle = np.rint(above_rows).astype(np.intp)
-        rows = middle[:, None] + np.arange(-self._half_strip, self._half_strip + 1)
-        inside: Indices = np.clip(rows, 0, len(self._face) - 1)
-        return inside
+        top_rows: Indices = limited(middle - self._half_strip, 0, len(self._face) - self.strip_rows)
+        return top_rows
 
     def is_beside(self, rows: Indices, scores: Floats, allowed: Mask, above_rows: Floats) -> Mask:
         """(M,): where the lower needle matches nowhere further away.
@@ -94,23 +98,24 @@ class TouchingPair:
         beside: Mask = scores.max(axis=1, where=peaks, initial=0.0) < HOPELESS_SCORE
         return beside
 
-    def read(self, pixels: Floats, above: Needle) -> tuple[Needle, Needle, Mask]:
+    def read(self, pixels: Floats, top_rows: Indices, above: Needle) -> tuple[Needle, Needle, Mask]:
         """Upper and lower needle, and where that is beyond doubt.
 
         Parameters
         ----------
         pixels
-            (M, S, C) float32: the gauge on `strip_rows`.
+            (M, S, C) float32: so many rows of the gauge as `strip_rows` says.
+        top_rows
+            (M,): where they begin.
         above
             The upper needle as it is found alone.
         """
-        first = np.rint(above.row).astype(np.intp) - self._half_strip
-        strips = Strips(pixels, first, self._face)
+        strips = Strips(pixels, top_rows, self._face)
         found = self._search.find(strips, above.row)
         below = self._below(found, above)
         is_settled = found.is_settled.copy()
         apart_rows = np.abs(below.row - above.row)
-        upper, lower = above.part(np.arange(len(first))), below.part(np.arange(len(first)))
+        upper, lower = above.copy(), below.copy()
         together = (below.status == HIDDEN) | (apart_rows <= self._pair_reach)
         touching = ~together & ~((below.status == READ) & (apart_rows > self._both_axes))
         for chosen, read in ((together, self._coinciding), (touching, self._touching)):
@@ -148,7 +153,7 @@ class TouchingPair:
             np.where(explained, over.fits.sigma_rows, above.sigma_rows),
             np.where(explained, over.fits.score, above.score),
         )
-        lower = below.part(np.arange(len(below.row)))
+        lower = below.copy()
         is_settled = np.ones(len(below.row), bool)
         moved = np.flatnonzero(explained & _covers_other_pixels(above.row, upper.row))
         if moved.size:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, Mask
+from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.correlation import MIN_SPREAD_LEVELS
 from decoder.fitting import MAX_FRACTION_ROWS
 from decoder.gauge_reader import SCORE_THRESHOLD
@@ -33,7 +33,7 @@ class Strips:
     pixels
         (M, S, C) float32.
     first
-        (M,): the gauge's row that is the first of them; those beyond its ends repeat its end rows.
+        (M,): the gauge's row that is the first of them; rows beyond them are as the last ones.
     face
         (R, C) float32: the dial without needles.
     """
@@ -49,8 +49,9 @@ class Strips:
     def rows(self, index: Indices, step: int = 1) -> tuple[Floats, Floats]:
         """Gauge and face on rows (M, H) of the gauge, every so many columns of them: (M, H, C') each."""
         pixels = self.pixels[:, :, ::step]
-        seen = pixels[np.arange(len(index))[:, None], index - self.first[:, None]]
-        return seen, self.face[np.clip(index, 0, len(self.face) - 1), ::step]
+        own = limited(index - self.first[:, None], 0, pixels.shape[1] - 1)
+        seen = pixels[np.arange(len(index))[:, None], own]
+        return seen, self.face[limited(index, 0, len(self.face) - 1), ::step]
 
     def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:
         """Gauge and face around a row of each frame, (M,): (M, H * C) each."""
@@ -103,7 +104,7 @@ class UncoveredSearch:
         self.reach_rows = self._upper_axis + self._axis + 1 + COARSE_STEP
         self._face_rows = len(face)
         self._allowed = allowed
-        self._fitter = QuickFitter([lower], [pixels_per_sample])
+        self._fitter = QuickFitter(lower, pixels_per_sample)
         # what the covering needle touches, with a row of nothing at either end
         self._touched = np.pad(upper.place(TOUCH_LEVEL), ((1, 1), (0, 0)))
         coarse = thinned(lower)
@@ -118,22 +119,22 @@ class UncoveredSearch:
         scores, visible = self._scores(strips, rows, above_rows)
         inside = (rows >= self._axis) & (rows < self._face_rows - self._axis)
         visible = np.where(inside, visible, 0.0)
-        may_be = inside & self._allowed[np.clip(rows, 0, self._face_rows - 1)] & (visible >= MIN_VISIBLE)
+        may_be = inside & self._allowed[limited(rows, 0, self._face_rows - 1)] & (visible >= MIN_VISIBLE)
         scores = np.where(inside, scores, NOTHING)
         peaks = np.zeros(scores.shape, bool)
         peaks[:, 1:-1] = (scores[:, 1:-1] >= scores[:, :-2]) & (scores[:, 1:-1] >= scores[:, 2:])
         peaks &= may_be
         every = np.arange(len(rows))
-        top = np.clip(np.where(peaks, scores, NOTHING).argmax(axis=1), 1, rows.shape[1] - 2)
+        top = limited(np.where(peaks, scores, NOTHING).argmax(axis=1), 1, rows.shape[1] - 2)
         before, here, after = (scores[every, top + step].astype(np.float64) for step in (-1, 0, 1))
         bend = before - 2 * here + after
         off = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0)
-        place = rows[every, top] + COARSE_STEP * np.clip(off, -0.5, 0.5)
+        place = rows[every, top] + COARSE_STEP * limited(off, -0.5, 0.5)
         is_there = peaks[every, top]
         row, sigma_rows, score, is_settled = self._settled(strips, above_rows, rows[every, top], place)
         row = np.where(np.isfinite(row) & is_there, row, above_rows)
         score = np.where(is_there, np.where(np.isfinite(score), score, here), 0.0)
-        at = np.clip((row - rows[:, 0]) / COARSE_STEP, 0.0, rows.shape[1] - 1.001)
+        at = limited((row - rows[:, 0]) / COARSE_STEP, 0.0, rows.shape[1] - 1.001)
         first = at.astype(np.intp)
         shows = visible[every, first] * (1 - at + first) + visible[every, first + 1] * (at - first)
         # What no least squares settle on is hidden if it did not even match, and else for others to look at.
@@ -146,8 +147,8 @@ class UncoveredSearch:
 
         NaN where they went astray; also whether they came to an end, all (M,).
         """
-        rows = np.clip(np.rint(place).astype(np.intp), self._axis, self._face_rows - self._axis - 1)
-        guess_rows = np.clip(place - rows, -0.5, 0.5)
+        rows = limited(np.rint(place).astype(np.intp), self._axis, self._face_rows - self._axis - 1)
+        guess_rows = limited(place - rows, -0.5, 0.5)
         row, sigma_rows, score = np.full((3, len(rows)), np.nan)
         open_ = np.arange(len(rows))
         for _ in range(MAX_STEPS):
@@ -155,7 +156,6 @@ class UncoveredSearch:
             seen, face = part.windows(rows[open_], self._axis)
             masks = self._mask(rows[open_, None] + np.arange(-self._axis, self._axis + 1), above_rows[open_])
             fits = self._fitter.fit(
-                np.zeros(len(open_), np.intp),
                 seen,
                 face,
                 guess_rows[open_],
@@ -170,7 +170,7 @@ class UncoveredSearch:
             open_, moved = open_[further], np.rint(fits.fraction[further]).astype(np.intp)
             if not open_.size:
                 break
-            rows[open_] = np.clip(rows[open_] + moved, self._axis, self._face_rows - self._axis - 1)
+            rows[open_] = limited(rows[open_] + moved, self._axis, self._face_rows - self._axis - 1)
             guess_rows[open_] = 0.0
         return row, sigma_rows, score, np.isfinite(row)
 
@@ -179,7 +179,7 @@ class UncoveredSearch:
         top = above_rows - self._upper_axis
         last = len(self._touched) - 1
         starts = (np.floor(top).astype(np.intp), np.ceil(top).astype(np.intp))
-        one, other = (self._touched[np.clip(index - start[:, None] + 1, 0, last)] for start in starts)
+        one, other = (self._touched[limited(index - start[:, None] + 1, 0, last)] for start in starts)
         left: Mask = ~(one | other)
         return left
 
@@ -205,8 +205,8 @@ class UncoveredSearch:
         usable = (left > MIN_SPREAD_LEVELS**2) & (needle_left > MIN_SPREAD_LEVELS**2)
         spread = np.sqrt(left * needle_left)
         scores = np.divide(shared, spread, out=np.zeros_like(spread), where=usable)
-        whole = self._whole[np.clip(rows, 0, self._face_rows - 1)]
-        return np.clip(scores, -1.0, 1.0), np.clip(needle_left * total / np.maximum(whole, 1e-6), 0.0, 1.0)
+        whole = self._whole[limited(rows, 0, self._face_rows - 1)]
+        return limited(scores, -1.0, 1.0), limited(needle_left * total / np.maximum(whole, 1e-6), 0.0, 1.0)
 
     def _whole_contrast(self, face: Floats, coarse: NeedleTemplate) -> Floats:
         """(R,): the needle's contrast with nothing over it, by the row of its axis."""

@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from decoder.arrays import Floats
 from decoder.errors import PictureError
 from decoder.fitting import Fitter
 from decoder.flight_tuning import tune
@@ -25,6 +26,7 @@ from decoder.panel_pictures import panel_from_attachments
 from decoder.panel_reader import FrameReadings, PanelReader
 from decoder.picture_block import PictureBlock, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.plain_fit import PlainFitter
 from decoder.quick_fit import QuickFitter
 from decoder.reading import Status
 from flight_file.reader import Flight, open_flight
@@ -135,32 +137,60 @@ def needle(rng: np.random.Generator) -> NeedleTemplate:
     return NeedleTemplate(light, ones, light, 1 - cover, ones, 0.5)
 
 
-def test_fits_of_many_needles_are_those_of_one() -> None:
-    """Needles of two templates at all places within a row of the middle: as `Fitter` has them one by one."""
-    rng = np.random.default_rng(61)
-    templates = [needle(rng), needle(rng)]
-    which = rng.integers(0, 2, 40)
-    faces = rng.uniform(20, 60, (40, 25, 8)).astype(np.float32)
-    shifts = rng.uniform(-1.0, 1.0, 40)
-    windows = np.stack(
+def windows_of(template: NeedleTemplate, faces: Floats, shifts: Floats) -> Floats:
+    """A needle over faces (M, 25, 8), shifted down by parts of a row."""
+    return np.stack(
         [
             cv2.warpAffine(
-                templates[one].light + templates[one].transparency * face,
+                template.light + template.transparency * face,
                 np.array([[1.0, 0.0, 0.0], [0.0, 1.0, shift]]),
                 (8, 25),
                 borderMode=cv2.BORDER_REPLICATE,
             )
-            for one, face, shift in zip(which, faces, shifts, strict=True)
+            for face, shift in zip(faces, shifts, strict=True)
         ]
     )
-    guesses = np.clip(shifts, -0.5, 0.5)
-    found = QuickFitter(templates, [0.5, 0.5]).fit(which, windows.reshape(40, -1), faces.reshape(40, -1), guesses)
 
-    for index, (one, window, face, guess) in enumerate(zip(which, windows, faces, guesses, strict=True)):
-        alone = Fitter(templates[one], 0.5).fit(window, lambda _, face=face: face, guess_rows=guess)
+
+def test_fits_in_many_windows_are_those_of_one() -> None:
+    """Needles at all places within a row of the middle, whole or in part: as `Fitter` has them one by one."""
+    rng = np.random.default_rng(61)
+    template = needle(rng)
+    faces = rng.uniform(20, 60, (40, 25, 8)).astype(np.float32)
+    masks = (rng.uniform(0, 1, faces.shape) > 0.3).astype(np.float32)
+    shifts = rng.uniform(-1.0, 1.0, 40)
+    windows, guesses = windows_of(template, faces, shifts), np.clip(shifts, -0.5, 0.5)
+    flat = [each.reshape(40, -1) for each in (windows, faces, masks)]
+    found = QuickFitter(template, 0.5).fit(flat[0], flat[1], guesses, masks=flat[2])
+
+    for index, (window, face, mask, guess) in enumerate(zip(windows, faces, masks, guesses, strict=True)):
+        alone = Fitter(template, 0.5).fit(window, lambda _, face=face: face, mask, guess_rows=guess)
         assert found.fraction[index] == pytest.approx(alone.fraction, abs=1e-4)
         assert found.sigma_rows[index] == pytest.approx(alone.sigma_rows, rel=1e-2)
         assert found.score[index] == pytest.approx(alone.score, abs=1e-4)
+        assert found.correlation[index] == pytest.approx(alone.correlation, abs=1e-4)
+
+
+def test_fits_by_known_sums_are_those_of_one() -> None:
+    """Two needles on dials of their own, at any row, also at one that was seen before."""
+    rng = np.random.default_rng(67)
+    templates = [needle(rng), needle(rng)]
+    dials = [rng.uniform(20, 60, (rows, 8)).astype(np.float32) for rows in (70, 90)]
+    rows, shifts = rng.integers(0, 45, (20, 2)), rng.uniform(-1.0, 1.0, (20, 2))
+    faces = np.stack([[dials[one][row : row + 25] for one, row in enumerate(own)] for own in rows])
+    windows = np.stack([windows_of(templates[one], faces[:, one], shifts[:, one]) for one in (0, 1)], axis=1)
+    guesses = np.clip(shifts, -0.5, 0.5)
+    fitter = PlainFitter(templates, dials, [0.5, 0.4])
+
+    for _ in range(2):
+        found = fitter.fit(windows.reshape(20, 2, -1), rows, guesses)
+        for frame, one in np.ndindex(20, 2):
+            alone = Fitter(templates[one], (0.5, 0.4)[one]).fit(
+                windows[frame, one], lambda _, face=faces[frame, one]: face, guess_rows=guesses[frame, one]
+            )
+            assert found.fraction[frame, one] == pytest.approx(alone.fraction, abs=1e-4)
+            assert found.sigma_rows[frame, one] == pytest.approx(alone.sigma_rows, rel=1e-2)
+            assert found.score[frame, one] == pytest.approx(alone.score, abs=1e-4)
 
 
 def encoded(picture: GreyPicture, **options: object) -> bytes:
