@@ -17,6 +17,10 @@ from flight_file.session import Session
 START_NS = 1_525_435_200_000_000_000
 SECOND_NS = 1_000_000_000
 
+MAGIC_BYTES, HEAD_BYTES = 8, 9
+NEAR_BYTES = 56  # a chunk's own fields and its first record's head are no longer
+STRIDE = 17  # no multiple of any field's length
+
 MakeFrame = Callable[..., Frame]
 WriteFlight = Callable[..., list[Path]]
 
@@ -82,3 +86,23 @@ def flight(tmp_path: Path, frames: list[Frame], write_flight: WriteFlight) -> Pa
         tmp_path, frames, attachments={"panel.yaml": b"name: F-16\n", "panel.jpg": bytes(range(256))}
     )
     return path
+
+
+@pytest.fixture(scope="session")
+def telling_places() -> Callable[[bytes], list[int]]:
+    """Where to damage a sound file so that nothing is left out.
+
+    Every byte in and around the fields of every record; of what a record merely carries, whose bytes are all hit alike,
+    every seventeenth.
+    """
+
+    def places(data: bytes) -> list[int]:
+        borders, end = [MAGIC_BYTES], len(data) - MAGIC_BYTES
+        while borders[-1] < end:
+            length = int.from_bytes(data[borders[-1] + 1 : borders[-1] + HEAD_BYTES], "little")
+            borders.append(borders[-1] + HEAD_BYTES + length)
+        assert borders[-1] == end
+        near = {place for border in borders for place in range(border - HEAD_BYTES, border + NEAR_BYTES)}
+        return sorted(near.union(range(0, len(data), STRIDE)) & set(range(MAGIC_BYTES, len(data))))
+
+    return places

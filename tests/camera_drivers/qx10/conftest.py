@@ -6,16 +6,18 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import pytest
 
+from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError
 from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
-from flight_file.frame import Frame
+from flight_file.frame import ClockReading, Frame
 from flight_file.reports import CameraStatus
 from recorder.clock import SystemClock
 
@@ -44,6 +46,25 @@ QUICK = Behaviour(
     zoom_percent_per_s=400.0,
 )
 CONNECTIONS = 20  # nothing in these tests takes longer than that many attempts
+
+
+class JumpingClock(SystemClock):
+    """The machine's clocks, but a wait is over at once, and both are ahead by as much from then on.
+
+    For one driver without a call that waits for news: of two that wait, each would jump ahead of the other.
+    """
+
+    def __init__(self) -> None:
+        self._ahead_ns = 0
+
+    def read(self) -> ClockReading:
+        """The machine's time and all the waits."""
+        now = super().read()
+        return ClockReading(now.realtime_ns + self._ahead_ns, now.monotonic_ns + self._ahead_ns)
+
+    def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:  # noqa: ARG002 - it never waits
+        """Jump."""
+        self._ahead_ns += max(0, monotonic_ns - self.read().monotonic_ns)
 
 
 @dataclass
@@ -112,8 +133,13 @@ def make_bench(listener: Listener) -> Iterator[MakeBench]:
     """A simulated camera with faults and changes, and a driver with options; both end with the test."""
     with ExitStack() as stack:
 
-        def make(*faults: str, behaviour: dict[str, Any] | None = None, **options: Any) -> Bench:  # noqa: ANN401
-            clock = SystemClock()
+        def make(
+            *faults: str,
+            behaviour: dict[str, Any] | None = None,
+            clock: Clock | None = None,
+            **options: Any,  # noqa: ANN401
+        ) -> Bench:
+            clock = clock or SystemClock()
             simulated = stack.enter_context(
                 SimulatedQx10(clock, behaviour=replace(QUICK, **(behaviour or {})), search_port=0)
             )
@@ -123,3 +149,9 @@ def make_bench(listener: Listener) -> Iterator[MakeBench]:
             return Bench(simulated, Qx10Camera(Options(**wanted), clock, listener), listener)
 
         yield make
+
+
+@pytest.fixture
+def make_quick_bench(make_bench: MakeBench) -> MakeBench:
+    """The same where what the driver waits for comes at once."""
+    return partial(make_bench, clock=JumpingClock(), long_poll=False)

@@ -111,9 +111,9 @@ def test_picture_before_is_not_taken_for_the_one_searched(make_bench: MakeBench,
     assert len(bench.listener.losses) == 1
 
 
-def test_camera_that_refuses_again_and_again_is_connected_again(make_bench: MakeBench) -> None:
+def test_camera_that_refuses_again_and_again_is_connected_again(make_quick_bench: MakeBench) -> None:
     """After some refusals in a row the driver gives up the connection, not the pictures."""
-    bench = make_bench(*(f"error_40400@{number}" for number in range(1, 6)))
+    bench = make_quick_bench(*(f"error_40400@{number}" for number in range(1, 6)))
     frames = bench.take(1)
 
     assert len(bench.failures) == 1

@@ -43,18 +43,18 @@ def test_every_setting_is_as_wanted(make_bench: MakeBench) -> None:
     assert bench.listener.reasons("setting") == []
 
 
-def test_setting_that_shows_late_is_waited_for(make_bench: MakeBench) -> None:
+def test_setting_that_shows_late_is_waited_for(make_quick_bench: MakeBench) -> None:
     """The answer comes before the camera has done it."""
-    bench = make_bench(behaviour={"apply_s": 0.3}, **WANTED)
+    bench = make_quick_bench(behaviour={"apply_s": 0.3}, **WANTED)
     bench.take(1)
 
     assert bench.listener.reasons("setting") == []
     assert bench.simulated.model.settings.chosen == SHOWN
 
 
-def test_setting_that_never_shows_is_reported(make_bench: MakeBench) -> None:
+def test_setting_that_never_shows_is_reported(make_quick_bench: MakeBench) -> None:
     """Pictures come all the same."""
-    bench = make_bench(behaviour={"apply_s": 60.0}, beep_mode="Off", picture="2M")
+    bench = make_quick_bench(behaviour={"apply_s": 60.0}, beep_mode="Off", picture="2M")
     bench.take(1)
 
     assert bench.listener.reasons("setting") == ["BeepMode is not as wanted: it was accepted and does not show"]

@@ -95,9 +95,9 @@ def test_long_call_says_that_it_waits(make_bench: MakeBench) -> None:
     assert "actTakePicture" in bench.listener.waits
 
 
-def test_camera_that_never_gets_ready_is_connected_again(make_bench: MakeBench) -> None:
+def test_camera_that_never_gets_ready_is_connected_again(make_quick_bench: MakeBench) -> None:
     """An error that stays ends the connection, not the driver."""
-    bench = make_bench()
+    bench = make_quick_bench()
     bench.simulated.model.fail(failed=True)
     with pytest.raises(CameraError, match=r"not ready but Error; it will be connected again\."), bench.camera:
         pass
