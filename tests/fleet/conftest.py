@@ -7,10 +7,8 @@ import json
 import os
 import re
 import shlex
-import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -55,13 +53,6 @@ def write(folder: Path, recording: str, frames: Sequence[Frame], *, per_segment:
 def panel() -> dict[str, bytes]:
     """The attachments of the animation's flights."""
     return dict(open_flight([FIXTURES / "thesis_a1.mcap"]).attachments)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def ctrl_c() -> None:
-    """Lets programs that are started here hear Ctrl-C, though the tests run in a shell's background."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

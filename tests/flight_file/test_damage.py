@@ -72,9 +72,7 @@ def test_cut_inside_the_magic_is_no_flight(flight: Path) -> None:
 
 
 @pytest.mark.no_cover
-def test_zeroed_tail_never_gives_a_wrong_byte(
-    flight: Path, frames: list[Frame], telling_places: TellingPlaces
-) -> None:
+def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
     """A tail of zeros, as a power cut leaves it, costs the frames in it and none before it."""
     size, ends = flight.stat().st_size, chunk_ends(flight)[1:]
     data = flight.read_bytes()

@@ -88,9 +88,7 @@ def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
 
 
 @pytest.mark.no_cover
-def test_tail_of_zeros_costs_the_frames_in_it(
-    flight: Path, frames: list[Frame], telling_places: TellingPlaces
-) -> None:
+def test_tail_of_zeros_costs_the_frames_in_it(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
     """What a power cut leaves of a file whose length was written before its bytes."""
     data, places = flight.read_bytes(), chunks(flight)
     for start in telling_places(data)[::3]:
