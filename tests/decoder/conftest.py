@@ -34,7 +34,9 @@ Field = NDArray[np.float64]
 WIDTH_PX, HEIGHT_PX = 360, 220
 SPEED_CENTRE, FUEL_CENTRE = (85.4, 110.7), (235.6, 108.3)
 DIAL_RADIUS_PX = 56.0
+KNOB_CENTRE, KNOB_RADIUS_PX = (160.0, 32.0), 19.0
 SOFTNESS_PX = 0.45
+REACH_PX = 20.0  # beyond it an edge's hyperbolic tangent is 1 to the last bit
 START_NS = 1_525_435_200_000_000_000  # 2018-05-04T12:00:00Z
 FRAME_NS = 500_000_000
 
@@ -89,11 +91,11 @@ def _texture(x: Field, y: Field) -> Field:
 
 
 def _hand(name: str, angle_deg: float, x: Field, y: Field) -> Field:
-    """How much of each point a needle covers."""
-    (cx, cy), tip, root_half, tip_half, _ = HANDS[name]
+    """How much of each point about its pivot a needle covers."""
+    _, tip, root_half, tip_half, _ = HANDS[name]
     cos, sin = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
-    along = (x - cx) * cos + (y - cy) * sin
-    across = (y - cy) * cos - (x - cx) * sin
+    along = x * cos + y * sin
+    across = y * cos - x * sin
     half = root_half + (tip_half - root_half) * np.clip(along / tip, 0.0, 1.0)
     return _inside(np.abs(across) - half) * _inside(-along) * _inside(along - tip)
 
@@ -110,15 +112,26 @@ def _scene(
 ) -> Field:
     """Grey levels of the panel at points, the hands drawn one over the other, some of them in levels of their own."""
     light = 60.0 + _inside(x - 330.0) * 70.0
-    for cx, cy in (SPEED_CENTRE, FUEL_CENTRE):
-        light = light + (40.0 - light) * _inside(np.hypot(x - cx, y - cy) - DIAL_RADIUS_PX)
+    for centre in (SPEED_CENTRE, FUEL_CENTRE):
+        near, along, across = _near(x, y, centre, DIAL_RADIUS_PX)
+        light[near] += (40.0 - light[near]) * _inside(np.hypot(along, across) - DIAL_RADIUS_PX)
         if ticks:
-            light = light + (180.0 - light) * _ticks(x - cx, y - cy)
-    knob = _inside(np.hypot(x - 160.0, y - 32.0) - 19.0)
-    light = light + (110.0 + _texture(x, y) - light) * knob
+            light[near] += (180.0 - light[near]) * _ticks(along, across)
+    near, along, across = _near(x, y, KNOB_CENTRE, KNOB_RADIUS_PX)
+    knob = _inside(np.hypot(along, across) - KNOB_RADIUS_PX)
+    light[near] += (110.0 + _texture(x[near], y[near]) - light[near]) * knob
     for name, angle_deg in hands:
-        light = light + (levels.get(name, HANDS[name][4]) - light) * _hand(name, angle_deg, x, y)
+        centre, tip, *_, level = HANDS[name]
+        near, along, across = _near(x, y, centre, tip)
+        light[near] += (levels.get(name, level) - light[near]) * _hand(name, angle_deg, along, across)
     return light
+
+
+def _near(x: Field, y: Field, centre: tuple[float, float], radius: float) -> tuple[NDArray[np.bool_], Field, Field]:
+    """Which points a round thing may reach, soft edge and all, and where these are, seen from its centre."""
+    along, across = x - centre[0], y - centre[1]
+    near = along**2 + across**2 < (radius + REACH_PX) ** 2
+    return near, along[near], across[near]
 
 
 def _draw(

@@ -32,6 +32,8 @@ KNOBS = {
     "south": (330.0, 430.0),
 }
 GAUGE_PX = (320.0, 240.0)
+DIAL_PX = 60.0
+REACH_PX = 25.0  # beyond it an edge's hyperbolic tangent is 1 to the last bit
 
 
 def _knob(x: Field, y: Field, kind: int) -> Field:
@@ -46,13 +48,22 @@ def _plane(x: Field, y: Field, knobs: Sequence[tuple[float, float, int]]) -> Fie
     """Grey levels of the plane at points."""
     light = np.full_like(x, 70.0)
     for cx, cy, kind in knobs:
-        inside = 0.5 * (1.0 - np.tanh((np.hypot(x - cx, y - cy) - KNOB_PX) / 1.2))
-        light = light + (120.0 + _knob(x - cx, y - cy, kind) - light) * inside
-    dial = 0.5 * (1.0 - np.tanh((np.hypot(x - GAUGE_PX[0], y - GAUGE_PX[1]) - 60.0) / 1.2))
-    light = light + (40.0 - light) * dial
-    along, across = x - GAUGE_PX[0], y - GAUGE_PX[1]
+        near, along, across = _near(x, y, (cx, cy), KNOB_PX)
+        inside = 0.5 * (1.0 - np.tanh((np.hypot(along, across) - KNOB_PX) / 1.2))
+        light[near] += (120.0 + _knob(along, across, kind) - light[near]) * inside
+    near, along, across = _near(x, y, GAUGE_PX, DIAL_PX)
+    dial = 0.5 * (1.0 - np.tanh((np.hypot(along, across) - DIAL_PX) / 1.2))
+    light[near] += (40.0 - light[near]) * dial
     hand = 0.5 * (1.0 - np.tanh((np.abs(across) - 2.0) / 0.9)) * (along > 0) * 0.5 * (1 - np.tanh((along - 52.0) / 0.9))
-    return light + (220.0 - light) * hand
+    light[near] += (220.0 - light[near]) * hand
+    return light
+
+
+def _near(x: Field, y: Field, centre: tuple[float, float], radius: float) -> tuple[NDArray[np.bool_], Field, Field]:
+    """Which points a round thing may reach, soft edge and all, and where these are, seen from its centre."""
+    along, across = x - centre[0], y - centre[1]
+    near = along**2 + across**2 < (radius + REACH_PX) ** 2
+    return near, along[near], across[near]
 
 
 def _see(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -48,9 +49,12 @@ OBLIQUE: list[dict[str, Any]] = [
 def aligner_of(see: See, panel_of: PanelOf) -> Callable[..., Aligner]:
     """An aligner with these knobs as anchors; its panel picture has noise of its own."""
 
+    @cache
+    def panel_picture(*, twins: bool) -> GreyPicture:
+        return see(np.eye(3), noise=1.0, seed=5, twins=twins)
+
     def make(names: tuple[str, ...], usual: Alignment | None = None, *, twins: bool = False) -> Aligner:
-        picture = see(np.eye(3), noise=1.0, seed=5, twins=twins)
-        return Aligner(panel_of(names), picture, *([] if usual is None else [usual]))
+        return Aligner(panel_of(names), panel_picture(twins=twins), *([] if usual is None else [usual]))
 
     return make
 
