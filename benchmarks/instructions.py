@@ -16,6 +16,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.metadata import version
@@ -26,12 +27,11 @@ import cv2
 from threadpoolctl import threadpool_limits
 
 from decoder.flight_fitting import fit_to_flight
-from decoder.frame_batch import batches, read_batch
+from decoder.frame_batch import Batch, batches, read_batch
 from decoder.method import Method
 from decoder.panel_pictures import panel_from_attachments
 from decoder.panel_reader import PanelReader
 from decoder.pictures import FramePicture, grey_picture
-from flight_file.frame import Frame
 from flight_file.reader import Flight, open_flight
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "thesis_a2.mcap"
@@ -109,7 +109,11 @@ def _work(kind: str, recipe: Path) -> None:
     with threadpool_limits(1):
         reader = PanelReader(*pickle.loads(recipe.read_bytes()))  # noqa: S301 - our own, made a moment ago
         batch = next(batches(open_flight([FLIGHT]).frames(), FRAMES))
-        work = {"read": partial(read_batch, reader, batch), "decompress": partial(_decompress, batch)}[kind]
+        works: dict[str, Callable[[], object]] = {
+            "read": partial(read_batch, reader, batch),
+            "decompress": partial(_decompress, batch),
+        }
+        work = works[kind]
         work()
         child = os.fork()
         if child == 0:
@@ -118,7 +122,7 @@ def _work(kind: str, recipe: Path) -> None:
             os.waitpid(child, 0)
 
 
-def _decompress(batch: list[Frame]) -> None:
+def _decompress(batch: Batch) -> None:
     for frame in batch:
         grey_picture(frame.jpeg)
 

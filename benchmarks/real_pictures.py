@@ -141,9 +141,9 @@ class Decoded:
     tolerance: Floats
 
 
-def decode_source(source: Source, folder: Path) -> Decoded:
-    """Records a source's pictures in a folder, and decodes the flight."""
-    pictures = _as_jpegs(sorted(PICTURES.glob(source.pictures)), folder / "pictures")
+def decode_source(source: Source, folder: Path, *, every: int = 1) -> Decoded:
+    """Records a source's pictures in a folder, all or one of so many of them, and decodes the flight."""
+    pictures = _as_jpegs(sorted(PICTURES.glob(source.pictures))[::every], folder / "pictures")
     panel = _with_picture(source, folder)
     record_flight(pictures, panel, folder / "flight.mcap")
     decode(folder / "flight.mcap", folder)

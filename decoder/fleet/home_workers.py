@@ -25,7 +25,8 @@ from decoder.fleet.one_flight import decode_one
 from decoder.fleet.order import Order
 from decoder.fleet.outcome import Outcome
 
-PATIENCE_S = 3.0  # for a process that was told to stop; one that does not is killed
+PATIENCE_S = 20.0  # for a process that was told to stop, on a busy machine; one that does not is killed
+ALONE_S = 3.0  # for a process whose parent is gone
 
 
 def _new_pool() -> ProcessPoolExecutor:
@@ -114,5 +115,5 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
 def _follow(parent: int) -> None:
     wait([parent])
     os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(PATIENCE_S)  # for the flight to clean up; the pool's own loop would then wait for work that never comes
+    time.sleep(ALONE_S)  # for the flight to clean up; the pool's own loop would then wait for work that never comes
     os._exit(1)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+import json
+import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +25,7 @@ from recorder.testing import fixed_host
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 PROGRAMS = Path(sys.executable).parent
+PATIENCE_S = 120
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 MakeFlight = Callable[..., Path]
@@ -37,13 +40,39 @@ class Decoded:
     json_file: Path
 
 
+@pytest.fixture(scope="session")
+def decode_server() -> Iterator[subprocess.Popen[str]]:
+    """Forks `decode` without loading its libraries anew; see decode_server.py."""
+    command = [sys.executable, str(Path(__file__).with_name("decode_server.py"))]
+    # A thread pool that a fork leaves behind must never have been made.
+    one_thread = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    environment = {**os.environ, **one_thread}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as server:
+        yield server
+        server.communicate(timeout=PATIENCE_S)
+
+
 @pytest.fixture
-def run() -> Run:
+def run(decode_server: subprocess.Popen[str], tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs a program of ours to its end."""
+    printed = tmp_path_factory.mktemp("printed")
+
+    def run_decode(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
+        out, err = (printed / name for name in ("out", "err"))
+        ask = {"words": words, "place": str(Path.cwd()), "out": str(out), "err": str(err)}
+        assert decode_server.stdin is not None
+        assert decode_server.stdout is not None
+        decode_server.stdin.write(json.dumps(ask) + "\n")
+        decode_server.stdin.flush()
+        code = int(decode_server.stdout.readline())
+        texts = (path.read_text(encoding="utf-8") for path in (out, err))
+        return subprocess.CompletedProcess(["decode", *words], code, *texts)
 
     def run_program(program: str, *words: object) -> subprocess.CompletedProcess[str]:
+        if program == "decode":
+            return run_decode([*map(str, words)])
         command = [str(PROGRAMS / program), *map(str, words)]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
 
     return run_program
 

@@ -11,7 +11,7 @@ import pytest
 from decoder.camera import camera_from_file
 from fixtures.calibration.board import SIZE_PX, photographs
 
-pytestmark = pytest.mark.xdist_group("board")  # one worker renders the photographs
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("board")]  # one worker renders the photographs
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 TRUE = 900.0

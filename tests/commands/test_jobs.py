@@ -68,6 +68,7 @@ def started(*words: object) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0)
 
 
+@pytest.mark.slow
 def test_bytes_are_the_same_with_any_number_of_processes(run: Run, tmp_path: Path) -> None:
     """With one, two or three of them every file is the same, byte for byte."""
     for count in (1, 2, 3):
@@ -78,6 +79,7 @@ def test_bytes_are_the_same_with_any_number_of_processes(run: Run, tmp_path: Pat
     assert contents(tmp_path / "1") == contents(tmp_path / "2") == contents(tmp_path / "3")
 
 
+@pytest.mark.slow
 def test_killed_worker_is_reported_and_costs_nothing(run: Run, long_flight: Path, tmp_path: Path) -> None:
     """Its frames are read again; the files are those of an undisturbed decode."""
     run("decode", long_flight, "-o", tmp_path / "whole", "--jobs", 1)

@@ -51,6 +51,7 @@ def stopped(running: subprocess.Popen[str], journal: Path, batches: int, how: si
     return said
 
 
+@pytest.mark.slow
 def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(run: Run, flight: Path, tmp_path: Path) -> None:
     """Each time it goes on where it was; at the end the files are those of an unbroken decode, and nothing else."""
     run("decode", flight, "-o", tmp_path / "whole")

@@ -93,6 +93,7 @@ def test_name_mappings_are_such(tmp_path: Path) -> None:
     assert found[1]["airspeed_kt"].unit == "km/h"
 
 
+@pytest.mark.slow
 def test_commands_of_flight_data_run(tmp_path: Path) -> None:
     """Every command in docs/flight-data.md runs on the demo flight, one after the other, and writes what it says."""
     program = Path(sys.executable).parent
@@ -116,6 +117,7 @@ def test_commands_of_flight_data_run(tmp_path: Path) -> None:
     assert any((tmp_path / "pictures").glob("*_fuel.jpg"))
 
 
+@pytest.mark.slow
 def test_commands_of_the_report_run(tmp_path: Path) -> None:
     """Every command in docs/report.md runs on the demo flight; the truth is in the page, by frame and by a clock."""
     program = Path(sys.executable).parent

@@ -10,6 +10,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 PROGRAMS = Path(sys.executable).parent
@@ -31,6 +33,7 @@ def without_numbers(text: str) -> str:
     return " ".join(re.sub(r"[-+]?\d[\d.]*", "0", text).split())
 
 
+@pytest.mark.slow
 def test_tutorial_does_what_it_says(tmp_path: Path) -> None:
     """Every command, one after the other, in a folder that has nothing but the fixtures."""
     (tmp_path / "fixtures").symlink_to(ROOT / "fixtures")

@@ -22,7 +22,7 @@ FindReader = Callable[[Path, int], Any]
 IsGone = Callable[[Any], bool]
 Cluster = Any
 
-pytestmark = pytest.mark.xdist_group("fleet")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("fleet")]
 
 
 def states(output: Path) -> dict[str, str]:
@@ -82,7 +82,11 @@ def test_flight_that_kills_its_workers_is_told(
 
     assert running.returncode == 1
     assert told.startswith("failed: long: its worker was killed 2 times over it")
-    assert states(output) == {**dict.fromkeys(["flight0", "flight1", "flight2"], "decoded"), "long": "failed"}
+    found = states(output)
+    assert found.pop("long") == "failed"
+    # A short flight is kept if its worker was killed between marking it as finished and telling so.
+    assert found.keys() == {"flight0", "flight1", "flight2"}
+    assert set(found.values()) <= {"decoded", "kept"}
     flight.unlink()
     again = started(*words)
     out, told = again.communicate(timeout=120)

@@ -22,7 +22,7 @@ Results = Callable[[Path], dict[str, bytes]]
 Cluster = Any
 Store = Any
 
-pytestmark = pytest.mark.xdist_group("fleet")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("fleet")]
 
 
 def run(words: list[str], folder: Path, env: Mapping[str, str]) -> None:

@@ -17,7 +17,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 Results = Callable[[Path], dict[str, bytes]]
 Store = Any
 
-pytestmark = pytest.mark.xdist_group("fleet")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("fleet")]
 
 
 def without_marks(objects: dict[str, bytes]) -> dict[str, bytes]:

@@ -64,7 +64,6 @@ def recovered(part: Path) -> tuple[Recovery | None, list[Frame], EndRecord | Non
     return recovery, frames, flight.segments[0].end
 
 
-@pytest.mark.no_cover
 @pytest.mark.slow
 def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
     tmp_path: Path, make_frame: Callable[..., Frame], write_flight: WriteFlight, telling_places: TellingPlaces
@@ -87,7 +86,7 @@ def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
             assert end.frames == len(found)
 
 
-@pytest.mark.no_cover
+@pytest.mark.slow
 def test_tail_of_zeros_costs_the_frames_in_it(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
     """What a power cut leaves of a file whose length was written before its bytes."""
     data, places = flight.read_bytes(), chunks(flight)

@@ -18,6 +18,7 @@ def recorder(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=30, check=False)
 
 
+@pytest.mark.slow
 def test_photographs_become_one_flight_and_come_out_of_it(pictures: Path, tmp_path: Path) -> None:
     """What goes in comes out byte for byte, in order, whatever its length: 40 pictures of 40 days."""
     target, folder = tmp_path / "flights" / "august.mcap", tmp_path / "out"

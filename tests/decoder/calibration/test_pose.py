@@ -81,6 +81,7 @@ def test_more_points_give_the_least_squares_of_opencv(count: int, relief_inches:
         assert np.abs(difference_of(best.pose, Pose(cv2.Rodrigues(turn)[0], shift.ravel()))).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 4, 8])
 def test_the_claimed_covariance_holds(count: int) -> None:
     """With points marked to 0.3 px the squared error in units of the covariance is chi-square with six degrees."""

@@ -94,6 +94,7 @@ def test_views_are_found(
     scale=st.floats(0.95, 1.02),
     tilt=st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08)),
 )
+@pytest.mark.slow
 def test_any_view_within_limits_is_found(
     aligner: Aligner,
     see: See,
