@@ -1,4 +1,4 @@
-"""What a JPEG's header says of its size: enough to give it memory before it is decompressed."""
+"""What a JPEG's header says of its size: enough to give it memory before it is decompressed, if it can be true."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ _END = b"\xff\xd9"
 _SIZES = frozenset((0xC0, 0xC1, 0xC2))  # baseline, extended, progressive
 _SEQUENTIAL = frozenset((0xC0, 0xC1))
 _SCAN = 0xDA
+# A bit for each block of 8 x 8 pixels, whose coefficients can hardly be told in less.
+MOST_PIXELS_A_BYTE = 512
+MOST_PIXELS = 2**27  # the largest sensors have no more
+FEW_PIXELS = 2**22  # are tried in any case: four megabytes
 _HEIGHT_AT = 5  # from the segment's marker: marker, length, precision, then height and width
 
 
@@ -23,6 +27,11 @@ class JpegHeader:
     width_px: int
     height_at: int
     is_sequential: bool
+
+    def fits(self, size_bytes: int) -> bool:
+        """Whether a file of so many bytes can be a picture as large as this; a damaged header may claim anything."""
+        most = max(FEW_PIXELS, min(size_bytes * MOST_PIXELS_A_BYTE, MOST_PIXELS))
+        return self.height_px * self.width_px <= most
 
 
 def jpeg_header(encoded: bytes) -> JpegHeader | None:

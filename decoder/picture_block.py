@@ -43,8 +43,8 @@ class PictureBlock:
             If the bytes are no picture, or one that breaks off.
         """
         header = jpeg_header(encoded)
-        if header is None:
-            return grey_picture(encoded)
+        if header is None or not header.fits(len(encoded)):
+            return grey_picture(encoded)  # the judge of what is odd
         try:
             buffer = self._slot(slot, header.height_px * header.width_px)
             picture = simplejpeg.decode_jpeg(encoded, "GRAY", buffer=buffer)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.errors import PictureError
+from decoder.jpeg_header import jpeg_header
 
 GreyPicture = NDArray[np.uint8]
 ColourPicture = NDArray[np.uint8]
@@ -55,6 +56,12 @@ def grey_picture(encoded: bytes) -> GreyPicture:
 def _decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
     if not encoded:
         raise PictureError("the picture is empty")
+    header = jpeg_header(encoded)
+    if header is not None and not header.fits(len(encoded)):
+        raise PictureError(
+            f"the picture is damaged or cut short: it says that it is {header.width_px} x {header.height_px}, which its"
+            f" {len(encoded)} bytes cannot hold"
+        )
     try:
         picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -247,6 +248,34 @@ def test_header_says_the_size(pictures: list[GreyPicture]) -> None:
     assert header is not None
     assert (header.height_px, header.width_px) == (200, 300)
     assert jpeg_header(b"\x89PNG") is None
+
+
+def claiming(jpeg: bytes, height_px: int, width_px: int) -> bytes:
+    """A JPEG whose header says that it is so large."""
+    header = jpeg_header(jpeg)
+    assert header is not None
+    return jpeg[: header.height_at] + height_px.to_bytes(2) + width_px.to_bytes(2) + jpeg[header.height_at + 4 :]
+
+
+@pytest.mark.parametrize("size", [(12_000, 12_000), (65_535, 65_535), (40_000, 2_000)], ids=str)
+def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPicture], size: tuple[int, int]) -> None:
+    """A damaged header is no reason to make room for a picture that its bytes cannot hold; it is said instead."""
+    jpeg, block = claiming(encoded(pictures[0]), *size), PictureBlock()
+    said = f"says that it is {size[1]} x {size[0]}, which its {len(jpeg)} bytes cannot hold"
+
+    for decompress in (grey_picture, partial(block.grey_picture, slot=0)):
+        with pytest.raises(PictureError, match=said):
+            decompress(jpeg)
+    assert block._slots == {}
+
+
+@pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}], ids=str)
+def test_plain_pictures_may_be_as_small_as_jpegs_can_be(options: dict[str, object]) -> None:
+    """Nothing but black, in the fewest bytes that there are for it, is believed."""
+    stream = io.BytesIO()
+    Image.new("L", (4000, 3000)).save(stream, "JPEG", quality=1, **options)
+
+    assert PictureBlock().grey_picture(stream.getvalue(), 0).shape == (3000, 4000)
 
 
 def test_first_rows_alone_give_the_same_bits(flight: Flight, reader: PanelReader, together: list[str]) -> None:
