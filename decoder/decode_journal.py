@@ -7,7 +7,7 @@ to lose, and is gone when the flight data are written.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -70,7 +70,7 @@ class DecodeJournal:
     def around(self, read: ReadBatches) -> ReadBatches:
         """Reads batches as `read` does, except those that the journal knows, and notes them.
 
-        What comes out raises OutputError if the journal cannot be written.
+        What comes out raises OutputError if the journal cannot be read or written.
         """
 
         def read_on(reader: PanelReader, cut: Iterable[Batch]) -> Results:
@@ -98,41 +98,57 @@ class DecodeJournal:
 
     def _is_begun_by(self, reader: PanelReader) -> bool:
         """Whether there is a journal of this decode; says what there is instead, or that it is not gone on with."""
-        if not self.path.is_file():
+        lines = self._lines()
+        first = next(lines, None)
+        if first is None:
             if self._resume:
                 self._tell(f"{self.path} is not there, so this decode starts at the beginning")
             return False
-        with self.path.open("rb") as stream:
-            found, ours = content_of(stream.readline()), dict(self._identity(reader))
-            if found == ours and not self._resume:
-                frames = sum(len(content["frames"]) for content in map(content_of, stream) if content is not None)
-                self._tell(
-                    f"{self.path}: an earlier decode was broken off after {frames} frames; this one starts over, "
-                    "--resume would have gone on from there"
-                )
+        found, ours = content_of(first), dict(self._identity(reader))
+        if found == ours and not self._resume:
+            frames = sum(len(content["frames"]) for content in map(content_of, lines) if content is not None)
+            self._tell(
+                f"{self.path}: an earlier decode was broken off after {frames} frames; this one starts over, "
+                "--resume would have gone on from there"
+            )
         if found != ours and self._resume:
             self._tell(f"{self.path} {_difference(found, ours)}, so this decode starts at the beginning")
         return bool(found == ours)
+
+    def _lines(self) -> Generator[bytes]:
+        """The lines of the file, an empty one if it is empty, none if there is no file; raises OutputError."""
+        try:
+            if not self.path.is_file():
+                return
+            with self.path.open("rb") as stream:
+                yield stream.readline()
+                yield from stream
+        except OSError as error:
+            raise OutputError(
+                f"{self.path}: the journal cannot be read: {error.strerror}; remove it,"
+                " or choose another folder with -o"
+            ) from error
 
     def _known(self, coming: Iterator[Batch], unknown: list[Batch], read: Callable[[Batch], Results]) -> Results:
         """The batches that were read before; one that was taken to see that it was not goes to `unknown`.
 
         Those of which frames were left out are read again: their journal says no more than their place.
         """
-        with self.path.open("rb") as stream:
-            whole_bytes = len(stream.readline())
-            for line in stream:
-                content = content_of(line)
-                batch = None if content is None else next(coming, None)
-                if batch is None:
-                    break
-                outcomes = outcomes_of(content, batch)
-                if outcomes is None:
-                    unknown.append(batch)
-                    break
-                whole_bytes += len(line)
-                self.frames += len(batch)
-                yield from [(batch, outcomes)] if outcomes else read(batch)
+        lines = self._lines()
+        whole_bytes = len(next(lines, b""))
+        for line in lines:
+            content = content_of(line)
+            batch = None if content is None else next(coming, None)
+            if batch is None:
+                break
+            outcomes = outcomes_of(content, batch)
+            if outcomes is None:
+                unknown.append(batch)
+                break
+            whole_bytes += len(line)
+            self.frames += len(batch)
+            yield from [(batch, outcomes)] if outcomes else read(batch)
+        lines.close()
         with self._failing_as_output():
             os.truncate(self.path, whole_bytes)
             self._stream = self.path.open("ab")

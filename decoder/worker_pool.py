@@ -1,13 +1,14 @@
 """A pool of processes that read a flight's batches, handed out in order and taken back in order.
 
-At any time a few batches for each worker are in memory, however long the flight is. A worker that is killed takes
-nothing with it: its frames are read again by a new one, first together, then one by one, until only a frame that kills
-whoever reads it is left out.
+At any time a few batches for each worker are in memory, however long the flight is. A worker that is killed, or that
+hangs, takes nothing with it: its frames are read again by a new one, first together, then one by one, until only a
+frame that kills whoever reads it is left out.
 """
 
 from __future__ import annotations
 
 import signal
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -18,8 +19,9 @@ from types import TracebackType
 from typing import Self
 
 from decoder import fork_server
+from decoder.batch_row import BatchRow, Job
 from decoder.errors import WorkersLost
-from decoder.frame_batch import Batch, LeftOut, Outcome, RawFrame
+from decoder.frame_batch import Batch, LeftOut, Outcome
 from decoder.panel_reader import PanelReader
 from decoder.shared_pictures import PicturesGiven
 from decoder.worker import recipe, serve
@@ -31,6 +33,13 @@ MAX_DEATHS_IN_A_ROW = 80
 # Batches that may wait for an older one, for each worker.
 BATCHES_AHEAD = 4
 END_S = 2.0
+# A batch takes a fraction of a second. A worker hangs that is at one for so long, and for so many times as long as any
+# batch has taken: on a slow or busy machine all of them take longer.
+PATIENCE_S = 300.0
+PATIENCE_TIMES = 50
+LOOK_S = 1.0
+# Waiting for one that hangs takes so much longer that fewer in a row are enough: as many as so many deaths.
+DEATHS_OF_A_HANG = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +61,12 @@ class Death:
 class WorkerPool:
     """Reads batches with so many processes; for use in a `with` block, at whose end none of them is left.
 
+    Parameters
+    ----------
+    patience_s
+        A worker that is at one batch for so long, and for fifty times as long as any batch has taken, is ended as one
+        that hangs.
+
     Attributes
     ----------
     deaths
@@ -60,8 +75,10 @@ class WorkerPool:
         Frames that could not be read because whoever read them was killed.
     """
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: int, *, patience_s: float = PATIENCE_S) -> None:
         self._jobs = jobs
+        self._patience_s = patience_s
+        self._longest_s = 0.0
         self._context = fork_server.begin()
         self._workers: list[_Worker] = []
         self._in_a_row = 0
@@ -88,7 +105,7 @@ class WorkerPool:
         WorkersLost
             If workers end one after the other.
         """
-        told, row, coming, jobs = recipe(reader), _Row(), iter(cut), deque[_Job]()
+        told, row, coming, jobs = recipe(reader), BatchRow(), iter(cut), deque[Job]()
         if told != self._told:
             self._dismiss(at_once=False)  # they know another reader
             self._told = told
@@ -102,6 +119,8 @@ class WorkerPool:
                 return
             for worker in self._answering():
                 self._collect(worker, row, jobs)
+            for worker in self._hanging():
+                self._give_up(worker, "did not answer any more", row, jobs)
             yield from row.finished()
 
     @property
@@ -109,10 +128,19 @@ class WorkerPool:
         return [worker for worker in self._workers if worker.job is not None]
 
     def _answering(self) -> list[_Worker]:
-        ready = wait([worker.connection for worker in self._busy])
+        begun_s = time.monotonic()
+        ready = wait([worker.connection for worker in self._busy], LOOK_S)
+        # More than a look is time in which this process was stopped itself.
+        waited_s = min(time.monotonic() - begun_s, 2 * LOOK_S)
+        for worker in self._busy:
+            worker.waited_s += waited_s
         return [worker for worker in self._busy if worker.connection in ready]
 
-    def _hand_out(self, jobs: deque[_Job], told: bytes) -> None:
+    def _hanging(self) -> list[_Worker]:
+        limit_s = max(self._patience_s, PATIENCE_TIMES * self._longest_s)
+        return [worker for worker in self._busy if worker.waited_s > limit_s]
+
+    def _hand_out(self, jobs: deque[Job], told: bytes) -> None:
         """Gives waiting jobs to workers that are free, and to new ones as long as there are too few."""
         while jobs:
             free = [worker for worker in self._workers if worker.job is None]
@@ -126,56 +154,49 @@ class WorkerPool:
                 worker.take(job, told)
             except OSError:  # it ended while it was free
                 jobs.appendleft(job)
-                self._bury(worker, None)
+                self._bury(worker, None, worker.last_words())
 
-    def _collect(self, worker: _Worker, row: _Row, jobs: deque[_Job]) -> None:
+    def _collect(self, worker: _Worker, row: BatchRow, jobs: deque[Job]) -> None:
         job = worker.job
         if job is None:
             return
         try:
             outcomes = worker.answer()
         except (EOFError, OSError):
-            how = self._bury(worker, job)
-            job.deaths += 1
-            if job.deaths < DEATHS:
-                jobs.appendleft(job)
-            elif len(job.frames) > 1:
-                jobs.extendleft(reversed(job.one_by_one()))
-            else:
-                self.left_out.append(job.frames[0].sequence)
-                row.fill(job, [LeftOut(f"the process that read it {how} each time")])
+            self._give_up(worker, worker.last_words(), row, jobs)
         else:
             self._in_a_row = 0
+            self._longest_s = max(self._longest_s, worker.waited_s)
             row.fill(job, outcomes)
 
-    def _bury(self, worker: _Worker, job: _Job | None) -> str:
-        """Takes note of a worker that has ended; says how."""
-        how = worker.last_words()
+    def _give_up(self, worker: _Worker, how: str, row: BatchRow, jobs: deque[Job]) -> None:
+        """Ends a worker that does not read its job to the end, and has the job read again, or what is left of it."""
+        job = worker.job
+        if job is None:
+            return
+        self._bury(worker, job, how)
+        job.deaths += 1
+        if job.deaths < DEATHS:
+            jobs.appendleft(job)
+        elif len(job.frames) > 1:
+            jobs.extendleft(reversed(job.one_by_one()))
+        else:
+            self.left_out.append(job.frames[0].sequence)
+            row.fill(job, [LeftOut(f"the process that read it {how} each time")])
+
+    def _bury(self, worker: _Worker, job: Job | None, how: str) -> None:
+        """Takes note of a worker that has ended, or has to; raises WorkersLost if there were too many in a row."""
+        self._in_a_row += DEATHS_OF_A_HANG if worker.is_alive else 1
         worker.end(at_once=True)
         self._workers.remove(worker)
         frames = job.frames if job is not None else None
         self.deaths.append(Death(how, frames[0].sequence if frames else None, frames[-1].sequence if frames else None))
-        self._in_a_row += 1
         if self._in_a_row > MAX_DEATHS_IN_A_ROW:
             raise WorkersLost(how)
-        return how
-
-
-@dataclass(slots=True)
-class _Job:
-    """Frames that one worker reads at a go: those of the batch `index` from `first` on."""
-
-    index: int
-    first: int
-    frames: tuple[RawFrame, ...]
-    deaths: int = 0
-
-    def one_by_one(self) -> list[_Job]:
-        return [_Job(self.index, self.first + count, (frame,)) for count, frame in enumerate(self.frames)]
 
 
 class _Worker:
-    """A process, our end of its connection, and what it is at; None if it is free."""
+    """A process, our end of its connection, what it is at (None if it is free), and how long that was waited for."""
 
     def __init__(self, context: ForkServerContext) -> None:
         self.connection, theirs = context.Pipe()
@@ -184,9 +205,14 @@ class _Worker:
         theirs.close()
         self._pictures = PicturesGiven()
         self._is_told = False
-        self.job: _Job | None = None
+        self.job: Job | None = None
+        self.waited_s = 0.0
 
-    def take(self, job: _Job, told: bytes) -> None:
+    @property
+    def is_alive(self) -> bool:
+        return self._process.is_alive()
+
+    def take(self, job: Job, told: bytes) -> None:
         """Gives it a job; raises OSError if it has ended."""
         if not self._is_told:
             send_handle(self.connection, self._pictures.descriptor, self._process.pid)
@@ -194,6 +220,7 @@ class _Worker:
             self._is_told = True
         self.connection.send(self._pictures.put(job.frames))
         self.job = job
+        self.waited_s = 0.0
 
     def answer(self) -> list[Outcome]:
         """What it read; raises EOFError or OSError if it has ended."""
@@ -218,32 +245,3 @@ class _Worker:
         self._process.kill()
         self._process.join()
         self._process.close()
-
-
-class _Row:
-    """The batches that are not yet given back, in order, each with what is known of its frames so far."""
-
-    def __init__(self) -> None:
-        self._begun = 0
-        self._given = 0
-        self._open: dict[int, tuple[Batch, dict[int, Outcome]]] = {}
-
-    def __len__(self) -> int:
-        return len(self._open)
-
-    def begin(self, batch: Batch) -> _Job:
-        """A new batch at the end of the row; gives the job of reading it."""
-        self._open[self._begun] = (batch, {})
-        self._begun += 1
-        return _Job(self._begun - 1, 0, batch)
-
-    def fill(self, job: _Job, outcomes: list[Outcome]) -> None:
-        """What was read of a job's frames."""
-        self._open[job.index][1].update(enumerate(outcomes, job.first))
-
-    def finished(self) -> Iterator[tuple[Batch, list[Outcome]]]:
-        """Takes from the row what is complete, as far as nothing before it is missing."""
-        while self._given in self._open and len(self._open[self._given][1]) == len(self._open[self._given][0]):
-            batch, outcomes = self._open.pop(self._given)
-            self._given += 1
-            yield batch, [outcomes[index] for index in range(len(batch))]

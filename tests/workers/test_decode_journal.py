@@ -106,6 +106,17 @@ def test_torn_line_is_read_again(path: Path, fitted: Fitted) -> None:
         again.close()
 
 
+@pytest.mark.parametrize("resume", [True, False])
+def test_journal_that_cannot_be_read_is_told(path: Path, fitted: Fitted, resume: bool) -> None:  # noqa: FBT001
+    """A bad disk, or somebody else's file: one sentence that says what to do."""
+    path.parent.mkdir()
+    path.symlink_to("/proc/self/mem")  # a file at whose beginning nothing can be read, whoever asks
+    journal, _ = journal_at(path, resume=resume)
+
+    with pytest.raises(OutputError, match=r"the journal cannot be read: .*; remove it, or choose another folder with"):
+        list(journal.around(Counting())(fitted.reader, fitted.batches))
+
+
 @pytest.mark.parametrize("change", [b"\x00", b"x"])
 def test_changed_line_ends_what_is_known(path: Path, fitted: Fitted, change: bytes) -> None:
     """A byte that is not as it was written costs its batch and those behind it, no more and no less."""

@@ -20,6 +20,7 @@ from decoder.panel_reader import PanelReader
 from decoder.worker_pool import BATCHES_AHEAD, WorkerPool
 
 SUICIDE = "__import__('os').kill(__import__('os').getpid(), 9)"
+SLEEP = "__import__('time').sleep(3600)"
 
 
 class Deadly(float):
@@ -37,6 +38,14 @@ class DeadlyOnce(float):
     def __reduce__(self) -> tuple[Any, ...]:
         died = f"__import__('os').path.exists({str(self.flag)!r})"
         return eval, (f"{float(self)!r} if {died} else (open({str(self.flag)!r}, 'x'), {SUICIDE})",)
+
+
+class HangsOnce(DeadlyOnce):
+    """A focal length over which the first process that receives it hangs; `flag` is made then."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        hung = f"__import__('os').path.exists({str(self.flag)!r})"
+        return eval, (f"{float(self)!r} if {hung} else (open({str(self.flag)!r}, 'x'), {SLEEP})",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +96,33 @@ def test_worker_that_is_killed_once_costs_nothing(fitted: Fitted, tmp_path: Path
     assert outcomes == [outcome for _, some in read_here(fitted.reader, fitted.batches) for outcome in some]
     assert [str(death) for death in pool.deaths] == ["the process that read frames 8 to 11 was killed (SIGKILL)"]
     assert pool.left_out == []
+
+
+def test_worker_that_hangs_is_ended_and_costs_nothing(
+    fitted: Fitted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After some patience its frames are read again by another, as if it had died; it is told which it held."""
+    monkeypatch.setattr("decoder.worker_pool.PATIENCE_TIMES", 4)
+    zoom = HangsOnce(fitted.batches[2][1].focal_length_mm or math.nan)
+    zoom.flag = tmp_path / "hung"
+    hanging = (*fitted.batches[:2], taken_at(fitted.batches[2], 1, zoom), *fitted.batches[3:])
+    with WorkerPool(2, patience_s=1.0) as pool:
+        outcomes = [outcome for _, some in pool.read(fitted.reader, hanging) for outcome in some]
+
+    assert outcomes == [outcome for _, some in read_here(fitted.reader, fitted.batches) for outcome in some]
+    assert "the process that read frames 8 to 11 did not answer any more" in [str(death) for death in pool.deaths]
+    assert pool.left_out == []
+
+
+def test_slow_machine_is_no_hanging_worker(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However short the patience, a worker has many times as long as batches have taken so far."""
+    monkeypatch.setattr("decoder.worker_pool.PATIENCE_TIMES", 10**6)
+    with WorkerPool(1, patience_s=math.inf) as pool:
+        list(pool.read(fitted.reader, fitted.batches[:1]))
+        pool._patience_s = 0.0
+        list(pool.read(fitted.reader, fitted.batches[1:]))
+
+    assert pool.deaths == []
 
 
 def test_worker_that_is_killed_while_it_waits_is_replaced(fitted: Fitted) -> None:
