@@ -37,7 +37,7 @@ def decode_one(flight: FleetFlight, order: Order) -> Outcome:
     VersionMismatch
         If this process would not decode as the one that asks.
     """
-    refuse_mismatch(order.versions, installed(), f"the worker on {gethostname()}")
+    refuse_mismatch(order.versions, installed(order.formats), f"the worker on {gethostname()}")
     threadpool_limits(1)  # for good: two flights in threads of one process would set each other's limit back
     begun = time.monotonic()
     try:

@@ -90,7 +90,7 @@ def make_order(
         with_images=with_images,
         panel=None if panel is None else _put(_panel(normal(panel)), output),
         camera=None if camera is None else _put(_camera(normal(camera)), output),
-        versions=installed(),
+        versions=installed(formats),
     )
 
 

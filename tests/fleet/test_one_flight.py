@@ -11,12 +11,14 @@ from socket import gethostname
 
 import pytest
 
+import decoder
 from decoder.errors import PanelError, VersionMismatch
 from decoder.fleet.flights import FleetFlight, grouped
 from decoder.fleet.one_flight import decode_one
 from decoder.fleet.order import Order, make_order
 from decoder.fleet.outcome import Outcome, State
 from decoder.fleet.sources import flight_files
+from decoder.fleet.versions import LIBRARIES_OF_FORMATS, _digest_of_code, installed
 from flight_file.frame import Frame
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
@@ -124,7 +126,7 @@ def test_other_software_is_decoded_anew(order: MakeOrder, flight: FleetFlight, m
     """Results of another version of our code are not kept."""
     decode_one(flight, order())
     newer = replace(order().versions, software="image-flight-recorder 99")
-    monkeypatch.setattr("decoder.fleet.one_flight.installed", lambda: newer)
+    monkeypatch.setattr("decoder.fleet.one_flight.installed", lambda _formats: newer)
 
     assert status(decode_one(flight, replace(order(), versions=newer))) is State.DECODED
 
@@ -203,6 +205,47 @@ def test_other_versions_are_refused(order: MakeOrder, flight: FleetFlight) -> No
                 order(), versions=replace(order().versions, libraries=("numpy 1", *order().versions.libraries[1:]))
             ),
         )
+
+
+@pytest.mark.parametrize(
+    ("fmt", "library"),
+    [("mcap", "mcap"), ("mcap", "protobuf"), ("mcap", "zstandard"), ("html", "jinja2"), ("parquet", "pyarrow")],
+)
+def test_other_versions_of_what_writes_a_format_are_refused(
+    order: MakeOrder, flight: FleetFlight, fmt: str, library: str
+) -> None:
+    """Where the format is asked for; a library that writes nothing of what is asked for may be any."""
+    ours = order(formats=("csv", fmt)).versions.libraries
+    other = tuple(f"{library} 0" if name.split()[0] == library else name for name in ours)
+    wanted = order(formats=("csv", fmt))
+
+    assert not any(name.startswith(f"{library} ") for name in order().versions.libraries)
+    with pytest.raises(VersionMismatch, match=rf"has {library} \S+, this machine {library} 0;"):
+        decode_one(flight, replace(wanted, versions=replace(wanted.versions, libraries=other)))
+
+
+def test_library_that_is_missing_is_a_mismatch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker without what writes a format is told from one that has it."""
+    monkeypatch.setitem(LIBRARIES_OF_FORMATS, "mcap", ("no-such-library",))
+
+    assert installed(("mcap",)).libraries[-1] == "no no-such-library"
+
+
+@pytest.mark.parametrize("file", ["report/page/main.js", "report/page/style.css", "cli.py"])
+def test_every_file_of_the_code_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
+    """A report's page decides about bytes as the Python code does; what Python made of that does not."""
+    package = tmp_path / "decoder"
+    shutil.copytree(decoder.__path__[0], package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(decoder, "__path__", [str(package)])
+    before = _digest_of_code.__wrapped__()
+    (package / "__pycache__").mkdir()
+    (package / "__pycache__" / "cli.cpython.pyc").write_bytes(b"compiled")
+    compiled = _digest_of_code.__wrapped__()
+    with (package / file).open("a", encoding="utf-8") as stream:
+        stream.write(" ")
+
+    assert compiled == before
+    assert _digest_of_code.__wrapped__() != before
 
 
 def test_results_of_other_libraries_are_not_kept(order: MakeOrder) -> None:
