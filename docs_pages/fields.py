@@ -66,7 +66,11 @@ def kind(schema: Schema) -> str:
     if schema.get("type") == "array":
         return f"[{kind(schema['items'])}, ...]"
     bounds = [f"{sign} {schema[word]:g}" for word, sign in BOUNDS if word in schema]
-    return " ".join([WORDS[schema.get("type", "string")], " and ".join(bounds)]).strip()
+    return " ".join([_word(schema), " and ".join(bounds)]).strip()
+
+
+def _word(schema: Schema) -> str:
+    return "path" if schema.get("format") == "path" else WORDS[schema.get("type", "string")]
 
 
 def _table(model: type[BaseModel], schema: Schema) -> str:

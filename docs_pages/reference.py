@@ -8,6 +8,7 @@ from decoder.panel import Panel
 from docs_pages.commands import command_pages
 from docs_pages.fields import field_sections
 from recorder.cli import main as recorder
+from recorder.settings import RecorderConfig
 
 MADE = "<!-- Made from the code by `make reference`; change it there. -->"
 
@@ -25,6 +26,12 @@ def pages() -> dict[str, str]:
         "camera.yaml.md": _page(
             "The keys of `camera.yaml`",
             "`decode calibrate` writes it; see [calibration](../calibration.md).\n\n" + field_sections(Camera),
+        ),
+        "recorder.yaml.md": _page(
+            "The keys of `recorder.yaml`",
+            "An example is in [the box](../box.md), more on the camera's settings in [the camera](../qx10.md)."
+            " Paths are relative to the file they stand in; a key that is not here is refused.\n\n"
+            + field_sections(RecorderConfig),
         ),
     }
 

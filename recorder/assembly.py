@@ -10,7 +10,6 @@ from flight_file.reports import CameraStatus
 from flight_file.salvage import recover_segment
 from flight_file.segments import Plan
 from flight_file.signature import Signer
-from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
 from recorder.drops import Drops
 from recorder.frame_queue import FrameQueue
@@ -20,6 +19,7 @@ from recorder.plan import clock_name, plan_recording
 from recorder.recording import Gauges, Recording
 from recorder.retention import Retention, Rules
 from recorder.salvage import Salvager, files_in_work
+from recorder.settings import RecorderConfig
 from recorder.store import Store
 
 _NS_PER_HOUR = 3600 * 1_000_000_000

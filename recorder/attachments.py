@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from recorder.config import AttachSettings, parse_yaml
+from recorder.config import parse_yaml
 from recorder.errors import ConfigurationError
+from recorder.settings import AttachSettings
 
 PANEL = "panel.yaml"
 CAMERA = "camera.yaml"

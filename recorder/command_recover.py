@@ -11,9 +11,9 @@ import click
 from flight_file.errors import FlightFileError
 from flight_file.salvage import Outcome, Recovery, recover_segment
 from recorder.clock import SystemClock
-from recorder.config import EvidenceSettings
 from recorder.evidence import configured_signer
 from recorder.failures import DONE_WITH_LOSS, FAILED, failures_as_sentences
+from recorder.settings import EvidenceSettings
 
 _SENTENCES = {
     Outcome.RECOVERED: "{source}: {frames} frames recovered into {path}",

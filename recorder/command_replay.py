@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from recorder.config import AttachSettings
 from recorder.failures import DONE_WITH_LOSS, failures_as_sentences
 from recorder.host import this_host
 from recorder.replaying import replay_into
+from recorder.settings import AttachSettings
 from recorder.signals import stop_on_signals
 from recorder.stop import Stop
 

@@ -11,8 +11,8 @@ from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.replay.camera import ReplayCamera, open_source
 from camera_drivers.reporter import Reporter
 from recorder.clock import AudibleClock, SimulatedClock
-from recorder.config import Qx10Settings, RecorderConfig, ReplaySettings
 from recorder.host import Host
+from recorder.settings import Qx10Settings, RecorderConfig, ReplaySettings
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from flight_file.errors import KeyFileError
 from flight_file.signature import Signer
-from recorder.config import EvidenceSettings
 from recorder.errors import ConfigurationError
+from recorder.settings import EvidenceSettings
 
 
 def configured_signer(settings: EvidenceSettings) -> Signer | None:

@@ -14,9 +14,9 @@ from flight_file.segments import Plan, free_recording_name, parse_segment_name, 
 from flight_file.session import Session
 from flight_file.signature import Signer
 from flight_file.writer import PART_SUFFIX
-from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
 from recorder.host import Host
+from recorder.settings import RecorderConfig
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LAST_S = 253_402_300_799  # 9999-12-31T23:59:59Z

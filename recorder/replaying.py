@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 
 from flight_file.losses import Loss
 from flight_file.reader import Flight, open_flight
-from recorder.config import AttachSettings, RecorderConfig, ReplaySettings, StorageSettings
 from recorder.errors import FileNotWrittenError, ReplayNotPossibleError
 from recorder.host import Host
 from recorder.journal import Journal
 from recorder.run import record
+from recorder.settings import AttachSettings, RecorderConfig, ReplaySettings, StorageSettings
 from recorder.stop import Stop
 
 _NO_LIMIT = 1e9

@@ -16,7 +16,6 @@ from recorder.assembly import Assembly, in_one_line
 from recorder.attachments import gather_attachments
 from recorder.camera_reports import CameraReports
 from recorder.capture import Capture
-from recorder.config import RecorderConfig
 from recorder.drivers import Wiring, wire
 from recorder.drops import Drops
 from recorder.errors import RecorderError
@@ -26,6 +25,7 @@ from recorder.host import Host
 from recorder.journal import Journal
 from recorder.recording import Recording
 from recorder.service_manager import ServiceManager
+from recorder.settings import RecorderConfig
 from recorder.signs_of_life import SignsOfLife
 from recorder.stop import Stop
 from recorder.store import Store

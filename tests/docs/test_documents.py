@@ -17,7 +17,8 @@ from decoder.garmin_columns import BY_NAME
 from decoder.gauge import Gauge
 from decoder.name_mapping import read_mapping
 from decoder.panel import parse_panel
-from recorder.config import Qx10Settings, parse_config
+from recorder.config import parse_config
+from recorder.settings import Qx10Settings
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [

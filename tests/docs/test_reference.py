@@ -72,6 +72,17 @@ def test_a_field_without_description_is_an_error() -> None:
         field_sections(Undescribed)
 
 
+def test_every_key_of_recorder_yaml_is_there() -> None:
+    """With its range, its default and what it is for."""
+    page = pages()["recorder.yaml.md"]
+
+    assert "| `interval_s` | number >= 0 and <= 3600 | 2.0 | Seconds from one still to the next;" in page
+    assert "| `directory` | path | must be there |" in page
+    assert {f"| `{key}` |" for key in ("driver", "segment_mib", "panel", "key", "shot_s", "pace")} <= {
+        line[: line.index("|", 2) + 1] for line in page.splitlines() if line.startswith("| `")
+    }
+
+
 def test_choices_are_named() -> None:
     """Each once; what may be left out is no kind of its own."""
     assert kind({"anyOf": [{"enum": ["wide", "tele"]}, {"type": "number"}, {"type": "null"}]}) == (

@@ -23,13 +23,14 @@ from camera_drivers.reporter import Reporter
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
 from recorder import run as run_module
-from recorder.config import RecorderConfig, parse_config
+from recorder.config import parse_config
 from recorder.drivers import Wiring
 from recorder.frame_queue import FrameQueue
 from recorder.host import Host, this_host
 from recorder.journal import Journal
 from recorder.run import Outcome, record
 from recorder.service_manager import ServiceManager
+from recorder.settings import RecorderConfig
 from recorder.stop import Stop
 from recorder.testing import ManualClock, PuppetCamera
 

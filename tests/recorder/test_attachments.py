@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from recorder.attachments import gather_attachments
-from recorder.config import AttachSettings
 from recorder.errors import ConfigurationError
+from recorder.settings import AttachSettings
 
 PANEL = """
 name: x

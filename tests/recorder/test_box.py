@@ -24,10 +24,11 @@ from camera_drivers.qx10.simulator.simulator import SimulatedQx10
 from flight_file.reader import open_flight
 from flight_file.verification import Verdict, verify
 from recorder.clock import SystemClock
-from recorder.config import RecorderConfig, parse_config
+from recorder.config import parse_config
 from recorder.host import this_host
 from recorder.journal import Journal
 from recorder.run import Outcome, record
+from recorder.settings import RecorderConfig
 from recorder.stop import Stop
 
 PATIENCE_S = 120

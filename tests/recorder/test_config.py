@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from camera_drivers.qx10.options import Limits
-from recorder.config import Qx10Limits, Qx10Settings, RecorderConfig, ReplaySettings, load_config, parse_config
+from recorder.config import load_config, parse_config
 from recorder.errors import ConfigurationError
+from recorder.settings import Qx10Limits, Qx10Settings, RecorderConfig, ReplaySettings
 
 
 def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:

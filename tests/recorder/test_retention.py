@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.journal import Journal
 from recorder.retention import Candidate, Retention, Rules, older_than, recorded_ns
 from recorder.run import record
+from recorder.settings import RecorderConfig
 from recorder.testing import ManualClock, fixed_host
 
 Configure = Callable[..., RecorderConfig]

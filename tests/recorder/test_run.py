@@ -20,11 +20,11 @@ from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading, Frame, HostTimes
 from flight_file.reader import open_flight
 from recorder import run as run_module
-from recorder.config import RecorderConfig
 from recorder.drivers import Wiring
 from recorder.errors import RecorderError
 from recorder.journal import Journal
 from recorder.run import Outcome, record
+from recorder.settings import RecorderConfig
 from recorder.stop import Stop
 from recorder.testing import ManualClock, fixed_host
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from recorder.config import StorageSettings, load_config, parse_config
+from recorder.config import load_config, parse_config
 from recorder.failures import WRONG_CONFIGURATION
+from recorder.settings import StorageSettings
 from recorder.signs_of_life import SILENCE_S
 from recorder.supervision import END_S
 
