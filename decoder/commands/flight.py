@@ -99,20 +99,12 @@ def command(
     NAME is the recording's; a single file that was given another name keeps that one.
     """
     refuse_unheld_images(formats, with_images=with_images)
-    if truth_file is None and (map_file or time_column or offset is not None or wants_limits):
-        raise click.UsageError("--map, --time, --offset and --limits need a --truth")
-    truth = None
-    if truth_file is not None:
-        truth = TruthRequest(truth_file, map_file, time_column, offset, window_s, wants_limits)
-    if truth is not None and "html" not in formats:
-        raise click.UsageError("--truth needs --format html; without a report there is `decode accuracy`")
+    truth = _truth(truth_file, map_file, time_column, offset, window_s, wants_limits=wants_limits, formats=formats)
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
     given = [file for file in (panel_file, camera_file, truth_file, map_file) if file is not None]
     refuse_overwriting([*flight.paths, *given], [directory / file for file in files])
-    panel = _panel(flight, panel_file)
-    asked = AskedPart(start, end, every)
-    part = None if asked.is_whole else part_of(flight, asked)
+    panel, part = _panel(flight, panel_file), _part(flight, AskedPart(start, end, every))
     click.echo(f"{flight.recording}: decoding {_frames(flight, part)} with {panel}")
     jobs = jobs_for(_picture_bytes(flight, part), asked=jobs)
     if jobs > 1:
@@ -134,6 +126,28 @@ def command(
     )
     if with_loss:
         sys.exit(EXIT_LOSS)
+
+
+def _truth(
+    file: Path | None,
+    map_file: Path | None,
+    time_column: str | None,
+    offset: str | float | None,
+    window_s: float,
+    *,
+    wants_limits: bool,
+    formats: tuple[str, ...],
+) -> TruthRequest | None:
+    """What the report shall hold the flight against, if anything; options that say nothing without another end it."""
+    if file is None and (map_file or time_column or offset is not None or wants_limits):
+        raise click.UsageError("--map, --time, --offset and --limits need a --truth")
+    if file is not None and "html" not in formats:
+        raise click.UsageError("--truth needs --format html; without a report there is `decode accuracy`")
+    return None if file is None else TruthRequest(file, map_file, time_column, offset, window_s, wants_limits)
+
+
+def _part(flight: Flight, asked: AskedPart) -> FlightPart | None:
+    return None if asked.is_whole else part_of(flight, asked)
 
 
 def _panel(flight: Flight, panel_file: Path | None) -> str:

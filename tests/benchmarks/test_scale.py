@@ -8,25 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.archive import (
-    HOUR_S,
-    MONTH_S,
-    NIGHT_S,
-    Archive,
-    Measured,
-    Prices,
-    Site,
-    core_s,
-    cores,
-    decode_dollars,
-    fed_cores,
-    fetch_s,
-    least_s,
-    network_bps,
-    processes,
-    storage_dollars_month,
-    stored_bytes,
-)
+from benchmarks import archive
+from benchmarks.archive import Archive, Measured, Prices, Site
 from benchmarks.fleet_simulation import drawn_flights, simulate
 from benchmarks.scale import CASES, YEAR, measured_in, page, scaled
 
@@ -51,17 +34,17 @@ def test_page_follows_from_its_measurements() -> None:
 def test_arithmetic_is_that_of_the_back_of_an_envelope() -> None:
     """Figures that can be worked out by hand."""
     assert YEAR.frames == 1.44e11
-    assert core_s(ROUND, HOURS) == pytest.approx(44_000)
-    assert cores(ROUND, HOURS, 4400) == 10
-    assert stored_bytes(ROUND, HOURS) == pytest.approx(1.152e12)
-    assert network_bps(ROUND, HOURS, 9216) == pytest.approx(1e9)
-    assert fetch_s(ROUND, HOURS, FAST) == pytest.approx(9.216)
-    assert processes(ROUND, HOURS, FAST, 5321.6) == 10
-    assert fed_cores(ROUND, 80e6 / 3) == pytest.approx(1)
-    assert least_s(ROUND, HOURS, replace(FAST, store_bps=1e9), 1000) == pytest.approx(9216)
+    assert archive.core_s(ROUND, HOURS) == pytest.approx(44_000)
+    assert archive.cores(ROUND, HOURS, 4400) == 10
+    assert archive.stored_bytes(ROUND, HOURS) == pytest.approx(1.152e12)
+    assert archive.network_bps(ROUND, HOURS, 9216) == pytest.approx(1e9)
+    assert archive.fetch_s(ROUND, HOURS, FAST) == pytest.approx(9.216)
+    assert archive.processes(ROUND, HOURS, FAST, 5321.6) == 10
+    assert archive.fed_cores(ROUND, 80e6 / 3) == pytest.approx(1)
+    assert archive.least_s(ROUND, HOURS, replace(FAST, store_bps=1e9), 1000) == pytest.approx(9216)
     prices = Prices(core_hour=0.09, terabyte_month=20.0, million_reads=1.0, million_writes=4.0)
-    assert decode_dollars(ROUND, HOURS, prices) == pytest.approx(44_000 / HOUR_S * 0.09 + 0.02)
-    assert storage_dollars_month(ROUND, HOURS, prices) == pytest.approx(23.04)
+    assert archive.decode_dollars(ROUND, HOURS, prices) == pytest.approx(44_000 / archive.HOUR_S * 0.09 + 0.02)
+    assert archive.storage_dollars_month(ROUND, HOURS, prices) == pytest.approx(23.04)
 
 
 def test_one_process_takes_the_sum_of_its_flights() -> None:
@@ -89,9 +72,9 @@ def test_simulation_agrees_with_the_arithmetic(name: str) -> None:
     part, site, workers = scaled(ROUND, *CASES[name])
     run = simulate(drawn_flights(ROUND, part, 3), site, workers)
 
-    assert 0.98 < run.elapsed_s / least_s(ROUND, part, site, workers) < 1.1
+    assert 0.98 < run.elapsed_s / archive.least_s(ROUND, part, site, workers) < 1.1
 
 
 def test_cases_are_what_they_are_called() -> None:
     """A night has ten hours, a month thirty days."""
-    assert (NIGHT_S, MONTH_S) == (36_000, 2_592_000)
+    assert (archive.NIGHT_S, archive.MONTH_S) == (36_000, 2_592_000)
