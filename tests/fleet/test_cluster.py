@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -113,9 +114,9 @@ def test_other_code_is_refused(empty_cluster: Cluster, run: Run, few: Path, tmp_
 def test_no_scheduler_and_no_workers(empty_cluster: Cluster, run: Run, few: Path, tmp_path: Path) -> None:
     """An address without a scheduler and a scheduler without workers are told with what to start; exit code 1."""
     words = [f"{few}/*.mcap", "-o", tmp_path / "out", "--scheduler"]
-    nobody = run(*words, empty_cluster.address)
-    nowhere = run(*words, "tcp://127.0.0.1:9")
-    unheard = run(*words, "carrier-pigeon")
+    with ThreadPoolExecutor() as pool:
+        addresses = (empty_cluster.address, "tcp://127.0.0.1:9", "carrier-pigeon")
+        nobody, nowhere, unheard = pool.map(lambda address: run(*words, address), addresses)
 
     for done, told in (
         (nobody, "start some with `dask worker tcp://"),
