@@ -92,19 +92,26 @@ def fitted(places_px: Sequence[Point], hits: dict[int, AnchorHit], model: Model)
     """
     usual = np.array([places_px[index] for index in hits]).T
     there = np.array([hit.centre_px for hit in hits.values()]).T
+    motion: Matrix = all_fitted(usual, there[None], model)[0]
+    return motion
+
+
+def all_fitted(usual: Floats, there: Floats, model: Model) -> Floats:
+    """(F, 3, 3): the same for usual places (2, N) that were found in F frames, (F, 2, N)."""
     axes = Frame2D.around(usual)
     prior = np.zeros(model)
     prior[Model.SIMILARITY :] = (HIT_SIGMA_PX / (PRIOR_PART * axes.lever_px)) ** 2
-    motion: Floats = np.eye(3)
-    parameters = np.zeros(model)
-    for _ in range(FITTING_PASSES):
-        motion = axes.matrix(parameters.tolist(), model)
-        seen = motion @ np.vstack([usual, np.ones(usual.shape[1])])
-        off = (there - seen[:2] / seen[2]).ravel()
-        rows = axes.jacobian(usual, model).reshape(-1, model)
-        normal = rows.T @ rows + np.diag(prior + 1e-9)
-        parameters = parameters + np.linalg.solve(normal, rows.T @ off - prior * parameters)
-    return np.asarray(motion)
+    rows = axes.jacobian(usual, model).reshape(-1, model)
+    inverse = np.linalg.inv(rows.T @ rows + np.diag(prior + 1e-9))
+    upright = np.vstack([usual, np.ones(usual.shape[1])])
+    parameters = np.zeros((len(there), model))
+    motions = axes.matrices(parameters, model)
+    for _ in range(FITTING_PASSES - 1):
+        seen = motions @ upright
+        off = (there - seen[:, :2] / seen[:, 2:]).reshape(len(there), -1)
+        parameters = parameters + (off @ rows - prior * parameters) @ inverse
+        motions = axes.matrices(parameters, model)
+    return motions
 
 
 def consistent(places_px: Sequence[Point], hits: dict[int, AnchorHit]) -> dict[int, AnchorHit]:

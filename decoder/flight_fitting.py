@@ -82,10 +82,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             reader = one_by_one
             samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
     for _ in range(ROUNDS):
-        found = [read.readings for read in reader.read_all_unwrapped(samples)]
+        found = reader.found_in(samples)
         tuned = tune_on(reader, samples, found)
         if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
-            found = [read.readings for read in tuned.read_all_unwrapped(samples)]
+            found = tuned.found_in(samples)
         pivots = _pivots(tuned, samples, found)
         gauges = _moved(tuned, drawn, pivots)
         lifts = _lifts(reader.tuning, pivots)

@@ -22,7 +22,7 @@ from decoder.fitting import Fitter
 from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, turn_rows
 from decoder.needle_layer import in_local_light, layered
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
+from decoder.needle_template import NeedleTemplate
 from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.panel_tuning import face_behind
 from decoder.pictures import FramePicture, GreyPicture
@@ -71,7 +71,7 @@ def tune_on(
         for gauge, grid, picture, seen in zip(reader.source.panel.gauges, reader.grids, own, strips, strict=True)
         if gauge.card is not None
     }
-    found = found or [read.readings for read in reader.read_all_unwrapped(samples)]
+    found = found or reader.found_in(samples)
     templates = dict(reader.tuning.templates)
     faces = [tuner.face(found, templates) for tuner in tuners]
     for tuner, face in zip(tuners, faces, strict=True):
@@ -113,7 +113,7 @@ class _GaugeTuner:
 
     def face(self, found: Sequence[Readings], templates: Templates) -> UnwrappedGauge:
         """The dial without needles; the panel picture's where too few frames show it."""
-        touched = {name: templates[name].place(TOUCH_LEVEL) for name in self._needles}
+        touched = {name: templates[name].touched for name in self._needles}
         views, places = [], []
         for strip, readings in zip(self._strips, found, strict=True):
             if strip is None or any(readings[name].status is Status.MISSING for name in self._needles):

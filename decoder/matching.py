@@ -18,7 +18,7 @@ from decoder.arrays import Floats, Mask
 from decoder.correlation import parabola_peak, xcorr
 from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
 from decoder.needle_layer import through_upper
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
+from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import FaceMoments, face_moments
 from decoder.searching import COARSE_STEP, thinned
@@ -79,7 +79,7 @@ class Matcher:
         self.fitter = Fitter(template, pixels_per_sample)
         self._layers_through: dict[int, _LayersThrough] = {}
         self.pixels_per_sample = pixels_per_sample
-        self.touched = template.place(TOUCH_LEVEL)
+        self.touched = template.touched
         self.half_width_rows = template.half_width_deg / template.step_deg
 
     @property

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from decoder.arrays import Floats
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
+from decoder.needle_template import NeedleTemplate
 from decoder.unwrapping import rows_at
 
 # Spread of a pixel over the frames that is plain sensor and JPEG noise, grey levels.
@@ -58,7 +58,7 @@ def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplat
 
 def beside_transparent(template: NeedleTemplate) -> NeedleTemplate:
     """The template with nothing but the face beside the needle, where a fit can only pick up accidents."""
-    touched = template.place(TOUCH_LEVEL)
+    touched = template.touched
     light = np.where(touched, template.light, 0.0).astype(np.float32)
     return replace(template, light=light, transparency=np.where(touched, template.transparency, 1.0).astype(np.float32))
 

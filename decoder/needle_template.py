@@ -7,6 +7,7 @@ rows are angle around the needle's axis, an odd number of them, the axis in the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ OUTLINE_LEVEL = 0.35
 TOUCH_LEVEL = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class NeedleTemplate:
     """An unwrapped needle.
 
@@ -61,12 +62,17 @@ class NeedleTemplate:
         place: NDArray[np.bool_] = (difference > level * contrast) & (contrast > contrast.max() / 4)
         return place
 
-    @property
+    @cached_property
+    def touched(self) -> NDArray[np.bool_]:
+        """(H, C): where the needle shows at all, its blurred edge with it."""
+        return self.place(TOUCH_LEVEL)
+
+    @cached_property
     def outline(self) -> NDArray[np.bool_]:
         """(H, C): where the needle itself is, without its surroundings."""
         return self.place(OUTLINE_LEVEL)
 
-    @property
+    @cached_property
     def half_width_deg(self) -> float:
         """Half of the outline's extent in angle, at its widest."""
         rows = np.flatnonzero(self.outline.any(axis=1))

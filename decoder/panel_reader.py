@@ -289,6 +289,11 @@ class PanelReader:
         own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
         return [self._composed(frame, readings) for frame, readings in zip(frames, own, strict=True)]
 
+    def found_in(self, frames: Sequence[UnwrappedFrame]) -> list[Mapping[str, Reading]]:
+        """By frame what its gauges' readers find by needle; what dials' places add to it is left out."""
+        own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
+        return [{name: reading for gauge in gauges for name, reading in gauge.items()} for gauges in own]
+
     def _composed(self, unwrapped: UnwrappedFrame, own_readings: Sequence[Mapping[str, Reading]]) -> FrameReadings:
         """Readings by gauge, with what the places of their dials add to their uncertainty."""
         readings: dict[str, Reading] = {}

@@ -19,7 +19,7 @@ from decoder.faces import bare_face
 from decoder.gauge import Gauge
 from decoder.gauge_grid import PICTURE_SPAN_DEG, needle_places, row_of_angle, rows_in_sweep, turn_rows
 from decoder.needle_layer import first_layer
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate, odd_rows
+from decoder.needle_template import NeedleTemplate, odd_rows
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
 from decoder.pointers import Needle
@@ -69,7 +69,7 @@ def _gauge_tuning(
         row = _row_in_panel_picture(gauge, needle, grid, strip, pictures[needle.name])
         if row is not None:
             layer = first_layer(pictures[needle.name], np.zeros_like(pictures[needle.name]), plain, grid.step_deg)
-            place |= needle_places(grid, layer.place(TOUCH_LEVEL), row, turn_rows(gauge, grid))
+            place |= needle_places(grid, layer.touched, row, turn_rows(gauge, grid))
     face = bare_face(strip, place)
     templates = {}
     for needle in gauge.needles:

@@ -27,18 +27,9 @@ from decoder.fitting import (
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import Fits, solved
 
-# The sums that no frame changes: products of these two.
-_KNOWN = (
-    (NEEDLE, NEEDLE),
-    (NEEDLE, SLOPE),
-    (NEEDLE, ONE),
-    (NEEDLE, FACE),
-    (SLOPE, SLOPE),
-    (SLOPE, ONE),
-    (ONE, ONE),
-    (ONE, FACE),
-    (FACE, FACE),
-)
+# The sums that no frame changes: products of these two, of each phase and of all.
+_OF_PHASE = ((NEEDLE, NEEDLE), (NEEDLE, SLOPE), (SLOPE, SLOPE), (NEEDLE, ONE), (SLOPE, ONE), (NEEDLE, FACE))
+_OF_ALL = ((ONE, ONE), (ONE, FACE), (FACE, FACE))
 
 
 class PlainFitter:
@@ -71,17 +62,14 @@ class PlainFitter:
         light = _stacked(phases, "light") + MIDDLE_GREY * transparency
         light[:, :, 0] -= MIDDLE_GREY
         trust = np.stack([template.trust.ravel() for template in templates]).astype(np.float64)
-        self._light, self._transparency, self._trust = light, transparency, trust
-        weights = trust[:, None]
-        layers = (len(templates), -1, self._size)
-        self._with_seen = np.concatenate([(light * weights[:, None]).reshape(layers), weights], axis=1).astype(
-            np.float32
-        )
-        self._with_both = np.concatenate([(transparency * weights[:, None]).reshape(layers), weights], axis=1).astype(
-            np.float32
-        )
+        every = trust[:, None]
+        self._with_seen = _kernels(light, trust)
+        self._with_both = _kernels(transparency, trust)
+        self._with_square = every.astype(np.float32)
+        self._knowing = [_Known(*own) for own in zip(light, transparency, trust, strict=True)]
         rows = max(len(face) for face in faces)
-        self._known = np.full((len(templates), rows, 2 * self._reach + 1, len(_KNOWN)), np.nan)
+        self._known = np.full((len(templates), rows, 2 * self._reach + 1, len(_OF_PHASE)), np.nan)
+        self._known_of_all = np.full((len(templates), rows, len(_OF_ALL)), np.nan)
 
     def fit(self, windows: Floats, top_rows: Indices, guess_rows: Floats) -> Fits:
         """Each needle in F frames, (F, K) each.
@@ -100,25 +88,21 @@ class PlainFitter:
         self._learn(top_rows, faces)
         with_seen = _products(self._with_seen, seen)
         with_both = _products(self._with_both, seen * faces)
-        square = _products((self._trust[:, None]).astype(np.float32), seen * seen)[..., 0]
-        dynamic = (with_seen[..., :-1] + with_both[..., :-1]).reshape(*top_rows.shape, -1, 2)
+        square = _products(self._with_square, seen * seen)[..., 0]
+        of_phase = (with_seen[..., :-1] + with_both[..., :-1]).reshape(*top_rows.shape, -1, 2)
+        frames, needles = np.indices(top_rows.shape)
+        moments = np.full((5, 5, *top_rows.shape), np.nan)  # of slope and face nobody asks
+        of_all = np.moveaxis(self._known_of_all[needles, top_rows], -1, 0)
+        alike = [(*pair, values) for pair, values in zip(_OF_ALL, of_all, strict=True)]
+        alike += [(SEEN, ONE, with_seen[..., -1]), (SEEN, FACE, with_both[..., -1]), (SEEN, SEEN, square)]
 
         def step(phase: Indices) -> Fits:
-            frames, every = np.indices(top_rows.shape)
-            moments = np.empty((5, 5, *top_rows.shape))
-            known = self._known[every, top_rows, phase + self._reach]
-            for number, (one, other) in enumerate(_KNOWN):
-                moments[one, other] = moments[other, one] = known[..., number]
-            own = dynamic[frames, every, phase + self._reach]
-            for other, values in (
-                (NEEDLE, own[..., 0]),
-                (SLOPE, own[..., 1]),
-                (ONE, with_seen[..., -1]),
-                (FACE, with_both[..., -1]),
-            ):
-                moments[SEEN, other] = moments[other, SEEN] = values
-            moments[SEEN, SEEN] = square
-            moments[SLOPE, FACE] = moments[FACE, SLOPE] = np.nan  # nobody asks
+            known = np.moveaxis(self._known[needles, top_rows, phase + self._reach], -1, 0)
+            own = of_phase[frames, needles, phase + self._reach]
+            changing = [(*pair, values) for pair, values in zip(_OF_PHASE, known, strict=True)]
+            changing += [(SEEN, NEEDLE, own[..., 0]), (SEEN, SLOPE, own[..., 1])]
+            for one, other, values in (*alike, *changing):
+                moments[one, other] = moments[other, one] = values
             return solved(moments, phase, self._pixels_per_sample)
 
         guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
@@ -132,27 +116,58 @@ class PlainFitter:
 
     def _learn(self, top_rows: Indices, faces: Floats) -> None:
         """Works out the sums for those rows that no frame had its needle on so far."""
-        for needle in range(len(self._faces)):
+        for needle, knowing in enumerate(self._knowing):
             rows, first = np.unique(top_rows[:, needle], return_index=True)
-            new = np.isnan(self._known[needle, rows, 0, 0])
-            for row, face in zip(rows[new].tolist(), faces[first[new], needle].astype(np.float64), strict=True):
-                self._known[needle, row] = self._sums(needle, face)
+            new = np.isnan(self._known_of_all[needle, rows, 0])
+            if new.any():
+                of_phase, of_all = knowing.sums(faces[first[new], needle].astype(np.float64))
+                self._known[needle, rows[new]], self._known_of_all[needle, rows[new]] = of_phase, of_all
 
-    def _sums(self, needle: int, face: Floats) -> Floats:
-        """(phases, known sums): over the face (H * C,) in one window."""
-        layers = np.empty((2 * self._reach + 1, 4, self._size))
-        layers[:, :2] = self._light[needle] + self._transparency[needle] * face
-        layers[:, 2] = 1.0
-        layers[:, 3] = face
-        products = (layers * self._trust[needle]) @ layers.transpose(0, 2, 1)
-        place = {NEEDLE: 0, SLOPE: 1, ONE: 2, FACE: 3}
-        return np.stack([products[:, place[one], place[other]] for one, other in _KNOWN], axis=1)
+
+class _Known:
+    """The sums of one needle that no frame changes: as sums of its face, and of the face's square, in one window.
+
+    `light` and `transparency` are (phases, 2, H * C), `trust` (H * C,).
+    """
+
+    def __init__(self, light: Floats, transparency: Floats, trust: Floats) -> None:
+        (needle, slope), (clear, change) = light.swapaxes(0, 1), transparency.swapaxes(0, 1)
+        plain, with_face, with_square = [], [], []
+        none = np.zeros_like(needle)
+        for alone, once, twice in (
+            (needle * needle, 2 * needle * clear, clear * clear),
+            (needle * slope, needle * change + slope * clear, clear * change),
+            (slope * slope, 2 * slope * change, change * change),
+            (needle, clear, none),
+            (slope, change, none),
+            (none, needle, clear),
+        ):
+            plain.append((alone * trust).sum(axis=1))
+            with_face.append(once * trust)
+            with_square.append(twice * trust)
+        self._plain = np.stack(plain, axis=1)
+        self._with_face = np.concatenate([np.stack(with_face, axis=1).reshape(-1, len(trust)), trust[None]])
+        self._with_square = np.concatenate([np.stack(with_square, axis=1).reshape(-1, len(trust)), trust[None]])
+        self._total = float(trust.sum())
+
+    def sums(self, faces: Floats) -> tuple[Floats, Floats]:
+        """Over M faces, (M, H * C) float64: those of each phase, (M, phases, 6), and those of all, (M, 3)."""
+        once = (self._with_face @ faces[..., None])[..., 0]
+        twice = (self._with_square @ (faces * faces)[..., None])[..., 0]
+        of_phase = self._plain + (once[:, :-1] + twice[:, :-1]).reshape(len(faces), *self._plain.shape)
+        return of_phase, np.stack([np.full(len(faces), self._total), once[:, -1], twice[:, -1]], axis=1)
 
 
 def _stacked(phases: Sequence[dict[int, Phase]], name: str) -> Floats:
-    return np.stack([[getattr(own[step], name).reshape(2, -1) for step in sorted(own)] for own in phases]).astype(
-        np.float64
-    )
+    """(K, phases, 2, H * C) float64."""
+    layers = [[getattr(own[step], name).reshape(2, -1) for step in sorted(own)] for own in phases]
+    return np.array(layers, np.float64)
+
+
+def _kernels(layers: Floats, trust: Floats) -> Floats:
+    """(K, phases * 2 + 1, H * C) float32: layers (K, phases, 2, H * C) by trust (K, H * C), and that itself."""
+    weighted = (layers * trust[:, None, None]).reshape(len(trust), -1, trust.shape[1])
+    return np.concatenate([weighted, trust[:, None]], axis=1).astype(np.float32)
 
 
 def _products(kernels: Floats, pixels: Floats) -> Floats:

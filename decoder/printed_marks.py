@@ -67,8 +67,7 @@ def marks_off_deg(angles_deg: Sequence[float], outer_px: float, grid: PolarGrid,
     light = seen[:, :, _rings_of_marks(seen, away_px)]
     if not light.shape[2]:
         return np.full(len(angles_deg), np.nan)
-    off_px = np.array([_middle_px(each, away_px) for each in light.mean(axis=2)])
-    off_deg: Floats = np.degrees(off_px / outer_px)
+    off_deg: Floats = np.degrees(_middles_px(light.mean(axis=2), away_px) / outer_px)
     return off_deg
 
 
@@ -93,12 +92,12 @@ def _rings_of_marks(seen: Floats, away_px: Floats) -> Mask:
     return chosen
 
 
-def _middle_px(light: Floats, away_px: Floats) -> float:
-    """The middle of the mark's outline, NaN without a mark."""
-    contrast = np.abs(light - np.median(light))
-    best = int(np.where(np.abs(away_px) <= REACH_PX, contrast, 0.0).argmax())
-    if contrast[best] < MIN_CONTRAST_LEVELS:
-        return math.nan
-    outline = np.abs(away_px - away_px[best]) <= OUTLINE_PX
-    weights = np.maximum(contrast - FAINTEST * contrast[best], 0.0) * outline
-    return float(np.average(away_px, weights=weights))
+def _middles_px(light: Floats, away_px: Floats) -> Floats:
+    """(N,): the middle of each mark's outline, by its light, (N, samples); NaN without a mark."""
+    contrast = np.abs(light - np.median(light, axis=1, keepdims=True))
+    best = np.where(np.abs(away_px) <= REACH_PX, contrast, 0.0).argmax(axis=1)
+    clearest = np.take_along_axis(contrast, best[:, None], axis=1)
+    outline = np.abs(away_px - away_px[best][:, None]) <= OUTLINE_PX
+    weights = np.maximum(contrast - FAINTEST * clearest, 0.0) * outline
+    middles: Floats = (weights * away_px).sum(axis=1) / np.maximum(weights.sum(axis=1), 1e-9)
+    return np.where(clearest[:, 0] >= MIN_CONTRAST_LEVELS, middles, np.nan)

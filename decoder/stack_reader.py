@@ -18,7 +18,7 @@ from decoder.arrays import Floats, Mask
 from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
 from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
+from decoder.needle_template import NeedleTemplate
 from decoder.over_face import face_moments, partial_normxcorr
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
@@ -209,7 +209,7 @@ def _layer(template: NeedleTemplate, grid: PolarGrid) -> _Layer:
         template=template,
         coarse=thinned(template),
         fitter=Fitter(template, grid.pixels_per_sample),
-        touched=template.place(TOUCH_LEVEL),
+        touched=template.touched,
         axis=(template.rows - 1) // 2,
         half_width_rows=template.half_width_deg / template.step_deg,
     )

@@ -15,7 +15,7 @@ from decoder.correlation import MIN_SPREAD_LEVELS
 from decoder.fitting import MAX_FRACTION_ROWS
 from decoder.gauge_reader import SCORE_THRESHOLD
 from decoder.matching import MAX_PEAK_ROWS, MAX_STEPS
-from decoder.needle_template import TOUCH_LEVEL, NeedleTemplate
+from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE
 from decoder.over_face import FACE_NOISE_LEVELS, face_moments
 from decoder.quick_fit import QuickFitter
@@ -106,7 +106,7 @@ class UncoveredSearch:
         self._allowed = allowed
         self._fitter = QuickFitter(lower, pixels_per_sample)
         # what the covering needle touches, with a row of nothing at either end
-        self._touched = np.pad(upper.place(TOUCH_LEVEL), ((1, 1), (0, 0)))
+        self._touched = np.pad(upper.touched, ((1, 1), (0, 0)))
         coarse = thinned(lower)
         self._height = coarse.rows
         self._kernels = _kernels(coarse)

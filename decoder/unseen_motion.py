@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from decoder.agreement import fitted
+from decoder.agreement import all_fitted
 from decoder.alignment import Matrix, Point
-from decoder.anchors import AnchorHit
 from decoder.arrays import Floats
 from decoder.motion import Model
 
@@ -29,17 +28,15 @@ def unseen_px(motions: Sequence[Matrix], features: Sequence[Point], places: Floa
     """
     if not motions or not features or model is Model.PERSPECTIVE:
         return np.zeros(places.shape[1])
-    square_px2 = np.zeros(places.shape[1])
-    for motion in motions:
-        found = _carried(motion, np.array(features).T).T.tolist()
-        hits = {index: AnchorHit((x, y), 1.0) for index, (x, y) in enumerate(found)}
-        guess = fitted(features, hits, model)
-        square_px2 += np.square(_carried(motion, places) - _carried(guess, places)).sum(axis=0)
-    off: Floats = np.sqrt(square_px2 / len(motions))
+    whole, usual = np.array(motions), np.array(features).T
+    guesses = all_fitted(usual, _carried(whole, usual), model)
+    off_px = _carried(whole, places) - _carried(guesses, places)
+    off: Floats = np.sqrt(np.square(off_px).sum(axis=(0, 1)) / len(motions))
     return off
 
 
-def _carried(motion: Matrix, places: Floats) -> Floats:
-    there = motion @ np.vstack([places, np.ones(places.shape[1])])
-    carried: Floats = there[:2] / there[2]
+def _carried(motions: Floats, places: Floats) -> Floats:
+    """(F, 2, N): where motions (F, 3, 3) carry (2, N) places."""
+    there = motions @ np.vstack([places, np.ones(places.shape[1])])
+    carried: Floats = there[:, :2] / there[:, 2:]
     return carried
