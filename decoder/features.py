@@ -24,6 +24,8 @@ Carry = Callable[[Floats], Floats]
 
 LEVEL_HALF_WIDTH_PX = 6
 LEVEL_STATIONS = 32
+# An edge so many pixels long, or longer, is blurred over a pixel in each of them.
+LEVEL_PARTS = 512
 MIN_WITHIN = 0.5
 # With less spread than this there is nothing to correlate with but rounding.
 FLAT_LEVELS = 0.2
@@ -115,7 +117,7 @@ def anchor_feature(name: str, picture: GreyPicture, box: tuple[float, float, flo
     left, top, width, height = (round(edge) for edge in box)
     stride = max(1, round(math.sqrt(width * height)) // ANCHOR_POINTS_ACROSS)
     x, y = np.meshgrid(np.arange(left, left + width, stride), np.arange(top, top + height, stride))
-    return _feature(name, picture, x.ravel(), y.ravel())
+    return _feature(name, picture, x.ravel(), y.ravel(), float(stride))
 
 
 def level_feature(picture: GreyPicture, edge: tuple[tuple[float, float], tuple[float, float]]) -> Feature:
@@ -126,12 +128,14 @@ def level_feature(picture: GreyPicture, edge: tuple[tuple[float, float], tuple[f
     across = np.arange(-LEVEL_HALF_WIDTH_PX, LEVEL_HALF_WIDTH_PX + 1)[None, :]
     x = x0 + along * (x1 - x0) - across * (y1 - y0) / length
     y = y0 + along * (y1 - y0) + across * (x1 - x0) / length
-    return _feature("level", picture, x.ravel(), y.ravel())
+    return _feature("level", picture, x.ravel(), y.ravel(), max(1.0, length / LEVEL_PARTS))
 
 
-def _feature(name: str, picture: GreyPicture, x: NDArray[Any], y: NDArray[Any]) -> Feature:
+def _feature(name: str, picture: GreyPicture, x: NDArray[Any], y: NDArray[Any], apart_px: float) -> Feature:
+    """The feature of some points, so far apart: noise in their gradients would make each step to a match fall short."""
     points = np.stack([x, y]).astype(np.float32)
-    half = np.float32(0.5)
+    half = np.float32(apart_px / 2)
     across = sample(picture, points[0] + half, points[1]) - sample(picture, points[0] - half, points[1])
     down = sample(picture, points[0], points[1] + half) - sample(picture, points[0], points[1] - half)
-    return Feature(name, points, sample(picture, points[0], points[1]), np.stack([across, down]))
+    gradient = np.stack([across, down]) / np.float32(apart_px)
+    return Feature(name, points, sample(picture, points[0], points[1]), gradient)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 
-from decoder.errors import FlightUnreadable, PictureError
+from decoder.errors import FlightUnreadable
 from decoder.flight_data import FlightData, FlightDataBuilder
 from decoder.flight_fitting import fit_to_flight
 from decoder.flight_part import FlightPart
+from decoder.flight_sample import FlightSample
 from decoder.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batch_frames, batches, read_here
 from decoder.gaps import fill_gaps
 from decoder.panel_reader import PanelReader
-from decoder.pictures import FramePicture, grey_picture
 from flight_file.frame import Frame
 from flight_file.reader import Flight
 
@@ -50,7 +49,7 @@ def decode_flight(
     FlightUnreadable
         If no frame at all can be read with this panel, with the commonest reason.
     """
-    fitted = fit_to_flight(reader, partial(_sample, flight))
+    fitted = fit_to_flight(reader, FlightSample(flight))
     builder = FlightDataBuilder(reader.source.panel)
     reasons: Counter[str] = Counter()
     frames = 0
@@ -73,14 +72,6 @@ def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:
         builder.add_missing(frame.sequence, frame.captured_ns, outcome.reason, outcome.failed)
     else:
         builder.add(frame.sequence, frame.captured_ns, outcome)
-
-
-def _sample(flight: Flight, frames: int) -> Iterator[FramePicture]:
-    for frame in flight.sample_frames(frames):
-        try:
-            yield FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
-        except PictureError:
-            continue  # reported when the flight is read
 
 
 def _why(name: str, frames: int, reasons: Counter[str]) -> str:

@@ -18,6 +18,7 @@ from decoder.pictures import GreyPicture
 from decoder.registration import (
     EXPECTED_SHRINKAGE,
     FULL_STEPS,
+    ITERATIONS,
     MAX_SHRINKAGE,
     MAX_STEP_PX,
     PATCH_MARGIN_PX,
@@ -63,7 +64,7 @@ class UsualPlace:
         matrices = np.broadcast_to(self._start.matrix, (len(frames), 3, 3))
         shrinkage, before_px = np.full(len(frames), EXPECTED_SHRINKAGE), np.zeros(len(frames))
         margin_px = np.full(len(frames), float(PATCH_MARGIN_PX))
-        for iteration in range(FULL_STEPS):
+        for iteration in range(ITERATIONS):
             sums, energies = [], []
             for index, (own, origin) in enumerate(zip(patches, origins, strict=True)):
                 places = [first[index]] * len(open_) if iteration == 0 else self._places(index, matrices, origin)
@@ -72,6 +73,8 @@ class UsualPlace:
                 sums.append(of_feature[0])
                 energies.append(of_feature[1])
             step, scores = self._registration.steps(sums, energies)
+            if iteration >= FULL_STEPS:
+                step *= 0.5  # as in `registration`
             reach_px = np.hypot(step[:, 0], step[:, 1]) + np.abs(step[:, 2:]).sum(axis=1)
             axes, model = self._registration.axes, self._registration.model
             matrices = matrices @ axes.matrices(-step, model)
