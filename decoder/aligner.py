@@ -6,19 +6,20 @@ It knows how the panel looks at each zoom and size of frames; one frame's search
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from decoder.alignment import IDENTITY, Alignment
+from decoder.alignment_noise import BlockPulls, noise_beside_claim
 from decoder.anchors import check_anchor
 from decoder.arrays import Floats
-from decoder.errors import PanelError
+from decoder.errors import PanelError, PictureError
 from decoder.features import level_feature
 from decoder.frame_search import MIN_FEATURE_SCORE, UNMISTAKABLE_SCORE, FrameSearch
 from decoder.optics import Optics
 from decoder.panel import Panel
-from decoder.pictures import GreyPicture
+from decoder.pictures import FramePicture, GreyPicture
 from decoder.seen_panel import SeenPanel
 
 KEPT_ZOOMS = 6
@@ -111,6 +112,24 @@ class Aligner:
         """Whether most anchors match where an alignment has them all: then they lie in a plane."""
         anchors = self._panel.anchors
         return sum(anchor.name in alignment.failed for anchor in anchors) <= FEW_FAILED * len(anchors)
+
+    def noise_beside_claim(self, frames: Iterable[FramePicture]) -> float:
+        """How many times as uncertain as they claim alignments are, by frames in which all matches; 1 without such."""
+        pairs = []
+        for frame in frames:
+            try:
+                alignment = self.align(frame.pixels, frame.focal_length_mm)
+            except PictureError:
+                continue  # the frame itself is reported when the flight is read
+            height, width = frame.pixels.shape
+            seen = self._seen_at(frame.focal_length_mm, (width, height))
+            if alignment.covariance is None or alignment.failed:
+                continue
+            pulls = BlockPulls(seen.features, alignment.covariance)
+            if pulls.tell:
+                own = alignment.after(np.linalg.inv(seen.usual))
+                pairs.append((alignment.covariance, pulls.found(frame.pixels, own)))
+        return noise_beside_claim(pairs, self._own.gauges)
 
     def _seen_at(self, focal_length_mm: float | None, size_px: tuple[int, int]) -> SeenPanel:
         key = (focal_length_mm, *size_px)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from decoder.arrays import Floats
 
 MIN_VIEWS = 3
+# Two views will do where they show the same.
+ALIKE_LEVELS = 8.0
 LIGHT_STRIDE = 3
 LIGHT_PASSES = 2
 OUTLIER_LEVELS = 20.0
@@ -49,7 +51,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     without
         (R, C) each: where a needle lies.
     fallback
-        (R, C): stands where fewer than three frames show a pixel without a needle.
+        (R, C): stands where fewer than three frames show a pixel without a needle, or two differ.
 
     Returns
     -------
@@ -63,7 +65,8 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     middle = np.maximum(count - 1, 0)[..., None]
     low = np.take_along_axis(views, middle // 2, axis=-1)[..., 0]
     high = np.take_along_axis(views, (middle + 1) // 2, axis=-1)[..., 0]
-    face: Floats = np.where(count >= MIN_VIEWS, (low + high) / 2, fallback).astype(np.float32)
+    seen = (count >= MIN_VIEWS) | ((count == MIN_VIEWS - 1) & (high <= low + ALIKE_LEVELS))
+    face: Floats = np.where(seen, (low + high) / 2, fallback).astype(np.float32)
     return face
 
 

@@ -6,7 +6,7 @@ Also what is left of both: what readings are uncertain by beyond what their own 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from decoder.errors import PictureError
 from decoder.first_sight import FirstSight
 from decoder.flight_tuning import SAMPLE_FRAMES, tune_on, unwrapped
 from decoder.gauge import Gauge
+from decoder.panel_needles import drawn_gauges
 from decoder.panel_reader import PanelReader, UnwrappedFrame
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import FramePicture, GreyPicture
@@ -26,7 +27,7 @@ from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
 from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertainties
 
-ROUNDS = 4
+ROUNDS = 6
 # With so many of the sampled frames found there is no need to look for the camera elsewhere.
 MIN_FOUND = 8
 SIGHTS = 3
@@ -117,10 +118,19 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         for gauge, before in zip(now, drawn, strict=True)
         if gauge.centre != before.centre
     }
-    uncertainties = quantity_uncertainties(source, pivots, dials_move=tuned.tuning.dials_move)
+    zeros = [gauge.readings for gauge in drawn_gauges(tuned)]
+    uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=tuned.tuning.dials_move)
     if tuned.tuning.dials_move:
         tuned = tuned.tuned(replace(tuned.tuning, pivots=pivots))
+    else:
+        noise = tuned.aligner.noise_beside_claim(_pictures(sample(LOOKED_AT)))
+        tuned = tuned.tuned(replace(tuned.tuning, alignment_noise=noise))
     return FittedReader(tuned, uncertainties, moved)
+
+
+def _pictures(frames: Iterable[GreyPicture | FramePicture]) -> Iterator[FramePicture]:
+    for frame in frames:
+        yield frame if isinstance(frame, FramePicture) else FramePicture(frame)
 
 
 def _frames_wanted(tuning: Tuning) -> int:
@@ -148,8 +158,7 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
     """Whether dials lie elsewhere than the anchors have them, in some of the sampled frames."""
     shifts_px: list[float] = []
     frames = 0
-    for frame in sample(SAMPLE_FRAMES):
-        taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
+    for taken in _pictures(sample(SAMPLE_FRAMES)):
         try:
             shifts = reader.dial_shifts_px(taken.pixels, taken.focal_length_mm)
         except PictureError:
@@ -167,8 +176,7 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
         return None
     optics, sight = reader.aligner.optics, FirstSight(reader.source.picture)
     seen: list[Matrix] = []
-    for frame in sample(SAMPLE_FRAMES):
-        taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
+    for taken in _pictures(sample(SAMPLE_FRAMES)):
         height, width = taken.pixels.shape
         try:
             zoom = optics.zoom(taken.focal_length_mm, (width, height))
@@ -189,7 +197,8 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
 def _pivots(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], found: Sequence[Mapping[str, Reading]]
 ) -> tuple[Pivot, ...]:
-    """By the tuned needles, near where they were found."""
+    """By the tuned needles, near where they were found, and where the panel picture has them."""
+    drawn = [] if reader.tuning.dials_move else drawn_gauges(reader)  # at other depths it is another view of the dial
     return tuple(
         pivot_of(
             gauge,
@@ -199,7 +208,8 @@ def _pivots(
             [
                 (sample.gauges[index], readings, sample.dial_shifts_px[index] if sample.dial_shifts_px else (0.0, 0.0))
                 for sample, readings in zip(samples, found, strict=True)
-            ],
+            ]
+            + [(gauge.strip, gauge.readings, (0.0, 0.0)) for gauge in drawn[index : index + 1]],
         )
         for index, (gauge, grid, face) in enumerate(
             zip(reader.source.panel.gauges, reader.grids, reader.tuning.faces, strict=True)

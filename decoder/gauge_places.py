@@ -18,17 +18,12 @@ import numpy as np
 from decoder.alignment import Alignment, Matrix, Point
 from decoder.arrays import Floats, Mask
 from decoder.dial_plane import DialPlane
+from decoder.dial_points import dial_points, without_needles
 from decoder.gauge import Gauge
 from decoder.motion import Frame2D, Model
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap
 
-# Around a dial its rim and its case hold it in place, too; around a tiny one, what is beside it.
-REACH = 1.25
-BESIDE_PX = 20.0
-# A needle's template is this much wider than the needle at least.
-BESIDE_SWEEP_DEG = 6.0
-POINTS_ACROSS = 48
 SEARCH_PX = 24
 MIN_FIRST_SCORE = 0.45
 MIN_SCORE = 0.8
@@ -128,7 +123,7 @@ class GaugePlacer:
     """
 
     def __init__(self, gauge: Gauge, plane: DialPlane | None, picture: GreyPicture, own: Alignment) -> None:
-        points = _points(gauge, plane)
+        points = dial_points(gauge, plane)
         points = points[:, _on(picture, points, own)]
         self._points = PointMap.of([points])
         self._centre = gauge.centre if plane is None else _carried(plane.matrix, (0.0, 0.0))
@@ -149,7 +144,7 @@ class GaugePlacer:
         left, top = np.floor(points.min(axis=1)).astype(int).tolist()
         end, bottom = np.ceil(points.max(axis=1)).astype(int).tolist()
         self._box = (left, top, end + 1, bottom + 1)
-        self._patch = _patch(picture, own, self._box)
+        self._patch = without_needles(_patch(picture, own, self._box), gauge, plane, self._box)
 
     @property
     def middle(self) -> Point:
@@ -258,24 +253,3 @@ def _on(picture: GreyPicture, points: Floats, own: Alignment) -> Mask:
     height, width = picture.shape
     on: Mask = (x >= 1) & (y >= 1) & (x <= width - 2) & (y <= height - 2)
     return on
-
-
-def _points(gauge: Gauge, plane: DialPlane | None) -> Floats:
-    """(2, N) float32: a grid of points on the dial and around it, without those under the panel picture's needles."""
-    inner, outer = gauge.radius[0], max(gauge.radius[1] * REACH, gauge.radius[1] + BESIDE_PX)
-    stride = max(1.0, 2 * outer / POINTS_ACROSS)
-    steps = np.arange(-outer, outer + stride, stride)
-    across, down = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    radius, angle = np.hypot(across, down), np.degrees(np.arctan2(down, across))
-    start, end = gauge.sweep
-    within = (angle - (start - BESIDE_SWEEP_DEG)) % 360.0 <= end - start + 2 * BESIDE_SWEEP_DEG
-    keep = (radius >= inner) & (radius <= outer) & within
-    for needle in gauge.needles:
-        template = needle.template
-        if template.at is not None and template.span is not None and template.picture is None:
-            keep &= np.abs((angle - template.at + 180.0) % 360.0 - 180.0) > template.span / 2
-    points = np.stack([across[keep], down[keep]])
-    if plane is not None:
-        return plane.to_panel(points).astype(np.float32)
-    around: Floats = (points + np.array(gauge.centre)[:, None]).astype(np.float32)
-    return around

@@ -30,6 +30,11 @@ PRIOR_LIFT = 0.2
 HUBER_SPREADS = 2.0
 ROBUST_PASSES = 4
 SIGNIFICANT_SPREADS = 2.5
+# Needles that stand this far apart lie over other marks. Of such places there must be more than unknowns.
+APART_DEG = 3.0
+MIN_PLACES = 3
+# What tilts claim to scatter counts for as much as so many tilts.
+CLAIM_COUNTS = 2
 MAD_TO_SIGMA = 1.4826
 # A needle's line that misses its pivot by more than both is no line of that needle.
 MISSING_SPREADS = 5.0
@@ -155,9 +160,11 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         normal = rows.T @ (weights[:, None] * rows) + prior
         solution = np.linalg.solve(normal, rows.T @ (weights * seen))
         spreads = np.abs(seen - rows @ solution) / sigma
-        scale = max(float(np.median(spreads)) / 0.6745, 1.0)
+        scale = _scale(spreads, len(seen) - len(solution), least=float(shifts.any()))
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
     covariance = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)[:2, :2]
+    if _places(tilts) < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
+        covariance = covariance + np.outer(solution[:2], solution[:2])
     left = seen - rows @ solution
     scatter_px2 = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
     own_px2 = float(np.median([tilt.sigma_px for tilt in tilts])) ** 2
@@ -169,6 +176,27 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         tilts=len(left),
         own_px=dict(zip(names, solution[2:-1].tolist(), strict=True)),
     )
+
+
+def _places(tilts: Sequence[Tilt]) -> int:
+    """In how many places, well apart, the needles stood."""
+    count = 0
+    last = ("", -math.inf)
+    for needle, angle_deg in sorted((tilt.needle, tilt.angle_deg) for tilt in tilts):
+        if needle != last[0] or angle_deg - last[1] > APART_DEG:
+            count += 1
+            last = (needle, angle_deg)
+    return count
+
+
+def _scale(spreads: Floats, freedoms: int, *, least: float) -> float:
+    """By how much tilts scatter more than they claim, or less: then their claims count beside what they do."""
+    scale = MAD_TO_SIGMA * float(np.median(spreads))
+    if scale < 1.0:
+        known = max(freedoms, 0)
+        fitted = len(spreads) / max(known, 1)  # what is left is the less, the more was fitted
+        scale = math.sqrt((CLAIM_COUNTS + known * fitted * scale**2) / (CLAIM_COUNTS + known))
+    return max(scale, least)
 
 
 def with_lines_checked(

@@ -25,6 +25,7 @@ class PlaceUncertainty:
         self._panel, self._optics = source.panel, source.optics
         self._usual, self._motions = tuning.usual, tuning.motions
         self._centres = self._usually_at([gauge.centre for gauge in source.panel.gauges])
+        self._noise = tuning.alignment_noise
         self._scale = tuning.usual.motion_at(source.panel.gauges[0].centre).scale
         self._levers: dict[tuple[Frame2D, Model], tuple[Floats, Floats]] = {}
 
@@ -40,6 +41,7 @@ class PlaceUncertainty:
             self._levers[key] = self._lever(known, alignment.failed)
         levers, unseen_px2 = self._levers[key]
         variance = ((levers @ known.covariance) * levers).sum(axis=1).reshape(-1, 2).sum(axis=1) / 2
+        variance *= self._noise**2
         sigma: Floats = np.sqrt(np.maximum(variance, 0.0) + unseen_px2)
         return sigma
 

@@ -60,7 +60,7 @@ class SeenPanel:
         self.features = [*self.anchors, *([self.level] if self.level else [])]
         self.finders = [self._finder(anchor) for anchor in panel.anchors]
         self.levels = [LevelFinder(self.level, finder.centre_px, lens) for finder in self.finders] if self.level else []
-        self._gauges = self.carry(np.concatenate([_cross(gauge) for gauge in panel.gauges], axis=1))
+        self.gauges = self.carry(np.concatenate([_cross(gauge) for gauge in panel.gauges], axis=1))
         self._usual_place: UsualPlace | None = None
         self._registrations: OrderedDict[tuple[object, ...], tuple[Registration, Model, float]] = OrderedDict()
 
@@ -128,7 +128,7 @@ class SeenPanel:
         return Model.RIGID if len(features) > 1 else Model.SHIFT
 
     def _worst_sigma_px(self, registration: Registration) -> float:
-        return float(registration.predicted(NOISE_LEVELS).sigma_px(self._gauges).max())
+        return float(registration.predicted(NOISE_LEVELS).sigma_px(self.gauges).max())
 
     def _seen(self, feature: Feature) -> Feature:
         if self._is_as_drawn:

@@ -55,6 +55,8 @@ class Tuning:
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
     pivots
         By gauge, where dials move: what its needles' lines are held against.
+    alignment_noise
+        How many times as uncertain as they claim alignments are.
     rows
         How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
     """
@@ -69,4 +71,5 @@ class Tuning:
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
     pivots: tuple[Pivot, ...] = ()
+    alignment_noise: float = 1.0
     rows: int | None = None

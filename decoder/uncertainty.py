@@ -8,7 +8,7 @@ beside its place (the scatter of those tilts does).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,13 @@ from decoder.arrays import Floats
 from decoder.panel_pictures import PanelPictures
 from decoder.pivots import Pivot
 from decoder.printed_marks import drawn_to_deg, marks_off_deg
+from decoder.reading import Reading
 
 # Where a dial's marks do not tell how precisely it is drawn: about a tenth of a pixel, at the needle's mean radius.
 DRAWN_PX = 0.1
-# Where they do, so much is left for what has no marks: the needle's zero.
+# Where they do, so much is left that no noise explains: blur and sampling do not treat all places of a needle alike.
+MODEL_PX = 0.015
+# The zero of a needle that the panel picture does not show.
 ZERO_PX = 0.02
 # A dial that is found by itself is off by about this beyond its own pixels' noise.
 FOUND_PX = 0.03
@@ -52,7 +55,7 @@ class QuantityUncertainty:
 
 
 def quantity_uncertainties(
-    drawn: PanelPictures, pivots: Sequence[Pivot], *, dials_move: bool
+    drawn: PanelPictures, pivots: Sequence[Pivot], zeros: Sequence[Mapping[str, Reading]], *, dials_move: bool
 ) -> dict[str, QuantityUncertainty]:
     """By quantity's name.
 
@@ -62,12 +65,15 @@ def quantity_uncertainties(
         The panel as it was given, before pivots were moved.
     pivots
         By the gauges' order in the panel: what is still to be thought of each.
+    zeros
+        The needles as they are found in the panel picture, by the gauges' order.
     dials_move
         Whether each dial is found by itself.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     uncertainties = {}
-    for index, (gauge, pivot, place_px) in enumerate(zip(drawn.panel.gauges, pivots, places_px, strict=True)):
+    parts = zip(drawn.panel.gauges, pivots, zeros, places_px, strict=True)
+    for index, (gauge, pivot, found, place_px) in enumerate(parts):
         radius_px, grid = sum(gauge.radius) / 2, drawn.grid(index)
         zeros_deg = {needle.name: needle.template.at for needle in gauge.needles}
         for quantity in gauge.quantities:
@@ -75,16 +81,28 @@ def quantity_uncertainties(
                 [angle for angle, _ in quantity.marks], gauge.radius[1], grid, drawn.picture, drawn.optics.own
             )
             scale_deg = drawn_to_deg(off_deg, gauge.radius[1])
-            zero_px = DRAWN_PX if scale_deg is None else ZERO_PX
+            drawn_deg = _drawn_deg(scale_deg, found.get(quantity.name), radius_px)
             zero_deg = zeros_deg.get(quantity.name)
             uncertainties[quantity.name] = QuantityUncertainty(
-                math.hypot(scale_deg or 0.0, math.degrees(zero_px / radius_px)),
+                drawn_deg,
                 place_px if quantity.name in zeros_deg else 0.0,
                 radius_px,
                 pivot,
                 (sum(gauge.sweep) / 2 if zero_deg is None else zero_deg) if quantity.name in zeros_deg else None,
             )
     return uncertainties
+
+
+def _drawn_deg(scale_deg: float | None, zero: Reading | None, radius_px: float) -> float:
+    """By the scale and the needle's zero, which has no marks: who drew the one with care drew the other with as much.
+
+    Without marks, and without a needle in the panel picture, it is what can be drawn.
+    """
+    if scale_deg is None:
+        return math.degrees(DRAWN_PX / radius_px)
+    if zero is None or not math.isfinite(zero.sigma_deg):
+        return math.hypot(scale_deg, math.degrees(ZERO_PX / radius_px))
+    return math.hypot(scale_deg, scale_deg, zero.sigma_deg, math.degrees(MODEL_PX / radius_px))
 
 
 def _places_px(pivots: Sequence[Pivot], least_px: float) -> list[float]:

@@ -52,6 +52,12 @@ def drawn(angle_deg: float, motion: NDArray[np.float64], *, noise: float = 2.0, 
     return np.clip(moved, 0, 255).astype(np.uint8)
 
 
+def faint(picture: GreyPicture) -> GreyPicture:
+    """The same with marks that hardly stand out beside the needle."""
+    levels = np.interp(np.arange(256), [0, 45, 212, 225, 255], [0, 45, 80, 235, 255])
+    return levels[picture].astype(np.uint8)
+
+
 def _point(place: NDArray[np.float64]) -> tuple[int, int]:
     return int(np.rint(place[0])), int(np.rint(place[1]))
 
@@ -79,6 +85,17 @@ def test_dial_is_found_wherever_its_needle_is(placer: GaugePlacer, angle_deg: fl
     assert place is not None
     assert place.shift_px == pytest.approx((x_px, y_px), abs=0.12)
     assert place.score > 0.9
+
+
+@pytest.mark.parametrize("angle_deg", [240.0, 244.0, 256.0, 261.0])
+@pytest.mark.parametrize("x_px", [-9.3, 8.6])
+def test_needle_near_where_the_panel_picture_has_it_does_not_pull_the_dial(angle_deg: float, x_px: float) -> None:
+    """Where marks are faint it is the strongest thing there is, but says nothing of where the dial lies."""
+    placer = GaugePlacer(GAUGE, None, faint(drawn(250.0, np.eye(3), noise=1.0)), IDENTITY)
+    place = placer.place(faint(drawn(angle_deg, shifted(x_px, 1.2))), IDENTITY)
+
+    assert place is not None
+    assert place.shift_px == pytest.approx((x_px, 1.2), abs=0.3)
 
 
 def test_another_perspective_is_taken_along(placer: GaugePlacer) -> None:

@@ -92,6 +92,38 @@ def test_needle_that_stands_still_tells_nothing() -> None:
     assert np.sqrt(np.diag(pivot.covariance_px2)).max() > 0.4
 
 
+def test_needle_in_two_places_moves_no_pivot() -> None:
+    """What spoils one of them, a mark that the needle hides all flight, would be taken for the pivot."""
+    tilts = tilts_about(0.0, 3.0, [200.0] * 14 + [208.0] * 3, 0.1, noise_px=0.01)
+    pivot = pivot_from(tilts)
+
+    assert not pivot.is_certain
+    assert pivot.sigma_deg(np.array([208.0]), 200.0, 50.0) > 0.1
+
+
+def test_tilts_that_scatter_less_than_they_claim_tell_more() -> None:
+    """Their noise is then less than what their pixels leave unexplained has one think."""
+    angles = list(range(150, 330, 12))
+    claims = [Tilt("a", angle, 0.1 + noise, 0.1) for angle, noise in zip(angles, (0.01, -0.01) * 8, strict=False)]
+    honest = [Tilt("a", angle, 0.1 + 10 * noise, 0.1) for angle, noise in zip(angles, (0.01, -0.01) * 8, strict=False)]
+
+    ratio = np.diag(pivot_from(claims).covariance_px2) / np.diag(pivot_from(honest).covariance_px2)
+    assert (ratio < 0.3).all()
+
+
+def test_needle_that_stands_still_is_told_by_where_the_panel_picture_has_it(reader_of: MakeReader, draw: Draw) -> None:
+    """A pivot that is right is known to be right without a turn in flight, where that was half a pixel's doubt."""
+    reader = reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True))
+    still = [draw({**angles_of(seed), "speed_kt": 305.0}, noise=2.0, seed=seed, ticks=True) for seed in range(900, 916)]
+    fitted = fit_to_flight(reader, lambda _: still)
+    (sigma_deg,) = fitted.sigma_deg("speed_kt", np.array([305.0]))
+
+    assert sigma_deg < 0.2
+    for sample in still[:4]:
+        reading = fitted.reader.read(sample).readings["speed_kt"]
+        assert abs(reading.angle_deg - 305.0) < 3 * math.hypot(sigma_deg, reading.sigma_deg)
+
+
 def test_too_few_tilts_tell_nothing() -> None:
     """Four frames are no evidence."""
     assert pivot_from(tilts_about(1.0, 1.0, [0.0, 90.0, 180.0, 270.0], 0.0)) is UNKNOWN
