@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
 from decoder.faces import in_light_of, learn_face
 from decoder.fitting import Fitter
+from decoder.frame_batch import batch_frames
 from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, turn_rows
 from decoder.needle_layer import in_local_light, layered
@@ -204,13 +206,12 @@ class _GaugeTuner:
 
 def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> list[UnwrappedFrame]:
     """Those of the frames that can be aligned, unwrapped."""
-    samples = []
-    for frame in frames:
-        try:
-            taken = frame if isinstance(frame, FramePicture) else FramePicture(frame)
-            samples.append(reader.unwrap(taken.pixels, taken.focal_length_mm))
-        except PictureError:
-            continue  # the frame itself is reported when the flight is read
+    taken = (frame if isinstance(frame, FramePicture) else FramePicture(frame) for frame in frames)
+    height, width = reader.source.picture.shape
+    samples: list[UnwrappedFrame] = []
+    while batch := tuple(islice(taken, batch_frames((width, height)))):
+        # what is not found is reported when the flight is read
+        samples += [one for one in reader.unwrap_many(batch) if not isinstance(one, PictureError)]
     return samples
 
 

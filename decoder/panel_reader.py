@@ -131,10 +131,23 @@ class PanelReader:
         PictureError
             If the frame is of another shape than the panel picture, or the panel is not found in it.
         """
-        if self.tuning.dials_move:
-            return self._unwrap_one_by_one(frame, focal_length_mm)
-        aligned = self._aligned(frame, focal_length_mm)
-        return replace(aligned, gauges=self.unwrapper.unwrap(frame, aligned.alignment))
+        (unwrapped,) = self.unwrap_many([FramePicture(frame, focal_length_mm)])
+        if isinstance(unwrapped, PictureError):
+            raise unwrapped
+        return unwrapped
+
+    def unwrap_many(self, frames: Sequence[FramePicture]) -> list[UnwrappedFrame | PictureError]:
+        """Each frame aligned and unwrapped, or why it is not."""
+        placed = [
+            self._placed(frame) if there is None else (frame.pixels, there)
+            for frame, there in zip(frames, self._at_first_look(frames), strict=True)
+        ]
+        return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in placed]
+
+    def _with_gauges(self, picture: GreyPicture, frame: UnwrappedFrame) -> UnwrappedFrame:
+        if frame.gauges:
+            return frame
+        return replace(frame, gauges=self.unwrapper.unwrap(picture, frame.alignment))
 
     def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
         """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
