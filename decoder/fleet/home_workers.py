@@ -24,6 +24,7 @@ from decoder.fleet.flights import FleetFlight
 from decoder.fleet.one_flight import decode_one
 from decoder.fleet.order import Order
 from decoder.fleet.outcome import Outcome
+from decoder.fleet.staging import remove_abandoned
 
 PATIENCE_S = 20.0  # for a process that was told to stop, on a busy machine; one that does not is killed
 ALONE_S = 3.0  # for a process whose parent is gone
@@ -97,6 +98,8 @@ def _stop(processes: list[multiprocessing.process.BaseProcess]) -> None:
         process.join(max(0.0, until - time.monotonic()))
         if process.is_alive():
             process.kill()
+            process.join()
+    remove_abandoned()
 
 
 def _begin() -> None:

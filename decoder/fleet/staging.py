@@ -1,6 +1,6 @@
 """Working folders for what has to be copied first.
 
-They are removed at their end, and by the next worker of this machine if the one that made them was killed.
+They are removed at their end; those of a worker that was killed by whoever killed it, or by the machine's next worker.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ _PREFIX = "fleet"
 @contextmanager
 def working_folder() -> Iterator[Path]:
     """A folder of its own in the temporary folder (TMPDIR)."""
-    _sweep(Path(tempfile.gettempdir()))
+    remove_abandoned()
     with tempfile.TemporaryDirectory(
         prefix=f"{_PREFIX}-{gethostname()}-{os.getpid()}-", ignore_cleanup_errors=True
     ) as name:
         yield Path(name)
 
 
-def _sweep(temporary: Path) -> None:
+def remove_abandoned() -> None:
     """Removes the folders of processes that are no more; other machines' are not ours to judge."""
     prefix = f"{_PREFIX}-{gethostname()}-"
-    for folder in temporary.glob(f"{prefix}*"):
+    for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
         process = folder.name.removeprefix(prefix).partition("-")[0]
         if process.isdecimal() and not _lives(int(process)):
             shutil.rmtree(folder, ignore_errors=True)
