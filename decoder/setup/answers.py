@@ -78,10 +78,11 @@ def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) 
     dial = replace(asked.dial(drawn.plane), raised=planes.raised(asked.needle_height_inches))
     if asked.near is not None:
         around = replace(dial, sweep_deg=(asked.near - AROUND_DEG, asked.near + AROUND_DEG))
-        return {"at": round(needle_at(seen, around, asked.near), PLACES)}
-    found = proposed(seen, dial) if len(frames) > 1 else []
+        found = needle_at(seen, around, asked.near)
+        return {"at": round(found.at_deg, PLACES), "span": found.span_deg}
+    moving = proposed(seen, dial) if len(frames) > 1 else []
     return {
-        "needles": [{"at": round(each.at_deg, PLACES), "span": each.span_deg} for each in found],
+        "needles": [{"at": round(each.at_deg, PLACES), "span": each.span_deg} for each in moving],
         "frames": len(frames),
     }
 

@@ -22,8 +22,9 @@ STEP_PX = 0.1
 ROUNDS = 3
 FAINTEST = 0.45
 MIN_CONTRAST_LEVELS = 8.0
-# Marks take up less than half of the ring, so its median this far around is the dial.
+# The dial itself is seen this far to either side, between other marks; on an arc's end it is not the same on both.
 BESIDE_PX = 10.0
+DIAL_PERCENTILE = 30.0
 
 
 def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
@@ -36,23 +37,34 @@ def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
     """
     clicked_deg, radius_px = drawn.polar(click)
     clicked, radius_px = math.radians(clicked_deg), max(radius_px, 1.0)
-    away_px = np.arange(-REACH_PX - OUTLINE_PX, REACH_PX + OUTLINE_PX + STEP_PX / 2, STEP_PX)
+    away_px = np.arange(-BESIDE_PX, BESIDE_PX + STEP_PX / 2, STEP_PX)
     angles = clicked + away_px / radius_px
     radii = radius_px + np.linspace(-RING_PX, RING_PX, 9)
     light = _rings(picture, drawn, angles, radii).mean(axis=1)
-    beside = clicked + np.arange(-BESIDE_PX, BESIDE_PX + 0.5) / radius_px
-    level = np.median(_rings(picture, drawn, beside, radii))
-    contrast = np.abs(light - level)
+    contrast = light - np.median(light)
     near = np.where(np.abs(away_px) <= REACH_PX, np.exp(-0.5 * (away_px / LIKELY_PX) ** 2), 0.0)
-    best = int((contrast * near).argmax())
-    if contrast[best] < MIN_CONTRAST_LEVELS:
+    best = int((np.abs(contrast) * near).argmax())
+    if abs(contrast[best]) < MIN_CONTRAST_LEVELS:
         return math.degrees(clicked) % 360.0
-    reach, place = round(OUTLINE_PX / STEP_PX), float(best)
-    for _ in range(ROUNDS):  # the likeliest place is drawn to the click; the outline around it is not
-        part = slice(max(round(place) - reach, 0), round(place) + reach + 1)
-        weights = np.maximum(contrast[part] - FAINTEST * contrast[part].max(), 0.0)
-        place = float(np.average(np.arange(len(contrast))[part], weights=weights))
+    place = _middle(light * np.sign(contrast[best]), best)
     return math.degrees(float(np.interp(place, np.arange(len(angles)), angles))) % 360.0
+
+
+def _middle(light: Floats, place: float) -> float:
+    """The middle of the bright mark at a place of a ring: each of its edges is where it is half as bright as there."""
+    reach, places = round(OUTLINE_PX / STEP_PX), np.arange(len(light))
+    for _ in range(ROUNDS):  # the likeliest place is drawn to the click; the outline around it is not
+        middle = round(place)
+        part = slice(max(middle - reach, 0), middle + reach + 1)
+        peak = light[part].max()
+        dial = np.where(
+            places[part] < place,
+            np.percentile(light[: max(middle - reach, 1)], DIAL_PERCENTILE),
+            np.percentile(light[min(middle + reach, len(light) - 1) :], DIAL_PERCENTILE),
+        )
+        weights = np.maximum((light[part] - dial) / np.maximum(peak - dial, 1e-6) - FAINTEST, 0.0)
+        place = float(np.average(places[part], weights=weights))
+    return place
 
 
 def _rings(picture: GreyPicture, drawn: DrawnPlane, angles: Floats, radii: Floats) -> Floats:

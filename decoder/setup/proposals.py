@@ -91,20 +91,17 @@ def proposed(seen: Pictures, dial: Dial, most: int = MOST) -> list[Proposal]:
             break
         guess_deg = views.grid.angle_deg(row)
         light = views.light(guess_deg)
-        width_deg = _width_deg(light, views.grid, guess_deg)
-        low, high = SPAN_RANGE_DEG
-        span_deg = round(min(max(SPAN_WIDTHS * width_deg, low), high))
-        found.append(Proposal(axis_deg(light, views.grid, guess_deg), span_deg))
-        reach = round((width_deg + ROUGH_DEG) / views.grid.step_deg)
+        found.append(_proposal(light, views.grid, guess_deg))
+        reach = round((_width_deg(light, views.grid, guess_deg) + ROUGH_DEG) / views.grid.step_deg)
         profile[max(row - reach, 0) : row + reach + 1] = 0.0
     first, last = dial.sweep_deg
     return [each for each in found if first - MARGIN_DEG <= each.at_deg <= last + MARGIN_DEG]
 
 
-def needle_at(seen: Pictures, dial: Dial, guess_deg: float) -> float:
-    """The axis of the needle that somebody pointed at, to some hundredths of a degree; it need not move."""
+def needle_at(seen: Pictures, dial: Dial, guess_deg: float) -> Proposal:
+    """The needle that somebody pointed at, its axis to some hundredths of a degree; it need not move."""
     views = _views(seen, dial)
-    return axis_deg(views.light(guess_deg), views.grid, guess_deg)
+    return _proposal(views.light(guess_deg), views.grid, guess_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +136,12 @@ def _views(seen: Pictures, dial: Dial) -> _Views:
     own = unwrapper.unwrap(seen.picture, seen.own)[0]
     others = [unwrapper.unwrap(frame, alignment)[0] for frame, alignment in seen.frames]
     return _Views(grid, own, np.stack(others) if others else np.zeros((0, *own.shape), np.float32))
+
+
+def _proposal(light: Floats, grid: PolarGrid, guess_deg: float) -> Proposal:
+    low, high = SPAN_RANGE_DEG
+    span_deg = round(min(max(SPAN_WIDTHS * _width_deg(light, grid, guess_deg), low), high))
+    return Proposal(axis_deg(light, grid, guess_deg), span_deg)
 
 
 def _smooth(profile: Floats, rows: int) -> Floats:

@@ -26,7 +26,9 @@ from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.sampling import sampled_at
 
 ROUNDS = 12
-REACH_PX, LAST_REACH_PX, LESS_PX = 3.0, 1.5, 0.2
+REACH_PX, LAST_REACH_PX, LESS_PART = 3.0, 1.5, 0.2 / 3.0
+# On a large dial a hand is seldom nearer to the ring than such a part of its radius.
+REACH_PART = 0.04
 STEP_PX = 0.25
 ANGLES = 720
 FIT_PASSES = 6
@@ -124,7 +126,7 @@ def fitted_ring(picture: GreyPicture, drawn: Ring, freedom: Freedom) -> Ring:
     design = _design(angles, freedom)
     ring, sign = drawn, 0.0
     for number in range(ROUNDS):
-        reach = max(REACH_PX - LESS_PX * number, LAST_REACH_PX)
+        reach = max(max(REACH_PX, REACH_PART * drawn.radius_px) * (1.0 - LESS_PART * number), LAST_REACH_PX)
         offsets = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
         slopes = _slopes(picture, ring, angles, offsets)
         if not sign:

@@ -1,4 +1,4 @@
-"""A panel of an oblique cockpit, drawn with clicks and keys only, reads as well as the one written with the truth.
+"""A whole oblique panel, drawn with clicks and keys only, reads as well as the one written with the truth.
 
 The hand is unsteady, and sees no more than a person does: where marks, needles and labels stand in one frame.
 """
@@ -6,12 +6,12 @@ The hand is unsteady, and sees no more than a person does: where marks, needles 
 from __future__ import annotations
 
 import json
+import math
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,93 +19,85 @@ import pytest
 import yaml
 from playwright.sync_api import Page, expect
 
-from decoder.camera import camera_from_file
-from decoder.gauge_reader import Method
-from decoder.panel_pictures import panel_from_attachments
-from decoder.panel_reader import PanelReader
-from decoder.pictures import FramePicture, grey_picture
-from decoder.setup.drawn_plane import Planes
-from decoder.setup.pasting import pasted
-from flight_file.reader import open_flight
+from fixtures.cockpit.description import panel_yaml
+from fixtures.cockpit.flights import FLIGHTS
+from fixtures.cockpit.instruments import needle_angle_deg
+from fixtures.cockpit.panels import PANELS
 
 if TYPE_CHECKING:
     from tests.setup.conftest import Hand
 
+NAME = "standby_small"
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "oblique"
-FLIGHT, TRUTH = FIXTURES / "t1a_small.mcap", FIXTURES / "t1a_small_truth.csv"
-CAMERA = FIXTURES / "t1a_small" / "camera.yaml"
+FLIGHT, TRUTH = FIXTURES / f"{NAME}.mcap", FIXTURES / f"{NAME}_truth.csv"
 DECODE = Path(sys.executable).parent / "decode"
 WITHIN_PCT_OF_FULL_SCALE = 0.05
-# How much further out than the needle's tip marks end, on the large dials and on those with two needles.
-RING, SMALL_RING, SMALL_PX = 0.74 / 0.70, 0.50 / 0.455, 30.0
-# A mark beside a needle is not one to click on.
-FREE_DEG = 9.0
-# The ITT dials have marks a pixel apart in so small a picture: drawn like this they are 0.04 to 0.07 % off.
-GAUGES = ("n1_1", "n2_2", "fuel_flow_1")
+# In this frame no needle points at a mark.
+FRAME = 16
+
+TWO_PICTURES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 XY = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
 class Eyes:
-    """What somebody sees in the flight's last frame: the written panel, carried over to it."""
+    """What somebody sees in a frame of the flight, from what it was rendered with."""
 
-    document: dict[str, Any]
-    planes: Planes
+    def __init__(self, frame: int) -> None:
+        self.panel = PANELS[FLIGHTS[NAME].panel]
+        self.state = FLIGHTS[NAME].states()[frame]
 
-    @classmethod
-    def on_last_frame(cls) -> Eyes:
-        """Opens them."""
-        flight = open_flight([FLIGHT])
-        *_, frame = flight.frames()
-        camera = camera_from_file(CAMERA)
-        written = panel_from_attachments(flight.attachments, flight="")
-        reader = PanelReader.from_panel(
-            written.__class__(written.panel, written.pictures, "", camera), Method.NORMXCORR
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """Boxes and places of that frame."""
+        content: dict[str, Any] = yaml.safe_load(panel_yaml(self.panel.name, self.state.view))
+        return content
+
+    def place(self, gauge: str, angle_deg: float, part: float, further_px: float = 0.0) -> XY:
+        """A place on a dial: a part of the way from its pivot to where its marks end, and some pixels further."""
+        case, scale = next((case, scale) for case, scale in self.panel.scales if scale.name == gauge)
+        pivot, angle = case.pivot(scale), math.radians(angle_deg)
+        centre = self.state.view.project(pivot, case.recess)
+        x, y = self.state.view.project(
+            (pivot[0] + part * scale.rim * math.cos(angle), pivot[1] + part * scale.rim * math.sin(angle)), case.recess
         )
-        target = FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
-        found = reader.read(target.pixels, target.focal_length_mm)
-        angles = {name: reading.angle_deg for name, reading in found.readings.items()}
-        content = yaml.safe_load(flight.attachments["panel.yaml"])
-        document = pasted(content, reader.aligner, target, angles, camera).document
-        height, width = target.pixels.shape
-        return cls(document, Planes.of(document, (width, height), camera))
+        longer = 1.0 + further_px / math.dist((x, y), centre)
+        return centre[0] + (x - centre[0]) * longer, centre[1] + (y - centre[1]) * longer
 
-    def on_ring(self, gauge: dict[str, Any]) -> Callable[[float, float], XY]:
+    def on_ring(self, gauge: str) -> Callable[[float, float], XY]:
         """Where marks end on a dial."""
-        tip_px = gauge["radius"][1]
-        ring_px = tip_px * (RING if tip_px > SMALL_PX else SMALL_RING)
-        drawn = self.planes.drawn(tuple(gauge["centre"]))
-        return lambda angle_deg, further_px: drawn.place(angle_deg, ring_px + further_px)
+        return lambda angle_deg, further_px: self.place(gauge, angle_deg, 1.0, further_px)
 
-    def with_free_marks(self, gauge: dict[str, Any]) -> dict[str, Any]:
-        """The gauge with the marks that no needle hides."""
-        pointing = [needle["template"]["at"] for needle in gauge["needles"]]
-        free = [mark for mark in gauge["scale"] if all(abs(mark[0] - at) > FREE_DEG for at in pointing)]
-        return {**gauge, "scale": free}
+    def numbered_marks(self, gauge: dict[str, Any]) -> list[list[float]]:
+        """The marks of a dial that have numbers, and those where its divisions change."""
+        scale = next(scale for _, scale in self.panel.scales if scale.name == gauge["name"])
+        wanted = {value for value, _ in (*scale.numerals, *((value, angle) for angle, value in scale.knots))}
+        return [mark for mark in gauge["scale"] if mark[1] in wanted]
+
+    def needles(self, gauge: str) -> list[tuple[str, float]]:
+        """The needles of a dial, and where they point."""
+        scale = next(scale for _, scale in self.panel.scales if scale.name == gauge)
+        return [(each.name, needle_angle_deg(scale, each, self.state.values[each.shows])) for each in scale.needles]
 
 
-def errors(panel: Path, folder: Path) -> dict[str, float]:
+def decoding(folder: Path, *panel: str | Path) -> subprocess.Popen[bytes]:
+    """The flight being decoded, with its own panel if no other is named."""
+    return subprocess.Popen(
+        [DECODE, FLIGHT, *panel, "-o", folder], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+
+
+def errors(decoded: subprocess.Popen[bytes], folder: Path) -> dict[str, float]:
     """Mean error of what was read of each needle, in percent of full scale."""
-    subprocess.run([DECODE, FLIGHT, "--panel", panel, "-o", folder], check=True, capture_output=True)
-    held = [DECODE, "accuracy", folder / "t1a_small.csv", TRUTH, "--json"]
+    assert decoded.wait(120) == 0
+    held = [DECODE, "accuracy", folder / f"{NAME}.csv", TRUTH, "--json"]
     done = subprocess.run(held, check=True, capture_output=True)
     return {row["needle"]: row["by_status"]["read"]["mean_abs_pct_fs"] for row in json.loads(done.stdout)}
 
 
-def written_panel(folder: Path) -> Path:
-    """The written panel, with no other gauges than those that are drawn."""
-    content = yaml.safe_load((FIXTURES / "t1a_small" / "panel.yaml").read_text(encoding="utf-8"))
-    content["gauges"] = [gauge for gauge in content["gauges"] if gauge["name"] in GAUGES]
-    folder.mkdir()
-    shutil.copy(FIXTURES / "t1a_small" / "panel.jpg", folder)
-    (folder / "panel.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-    return folder / "panel.yaml"
-
-
 def draw(hand: Hand, eyes: Eyes) -> None:
-    """Everything that the panel needs, on the flight's last frame: no hand is in it, no glare."""
-    hand.page.locator("#frame").press("End")
+    """Everything that the panel needs."""
+    hand.page.locator("#frame").fill(str(FRAME))
     hand.page.locator("#useframe").press("Enter")
     expect(hand.page.locator("#useframe")).to_be_hidden()
     hand.type_into("name", "drawn")
@@ -114,47 +106,54 @@ def draw(hand: Hand, eyes: Eyes) -> None:
     for anchor in eyes.document["anchors"]:
         hand.anchor(anchor["name"], anchor["box"])
     hand.level(eyes.document["level"])
-    gauges = [gauge for gauge in eyes.document["gauges"] if gauge["name"] in GAUGES]
-    for index, gauge in enumerate(gauges):
+    for index, gauge in enumerate(eyes.document["gauges"]):
         first, last = gauge["sweep"]
-        on_ring = eyes.on_ring(gauge)
-        hand.gauge(index, eyes.with_free_marks(gauge), on_ring, rim_deg=(first, (first + last) / 2, last))
+        marks = {**gauge, "scale": eyes.numbered_marks(gauge)}
+        hand.gauge(index, marks, eyes.on_ring(gauge["name"]), rim_deg=(first, (first + last) / 2, last))
+        for end, angle_deg in enumerate((first, last)):
+            hand.type_into(f"gauges[{index}].sweep[{end}]", f"{angle_deg:g}")
         hand.open("more")
         hand.type_into(f"gauges[{index}].needle_height_inches", str(gauge["needle_height_inches"]))
-        for number, needle in enumerate(gauge["needles"]):
-            at = on_ring(needle["template"]["at"], -0.35 * gauge["radius"][1])
-            hand.needle(index, number, at, needle["name"])
+        for number, (name, angle_deg) in enumerate(eyes.needles(gauge["name"])):
+            hand.needle(index, number, eyes.place(gauge["name"], angle_deg, 0.7), name)
         if gauge.get("tail"):
             hand.page.locator(f'[id="f:gauges[{index}].tail"]').check()
 
 
-def take_axes(page: Page) -> None:
-    """What the flight shows of each needle's axis, once its gauge was tried."""
-    tried = page.locator("#outline .count").filter(has_text=re.compile(r"^\d+/20$"))
-    expect(tried).to_have_count(len(GAUGES), timeout=60_000)
-    for name in GAUGES:
+def take_offers(page: Page, gauges: list[str]) -> None:
+    """What the flight shows of where each needle turns, then of its axis."""
+    tried = page.locator("#outline .count").filter(has_text=re.compile(r"^20/20$"))
+    for name in gauges:
+        expect(tried).to_have_count(len(gauges))
         page.locator("#outline li button", has_text=name).click()
-        expect(page.locator("#film")).to_have_attribute("aria-label", re.compile(rf"^{name} in 20 frames"))
-        expect(page.locator("#inspector h2")).to_have_text(name)
-        if page.locator(".useaxis").count():
-            page.locator(".useaxis").click()
-            expect(page.locator("#undo")).to_be_enabled()
+        for offer in ("#usepivot", ".useaxis"):
+            expect(tried).to_have_count(len(gauges))
+            expect(page.locator("#film")).to_have_attribute("aria-label", re.compile(rf"^{name} in 20 frames"))
+            expect(page.locator("#inspector h2")).to_have_text(name)
+            page.evaluate(TWO_PICTURES)  # until what is offered is drawn as well
+            if page.locator(offer).count():
+                page.locator(offer).click()
+                expect(page.locator(offer)).to_have_count(0)
 
 
 @pytest.mark.slow
 def test_oblique_panel_drawn_by_hand_reads_like_the_written_one(
     start: Callable[..., Any], open_page: Callable[..., Any], hand_on: Callable[..., Any], tmp_path: Path
 ) -> None:
-    """Three dials of an oblique flight, from nothing, are within 0.05 % of full scale of the written panel."""
-    running = start(FLIGHT)
+    """All dials of an oblique flight, from nothing, are within 0.05 % of full scale of the written panel."""
+    written = decoding(tmp_path / "written")
+    running, eyes = start(FLIGHT), Eyes(FRAME)
     hand = hand_on(open_page(running))
-    draw(hand, Eyes.on_last_frame())
-    take_axes(hand.page)
+    draw(hand, eyes)
+    take_offers(hand.page, [gauge["name"] for gauge in eyes.document["gauges"]])
     hand.save()
-
-    drawn = errors(running.session.target, tmp_path / "drawn")
-    best = errors(written_panel(tmp_path / "panel"), tmp_path / "written")
-    assert list(drawn) == list(best)
+    saved = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))["gauges"]
+    drawn = errors(decoding(tmp_path / "drawn", "--panel", running.session.target), tmp_path / "drawn")
+    best = errors(written, tmp_path / "written")
+    for gauge, wanted in zip(saved, eyes.document["gauges"], strict=True):
+        assert gauge["sweep"] == pytest.approx(wanted["sweep"], abs=0.5)
+        assert [mark[1] for mark in gauge["scale"]] == [value for _, value in sorted(eyes.numbered_marks(wanted))]
+    assert list(drawn) == list(best) == [needle.name for _, needle in eyes.panel.needles]
     assert {
         name: drawn[name] - best[name] for name in best if drawn[name] - best[name] > WITHIN_PCT_OF_FULL_SCALE
     } == {}

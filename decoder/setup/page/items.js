@@ -4,6 +4,7 @@ import { inSweep, nearest, rounded } from "./geometry.js";
 
 const px = (value) => rounded(value, 2);
 const LEAST_RIM = 5;
+const BEGUN_SWEEP = [135, 405]; // of a gauge that was just drawn
 
 // Turns what a gauge has at an angle by as many pixels along its rim.
 const turned = (gauge, angle, dx, dy) =>
@@ -122,7 +123,7 @@ export function addGauge(store, rim) {
       centre: rim.centre,
       ...(rim.rim && { rim: rim.rim }),
       radius: [rounded(rim.radius * 0.4, 1), rounded(rim.radius, 1)],
-      sweep: [135, 405],
+      sweep: [...BEGUN_SWEEP],
       unit: "",
       scale: [],
       needles: [],
@@ -135,19 +136,34 @@ export function addGauge(store, rim) {
 const holding = ([first, last], angle) =>
   last - first < 360 ? [Math.min(first, angle), Math.max(last, angle)].map((each) => rounded(each, 2)) : [first, last];
 
+// A sweep that would be more than a turn was not drawn for these marks: it becomes as wide as they are.
+const holdingMark = (sweep, marks, angle) => {
+  const [first, last] = holding(sweep, angle);
+  return last - first <= 360 ? [first, last] : [marks[0][0], marks.at(-1)[0]].map((each) => rounded(each, 2));
+};
+
+// The turn that a new mark's angle is on. Marks beyond the sweep that a gauge begins with show that nobody drew that
+// one: then people go along the scale, and the mark lies next to the one before.
+function onItsTurn(angle, { sweep }, marks, before) {
+  const [first, last] = BEGUN_SWEEP;
+  const isBegun = sweep[0] === first || sweep[1] === last;
+  const isBeyond = marks.some(([each]) => each < first || each > last);
+  return isBegun && isBeyond && marks[before] ? nearest(angle, marks[before][0]) : inSweep(angle, sweep);
+}
+
 // A mark at an angle, in its order along the dial; the sweep grows to hold it. Returns the path of its value.
 export function addMark(store, index, angle) {
   let place = 0;
-  const { needle } = store.selection;
+  const { needle, mark: before } = store.selection;
   const own = store.gauge.needles?.[needle]?.scale ? { needle } : {};
   store.change("mark", (document) => {
     const gauge = document.gauges[index];
     const marks = marksOf(gauge, own);
-    const first = marks.length ? nearest(angle, (gauge.sweep[0] + gauge.sweep[1]) / 2) : inSweep(angle, gauge.sweep);
+    const first = onItsTurn(angle, gauge, marks, before);
     marks.push([rounded(first, 4), null]);
     marks.sort((one, other) => one[0] - other[0]);
     place = marks.findIndex(([each]) => each === rounded(first, 4));
-    gauge.sweep = holding(gauge.sweep, first);
+    gauge.sweep = holdingMark(gauge.sweep, marks, first);
   });
   store.select({ kind: "gauge", index, mark: place, ...own });
   return `gauges[${index}]${own.needle === undefined ? "" : `.needles[${own.needle}]`}.scale[${place}][1]`;

@@ -8,6 +8,8 @@ import { ask, TAB } from "./server.js";
 
 const needsGauge = (store) => (store.gauge ? "" : "Select or add a gauge first.");
 
+const USUAL_SPAN_DEG = 16;
+
 export const TOOLS = {
   select: { key: "v", name: "Select", clicks: 0, hint: "" },
   anchor: {
@@ -112,11 +114,10 @@ export async function unbendRim(store, index) {
   });
 }
 
-export async function placeNeedle(store, click, span = 16) {
+export async function placeNeedle(store, click) {
   const { index } = store.selection;
   const clicked = store.planes.of(index).angleOf(click);
-  const found = await axisAt(store, inSweep(clicked, store.gauge.sweep));
-  addNeedle(store, index, { at: found, span });
+  addNeedle(store, index, await needleAt(store, inSweep(clicked, store.gauge.sweep)));
   store.use("select");
   store.tell("type", `gauges[${index}].needles[${store.selection.needle}].name`);
 }
@@ -127,11 +128,14 @@ export function needleQuestion(store, index) {
   return { ...store.now, size: undefined, centre, radius, sweep, rim, needle_height_inches };
 }
 
-// The axis of the needle next to an angle; it turns around `pivot`, if that is not the gauge's centre.
-export async function axisAt(store, near, { index = store.selection.index, pivot } = {}) {
+// The needle next to an angle: its axis, and how much its template should span. It turns around `pivot`, if that is not
+// the gauge's centre.
+async function needleAt(store, near, { index = store.selection.index, pivot } = {}) {
   const found = await ask("needles", { ...needleQuestion(store, index), near, pivot, tab: `${TAB}-near` });
-  return found ? rounded(found.at, 4) : near;
+  return found ? { at: rounded(found.at, 4), span: found.span } : { at: near, span: USUAL_SPAN_DEG };
 }
+
+export const axisAt = async (store, near, options) => (await needleAt(store, near, options)).at;
 
 // The axes of all needles of a gauge found again, around where they turn.
 export async function findAxes(store, index, pivot) {
