@@ -16,6 +16,7 @@ from decoder.commands.decoding import decoded_flight
 from decoder.method import Method
 from decoder.report.of_flight import report_of
 from decoder.report.report import write_report
+from decoder.setup.sources import open_source
 from flight_file.reader import open_flight
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
@@ -40,7 +41,7 @@ def main() -> int:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         target = Path(name) / "panel.yaml"
         for flight, gauge, stem in SETUPS:
-            with served(FIXTURES / flight, None, target) as url:
+            with served(open_source([FIXTURES / flight]), None, target) as url:
                 for scheme in ("dark", "light"):
                     setup_picture(browser, url, scheme, gauge, PICTURES / f"{stem}_{scheme}.png")
         report = Path(name) / "flight.html"

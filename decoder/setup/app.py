@@ -33,6 +33,7 @@ KINDS = {
 }
 PAGE = "index.html"
 MANY = 8
+TRIAL = "/api/trial"
 Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion)
 
 
@@ -148,6 +149,11 @@ def _question_routes(session: SetupSession) -> list[Route]:
 
         return Route(path, handler, methods=["POST"])
 
+    async def unwrap(request: Request) -> Response:
+        asked = await question(request, requests.UnwrapQuestion)
+        turns.take(f"{TRIAL} {asked.tab}")  # somebody draws: what is tried meanwhile is tried again when they pause
+        return JSONResponse(await run_in_threadpool(drawing.unwrap_answer, session, asked))
+
     def in_turn(
         path: str,
         model: type[Turned],
@@ -163,14 +169,14 @@ def _question_routes(session: SetupSession) -> list[Route]:
         return Route(path, handler, methods=["POST"])
 
     return [
-        plain("/api/unwrap", requests.DialQuestion, drawing.unwrap_answer),
+        Route("/api/unwrap", unwrap, methods=["POST"]),
         plain("/api/rim", requests.RimQuestion, drawing.rim_answer),
         plain("/api/mark", requests.MarkQuestion, drawing.mark_answer),
         plain("/api/planes", requests.PlaneQuestion, drawing.planes_answer),
         plain("/api/check", requests.DraftQuestion, answers.check_answer),
         plain("/api/paste", requests.PasteQuestion, answers.paste_answer),
         in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer, many),
-        in_turn("/api/trial", requests.TrialQuestion, answers.trial_answer, one_trial),
+        in_turn(TRIAL, requests.TrialQuestion, answers.trial_answer, one_trial),
     ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from decoder.setup.marks import mark_angle_deg
-from decoder.setup.requests import DialQuestion, MarkQuestion, PlaneQuestion, RimQuestion
+from decoder.setup.requests import MarkQuestion, PlaneQuestion, RimQuestion, UnwrapQuestion
 from decoder.setup.rim_choice import Rim, begun, refined
 from decoder.setup.rims import Ring
 from decoder.setup.session import SetupSession
@@ -20,7 +20,7 @@ SHOWN_MARGIN_DEG = 12.0
 PLACES = 4
 
 
-def unwrap_answer(session: SetupSession, asked: DialQuestion) -> Answer:
+def unwrap_answer(session: SetupSession, asked: UnwrapQuestion) -> Answer:
     """A dial unwrapped, and how its picture is to be read."""
     planes = session.planes(asked.seen, asked.picture)
     plane = planes.drawn(asked.centre, asked.rim).plane

@@ -20,8 +20,8 @@ from decoder.setup.sources import PictureSource
 
 ColourPicture = NDArray[np.uint8]
 PANEL_KEY = "panel"
-# Twenty pictures of 18 megapixels in grey.
-KEPT_BYTES = 400 * 2**20
+# Of 18 megapixels: twenty frames and the panel picture in grey, and one picture in colour.
+KEPT_BYTES = 450 * 2**20
 _KEY = re.compile(r"frame-(\d{1,9})")
 
 Decompress = Callable[[bytes], NDArray[np.uint8]]

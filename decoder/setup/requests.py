@@ -56,6 +56,12 @@ class DialQuestion(SeenQuestion):
                     (first, min(max(last, first + 5.0), first + 360.0)), plane)  # fmt: skip
 
 
+class UnwrapQuestion(DialQuestion):
+    """A dial that is being drawn in a tab."""
+
+    tab: Tab
+
+
 class DrawnRing(Strict):
     """The rim that a gauge has already."""
 

@@ -70,8 +70,7 @@ def part_view(store: PictureStore, key: str, part: Part) -> bytes:
 def unwrapped_view(strip: Floats) -> str:
     """An unwrapped gauge lying on its side, angle to the right and radius upwards, as an address."""
     lying = np.ascontiguousarray(np.clip(strip.T[::-1], 0, 255).astype(np.uint8))
-    _, encoded = cv2.imencode(".png", lying, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    return data_url(encoded.tobytes(), "png")
+    return data_url(jpeg(lying), "jpeg")
 
 
 def film_view(

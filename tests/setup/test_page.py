@@ -20,7 +20,7 @@ Start = Callable[..., Any]
 OpenPage = Callable[..., Page]
 HandOn = Callable[[Page], Any]
 Running = Any
-PNG = re.compile("^data:image/png")
+PICTURE = re.compile("^data:image/jpeg")
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_opened_panel_is_read_at_once(opened: Running, open_page: OpenPage) -> N
     expect(page.locator("#film .cell")).to_have_count(20)
     assert float(page.locator("#film .value").first.inner_text()) > 40_000
     assert page.locator("#film svg line.needle").count() == 20
-    expect(page.locator("#unwrapped img")).to_have_attribute("src", PNG)
+    expect(page.locator("#unwrapped img")).to_have_attribute("src", PICTURE)
 
 
 def test_wrong_setup_is_seen(opened: Running, open_page: OpenPage) -> None:

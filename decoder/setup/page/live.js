@@ -31,7 +31,10 @@ export class Live {
   later() {
     clearTimeout(this.trialTimer);
     clearTimeout(this.checkTimer);
-    this.trialTimer = setTimeout(() => this.tryNext(), TRIAL_MS);
+    this.trialTimer = setTimeout(() => {
+      this.trialTimer = null;
+      this.tryNext();
+    }, TRIAL_MS);
     this.checkTimer = setTimeout(() => this.check(), CHECK_MS);
   }
 
@@ -69,7 +72,7 @@ export class Live {
       if (this.keyOf(index) === key) this.latest.set(index, result);
       this.store.tell("trial");
     }
-    this.tryNext();
+    if (!this.trialTimer) this.tryNext();
   }
 
   async check() {

@@ -20,6 +20,7 @@ const session = await ask("session");
 const store = new Store(session);
 const view = new View(byId("picture"), store.now.size, store.now.picture);
 store.planes = new Planes(store);
+showUnwrapped(store); // first of all that follows a change: its question is on its way while the others draw
 const overlay = new Overlay(store, view);
 const live = new Live(store);
 const close = () => closeUp(store, view);
@@ -33,7 +34,6 @@ showOutline(store, live, (selection) => {
   close();
 });
 showInspector(store, live, close);
-showUnwrapped(store);
 showFilm(store, live);
 followPointer(store, view, overlay);
 followKeys(store, view, { save, step });

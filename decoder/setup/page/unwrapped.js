@@ -3,7 +3,7 @@ import { marksOf } from "./dials.js";
 import { byId, h, s } from "./dom.js";
 import { rounded } from "./geometry.js";
 import { addNeedle } from "./items.js";
-import { ask, Lost } from "./server.js";
+import { ask, Lost, TAB } from "./server.js";
 import { axisAt, placeMark } from "./tools.js";
 
 const MIN_SPAN_DEG = 4;
@@ -70,12 +70,17 @@ export function showUnwrapped(store) {
     );
   }
 
+  // First the question, whose answer takes longest; then what can be drawn at once.
+  function follow() {
+    fetchLater();
+    draw();
+  }
+
   function fetchLater() {
     const { gauge } = store;
-    draw();
     if (!gauge || ![...gauge.centre, ...gauge.radius, ...gauge.sweep].every(Number.isFinite)) return;
     const { centre, radius, sweep, rim } = gauge;
-    const question = { ...store.planes.seen, centre, radius, sweep, rim };
+    const question = { ...store.planes.seen, centre, radius, sweep, rim, tab: TAB };
     const key = JSON.stringify(question);
     if (key === asked) return;
     asked = key;
@@ -96,7 +101,6 @@ export function showUnwrapped(store) {
         image.src = answer.image;
         await image.decode().catch(() => {});
         draw();
-        store.tell("unwrapped");
       } catch (error) {
         asked = "";
         if (!(error instanceof Lost)) store.tell("say", error.message);
@@ -136,6 +140,6 @@ export function showUnwrapped(store) {
   }
 
   new ResizeObserver(draw).observe(root);
-  store.on("change select", fetchLater);
-  fetchLater();
+  store.on("change select", follow);
+  follow();
 }
