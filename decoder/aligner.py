@@ -17,6 +17,7 @@ from decoder.arrays import Floats
 from decoder.errors import PanelError, PictureError
 from decoder.features import level_feature
 from decoder.frame_search import MIN_FEATURE_SCORE, UNMISTAKABLE_SCORE, FrameSearch
+from decoder.motion import Model
 from decoder.optics import Optics
 from decoder.panel import Panel
 from decoder.pictures import FramePicture, GreyPicture
@@ -116,6 +117,7 @@ class Aligner:
     def noise_beside_claim(self, frames: Iterable[FramePicture]) -> float:
         """How many times as uncertain as they claim alignments are, by frames in which all matches; 1 without such."""
         pairs = []
+        known: dict[tuple[SeenPanel, Model], BlockPulls] = {}
         for frame in frames:
             try:
                 alignment = self.align(frame.pixels, frame.focal_length_mm)
@@ -125,7 +127,10 @@ class Aligner:
             seen = self._seen_at(frame.focal_length_mm, (width, height))
             if alignment.covariance is None or alignment.failed:
                 continue
-            pulls = BlockPulls(seen.features, alignment.covariance)
+            key = (seen, alignment.covariance.model)
+            if key not in known:
+                known[key] = BlockPulls(seen.features, alignment.covariance)
+            pulls = known[key]
             if pulls.tell:
                 own = alignment.after(np.linalg.inv(seen.usual))
                 pairs.append((alignment.covariance, pulls.found(frame.pixels, own)))

@@ -36,6 +36,8 @@ MIN_PLACES = 3
 # What tilts claim to scatter counts for as much as so many tilts.
 CLAIM_COUNTS = 2
 MAD_TO_SIGMA = 1.4826
+# A needle too short to have a direction.
+MAX_CONDITION = 1e12
 # A needle's line that misses its pivot by more than both is no line of that needle.
 MISSING_SPREADS = 5.0
 MISSING_PX = 0.5
@@ -271,19 +273,19 @@ def _tilts(
     rows = np.stack([needle, np.ones_like(needle), slope, turned, cuts], axis=1)
     flat = rows.reshape(len(cuts), 5, -1).astype(np.float64)
     moments = (flat * weights) @ flat.transpose(0, 2, 1)
-    return [_tilt(own, float(weights.sum()), grid.pixels_per_sample) for own in moments]
+    return _solved(moments, float(weights.sum()), grid.pixels_per_sample)
 
 
-def _tilt(moments: Floats, total: float, pixels_per_sample: float) -> tuple[float, float] | None:
-    """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (5, 5)."""
-    normal, right = moments[:4, :4], moments[:4, 4]
-    if np.linalg.cond(normal) > 1e12:  # noqa: PLR2004 - a needle too short to have a direction
-        return None
-    inverse = np.linalg.inv(normal)
-    solution = inverse @ right
-    gain = float(solution[0])
-    if gain <= 0:
-        return None
-    noise = max(float(moments[4, 4] - solution @ right), 0.0) / total
-    variance = noise * float(inverse[3, 3]) / pixels_per_sample
-    return float(solution[3]) / gain, math.sqrt(variance) / gain
+def _solved(moments: Floats, total: float, pixels_per_sample: float) -> list[tuple[float, float] | None]:
+    """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (M, 5, 5)."""
+    normal, right = moments[:, :4, :4], moments[:, :4, 4]
+    tells = np.linalg.cond(normal) <= MAX_CONDITION
+    inverse = np.linalg.inv(np.where(tells[:, None, None], normal, np.eye(4)))
+    solution = (inverse @ right[..., None])[..., 0]
+    gain = solution[:, 0]
+    tells &= gain > 0
+    noise = np.maximum(moments[:, 4, 4] - (solution * right).sum(axis=1), 0.0) / total
+    gain = np.where(tells, gain, 1.0)
+    sigma = np.sqrt(noise * np.maximum(inverse[:, 3, 3], 0.0) / pixels_per_sample) / gain
+    found = zip((solution[:, 3] / gain).tolist(), sigma.tolist(), tells.tolist(), strict=True)
+    return [(kappa_px, sigma_px) if known else None for kappa_px, sigma_px, known in found]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -162,19 +163,36 @@ class Unwrapper:
 def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     """An unwrapped gauge at fractional rows, by cubic interpolation: (len(rows), C); beyond its ends, its end rows."""
     first = np.floor(rows).astype(np.intp)
+    if len(rows) > 1 and first[0] >= 1 and rows[-1] - rows[0] == len(rows) - 1 and first[-1] + 2 < len(strip):
+        return _shifted(strip, int(first[0]), len(rows), float(rows[0]) - int(first[0]))
     index = np.minimum(np.maximum(first + _TAPS, 0), len(strip) - 1)
     part = rows - first
     if not part.any():
         whole: UnwrappedGauge = strip[index[1]]
         return whole
-    square = part * part
-    weights = np.stack(  # Catmull and Rom's
-        [
-            -0.5 * part + square - 0.5 * square * part,
-            1.0 - 2.5 * square + 1.5 * square * part,
-            0.5 * part + 2.0 * square - 1.5 * square * part,
-            0.5 * square * (part - 1.0),
-        ]
-    ).astype(np.float32)
+    weights = np.stack(_weights(part)).astype(np.float32)
     interpolated: UnwrappedGauge = np.einsum("kr,krc->rc", weights, strip[index])
     return interpolated
+
+
+def _weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
+    """Of the row before a place, its own, and the two behind, for a place so far behind its own (Catmull and Rom)."""
+    square = part * part
+    return (
+        -0.5 * part + square - 0.5 * square * part,
+        1.0 - 2.5 * square + 1.5 * square * part,
+        0.5 * part + 2.0 * square - 1.5 * square * part,
+        0.5 * square * (part - 1.0),
+    )
+
+
+def _shifted(strip: UnwrappedGauge, first: int, count: int, part: float) -> UnwrappedGauge:
+    """`rows_at` for rows that follow each other: no row of the strip is looked up by itself."""
+    if part == 0.0:
+        return strip[first : first + count].copy()
+    weights = [np.float32(weight) for weight in _weights(part)]
+    parts = [strip[first + tap : first + tap + count] for tap in (-1, 0, 1, 2)]
+    shifted: UnwrappedGauge = weights[0] * parts[0]
+    for weight, rows in zip(weights[1:], parts[1:], strict=True):
+        shifted += weight * rows
+    return shifted

@@ -131,3 +131,16 @@ def test_rows_beyond_the_ends_are_the_end_rows() -> None:
     strip = np.array([[1.0], [2.0], [3.0]], np.float32)
 
     assert rows_at(strip, np.array([-5.0, 0.0, 2.0, 9.0])).ravel().tolist() == [1.0, 1.0, 3.0, 3.0]
+
+
+@given(first=st.floats(-3.0, 22.0), count=st.integers(1, 12))
+def test_rows_that_follow_each_other_are_as_each_by_itself(first: float, count: int) -> None:
+    """Wherever they begin, also beyond the ends, and on whole rows."""
+    strip = np.random.default_rng(71).uniform(0, 255, (20, 5)).astype(np.float32)
+    rows = first + np.arange(count)
+
+    together = rows_at(strip, rows)
+
+    alone = np.concatenate([rows_at(strip, row[None]) for row in rows])
+    assert np.allclose(together, alone, atol=1e-3)
+    assert not np.shares_memory(together, strip)
