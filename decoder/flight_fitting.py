@@ -17,9 +17,10 @@ from decoder.dial_plane import DialPlane
 from decoder.errors import PictureError
 from decoder.first_sight import FirstSight
 from decoder.flight_tuning import SAMPLE_FRAMES, tune_on, unwrapped
+from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
 from decoder.panel_needles import drawn_gauges
-from decoder.panel_reader import PanelReader, UnwrappedFrame
+from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
@@ -160,7 +161,7 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
     frames = 0
     for taken in _pictures(sample(SAMPLE_FRAMES)):
         try:
-            shifts = reader.dial_shifts_px(taken.pixels, taken.focal_length_mm)
+            shifts = reader.placer.dial_shifts_px(taken.pixels, taken.focal_length_mm)
         except PictureError:
             continue
         shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]

@@ -21,11 +21,12 @@ from decoder.errors import PictureError
 from decoder.faces import in_light_of, learn_face
 from decoder.fitting import Fitter
 from decoder.frame_batch import batch_frames
+from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, turn_rows
 from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import NeedleTemplate
-from decoder.panel_reader import PanelReader, UnwrappedFrame
+from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import face_behind
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
@@ -54,7 +55,7 @@ def tune_on(
     if len(samples) < MIN_CUTS:
         return reader
     usual = _usual(reader, samples)
-    own = reader.unwrapper.unwrap(reader.source.picture, reader.source.optics.own)
+    own = reader.placer.unwrapper.unwrap(reader.source.picture, reader.source.optics.own)
     strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
     tuners = [
         _GaugeTuner(gauge, grid, [in_light_of(picture, strip) for strip in seen], first, reader.tuning.templates)
@@ -86,7 +87,7 @@ def tune_on(
         motions=_motions(reader, samples, usual),
         evenly_lit_score=EVENLY_LIT_SCORE,
         cards=cards,
-        rows=reader.rows_wanted(samples),
+        rows=reader.placer.rows_wanted(samples),
     )
     return reader.tuned(tuning)
 
@@ -211,7 +212,7 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture])
     samples: list[UnwrappedFrame] = []
     while batch := tuple(islice(taken, batch_frames((width, height)))):
         # what is not found is reported when the flight is read
-        samples += [one for one in reader.unwrap_many(batch) if not isinstance(one, PictureError)]
+        samples += [one for one in reader.placer.unwrap_many(batch) if not isinstance(one, PictureError)]
     return samples
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from decoder.alignment import IDENTITY
-from decoder.panel_reader import PanelReader, UnwrappedFrame
+from decoder.frame_placer import UnwrappedFrame
+from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading, Status
 from decoder.unwrapping import Unwrapper

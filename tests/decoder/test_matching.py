@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decoder.alignment import IDENTITY
+from decoder.frame_placer import UnwrappedFrame
 from decoder.matching import Matcher
-from decoder.panel_reader import PanelReader, UnwrappedFrame
+from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
 from decoder.reading import Reading, Status
 from decoder.searching import Search, Sought

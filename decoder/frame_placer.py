@@ -1,0 +1,188 @@
+"""The frame placer: where the panel lies in frames, and with it each gauge, or each gauge by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from decoder.alignment import Alignment, Matrix, Point
+from decoder.errors import AlignmentLost, PictureError
+from decoder.gauge_places import GaugePlacer, place_all
+from decoder.panel_pictures import PanelPictures
+from decoder.picture_block import ROWS_OF_BLOCKS, TopOfFrame
+from decoder.pictures import FramePicture, GreyPicture
+from decoder.resampling import inside
+from decoder.tuning import Tuning
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
+
+# Rims are looked at in some points only; between these they bulge by less.
+RIM_MARGIN_PX = 8
+# How far a camera may shake without the panel's lower end leaving the rows that are decompressed.
+TOP_MARGIN_PX = 24
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrappedFrame:
+    """One frame's alignment, and its unwrapped gauges in the panel's order.
+
+    `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
+    `dial_shifts_px` are how far dials that were found by themselves lie from where the anchors have them, and
+    `dial_sigmas_px` how uncertain that is.
+    """
+
+    alignment: Alignment
+    gauges: Sequence[UnwrappedGauge]
+    whole: Sequence[bool]
+    focal_length_mm: float | None = None
+    size_px: tuple[int, int] | None = None
+    dial_shifts_px: Sequence[Point] = ()
+    dial_sigmas_px: Sequence[float] = ()
+
+
+Taken = FramePicture | TopOfFrame | PictureError
+"""A frame as it was taken from the flight, or why there is none."""
+Placed = tuple[GreyPicture, UnwrappedFrame]
+"""A frame's grey levels, and where the panel lies in them."""
+
+
+class FramePlacer:
+    """Places frames of one panel with one tuning; `source` with its dials' planes, `grids` by gauge."""
+
+    def __init__(self, source: PanelPictures, tuning: Tuning, grids: Sequence[PolarGrid]) -> None:
+        self.aligner = source.aligner(tuning.usual)
+        self._tuning, self._grids = tuning, grids
+        self._placers = [
+            None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, source.optics.own)
+            for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), grids, strict=False)
+        ]
+        self._unwrappers = [Unwrapper([grid]) for grid in grids if tuning.dials_move]
+        self._rims = [grid.rim() for grid in grids]
+        self._all_rims = np.concatenate(self._rims, axis=1)
+
+    @cached_property
+    def unwrapper(self) -> Unwrapper:
+        """Of all gauges."""
+        return Unwrapper(self._grids)
+
+    def unwrap_many(self, frames: Sequence[FramePicture]) -> list[UnwrappedFrame | PictureError]:
+        """Each frame aligned and unwrapped, or why it is not."""
+        return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in self.placed(frames)]
+
+    def _with_gauges(self, picture: GreyPicture, frame: UnwrappedFrame) -> UnwrappedFrame:
+        if frame.gauges:
+            return frame
+        return replace(frame, gauges=self.unwrapper.unwrap(picture, frame.alignment))
+
+    def placed(self, frames: Sequence[Taken]) -> list[Placed | PictureError]:
+        """Each frame aligned, and unwrapped where each dial is found by itself; or why it is not."""
+        return [
+            self._placed(frame) if there is None or isinstance(frame, PictureError) else (frame.pixels, there)
+            for frame, there in zip(frames, self._at_first_look(frames), strict=True)
+        ]
+
+    def _at_first_look(self, frames: Sequence[Taken]) -> list[UnwrappedFrame | None]:
+        """Where the panel lies in those frames in which it lies where it usually does, gauges and all."""
+        found: list[UnwrappedFrame | None] = [None] * len(frames)
+        if self._tuning.dials_move:
+            return found
+        alike: dict[tuple[object, ...], list[int]] = {}
+        for index, frame in enumerate(frames):
+            if not isinstance(frame, PictureError):
+                key = (*frame.pixels.shape, frame.height_px, frame.focal_length_mm)
+                alike.setdefault(key, []).append(index)
+        for own in alike.values():
+            pictures = [frame for frame in (frames[index] for index in own) if not isinstance(frame, PictureError)]
+            for index, there in zip(own, self._all_where_usual(pictures), strict=True):
+                found[index] = there
+        return found
+
+    def _all_where_usual(self, frames: Sequence[FramePicture | TopOfFrame]) -> list[UnwrappedFrame | None]:
+        """The same for frames of one size and zoom."""
+        (height, width), height_px = frames[0].pixels.shape, frames[0].height_px
+        focal_length_mm = frames[0].focal_length_mm
+        try:
+            alignments = self.aligner.align_usual([frame.pixels for frame in frames], height_px, focal_length_mm)
+        except PictureError:
+            return [None] * len(frames)  # each frame says so itself
+        last_px = height - (RIM_MARGIN_PX if height < height_px else 0)
+        return [
+            UnwrappedFrame(there, (), [True] * len(self._rims), focal_length_mm, (width, height_px))
+            if there is not None and inside(self._all_rims, there, width, last_px)
+            else None
+            for there in alignments
+        ]
+
+    def _placed(self, frame: Taken) -> Placed | PictureError:
+        """A frame, and where the panel lies in it; unwrapped where each dial is to be found by itself."""
+        try:
+            if isinstance(frame, PictureError):
+                return frame
+            whole = frame.whole() if isinstance(frame, TopOfFrame) else frame
+            place = self._unwrap_one_by_one if self._tuning.dials_move else self._aligned
+            return whole.pixels, place(whole.pixels, whole.focal_length_mm)
+        except PictureError as error:
+            return error
+
+    def _aligned(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
+        """A frame with its alignment, not unwrapped."""
+        alignment = self.aligner.align(frame, focal_length_mm)
+        height, width = frame.shape
+        whole = [True] * len(self._rims)
+        if not inside(self._all_rims, alignment, width, height):
+            whole = [inside(rim, alignment, width, height) for rim in self._rims]
+        return UnwrappedFrame(alignment, (), whole, focal_length_mm, (width, height))
+
+    def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
+        """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
+
+        Raises
+        ------
+        PictureError
+            As `unwrap`.
+        """
+        alignment = self._near(frame, focal_length_mm)
+        places = place_all(self._placers, frame, alignment)
+        return [None if place is None else place.shift_px for place in places]
+
+    def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> Alignment:
+        """Where dials are looked for one by one: where all anchors have them, or else most of them roughly."""
+        if self._tuning.anchors_agree:
+            try:
+                alignment = self.aligner.align(frame, focal_length_mm)
+            except AlignmentLost:
+                return self.aligner.align_roughly(frame, focal_length_mm)
+            if self.aligner.agrees(alignment):
+                return alignment
+        return self.aligner.align_roughly(frame, focal_length_mm)
+
+    def _unwrap_one_by_one(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
+        """Each gauge where its own marks are; one whose marks are not found is not read."""
+        alignment = self._near(frame, focal_length_mm)
+        height, width = frame.shape
+        lifts = self._tuning.lifts or (0.0,) * len(self._grids)
+        gauges, whole, shifts, sigmas = [], [], [], []
+        places = place_all(self._placers, frame, alignment)
+        for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
+            there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
+            gauges += unwrapper.unwrap(frame, there)
+            whole.append(place is not None and inside(rim, there, width, height))
+            shifts.append((0.0, 0.0) if place is None else place.shift_px)
+            sigmas.append(0.0 if place is None else place.sigma_px)
+        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas)
+
+    def rows_wanted(self, samples: Sequence[UnwrappedFrame]) -> int | None:
+        """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""
+        if self._tuning.dials_move or any(grid.raised is not None for grid in self._grids) or not samples:
+            return None
+        points = np.ascontiguousarray(np.concatenate([self._all_rims, self.aligner.outline()], axis=1).T[None])
+        lowest_px = max(float(sample.alignment.places(points)[..., 1].max()) for sample in samples)
+        blocks = math.ceil((lowest_px + TOP_MARGIN_PX) / ROWS_OF_BLOCKS)
+        return max(blocks, 1) * ROWS_OF_BLOCKS
+
+
+def _shift(shift_px: Point, part: float) -> Matrix:
+    return np.array([[1.0, 0.0, part * shift_px[0]], [0.0, 1.0, part * shift_px[1]], [0.0, 0.0, 1.0]])
