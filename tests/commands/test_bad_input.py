@@ -204,7 +204,7 @@ def interrupt_in_mid_flight(*words: object) -> tuple[int, str]:
                 if " frames" in shown and " frames" not in before:
                     running.send_signal(signal.SIGINT)
         os.close(ours)
-        return running.wait(timeout=20), shown
+        return running.wait(timeout=60), shown
 
 
 def test_interrupt_leaves_nothing_half_written(make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path) -> None:

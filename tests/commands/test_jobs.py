@@ -98,7 +98,7 @@ def test_interrupt_ends_every_process(long_flight: Path, tmp_path: Path) -> None
     with started(long_flight, "-o", tmp_path / "out", "--jobs", 2) as running:
         _, everyone = wait_for_workers(running)
         os.killpg(running.pid, signal.SIGINT)
-        _, said = running.communicate(timeout=20)
+        _, said = running.communicate(timeout=60)
 
     assert (running.returncode, said.strip()) == (1, "decode: interrupted; nothing was written")
     deadline = time.monotonic() + 20  # the last of them go when they notice that nobody is there any more
@@ -113,7 +113,7 @@ def test_decode_that_is_killed_leaves_no_process(long_flight: Path, tmp_path: Pa
     with started(long_flight, "-o", tmp_path / "out", "--jobs", 2) as running:
         _, everyone = wait_for_workers(running)
         running.kill()
-        running.communicate(timeout=20)
+        running.communicate(timeout=60)
 
     deadline = time.monotonic() + 20
     while (left := everyone & {pid for pid, _ in processes()}) and time.monotonic() < deadline:

@@ -30,7 +30,7 @@ PROGRAMS = Path(sys.executable).parent
 NS = 10**9
 START_NS = 1_525_435_200 * NS
 FLIGHTS, AIRCRAFT, FRAMES = 50, 10, 4
-PATIENCE_S = 60
+PATIENCE_S = 120
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 WriteFlight = Callable[..., list[Path]]

@@ -39,7 +39,7 @@ START_NS = 1_525_435_200_000_000_000  # 2018-05-04T12:00:00Z
 Configure = Callable[..., RecorderConfig]
 WriteConfig = Callable[..., Path]
 StartDaemon = Callable[..., "Daemon"]
-PATIENCE_S = 20.0  # far more than anything here takes
+PATIENCE_S = 60.0  # far more than anything here takes
 
 
 @pytest.fixture

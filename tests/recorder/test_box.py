@@ -145,7 +145,7 @@ def test_camera_that_falls_silent_does_not_hold_up_the_end(tmp_path: Path) -> No
             time.sleep(0.02)
         box.send_signal(signal.SIGHUP)
         box.send_signal(signal.SIGTERM)
-        printed, log = box.communicate(timeout=10)
+        printed, log = box.communicate(timeout=60)
     (path,) = map(Path, printed.splitlines())
     end = open_flight([path]).segments[-1].end
 

@@ -22,7 +22,7 @@ RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
 
 def recorder(*arguments: str | Path) -> Result:
     """Run a command to its end."""
-    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=30, check=False)
+    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_signal_ends_the_recording_cleanly(write_config: WriteConfig, number: si
     process, part = start_realtime(write_config(camera={"pace": "realtime", "rate_hz": 20}), 1)
     process.send_signal(signal.SIGHUP)
     process.send_signal(number)
-    _, log = process.communicate(timeout=10)
+    _, log = process.communicate(timeout=60)
     flight = open_flight([part.with_suffix("")])
     frames = list(flight.frames())
 
@@ -90,7 +90,7 @@ def test_killed_recording_keeps_what_was_synced(write_config: WriteConfig) -> No
     """After SIGKILL the file in work has every frame that had been synced, and says that it was cut off."""
     process, part = start_realtime(write_config(camera={"pace": "realtime", "rate_hz": 20}), 15)
     process.kill()
-    process.communicate(timeout=10)
+    process.communicate(timeout=60)
     flight = open_flight([part])
     frames = list(flight.frames())
 

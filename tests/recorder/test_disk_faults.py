@@ -151,7 +151,7 @@ class FailingDisk:
         monkeypatch.setattr(DurableFile, "sync", failing_sync)
 
     def _fail(self, file: DurableFile) -> None:
-        self.released.wait(20)
+        self.released.wait(120)
         if self.error:
             cause = OSError(self.error, errno.errorcode[self.error])
             raise FlightNotWrittenError(file.path, reason="cannot be written") from cause

@@ -15,7 +15,7 @@ RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
 
 def recorder(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a command to its end."""
-    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=30, check=False)
+    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def test_recording_does_not_wait_for_the_salvage(
 
     def slow_recover(path: Path, **arguments: Any) -> Any:  # noqa: ANN401 - as the real one
         begun.set()
-        released.wait(20)
+        released.wait(120)
         return recover(path, **arguments)
 
     monkeypatch.setattr(assembly, "recover_segment", slow_recover)

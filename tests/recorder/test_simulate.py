@@ -16,12 +16,12 @@ from camera_drivers.qx10.simulator.faults import FAULTS
 from flight_file.reader import open_flight
 
 RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
-PATIENCE_S = 30
+PATIENCE_S = 120
 
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a command to its end."""
-    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=30, check=False)
+    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
 
 
 def deliveries(ledger: Path) -> list[dict[str, object]]:

@@ -117,7 +117,7 @@ def test_disk_that_hangs_starves_the_watchdog(
     sync = DurableFile.sync
 
     def hanging_sync(file: DurableFile) -> None:
-        released.wait(20)
+        released.wait(120)
         sync(file)
 
     monkeypatch.setattr(DurableFile, "sync", hanging_sync)

@@ -32,7 +32,7 @@ GOOD = Checked("good", "chain and digests", "every frame follows the one before"
 Marks = Mapping[tuple[str, int], Status]
 """Statuses other than `read`, by needle and row."""
 
-expect.set_options(timeout=20_000)  # a busy machine is no failure
+expect.set_options(timeout=60_000)  # a busy machine is no failure
 
 
 @dataclass(frozen=True, slots=True)
