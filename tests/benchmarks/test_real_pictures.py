@@ -31,6 +31,7 @@ def reads_of(title: str, folder: Path, *, every: int = 1) -> dict[str, Read]:
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_simulator_cockpit_with_a_fixed_camera(tmp_path: Path) -> None:
     """Every needle within what is allowed, in at least 98 % of the frames, and no value that is far off."""
     found = reads_of("simulator cockpit, camera fixed", tmp_path, every=2)
@@ -50,6 +51,7 @@ def test_steam_gauge_agrees_with_the_eye(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_simulator_cockpit_with_a_moving_camera(tmp_path: Path) -> None:
     """The same panel serves a camera that stands elsewhere and moves: at most two and a half times the mean error."""
     found = reads_of("simulator cockpit, camera moving", tmp_path)

@@ -49,7 +49,7 @@ def patched(path: Path, offset: int, data: bytes) -> Iterator[None]:
         os.close(descriptor)
 
 
-@pytest.mark.no_cover
+@pytest.mark.untraced
 def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
     flight: Path, frames: list[Frame], telling_places: TellingPlaces
 ) -> None:
@@ -71,7 +71,7 @@ def test_cut_inside_the_magic_is_no_flight(flight: Path) -> None:
             open_flight([flight])
 
 
-@pytest.mark.no_cover
+@pytest.mark.untraced
 def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
     """A tail of zeros, as a power cut leaves it, costs the frames in it and none before it."""
     size, ends = flight.stat().st_size, chunk_ends(flight)[1:]
@@ -86,7 +86,7 @@ def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame],
             assert kinds or data[start:] == bytes(size - start)
 
 
-@pytest.mark.no_cover
+@pytest.mark.untraced
 def test_flipped_bit_costs_at_most_its_own_chunk(
     flight: Path, frames: list[Frame], telling_places: TellingPlaces
 ) -> None:

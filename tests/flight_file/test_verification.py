@@ -453,7 +453,7 @@ def test_flight_that_goes_on_after_a_cut_segment_fits(tmp_path: Path, frames: li
     assert [finding.kind for finding in check.findings] == [FindingKind.CUT, FindingKind.RECOVERED]
 
 
-@pytest.mark.no_cover
+@pytest.mark.untraced
 def test_any_changed_byte_is_noticed(flight: Path) -> None:
     """Wherever in a finished file a byte changes, even in its index: it does not pass as untouched."""
     data = flight.read_bytes()

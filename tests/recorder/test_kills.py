@@ -10,6 +10,7 @@ COUNT = 25  # `make kills` does 200
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_killed_recorder_loses_nothing_stored() -> None:
     """Every frame older than two seconds is there after recovering, byte for byte and in order; the chain fits."""
     done = kills(COUNT)

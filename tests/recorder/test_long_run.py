@@ -24,6 +24,7 @@ HOURS_S = 8 * 3600  # `make bench` records a day
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_hours_on_a_small_disk(tmp_path: Path, disk: Any) -> None:  # noqa: ANN401 - the conftest's Disk
     """Memory stays, files are closed, nothing is dropped, and what is kept is the newest without a gap."""
     flights = disk.path / "flights"
@@ -40,6 +41,7 @@ def test_hours_on_a_small_disk(tmp_path: Path, disk: Any) -> None:  # noqa: ANN4
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_large_pictures_fit_a_small_board() -> None:
     """Pictures of 5 MB, as fast as the disk takes them: at most 120 MB, none lost, and no OpenCV."""
     result = sustained(40, pace="fastest")

@@ -6,6 +6,7 @@ import io
 import json
 import threading
 from collections.abc import Callable
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -77,14 +78,13 @@ def test_what_cannot_be_salvaged_is_said_and_left(tmp_path: Path, eventually: Ev
     names = ["R_0000.mcap.part", "R_0001.mcap.part", "R_0002.mcap.part"]
     for name in names[:2]:
         (tmp_path / name).write_bytes(bytes(100))
-    free = {"R_0000.mcap.part": 150, "R_0001.mcap.part": 10**9, "R_0002.mcap.part": 10**9}
+    free = chain([150], repeat(10**9))
     log = io.StringIO()
 
     def recover(path: Path) -> str:
         raise NothingToRecoverError(path, reason="nothing that was recorded is left in it; delete it")
 
-    paths = iter(names)
-    salvager = Salvager(recover, free_bytes=lambda _path: free[next(paths)], journal=Journal(log))
+    salvager = Salvager(recover, free_bytes=lambda _path: next(free), journal=Journal(log))
     salvager.start()
     for name in names:
         salvager.submit(tmp_path / name)
