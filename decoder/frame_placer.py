@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from decoder.alignment import Alignment, Matrix, Point
+from decoder.dials_together import place_all
 from decoder.errors import AlignmentLost, PictureError
-from decoder.gauge_places import GaugePlacer, place_all
+from decoder.gauge_places import GaugePlacer
 from decoder.panel_pictures import PanelPictures
 from decoder.picture_block import ROWS_OF_BLOCKS, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture

@@ -9,7 +9,6 @@ counts as an outlier.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -27,9 +26,6 @@ from decoder.resampling import PointMap
 SEARCH_PX = 24
 MIN_FIRST_SCORE = 0.45
 MIN_SCORE = 0.8
-MIN_OTHERS = 4
-# A dial that is bent otherwise than the others by more than this is looked for again.
-ODD_BEND_PART = 0.015
 # On a dark dial most pixels are alike wherever it lies; marks that are not yet in place must not count as outliers.
 SPREADS_LEVELS = (25.0, 15.0, 10.0, 8.0, 6.0, 6.0)
 SETTLED_PX = 0.005
@@ -69,42 +65,19 @@ class GaugePlace:
     sigma_px: float
     score: float
 
+    def held(self, centre_px: Point, usual_px: Point, part: float) -> GaugePlace:
+        """The same with so much of what its own marks say beyond the usual shift of its centre."""
+        own = self.motion / self.motion[2, 2]
+        x, y = (usual + part * (shift - usual) for usual, shift in zip(usual_px, self.shift_px, strict=True))
+        motion = np.eye(3)
+        motion[:2, :2] += part * (own[:2, :2] - np.eye(2))
+        motion[:2, 2] = np.add(centre_px, (x, y)) - motion[:2, :2] @ centre_px
+        alignment = self.alignment.after(np.linalg.inv(self.motion) @ motion)
+        return GaugePlace(alignment, motion, (float(x), float(y)), math.sqrt(part) * self.sigma_px, self.score)
+
     def motion_of(self, point_px: Point) -> Point:
         """Where a point near the dial lies if the anchors' alignment is taken for granted, (x, y) panel pixels."""
         return _carried(self.motion, point_px)
-
-
-def place_all(
-    placers: Sequence[GaugePlacer | None], frame: GreyPicture, alignment: Alignment
-) -> list[GaugePlace | None]:
-    """All dials; those that are not found near where the anchors have them are looked for where the others are.
-
-    Where there is no placer the dial cannot be told from what moves on it, and lies where the anchors have it.
-    """
-    places = [
-        GaugePlace(alignment, np.eye(3), (0.0, 0.0), 0.0, 1.0) if placer is None else placer.place(frame, alignment)
-        for placer in placers
-    ]
-    found = [
-        (placer.middle, place)
-        for placer, place in zip(placers, places, strict=True)
-        if placer is not None and place is not None
-    ]
-    if len(found) < MIN_OTHERS:
-        return places
-    here = np.array([middle for middle, _ in found])
-    there = np.array([place.motion_of(middle) for middle, place in found])
-    common, _ = cv2.estimateAffine2D(here, there, method=cv2.LMEDS)
-    if common is None:
-        return places
-    where_others_are = alignment.after(np.vstack([common, [0.0, 0.0, 1.0]]))
-    bend = np.median([place.motion[:2, :2] for _, place in found], axis=0)
-    return [
-        place
-        if placer is None or (place is not None and np.abs(place.motion[:2, :2] - bend).max() < ODD_BEND_PART)
-        else placer.place(frame, where_others_are, alignment) or place
-        for placer, place in zip(placers, places, strict=True)
-    ]
 
 
 class GaugePlacer:
@@ -145,6 +118,11 @@ class GaugePlacer:
         end, bottom = np.ceil(points.max(axis=1)).astype(int).tolist()
         self._box = (left, top, end + 1, bottom + 1)
         self._patch = without_needles(_patch(picture, own, self._box), gauge, plane, self._box)
+
+    @property
+    def centre(self) -> Point:
+        """Where its needles turn, in the panel picture."""
+        return self._centre
 
     @property
     def middle(self) -> Point:

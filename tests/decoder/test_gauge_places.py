@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from decoder.alignment import IDENTITY, Alignment
+from decoder.dials_together import held_by_others, place_all
 from decoder.gauge import Gauge
-from decoder.gauge_places import GaugePlace, GaugePlacer, place_all
+from decoder.gauge_places import GaugePlace, GaugePlacer
 from decoder.pictures import GreyPicture
 
 SIDE_PX = 240
@@ -96,6 +98,36 @@ def test_needle_near_where_the_panel_picture_has_it_does_not_pull_the_dial(angle
 
     assert place is not None
     assert place.shift_px == pytest.approx((x_px, 1.2), abs=0.3)
+
+
+@pytest.mark.parametrize(("x_px", "y_px"), [(0.0, 0.0), (2.4, -1.7)])
+def test_short_scale_lies_where_the_other_dials_do(placer: GaugePlacer, x_px: float, y_px: float) -> None:
+    """Its own marks tell little of where its pivot lies, far from them; the others tell it where all move alike."""
+    short = GAUGE.model_copy(update={"sweep": (262.0, 318.0), "name": "short", "radius": (40.0, 66.0)})
+    window = GaugePlacer(short, None, drawn(250.0, np.eye(3), noise=1.0), IDENTITY)
+    frames = [drawn(130.0, shifted(x_px, y_px), noise=9.0, seed=seed) for seed in range(40, 52)]
+    alone = [window.place(frame, IDENTITY) for frame in frames]
+    held = [place_all([placer, placer, placer, window], frame, IDENTITY)[3] for frame in frames]
+
+    def off_px(places: list[GaugePlace | None]) -> float:
+        return float(np.mean([math.dist(place.shift_px, (x_px, y_px)) for place in places if place is not None]))
+
+    assert sum(place is not None for place in held) >= 10
+    assert off_px(held) < 0.5 * off_px(alone)
+
+
+def test_dial_that_moves_by_itself_is_where_its_own_marks_are(placer: GaugePlacer) -> None:
+    """Where dials lie pixels apart, the others say nothing of one."""
+    places = place_all([placer] * 4, drawn(300.0, shifted(5.0, 2.0)), IDENTITY)
+    shifts_px = [(4.0, -3.0), (-6.0, 1.0), (1.0, 7.0)]
+    known = [replace(place, shift_px=shift) for place, shift in zip(places, shifts_px, strict=False) if place]
+    own = places[3]
+    assert own is not None
+    held = held_by_others([placer] * 4, [*known, own])[3]
+
+    assert held is not None
+    assert held.shift_px == pytest.approx((5.0, 2.0), abs=0.12)
+    assert held.alignment.to_frame(CENTRE) == pytest.approx((CENTRE[0] + 5.0, CENTRE[1] + 2.0), abs=0.12)
 
 
 def test_another_perspective_is_taken_along(placer: GaugePlacer) -> None:
