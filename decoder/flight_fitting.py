@@ -16,7 +16,7 @@ from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
 from decoder.errors import PictureError
 from decoder.first_sight import FirstSight
-from decoder.flight_tuning import SAMPLE_FRAMES, tune_on, unwrapped
+from decoder.flight_tuning import MIN_CUTS, SAMPLE_FRAMES, tune_on, unwrapped
 from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
 from decoder.panel_needles import drawn_gauges
@@ -42,6 +42,9 @@ LOOKED_AT = 6
 IN_PLACE_PX = 0.05
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
+
+# A needle that is missing in more of the sampled frames than this is not known as it is.
+MISSING_PART = 0.5
 
 Sample = Callable[[int], Iterable[GreyPicture | FramePicture]]
 """Gives so many frames, spread over the flight; the same ones each time."""
@@ -121,12 +124,24 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     }
     zeros = [gauge.readings for gauge in drawn_gauges(tuned)]
     uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=tuned.tuning.dials_move)
+    learned = replace(tuned.tuning, doubted=_doubted(found))
     if tuned.tuning.dials_move:
-        tuned = tuned.tuned(replace(tuned.tuning, pivots=pivots))
+        tuned = tuned.tuned(replace(learned, pivots=pivots))
     else:
         noise = tuned.aligner.noise_beside_claim(_pictures(sample(LOOKED_AT)))
-        tuned = tuned.tuned(replace(tuned.tuning, alignment_noise=noise))
+        tuned = tuned.tuned(replace(learned, alignment_noise=noise))
     return FittedReader(tuned, uncertainties, moved)
+
+
+def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
+    """The needles that are missing in most of the sampled frames, of enough of them to tell."""
+    if len(found) < MIN_CUTS:
+        return frozenset()
+    return frozenset(
+        name
+        for name in found[0]
+        if sum(readings[name].status is Status.MISSING for readings in found) > MISSING_PART * len(found)
+    )
 
 
 def _pictures(frames: Iterable[GreyPicture | FramePicture]) -> Iterator[FramePicture]:

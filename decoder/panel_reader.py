@@ -24,8 +24,11 @@ from decoder.picture_block import PictureBlock
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import with_lines_checked
 from decoder.place_uncertainty import PlaceUncertainty
-from decoder.reading import Reading
+from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
+
+# A needle that was found in few frames must match like one that was learned.
+DOUBTED_SCORE = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +161,9 @@ class PanelReader:
         for own, sigma_deg in zip(self._lines_checked(unwrapped, own_readings), sigmas_deg, strict=True):
             for name, reading in own.items():
                 total_deg = math.hypot(reading.sigma_deg, sigma_deg)
-                readings[name] = Reading(reading.status, reading.angle_deg, total_deg, reading.score)
+                lost = name in self.tuning.doubted and reading.score < DOUBTED_SCORE
+                status = Status.MISSING if lost else reading.status
+                readings[name] = Reading(status, reading.angle_deg, total_deg, reading.score)
         shifts_px = self._needle_shifts_px(unwrapped)
         return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()), shifts_px)
 

@@ -55,6 +55,9 @@ class Tuning:
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
     pivots
         By gauge, where dials move: what its needles' lines are held against.
+    doubted
+        Needles that were found in few of the sampled frames only. What is found of them may be what lay behind them in
+        the panel picture.
     alignment_noise
         How many times as uncertain as they claim alignments are.
     rows
@@ -71,5 +74,6 @@ class Tuning:
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
     pivots: tuple[Pivot, ...] = ()
+    doubted: frozenset[str] = frozenset()
     alignment_noise: float = 1.0
     rows: int | None = None

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from decoder.alignment import IDENTITY
+from decoder.flight_fitting import fit_to_flight
 from decoder.flight_tuning import tune
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
@@ -144,3 +146,25 @@ def test_needle_that_stands_still_is_still_read(reader: PanelReader, draw: Draw)
         reading = tuned.read(draw({**angles_of(1), "speed_kt": angle_deg})).readings["speed_kt"]
         assert reading.status is Status.READ
         assert reading.angle_deg == pytest.approx(angle_deg, abs=0.15)
+
+
+def test_needle_that_few_frames_show_must_match_as_one_that_was_learned(reader: PanelReader, draw: Draw) -> None:
+    """What is found of it may be what lay behind it in the panel picture, where nothing else was ever seen."""
+    dark = {"speed_kt": 42.0}  # as the dial
+    flight = [draw(angles_of(seed), levels=dark if seed % 4 else None, seed=seed, noise=2.0) for seed in range(16)]
+    fitted = fit_to_flight(reader, lambda _: flight).reader
+    doubtful = draw({**PANEL_HANDS, "speed_kt": 231.0}, levels={"speed_kt": 100.0}, noise=11.0, seed=3)
+    believing = fitted.tuned(replace(fitted.tuning, doubted=frozenset()))
+
+    assert fitted.tuning.doubted == {"speed_kt"}
+    assert believing.read(doubtful).readings["speed_kt"].status is Status.READ
+    assert fitted.read(doubtful).readings["speed_kt"].status is Status.MISSING
+    assert fitted.read(flight[4]).readings["speed_kt"].status is Status.READ
+
+
+def test_needles_that_most_frames_show_are_not_doubted(reader: PanelReader, draw: Draw) -> None:
+    """A glare here and there says nothing."""
+    dark = {"speed_kt": 42.0}
+    flight = [draw(angles_of(seed), levels=None if seed % 4 else dark, seed=seed, noise=2.0) for seed in range(16)]
+
+    assert fit_to_flight(reader, lambda _: flight).reader.tuning.doubted == frozenset()
