@@ -1,4 +1,4 @@
-"""What the first release had to show, line by line: what was measured, what was asked, and whether it holds."""
+"""What there is to show, line by line: what was measured, what was asked, and whether it holds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PART_OF_THESIS = 1 / 3
 MAX_PCT_FS = 0.05
 MAX_CLEAR_FLAGGED = 0.01
 MAX_COVERED_PCT = 0.15
-MAX_RATIO = 3.0
+MAX_RATIO = 1.5
 MAX_CORE = 0.25
 MAX_BOX_MIB = 120.0
 MAX_DAY_GROWTH_MIB = 2.0  # its pictures have 41 MiB in all
