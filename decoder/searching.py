@@ -18,6 +18,8 @@ from decoder.over_face import face_moments
 
 # Scores are searched on every third row and column; a needle is wider than that.
 COARSE_STEP = 3
+# Frames whose sums are made together: more of them do not stay in the processor's cache.
+AT_ONCE = 8
 # Rows of the moments of `over_face.FaceMoments` in the batch.
 TOTAL, FACE_MEAN, FACE_VARIANCE, NEEDLE_MEAN, NEEDLE_PER_FACE, NEEDLE_LEFT = range(6)
 
@@ -126,7 +128,7 @@ class _Batch:
         count = padded_rows - height + 1
         needles = len(sought)
         self._faces = np.zeros((needles, columns, padded_rows), np.float32)
-        self._images = np.zeros((0, *self._faces.shape), np.float32)
+        self._images = np.zeros((AT_ONCE, *self._faces.shape), np.float32)
         self._kernels = [np.zeros((needles, parts, height, columns), np.float32) for parts in (2, 2, 1)]
         self._moments = np.zeros((6, needles, count), np.float32)
         self._moments[[TOTAL, FACE_VARIANCE]] = 1.0
@@ -148,8 +150,13 @@ class _Batch:
     def scores(self, gauges: Sequence[Floats]) -> Floats:
         """(F, K, N): as `Search.coarse`."""
         frames = len(gauges[self.places[0].gauge])
-        if frames > len(self._images):
-            self._images = np.zeros((frames, *self._faces.shape), np.float32)
+        parts = [
+            self._searched([gauge[first : first + AT_ONCE] for gauge in gauges]) for first in range(0, frames, AT_ONCE)
+        ]
+        return np.concatenate(parts)
+
+    def _searched(self, gauges: Sequence[Floats]) -> Floats:
+        frames = len(gauges[self.places[0].gauge])
         images = self._images[:frames]
         for index, place in enumerate(self.places):
             images[:, index, :, place.top : place.top + place.rows] = gauges[place.gauge]
