@@ -87,7 +87,10 @@ class PanelReader:
 
     def tuned(self, tuning: Tuning) -> PanelReader:
         """The same reader with another tuning."""
-        return PanelReader(self.source, self.method, tuning)
+        reader = PanelReader(self.source, self.method, tuning)
+        if tuning.reads_as(self.tuning):  # what was worked out for these needles and dials serves again
+            reader._many_frames = self._many_frames
+        return reader
 
     @property
     def warnings(self) -> tuple[str, ...]:

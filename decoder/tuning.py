@@ -77,3 +77,10 @@ class Tuning:
     doubted: frozenset[str] = frozenset()
     alignment_noise: float = 1.0
     rows: int | None = None
+
+    def reads_as(self, other: Tuning) -> bool:
+        """Whether gauges are read in the same way with another tuning: they differ in what else is known at most."""
+        mine = (self.templates, self.faces, self.cards)
+        return all(
+            one is same for one, same in zip(mine, (other.templates, other.faces, other.cards), strict=True)
+        ) and (self.evenly_lit_score == other.evenly_lit_score)
