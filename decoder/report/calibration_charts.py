@@ -27,9 +27,13 @@ def _focal(camera: Camera, focal_length_mm: float | None) -> Chart:
     marks = None
     if focal_length_mm is not None and camera.covers(focal_length_mm):
         marks = {"name": "the panel picture", "x": [focal_length_mm], "y": [camera.focal.at(focal_length_mm)]}
-    line = {"name": "pixels per radian, 95 % band", "x": _plain(lengths), "y": _plain(values)}
+    line = {"name": "pixels per radian", "x": _plain(lengths), "y": _plain(values)}
     if spread.any():
-        line |= {"low": _plain(values - spread), "high": _plain(values + spread)}
+        line |= {
+            "name": "pixels per radian, 95 % band",
+            "low": _plain(values - spread),
+            "high": _plain(values + spread),
+        }
     return {
         "title": "Focal length",
         "words": f"Pixels per radian over focal length, for pictures {camera.picture_size[0]} pixels wide.",

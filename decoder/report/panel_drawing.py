@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ WIDEST_PX = 1600
 JPEG_QUALITY = 78
 ARC_STEP_DEG = 4.0
 TICK_PART = 0.14  # of the radius, inward from the perimeter
+LETTER_WIDTH, LINE_HEIGHT = 0.62, 1.15  # of a text, in its size
 VALUE_AT = 1.17  # outside the rim, where the dial's own numerals stay in sight
 
 
@@ -80,12 +82,28 @@ def panel_drawing(source: PanelPictures, moved_px: dict[str, Point]) -> PanelDra
     planes = source.with_planes().planes or (None,) * len(source.panel.gauges)
     text_px = max(9.0, width / 78)
     gauges = tuple(
-        _gauge(gauge, plane, moved_px.get(gauge.name)) for gauge, plane in zip(source.panel.gauges, planes, strict=True)
+        _gauge(gauge, plane, moved_px.get(gauge.name), text_px)
+        for gauge, plane in zip(source.panel.gauges, planes, strict=True)
     )
-    return PanelDrawing(jpeg_text(picture, JPEG_QUALITY), width, height, text_px, gauges)
+    return PanelDrawing(jpeg_text(picture, JPEG_QUALITY), width, height, text_px, _legible(gauges, text_px))
 
 
-def _gauge(gauge: Gauge, plane: DialPlane | None, moved_px: Point | None) -> GaugeDrawing:
+def _legible(gauges: Sequence[GaugeDrawing], text_px: float) -> tuple[GaugeDrawing, ...]:
+    """The gauges, each name set a line further down where it would stand in one before, as two dials' of one case."""
+    placed: list[GaugeDrawing] = []
+    for gauge in gauges:
+        x, y = gauge.name_at
+        while any(
+            abs(x - other.name_at[0]) < LETTER_WIDTH * text_px * (len(gauge.name) + len(other.name)) / 2
+            and abs(y - other.name_at[1]) < text_px
+            for other in placed
+        ):
+            y += LINE_HEIGHT * text_px
+        placed.append(replace(gauge, name_at=(x, y)))
+    return tuple(placed)
+
+
+def _gauge(gauge: Gauge, plane: DialPlane | None, moved_px: Point | None, most_px: float) -> GaugeDrawing:
     grid, radius = gauge_grid(gauge, plane), gauge.radius[1]
     first, last = gauge.sweep
     rim = _arc(grid, 0.0, FULL_CIRCLE_DEG)
@@ -99,7 +117,7 @@ def _gauge(gauge: Gauge, plane: DialPlane | None, moved_px: Point | None) -> Gau
         sweep=_text(_arc(grid, first, last)),
         centre=(centre[0] + 0.5, centre[1] + 0.5),
         name_at=(float(rim[0].mean()) + 0.5, float(rim[1].max()) + 0.42 * radius),
-        text_px=max(5.0, radius * 0.17),
+        text_px=min(max(5.0, radius * 0.17), most_px),
         marks=tuple(_mark(grid, angle, value) for angle, value in gauge.scale),
         needles=needles,
         moved_to=None if moved_px is None else (centre[0] + moved_px[0] + 0.5, centre[1] + moved_px[1] + 0.5),

@@ -31,9 +31,11 @@ from decoder.truth_comparison import (
 
 COLUMNS_SAY = (
     "Percent columns: % of the true value, %FS of full scale, then in the gauge's own unit; mean and max are of the"
-    " absolute error, signed of the signed one. in95%: frames whose error is within 1.96 sigma."
+    " absolute error, signed of the signed one. in95%: frames whose error is within 1.96 sigma. Near a true value of 0"
+    " its percentages grow beyond all measure; those of full scale do not."
 )
 LIMITS_TITLE = "Against what is asked of recorders"
+WORDS = frozenset({"needle", "status", "unit", "limit", "of", "verdict"})
 BY_FRAME = "Rows were matched by frame."
 BY_TIME = "Rows were matched by time_s, the truth interpolated between its rows."
 
@@ -46,6 +48,11 @@ class TruthTable:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = ()
+
+    @property
+    def aligned(self) -> list[str]:
+        """Of each column, how its cells are set: numbers to the right."""
+        return ["" if title in WORDS else "number" for title in self.header]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from decoder.commands.decoding import decoded_flight
 from decoder.flight_data import FlightData
-from decoder.panel_pictures import PanelPictures
+from decoder.panel_pictures import PanelPictures, panel_from_file
 from decoder.reading import Status
 from decoder.report.bundle import PLOTLY, plotly, script
 from decoder.report.choosing import Room, planned, scattered_order
@@ -160,6 +160,16 @@ def test_drawing_has_marks_where_the_panel_says(source: PanelPictures) -> None:
     assert x == pytest.approx(gauge.centre[0] + 0.5 + gauge.radius[1] * np.cos(np.radians(angle)), abs=0.06)
     assert y == pytest.approx(gauge.centre[1] + 0.5 + gauge.radius[1] * np.sin(np.radians(angle)), abs=0.06)
     assert drawing.moved_to == (gauge.centre[0] + 1.5, gauge.centre[1] - 1.5)
+
+
+def test_names_of_dials_in_one_case_do_not_cover_each_other() -> None:
+    """On a panel with two dials in one case no gauge's name stands in another's."""
+    drawing = panel_drawing(panel_from_file(FIXTURES / "oblique" / "standby_small" / "panel.yaml"), {})
+    one, other = drawing.gauges[2:]
+    longest_px = drawing.text_px * 0.62 * (len(one.name) + len(other.name)) / 2
+
+    assert abs(one.name_at[0] - other.name_at[0]) < longest_px
+    assert abs(one.name_at[1] - other.name_at[1]) > drawing.text_px
 
 
 def test_truth_gives_the_table_of_decode_accuracy() -> None:
