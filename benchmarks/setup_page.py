@@ -70,7 +70,6 @@ def served(source: PictureSource, panel: Path | None, target: Path) -> Iterator[
     """The address of a page that is served meanwhile."""
     cv2.setNumThreads(1)  # as `decode setup` does
     server = setup_server(SetupSession(source, panel, target))
-    server.listening.listen()
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     try:

@@ -81,7 +81,7 @@ def command(
             raise click.UsageError(f"the panel has no gauge {name}; it has {', '.join(known)}")
     rows = _rows(decoded.data, at_s, step, wants_flagged=wants_flagged)
     written = _write(decoded, rows, gauge_names, directory)
-    click.echo(f"{len(written)} pictures of {len(rows)} frames in {directory}")
+    click.echo(f"{_counted(len(written), 'picture')} of {_counted(len(rows), 'frame')} in {directory}")
     if decoded.provenance.losses:
         sys.exit(EXIT_LOSS)
 
@@ -146,3 +146,7 @@ def _content(jpeg: bytes) -> Write:
         stream.write(jpeg)
 
     return write
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import socket
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 
 import uvicorn
@@ -32,7 +33,8 @@ class SetupServer:
         before = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_S)
         try:
-            self.server.run(sockets=[self.listening])
+            with suppress(KeyboardInterrupt):  # how a page ends
+                self.server.run(sockets=[self.listening])
         finally:
             sys.setswitchinterval(before)
             self.listening.close()
@@ -42,6 +44,7 @@ def setup_server(session: SetupSession) -> SetupServer:
     """The server of a session's page."""
     listening = socket.socket()
     listening.bind((ADDRESS, 0))
+    listening.listen()  # who is told the address may ask at once
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(24)
     app = Guard(setup_app(session), token, (f"{ADDRESS}:{port}", f"localhost:{port}"))

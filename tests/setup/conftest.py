@@ -56,7 +56,6 @@ def start(tmp_path: Path) -> Iterator[Start]:
         target = save_as or panel or tmp_path / "panel.yaml"
         session = SetupSession(open_source([flight]), panel, target)
         server = setup_server(session)
-        server.listening.listen()
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         running.append(Running(server, session, thread))

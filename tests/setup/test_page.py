@@ -80,6 +80,25 @@ def test_what_is_not_valid_is_said_beside_its_field(opened: Running, open_page: 
     assert not opened.session.target.exists()
 
 
+def test_what_is_no_number_is_drawn_nowhere(opened: Running, open_page: OpenPage) -> None:
+    """Words in fields of numbers, one after the other: nothing is said on the console, and undo brings all back."""
+    page = open_page(opened)
+    fields = 0
+    for item in ("knob", "level", "n1"):
+        page.locator("#outline li button", has_text=item).first.click()
+        for field in page.locator("#inspector input[inputmode=decimal]:visible").all():
+            field.fill("wide")
+            field.press("Tab")
+            fields += 1
+        expect(page.locator("#inspector .problem").first).to_be_visible()
+    for _ in range(fields):
+        page.locator("#undo").click()
+
+    assert fields > 20
+    expect(page.locator("#undo")).to_be_disabled()
+    expect(page.locator("#picture .gauge")).to_have_count(6)
+
+
 def test_two_tabs_do_not_overwrite_each_other(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
     """The second tab to save is told, and may load the other's or save over it."""
     one, other = open_page(opened), open_page(opened)

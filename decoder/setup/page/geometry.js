@@ -1,6 +1,9 @@
 // Numbers of places and angles: pixels (x, y), degrees clockwise from the right.
 export const RADIANS = Math.PI / 180;
 
+// Whether all of what may be typed, or be missing, is numbers: only then can it be drawn.
+export const areNumbers = (...values) => values.flat(Infinity).every(Number.isFinite);
+
 export const distance = ([ax, ay], [bx, by]) => Math.hypot(bx - ax, by - ay);
 
 // The angle, whole turns added or taken off, that lies nearest to another.

@@ -1,7 +1,7 @@
 // The drawing over the panel picture: everything in the picture's own pixels, lines as thick at every zoom.
 import { s } from "./dom.js";
 import { dragSweep, marksOf, recentre } from "./dials.js";
-import { rounded } from "./geometry.js";
+import { areNumbers, rounded } from "./geometry.js";
 
 export class Overlay {
   constructor(store, view) {
@@ -34,12 +34,16 @@ export class Overlay {
     const { document, looking } = this.store;
     this.view.layer.setAttribute("class", looking ? "dimmed" : "");
     this.view.layer.replaceChildren(
-      ...(document.anchors || []).map((anchor, index) => this.anchor(anchor, index)),
-      ...(document.level ? [this.level(document.level)] : []),
-      ...(document.reference_points || []).map((point, index) => this.reference(point, index)),
-      ...(document.gauges || []).map((gauge, index) => this.gauge(gauge, index)),
+      ...(document.anchors || []).map((anchor, index) => (areNumbers(anchor.box) ? this.anchor(anchor, index) : "")),
+      ...(document.level && areNumbers(document.level) ? [this.level(document.level)] : []),
+      ...(document.reference_points || []).map((point, index) => (areNumbers(point.at) ? this.reference(point, index) : "")),
+      ...(document.gauges || []).map((gauge, index) => (this.isWhole(gauge) ? this.gauge(gauge, index) : "")),
       ...this.pending(),
     );
+  }
+
+  isWhole({ centre, radius, sweep, rim }) {
+    return areNumbers(centre, radius, sweep, rim || []);
   }
 
   chosen(kind, index) {
@@ -150,7 +154,7 @@ export class Overlay {
   marks(gauge, index, plane) {
     const { needle } = this.store.selection;
     const own = gauge.needles?.[needle]?.scale ? { needle } : {};
-    return marksOf(gauge, own).map((mark, place) => this.mark(gauge.radius[1], mark, { kind: "gauge", index, mark: place, ...own }, plane));
+    return marksOf(gauge, own).map((mark, place) => areNumbers(mark[0]) && this.mark(gauge.radius[1], mark, { kind: "gauge", index, mark: place, ...own }, plane));
   }
 
   mark(outer, [angle, value], selection, plane) {

@@ -1,7 +1,7 @@
 // The unwrapped gauge, lying on its side: angle to the right, radius upwards; marks and needles drawn on it.
 import { marksOf } from "./dials.js";
 import { byId, h, s } from "./dom.js";
-import { rounded } from "./geometry.js";
+import { areNumbers, rounded } from "./geometry.js";
 import { addNeedle } from "./items.js";
 import { ask, Lost, TAB } from "./server.js";
 import { axisAt, placeMark } from "./tools.js";
@@ -34,7 +34,7 @@ export function showUnwrapped(store) {
   function draw() {
     const { gauge, selection } = store;
     image.hidden = drawing.hidden = blank.hidden = true;
-    if (!gauge || !shown) {
+    if (!gauge || !shown || !areNumbers(gauge.sweep, gauge.radius)) {
       blank.hidden = Boolean(gauge);
       return;
     }
@@ -55,17 +55,17 @@ export function showUnwrapped(store) {
       ...(gauge.needles || []).flatMap(({ template }, place) => {
         if (typeof template?.at !== "number") return [];
         const name = place % 2 ? "other" : "";
-        const half = (template.span || 16) / 2;
+        const half = (areNumbers(template.span) ? template.span : 16) / 2;
         return [
           s("rect", { class: `band ${name}`, x: x(template.at - half), width: x(template.at + half) - x(template.at - half), y: y(gauge.radius[1]), height }),
           upright(template.at, `shape needle ${name}`),
         ];
       }),
       ...(gauge.stops || []).filter(Number.isFinite).map((angle) => upright(angle, "shape stop")),
-      ...marksOf(gauge, selection).flatMap(([angle, value], mark) => [
+      ...marksOf(gauge, selection).flatMap(([angle, value], mark) => areNumbers(angle) ? [
         upright(angle, `shape thin ${selection.mark === mark ? "chosen" : ""}`),
         label(value ?? "?", angle),
-      ]),
+      ] : []),
       ...(crop ? [s("rect", { class: "band", x: Math.min(x(crop.from), x(crop.to)), width: Math.abs(x(crop.to) - x(crop.from)), y: 0, height })] : []),
     );
   }
@@ -78,7 +78,7 @@ export function showUnwrapped(store) {
 
   function fetchLater() {
     const { gauge } = store;
-    if (!gauge || ![...gauge.centre, ...gauge.radius, ...gauge.sweep].every(Number.isFinite)) return;
+    if (!gauge || !areNumbers(gauge.centre, gauge.radius, gauge.sweep)) return;
     const { centre, radius, sweep, rim } = gauge;
     const question = { ...store.planes.seen, centre, radius, sweep, rim, tab: TAB };
     const key = JSON.stringify(question);
