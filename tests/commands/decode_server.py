@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import signal
 import sys
 
 import decoder.commands.calibrate_board
@@ -20,9 +21,12 @@ import decoder.commands.flight_work
 import decoder.commands.frames  # noqa: F401 - loaded for those that are forked
 from decoder.start import main
 
+LIMIT_S = 300
+
 
 def become(words: list[str], place: str, out: str, err: str) -> None:
-    """Turns a forked process into `decode WORDS` in a folder, what it prints into files."""
+    """Turns a forked process into `decode WORDS` in a folder, what it prints into files; one that hangs is killed."""
+    signal.alarm(LIMIT_S)
     for descriptor, path in ((1, out), (2, err)):
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(file, descriptor)
