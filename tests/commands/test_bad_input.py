@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import termios
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ import yaml
 from PIL import Image, ImageDraw
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
+PATIENCE_S = 120
 A1 = FIXTURES / "thesis_a1.mcap"
 PANEL = FIXTURES / "panel.yaml"
 
@@ -197,6 +199,8 @@ def interrupt_in_mid_flight(*words: object) -> tuple[int, str]:
     command = [str(Path(sys.executable).parent / "decode"), *map(str, words)]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs) as running:
         os.close(theirs)
+        hung = threading.Timer(PATIENCE_S, running.kill)
+        hung.start()
         shown = ""
         with contextlib.suppress(OSError):  # a terminal whose program has ended
             while chunk := os.read(ours, 1024):
@@ -204,6 +208,7 @@ def interrupt_in_mid_flight(*words: object) -> tuple[int, str]:
                 if " frames" in shown and " frames" not in before:
                     running.send_signal(signal.SIGINT)
         os.close(ours)
+        hung.cancel()
         return running.wait(timeout=60), shown
 
 
