@@ -25,6 +25,7 @@ from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
 from decoder.reading import Reading, Status
+from decoder.seen_faces import with_seen_faces
 from decoder.tuning import Tuning
 from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertainties
 
@@ -87,6 +88,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             reader = one_by_one
             samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
     for _ in range(ROUNDS):
+        reader = with_seen_faces(reader, samples)
         found = reader.found_in(samples)
         tuned = tune_on(reader, samples, found)
         if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess

@@ -82,6 +82,14 @@ def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) 
     return NeedleTemplate(pixels, trust, pixels - transparency * behind, transparency, trust, step_deg)
 
 
+def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplate:
+    """A needle of which one picture is known, and what lies behind it there; (H, C) float32 each."""
+    transparency = _expected_transparency(pixels, behind)
+    trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
+    light = (pixels - transparency * behind).astype(np.float32)
+    return NeedleTemplate(pixels, trust, light, transparency, trust, step_deg)
+
+
 def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
     """How much of each pixel a needle shows beside one that lies over it, and the light that adds.
 

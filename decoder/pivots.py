@@ -35,6 +35,8 @@ APART_DEG = 3.0
 MIN_PLACES = 3
 # What tilts claim to scatter counts for as much as so many tilts.
 CLAIM_COUNTS = 2
+# Where each dial is found by itself, errors of its place that all frames share do not scatter.
+PLACED_SCALE = 0.8
 MAD_TO_SIGMA = 1.4826
 # A needle too short to have a direction.
 MAX_CONDITION = 1e12
@@ -162,7 +164,7 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         normal = rows.T @ (weights[:, None] * rows) + prior
         solution = np.linalg.solve(normal, rows.T @ (weights * seen))
         spreads = np.abs(seen - rows @ solution) / sigma
-        scale = _scale(spreads, len(seen) - len(solution), least=float(shifts.any()))
+        scale = _scale(spreads, len(seen) - len(solution), least=PLACED_SCALE if shifts.any() else 0.0)
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
     covariance = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)[:2, :2]
     if _places(tilts) < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot

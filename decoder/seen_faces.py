@@ -1,0 +1,117 @@
+"""Seen faces: what lies behind the panel picture's needles, as the flight's frames show it.
+
+A needle cut from one picture is cut with the marks behind it. Where these outshine a dim needle, they match themselves
+in every frame, and the needle seems to stand still where the panel picture has it. If the frames mostly show something
+else there, that is the dial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from decoder.arrays import Floats, Mask
+from decoder.faces import in_light_of
+from decoder.frame_placer import UnwrappedFrame
+from decoder.gauge import Gauge
+from decoder.gauge_grid import row_of_angle
+from decoder.needle_layer import layer_over
+from decoder.needle_template import NeedleTemplate
+from decoder.panel_reader import PanelReader
+from decoder.panel_tuning import face_behind
+from decoder.pointers import Needle
+from decoder.unwrapping import PolarGrid, UnwrappedGauge
+
+MIN_VIEWS = 5
+# What differs between two pictures of the same is noise up to so many times its spread, and so many levels.
+NOISE_SPREADS = 6.0
+LEAST_LEVELS = 12.0
+MAD_TO_SIGMA = 1.4826
+# A needle fills more of its window than this.
+LEAST_PART = 0.015
+# Glints change a needle by less than this part of the contrast around it.
+CLEAR_PART = 0.2
+# It must be seen elsewhere, for the most part, in most frames.
+SEEN_PART, MOSTLY = 0.4, 0.6
+
+
+def with_seen_faces(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
+    """The reader with the dials behind the panel picture's needles, where these mostly stand elsewhere."""
+    if len(samples) < MIN_VIEWS:
+        return reader
+    source, tuning = reader.source, reader.tuning
+    own = reader.placer.unwrapper.unwrap(source.picture, source.optics.own)
+    faces, templates = list(tuning.faces), dict(tuning.templates)
+    for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
+        views = [in_light_of(own[index], sample.gauges[index]) for sample in samples]
+        seen = [view for view in views if view is not None]
+        if len(seen) < MIN_VIEWS:
+            continue
+        usual = np.median(np.stack(seen), axis=0).astype(np.float32)
+        for needle in _bared(gauge, grid, templates, _Dial(own[index], usual, faces[index]), seen):
+            rows = _window(needle, grid, templates[needle.name])
+            faces[index] = np.where(rows[:, None], usual, faces[index]).astype(np.float32)
+            cut = templates[needle.name]
+            behind = face_behind(faces[index], grid, needle, cut.rows)
+            templates[needle.name] = layer_over(cut.pixels, behind, cut.step_deg)
+    if all(face is before for face, before in zip(faces, tuning.faces, strict=True)):
+        return reader
+    return reader.tuned(replace(tuning, faces=tuple(faces), templates=templates))
+
+
+@dataclass(frozen=True, slots=True)
+class _Dial:
+    """One unwrapped gauge: in the panel picture, as frames mostly show it, and as it was thought to be bare."""
+
+    drawn: UnwrappedGauge
+    usual: UnwrappedGauge
+    face: UnwrappedGauge
+
+
+def _bared(
+    gauge: Gauge,
+    grid: PolarGrid,
+    templates: Mapping[str, NeedleTemplate],
+    dial: _Dial,
+    seen: Sequence[UnwrappedGauge],
+) -> list[Needle]:
+    """The needles that mostly stand elsewhere, and behind which there is another dial than was thought."""
+    needles = [each for each in gauge.needles if each.template.at is not None and each.template.picture is None]
+    windows = [_window(needle, grid, templates[needle.name]) for needle in needles]
+    beside = ~np.any(windows, axis=0) if windows else np.zeros(0, bool)
+    if not beside.any():
+        return []
+    noise = MAD_TO_SIGMA * float(np.median(np.abs(dial.drawn - dial.usual)[beside]))
+    least = max(NOISE_SPREADS * noise, LEAST_LEVELS)
+    elsewhere = [int((np.abs(view - dial.usual)[beside] > least).sum()) for view in seen]
+    bared = []
+    for needle, rows in zip(needles, windows, strict=True):
+        gone = dial.drawn[rows] - _in_light_of(dial.drawn[rows], dial.usual[rows])
+        low, high = np.quantile(dial.drawn[rows], (0.02, 0.98))
+        clear = max(least, CLEAR_PART * float(high - low))
+        area = int((np.abs(gone) > clear).sum())
+        if (
+            area > LEAST_PART * gone.size
+            and float(np.mean([count > SEEN_PART * area for count in elsewhere])) > MOSTLY
+            and float((np.abs(dial.face[rows] - dial.usual[rows]) > least).mean()) > LEAST_PART
+        ):
+            bared.append(needle)
+    return bared
+
+
+def _in_light_of(wanted: Floats, seen: Floats) -> Floats:
+    """A part of a dial in the light of another picture of it: one that only lies in other light is no other dial."""
+    spread = seen - seen.mean()
+    gain = float((spread * (wanted - wanted.mean())).sum()) / max(float((spread * spread).sum()), 1.0)
+    lit: Floats = wanted.mean() + gain * spread
+    return lit
+
+
+def _window(needle: Needle, grid: PolarGrid, template: NeedleTemplate) -> Mask:
+    """(R,): which rows of the gauge a needle of the panel picture was cut from."""
+    at = needle.template.at
+    middle = row_of_angle(grid, 0.0 if at is None else at)
+    rows: Mask = np.abs(np.arange(grid.rows) - middle) <= (template.rows - 1) / 2
+    return rows
