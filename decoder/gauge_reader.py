@@ -12,7 +12,7 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.clutter import MIN_VISIBLE as MIN_CLEAR
 from decoder.clutter import without_clutter
-from decoder.covered_pair import fit_pair, hidden_reach_rows, pair_reach_rows
+from decoder.covered_pair import hidden_reach_rows, pair_reach_rows
 from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
 from decoder.glare import ThroughGlare
@@ -20,10 +20,12 @@ from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
 from decoder.method import Method
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
+from decoder.pair_fit import PairFitter, Pairs
 from decoder.reading import Reading, Status
 from decoder.rivals import Rivals
 from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.stack_reader import StackReader
+from decoder.strips import Strips
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # Found by trial in the thesis (3.2.3), and by others for infrared targets.
@@ -85,6 +87,8 @@ class GaugeReader:
     ) -> None:
         self._evenly_lit_score = evenly_lit_score
         self._grid = grid
+        self._face = face
+        self._pairs: dict[tuple[str, int], PairFitter] = {}
         self._matchers = {name: Matcher(template, grid.pixels_per_sample, face) for name, template in templates.items()}
         self._covers = {needle.name: needle.covered_by for needle in gauge.needles}
         self._order = _covering_first(self._covers)
@@ -175,10 +179,10 @@ class GaugeReader:
         alone = upper.best(unwrapped, scores[cover], self._allowed, scores[cover])
         if alone.score < MIN_BESIDE_SCORE:
             return _Found(alone, Status.MISSING)
-        pair = fit_pair(unwrapped, upper, alone, lower, upper.axis + lower.axis // 2)
-        explained = pair.correlation >= MIN_HIDDEN_CORRELATION and pair.lower.score >= SLIVER_THRESHOLD
-        if explained and pair.upper.score >= SCORE_THRESHOLD:
-            return _Found(pair.upper, Status.READ)
+        pair = self._fit_pair(unwrapped, name, cover, alone, reach_rows=upper.axis + lower.axis // 2)
+        explained = pair.correlation[0] >= MIN_HIDDEN_CORRELATION and pair.lower_score[0] >= SLIVER_THRESHOLD
+        if explained and pair.upper_score[0] >= SCORE_THRESHOLD:
+            return _Found(_upper(pair), Status.READ)
         return _Found(alone, Status.MISSING)
 
     def _read_below(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, scores: Floats) -> _Found:
@@ -222,14 +226,26 @@ class GaugeReader:
     ) -> dict[str, _Found]:
         """Two needles with too little room between them to be read one after the other."""
         lower, upper = self._matchers[name], self._matchers[cover]
-        pair = fit_pair(unwrapped, upper, above.match, lower, pair_reach_rows(upper, lower))
-        lost = _Found(below.match, Status.MISSING)
-        if pair.correlation < MIN_TOUCHING_CORRELATION:
+        pair = self._fit_pair(unwrapped, name, cover, above.match, reach_rows=pair_reach_rows(upper, lower))
+        lost, correlation = _Found(below.match, Status.MISSING), pair.correlation[0]
+        if correlation < MIN_TOUCHING_CORRELATION:
             return {name: lost, cover: _Found(above.match, Status.MISSING)}
-        above = _Found(pair.upper, above.status)
-        if pair.lower.score >= SLIVER_THRESHOLD:
-            return {name: _Found(pair.lower, Status.EDGE), cover: above}
-        return {name: lost if pair.correlation < MIN_HIDDEN_CORRELATION else self._hidden(name, above), cover: above}
+        above = _Found(_upper(pair), above.status)
+        if pair.lower_score[0] >= SLIVER_THRESHOLD:
+            sliver = Match(float(pair.lower_row[0]), float(pair.lower_sigma_rows[0]), float(pair.lower_score[0]))
+            return {name: _Found(sliver, Status.EDGE), cover: above}
+        if correlation < MIN_HIDDEN_CORRELATION:
+            return {name: lost, cover: above}
+        return {name: self._hidden(name, above, float(pair.lower_doubt_rows[0])), cover: above}
+
+    def _fit_pair(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: Match, *, reach_rows: int) -> Pairs:
+        """The best pair of a needle and its cover near where that was found."""
+        key = (name, reach_rows)
+        if key not in self._pairs:
+            upper, lower = self._matchers[cover], self._matchers[name]
+            self._pairs[key] = PairFitter(upper.template, lower.template, reach_rows, upper.pixels_per_sample)
+        strips = Strips(unwrapped[None], np.zeros(1, np.intp), self._face)
+        return self._pairs[key].fit(strips, np.array([above.row]))
 
     def _near(self, below: _Found, above: _Found) -> _Found:
         """A needle at the row next to the covering one's of all rows that are its place on a round dial."""
@@ -237,9 +253,10 @@ class GaugeReader:
         nearest = min(rows, key=lambda row: abs(row - above.match.row))
         return replace(below, match=replace(below.match, row=nearest))
 
-    def _hidden(self, name: str, above: _Found) -> _Found:
-        """At the covering needle's place, give or take how far from it the needle could be without being seen."""
-        sigma_rows = float(np.hypot(above.match.sigma_rows, self._hidden_reach_rows[name] / np.sqrt(3.0)))
+    def _hidden(self, name: str, above: _Found, doubt_rows: float = 0.0) -> _Found:
+        """At the covering needle's place, give or take how far from it the needle could be without being told."""
+        off_rows = max(self._hidden_reach_rows[name] / math.sqrt(3.0), doubt_rows)
+        sigma_rows = math.hypot(above.match.sigma_rows, off_rows)
         return _Found(Match(above.match.row, sigma_rows, above.match.score), Status.HIDDEN)
 
     def _reading(self, found: _Found) -> Reading:
@@ -248,6 +265,10 @@ class GaugeReader:
         if self._turn_rows is not None:
             angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
         return Reading(found.status, angle_deg, match.sigma_rows * self._grid.step_deg, match.score)
+
+
+def _upper(pair: Pairs) -> Match:
+    return Match(float(pair.upper_row[0]), float(pair.upper_sigma_rows[0]), float(pair.upper_score[0]))
 
 
 def _covering_first(covers: Mapping[str, str | None]) -> Sequence[str]:

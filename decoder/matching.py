@@ -6,7 +6,6 @@ between rows), and what it leaves unexplained gives the uncertainty.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -49,14 +48,6 @@ class Settled:
     fit: Fit
 
 
-@dataclass(frozen=True, slots=True)
-class _LayersThrough:
-    """What lies behind a needle with another one below it, by the row of that one's axis in the window."""
-
-    below: NeedleTemplate
-    by_row: dict[int, tuple[Floats, Floats]]
-
-
 class Matcher:
     """One template, with all that depends on it alone worked out once.
 
@@ -77,15 +68,9 @@ class Matcher:
         self.axis = (template.rows - 1) // 2
         self._moments: dict[int, FaceMoments] = {}
         self.fitter = Fitter(template, pixels_per_sample)
-        self._layers_through: dict[int, _LayersThrough] = {}
         self.pixels_per_sample = pixels_per_sample
         self.touched = template.touched
         self.half_width_rows = template.half_width_deg / template.step_deg
-
-    @property
-    def independent_pixels(self) -> float:
-        """How many original pixels the template's trusted samples are worth."""
-        return float(self.template.trust.sum()) * self.pixels_per_sample
 
     def uncovered(
         self, gauge: Floats, mask: Floats, scores: Floats, cover_rows: Sequence[float], cover_axis: int
@@ -193,28 +178,6 @@ class Matcher:
                 break
             row += round(fit.fraction)
         return settled
-
-    def noise_over(self, gauge: Floats, row: int, below: NeedleTemplate, below_row: int) -> tuple[float, float]:
-        """The mean square that this needle near `row` over another one leaves unexplained, and its row; roughly."""
-        for _ in range(MAX_STEPS):
-            if not self.axis <= row < len(gauge) - self.axis:
-                break
-            rows = slice(row - self.axis, row + self.axis + 1)
-            light, part = self._through(below, below_row - rows.start)
-            fit = self.fitter.first(gauge[rows], partial(_bare, light + part * self._face[rows]))
-            if not MAX_FRACTION_ROWS < abs(fit.fraction) <= self.axis:
-                return fit.noise, row + fit.fraction
-            row += round(fit.fraction)
-        return math.inf, math.nan
-
-    def _through(self, below: NeedleTemplate, below_row: int) -> tuple[Floats, Floats]:
-        """What lies behind this needle with the one below on a row of the window; the same in every frame."""
-        known = self._layers_through.setdefault(
-            id(below), _LayersThrough(below, {})
-        )  # keeps it, so the id stays its own
-        if below_row not in known.by_row:
-            known.by_row[below_row] = through_upper(self.template, below, float(below_row))
-        return known.by_row[below_row]
 
     @cached_property
     def _coarse(self) -> NeedleTemplate:

@@ -7,27 +7,20 @@ take one product with what is seen.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, Mask, limited
-from decoder.covered_pair import (
-    COARSE_ROWS,
-    DIP,
-    HIDDEN_ROWS,
-    MIN_PAIR_CORRELATION,
-    MIN_SHOWN_PIXELS,
-    MIRROR_BETTER,
-    MUCH_BETTER,
-    SHOWN_PART,
-)
+from decoder.arrays import Floats, Indices, limited
+from decoder.covered_pair import MIN_PAIR_CORRELATION, MIN_SHOWN_PIXELS, MIRROR_BETTER, MUCH_BETTER, SHOWN_PART
 from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, SEEN, SLOPE, phases_of
+from decoder.joint_fit import Joint, JointFitter
 from decoder.lower_layer import LowerLayer
 from decoder.matching import MAX_STEPS
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import Fits, QuickFitter, solved
-from decoder.uncovered_search import Strips
+from decoder.strips import Strips
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +40,21 @@ class Over:
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """M pairs, (M,) each: as `covered_pair.Pair`; not `is_settled` where the search came to nothing."""
+    """M pairs, (M,) each.
+
+    Attributes
+    ----------
+    upper_row, upper_sigma_rows, upper_score
+        As of a `matching.Match`; where several pairs explain what is seen nearly as well, sigma spans them.
+    lower_row, lower_sigma_rows
+        The lower needle's.
+    lower_score
+        Of what shows of it: how much of what upper needle and face leave there it explains; 0 where it is not believed.
+    lower_doubt_rows
+        How far from the upper needle the lower may be with nearly the same to be seen.
+    correlation
+        The NCC of the whole window with both needles over the face; 0 where nothing fits.
+    """
 
     upper_row: Floats
     upper_sigma_rows: Floats
@@ -55,8 +62,8 @@ class Pairs:
     lower_row: Floats
     lower_sigma_rows: Floats
     lower_score: Floats
+    lower_doubt_rows: Floats
     correlation: Floats
-    is_settled: Mask
 
 
 class PairFitter:
@@ -66,8 +73,8 @@ class PairFitter:
         self._upper, self._lower = upper, lower
         self._axis = (upper.rows - 1) // 2
         self._pixels_per_sample = pixels_per_sample
-        self._independent_pixels = float(upper.trust.sum()) * pixels_per_sample
         self._fitter = QuickFitter(upper, pixels_per_sample)
+        self._joint = JointFitter(upper, lower, pixels_per_sample)
         self._own = phases_of(upper)[0]
         self._apart = np.arange(-reach_rows, reach_rows + 1)
         self._light, self._part = self._layers(self._axis + self._apart)
@@ -102,35 +109,48 @@ class PairFitter:
 
     def fit(self, strips: Strips, upper_rows: Floats) -> Pairs:
         """The best pairs near the rows, (M,), where the upper needles were found."""
-        every, middle = np.arange(len(upper_rows)), np.rint(upper_rows).astype(np.intp)
+        frames, middle = len(upper_rows), np.rint(upper_rows).astype(np.intp)
+        every = np.arange(frames)
         noise, rows = self._noises(strips, middle)
-        noise = _where_looked(noise)
-        best = noise.argmin(axis=1)
-        least = noise[every, best]
-        inner = limited(best, 1, noise.shape[1] - 2)
-        before, here, after = (noise[every, inner + step] for step in (-1, 0, 1))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            bend = before - 2 * here + after
-            is_dip = (inner == best) & np.isfinite(bend) & (bend > 0)
-            off = np.where(is_dip, 0.5 * (before - after) / bend, 0.0)
-            spread = np.sqrt(2 * least / np.maximum(bend * self._independent_pixels, 1e-9))
-        place = middle + self._apart[best] + off
-        over = self.over(strips, upper_rows, place)
-        side = np.sign(place - over.row)
+        places = middle[:, None] + self._apart
+        starts = []
+        for side in (1, -1):  # the mirrored pair may leave as little unexplained: the best of either side is settled
+            own = np.where((places - rows) * side >= 0, noise, np.inf).argmin(axis=1)
+            start = rows[every, own]
+            starts.append((np.where(np.isfinite(start), start, upper_rows), places[every, own]))
+        both = self._joint.fit(
+            strips.part(np.tile(every, 2)), *(np.concatenate(each) for each in zip(*starts, strict=True))
+        )
+        tries = [both.part(slice(0, frames)), both.part(slice(frames, None))]
+        seen, face = strips.windows(limited(middle, self._axis, len(strips.face) - self._axis - 1), self._axis)
+        alone = self._fitter.fit(seen, face, np.zeros(frames))
+        return self._believed(tries, alone.noise, middle + alone.fraction)
+
+    def _believed(self, tries: Sequence[Joint], noise_alone: Floats, row_alone: Floats) -> Pairs:
+        """The best of some pairs for each frame, beside the others and the upper needle alone, (M,)."""
+        noise = np.stack([each.noise for each in tries])
+        best = Joint.chosen(tries, noise.argmin(axis=0))
         with np.errstate(invalid="ignore"):
-            apart = (middle[:, None] + self._apart - over.row[:, None]) * side[:, None]
-            is_better = least <= _noise_to_beat(noise, apart)
-            doubts = np.where(noise * MIRROR_BETTER <= least[:, None], np.abs(rows - over.row[:, None]), 0.0)
-        doubt_rows = np.nan_to_num(doubts).max(axis=1)
+            apart = np.stack([each.lower_row - each.upper_row for each in tries])
+            off_upper = np.abs(np.stack([each.upper_row for each in tries]) - best.upper_row)
+            beside = np.abs(np.stack([each.lower_row for each in tries]) - best.upper_row)
+            is_mirrored = apart * (best.lower_row - best.upper_row) < 0
+            is_rival = (MIRROR_BETTER * noise <= best.noise) & is_mirrored
+            is_hidden = MUCH_BETTER * noise_alone <= best.noise
+            doubts = np.vstack(
+                [np.where(is_rival, off_upper, 0.0), np.where(is_hidden, np.abs(row_alone - best.upper_row), 0.0)]
+            )
+            doubt_rows = np.vstack([np.where(is_rival, beside, 0.0), np.abs(best.lower_row - best.upper_row)])
+        believed = np.isfinite(best.noise) & ~is_rival.any(axis=0) & ~is_hidden
         return Pairs(
-            upper_row=over.row,
-            upper_sigma_rows=np.hypot(over.fits.sigma_rows, doubt_rows),
-            upper_score=over.fits.score,
-            lower_row=place,
-            lower_sigma_rows=np.where((inner == best) & np.isfinite(bend), spread, 1.0),
-            lower_score=np.where(is_better, self._lower_score(over, place), 0.0),
-            correlation=over.fits.correlation,
-            is_settled=np.isfinite(least) & np.isfinite(over.row),
+            upper_row=best.upper_row,
+            upper_sigma_rows=np.hypot(best.upper_sigma_rows, np.nan_to_num(doubts).max(axis=0)),
+            upper_score=best.score,
+            lower_row=best.lower_row,
+            lower_sigma_rows=best.lower_sigma_rows,
+            lower_score=np.where(believed, self._lower_score(best), 0.0),
+            lower_doubt_rows=np.nan_to_num(doubt_rows).max(axis=0),
+            correlation=np.nan_to_num(best.correlation),
         )
 
     def _fit_over(self, strips: Strips, rows: Indices, lower_rows: Floats) -> Over:
@@ -227,20 +247,20 @@ class PairFitter:
             self._known[row] = moments.astype(np.float64).transpose(1, 2, 0)
         return self._known[row]
 
-    def _lower_score(self, over: Over, lower_rows: Floats) -> Floats:
+    def _lower_score(self, joint: Joint) -> Floats:
         """How well what shows of the lower needle explains what upper needle and face leave there: a correlation."""
-        layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows - over.window + self._axis)
+        rows = np.nan_to_num(joint.lower_row) - joint.window + self._axis
+        layer = LowerLayer.at(self._lower, self._upper.rows, rows)
         shown = layer.shown(self._upper.transparency)
-        light = (layer.colour * shown).reshape(len(lower_rows), -1)
-        shown = shown.reshape(len(lower_rows), -1)
+        light = (layer.colour * shown).reshape(len(rows), -1)
+        shown = shown.reshape(len(rows), -1)
         where = shown > SHOWN_PART
         pixels = np.where(where, shown, 0.0).sum(axis=1) * self._pixels_per_sample
-        added = over.fits.gain.astype(np.float32)[:, None] * (light - over.face * shown)
-        left = self._fitter.unexplained(over.fits, over.seen, over.back)
-        beside = (np.where(where, left, 0.0) ** 2).sum(axis=1)
-        without = (np.where(where, left + added, 0.0) ** 2).sum(axis=1)
+        added = joint.gain.astype(np.float32)[:, None] * (light - joint.face * shown)
+        beside = (np.where(where, joint.unexplained, 0.0) ** 2).sum(axis=1)
+        without = (np.where(where, joint.unexplained + added, 0.0) ** 2).sum(axis=1)
         score = np.sqrt(np.maximum(1.0 - beside / np.maximum(without, 1e-9), 0.0))
-        enough = (over.fits.correlation >= MIN_PAIR_CORRELATION) & (pixels >= MIN_SHOWN_PIXELS)
+        enough = (joint.correlation >= MIN_PAIR_CORRELATION) & (pixels >= MIN_SHOWN_PIXELS)
         found: Floats = np.where(enough, score, 0.0)
         return found
 
@@ -252,24 +272,3 @@ def _replaced(over: Over, chosen: Indices, others: Over) -> Over:
         values[name] = getattr(over, name).copy()
         values[name][chosen] = getattr(others, name)
     return Over(fits=over.fits.replaced(chosen, others.fits), **values)
-
-
-def _where_looked(noise: Floats) -> Floats:
-    """(M, K): infinite but on every third place, and around the best of those: rivals are what lies apart."""
-    places = np.arange(noise.shape[1])
-    looked = np.broadcast_to(places % COARSE_ROWS == len(places) // 2 % COARSE_ROWS, noise.shape)
-    while True:
-        seen = np.where(looked, noise, np.inf)
-        nearer = looked | (np.abs(places - seen.argmin(axis=1)[:, None]) < COARSE_ROWS)
-        if (nearer == looked).all():
-            return seen
-        looked = nearer
-
-
-def _noise_to_beat(noise: Floats, apart: Floats) -> Floats:
-    """(M,): as in `covered_pair`; noise and apart are (M, K)."""
-    hidden = noise.min(axis=1, where=np.abs(apart) <= HIDDEN_ROWS, initial=np.inf)
-    mirrored = noise.min(axis=1, where=apart < -HIDDEN_ROWS, initial=np.inf)
-    part = np.where(mirrored < DIP * hidden, MIRROR_BETTER, MUCH_BETTER)
-    to_beat: Floats = np.minimum(MUCH_BETTER * hidden, part * mirrored)
-    return to_beat

@@ -139,7 +139,7 @@ def solved(moments: Floats, phase: Indices, pixels_per_sample: Floats | float) -
         variance = (seen[SEEN] - seen[ONE] ** 2 / total) / total
         explained = np.where(variance > 0, 1.0 - noise / variance, 0.0)
         shift_sigma = np.sqrt(noise * np.maximum(shift_variance, 0.0) / pixels_per_sample)
-        score = _partial_correlation(moments) if len(moments) > FACE else np.full_like(total, np.nan)
+        score = partial_correlation(moments) if len(moments) > FACE else np.full_like(total, np.nan)
         return Fits(
             fraction=np.where(fits, phase / PHASES_PER_ROW + shift / gain, np.nan),
             sigma_rows=np.where(fits, shift_sigma / gain, np.inf),
@@ -168,7 +168,7 @@ def _solution(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:
     return (gain, offset, shift), ff / determinant
 
 
-def _partial_correlation(moments: Floats) -> Floats:
+def partial_correlation(moments: Floats) -> Floats:
     """As `fitting` has it."""
     total = np.maximum(moments[ONE, ONE], 1e-9)
 

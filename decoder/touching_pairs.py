@@ -26,7 +26,8 @@ from decoder.occlusion import WHOLE_VISIBLE
 from decoder.pair_fit import PairFitter
 from decoder.quick_search import QuickNeedle
 from decoder.reading import Status
-from decoder.uncovered_search import Strips, Uncovered, UncoveredSearch
+from decoder.strips import Strips
+from decoder.uncovered_search import Uncovered, UncoveredSearch
 
 STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN, Status.MISSING)
 READ, EDGE, HIDDEN, MISSING = range(4)
@@ -139,8 +140,9 @@ class TouchingPair:
             np.where(hidden, concealed.score, found.score),
         )
 
-    def _hidden(self, above: Needle) -> Needle:
-        sigma_rows = np.hypot(above.sigma_rows, self._hidden_sigma_rows)
+    def _hidden(self, above: Needle, doubt_rows: Floats | float = 0.0) -> Needle:
+        """At the covering needle's place, give or take how far it may be without being seen, or told."""
+        sigma_rows = np.hypot(above.sigma_rows, np.maximum(self._hidden_sigma_rows, doubt_rows))
         return Needle(np.full(len(above.row), HIDDEN), above.row, sigma_rows, above.score)
 
     def _touching(self, strips: Strips, above: Needle, below: Needle) -> tuple[Needle, Needle, Mask]:
@@ -171,7 +173,9 @@ class TouchingPair:
         hidden = explained & ~shows & (pairs.correlation >= MIN_HIDDEN_CORRELATION)
         upper = _chosen([explained], [together], _missing(above))
         sliver = Needle(np.full(len(shows), EDGE), pairs.lower_row, pairs.lower_sigma_rows, pairs.lower_score)
-        return upper, _chosen([shows, hidden], [sliver, self._hidden(together)], _missing(below)), pairs.is_settled
+        concealed = self._hidden(together, pairs.lower_doubt_rows)
+        lower = _chosen([shows, hidden], [sliver, concealed], _missing(below))
+        return upper, lower, np.ones(len(shows), bool)
 
 
 def _covers_other_pixels(before: Floats, after: Floats) -> Mask:

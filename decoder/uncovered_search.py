@@ -20,43 +20,9 @@ from decoder.occlusion import MIN_VISIBLE
 from decoder.over_face import FACE_NOISE_LEVELS, face_moments
 from decoder.quick_fit import QuickFitter
 from decoder.searching import COARSE_STEP, thinned
+from decoder.strips import Strips
 
 NOTHING = -2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Strips:
-    """The part of one gauge around a needle in M frames.
-
-    Attributes
-    ----------
-    pixels
-        (M, S, C) float32.
-    first
-        (M,): the gauge's row that is the first of them; rows beyond them are as the last ones.
-    face
-        (R, C) float32: the dial without needles.
-    """
-
-    pixels: Floats
-    first: Indices
-    face: Floats
-
-    def part(self, which: Indices | Mask) -> Strips:
-        """Some of the frames."""
-        return Strips(self.pixels[which], self.first[which], self.face)
-
-    def rows(self, index: Indices, step: int = 1) -> tuple[Floats, Floats]:
-        """Gauge and face on rows (M, H) of the gauge, every so many columns of them: (M, H, C') each."""
-        pixels = self.pixels[:, :, ::step]
-        own = limited(index - self.first[:, None], 0, pixels.shape[1] - 1)
-        seen = pixels[np.arange(len(index))[:, None], own]
-        return seen, self.face[limited(index, 0, len(self.face) - 1), ::step]
-
-    def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:
-        """Gauge and face around a row of each frame, (M,): (M, H * C) each."""
-        seen, face = self.rows(rows[:, None] + np.arange(-axis, axis + 1))
-        return seen.reshape(len(rows), -1), face.reshape(len(rows), -1)
 
 
 @dataclass(frozen=True, slots=True)
