@@ -20,6 +20,10 @@ MIN_GAIN = 0.2
 MIDDLE_GREY = 128.0
 
 
+LitViews = Sequence[Sequence[Floats | None]]
+"""By gauge and frame the unwrapped gauge in the panel picture's light; None where it cannot be had."""
+
+
 def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     """An unwrapped gauge in the light of a reference picture of it; None if they have nothing in common.
 

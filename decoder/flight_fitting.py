@@ -16,7 +16,7 @@ from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
 from decoder.errors import PictureError
 from decoder.first_sight import FirstSight
-from decoder.flight_tuning import MIN_CUTS, SAMPLE_FRAMES, tune_on, unwrapped
+from decoder.flight_tuning import MIN_CUTS, SAMPLE_FRAMES, lit_views, tune_on, unwrapped
 from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
 from decoder.panel_needles import drawn_gauges
@@ -88,9 +88,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             reader = one_by_one
             samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
     for _ in range(ROUNDS):
-        reader = with_seen_faces(reader, samples)
+        views = lit_views(reader, samples)
+        reader = with_seen_faces(reader, views)
         found = reader.found_in(samples)
-        tuned = tune_on(reader, samples, found)
+        tuned = tune_on(reader, samples, views, found)
         if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
             found = tuned.found_in(samples)
         pivots = _pivots(tuned, samples, found)

@@ -18,7 +18,7 @@ from decoder.alignment import Alignment, Matrix, is_rigid
 from decoder.arrays import Floats
 from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
-from decoder.faces import in_light_of, learn_face
+from decoder.faces import LitViews, in_light_of, learn_face
 from decoder.fitting import Fitter
 from decoder.frame_batch import batch_frames
 from decoder.frame_placer import UnwrappedFrame
@@ -45,22 +45,30 @@ Templates = Mapping[str, NeedleTemplate]
 
 def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> PanelReader:
     """The reader fitted to the flight that the frames are a sample of; with too few usable frames, as it was."""
-    return tune_on(reader, unwrapped(reader, frames))
+    samples = unwrapped(reader, frames)
+    return tune_on(reader, samples, lit_views(reader, samples))
+
+
+def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitViews:
+    """All gauges of the samples as in the panel picture's light."""
+    own = reader.placer.unwrapper.unwrap(reader.source.picture, reader.source.optics.own)
+    return [[in_light_of(picture, sample.gauges[index]) for sample in samples] for index, picture in enumerate(own)]
 
 
 def tune_on(
-    reader: PanelReader, samples: Sequence[UnwrappedFrame], found: Sequence[Readings] | None = None
+    reader: PanelReader,
+    samples: Sequence[UnwrappedFrame],
+    views: LitViews,
+    found: Sequence[Readings] | None = None,
 ) -> PanelReader:
     """The same for frames that the reader has unwrapped, and `found` what it reads in them, if that is known."""
     if len(samples) < MIN_CUTS:
         return reader
     usual = _usual(reader, samples)
-    own = reader.placer.unwrapper.unwrap(reader.source.picture, reader.source.optics.own)
-    strips = [[sample.gauges[index] for sample in samples] for index in range(len(reader.grids))]
     tuners = [
-        _GaugeTuner(gauge, grid, [in_light_of(picture, strip) for strip in seen], first, reader.tuning.templates)
-        for gauge, grid, picture, seen, first in zip(
-            reader.source.panel.gauges, reader.grids, own, strips, reader.tuning.faces, strict=True
+        _GaugeTuner(gauge, grid, seen, first, reader.tuning.templates)
+        for gauge, grid, seen, first in zip(
+            reader.source.panel.gauges, reader.grids, views, reader.tuning.faces, strict=True
         )
     ]
     cards = {
@@ -68,10 +76,10 @@ def tune_on(
             gauge,
             gauge.card,
             grid,
-            [like for like in (in_light_of(picture, strip) for strip in seen) if like is not None],
+            [like for like in seen if like is not None],
             reader.tuning.cards[gauge.card.name],
         )
-        for gauge, grid, picture, seen in zip(reader.source.panel.gauges, reader.grids, own, strips, strict=True)
+        for gauge, grid, seen in zip(reader.source.panel.gauges, reader.grids, views, strict=True)
         if gauge.card is not None
     }
     found = found or reader.found_in(samples)

@@ -27,13 +27,13 @@ def begin() -> ForkServerContext:
     context = get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     resource_tracker.ensure_running()  # the fork server would start it, which lets held interrupts go
-    with _interrupts_held(), _environment(_ONE_THREAD), _temporary_folder_for_sockets():
+    with interrupts_held(), _environment(_ONE_THREAD), _temporary_folder_for_sockets():
         forkserver.ensure_running()
     return context
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """What is started in the `with` block never hears of Ctrl-C: it inherits the mask."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.arrays import Floats, Mask
-from decoder.faces import in_light_of
-from decoder.frame_placer import UnwrappedFrame
+from decoder.faces import LitViews
 from decoder.gauge import Gauge
 from decoder.gauge_grid import row_of_angle
-from decoder.needle_layer import layer_over
+from decoder.needle_layer import layer_over, median_of
 from decoder.needle_template import NeedleTemplate
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import face_behind
@@ -37,19 +36,16 @@ CLEAR_PART = 0.2
 SEEN_PART, MOSTLY = 0.4, 0.6
 
 
-def with_seen_faces(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
+def with_seen_faces(reader: PanelReader, views: LitViews) -> PanelReader:
     """The reader with the dials behind the panel picture's needles, where these mostly stand elsewhere."""
-    if len(samples) < MIN_VIEWS:
-        return reader
     source, tuning = reader.source, reader.tuning
     own = reader.placer.unwrapper.unwrap(source.picture, source.optics.own)
     faces, templates = list(tuning.faces), dict(tuning.templates)
     for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
-        views = [in_light_of(own[index], sample.gauges[index]) for sample in samples]
-        seen = [view for view in views if view is not None]
-        if len(seen) < MIN_VIEWS:
+        seen = [view for view in views[index] if view is not None]
+        if len(seen) < MIN_VIEWS or not _may_be_bared(gauge, grid, templates, faces[index], seen):
             continue
-        usual = np.median(np.stack(seen), axis=0).astype(np.float32)
+        usual = median_of(np.stack(seen)).astype(np.float32)
         for needle in _bared(gauge, grid, templates, _Dial(own[index], usual, faces[index]), seen):
             rows = _window(needle, grid, templates[needle.name])
             faces[index] = np.where(rows[:, None], usual, faces[index]).astype(np.float32)
@@ -70,6 +66,20 @@ class _Dial:
     face: UnwrappedGauge
 
 
+def _may_be_bared(
+    gauge: Gauge, grid: PolarGrid, templates: Mapping[str, NeedleTemplate], face: UnwrappedGauge, seen: Sequence[Floats]
+) -> bool:
+    """Whether frames mostly show another dial behind some needle than was thought: only its window is looked at."""
+    windows = [_window(needle, grid, templates[needle.name]) for needle in _cut_needles(gauge)]
+    off = (np.abs(face[rows] - median_of(np.stack([view[rows] for view in seen]))) for rows in windows)
+    return any(float((each > LEAST_LEVELS).mean()) > LEAST_PART for each in off)
+
+
+def _cut_needles(gauge: Gauge) -> list[Needle]:
+    """Those that are cut from the panel picture."""
+    return [each for each in gauge.needles if each.template.at is not None and each.template.picture is None]
+
+
 def _bared(
     gauge: Gauge,
     grid: PolarGrid,
@@ -78,7 +88,7 @@ def _bared(
     seen: Sequence[UnwrappedGauge],
 ) -> list[Needle]:
     """The needles that mostly stand elsewhere, and behind which there is another dial than was thought."""
-    needles = [each for each in gauge.needles if each.template.at is not None and each.template.picture is None]
+    needles = _cut_needles(gauge)
     windows = [_window(needle, grid, templates[needle.name]) for needle in needles]
     beside = ~np.any(windows, axis=0) if windows else np.zeros(0, bool)
     if not beside.any():

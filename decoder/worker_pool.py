@@ -201,7 +201,10 @@ class _Worker:
     def __init__(self, context: ForkServerContext) -> None:
         self.connection, theirs = context.Pipe()
         self._process: ForkServerProcess = context.Process(target=serve, args=(theirs,), daemon=True)
-        self._process.start()
+        with (
+            fork_server.interrupts_held()
+        ):  # or the new process waits for the rest of what it is to do, and ends in a traceback
+            self._process.start()
         theirs.close()
         self._pictures = PicturesGiven()
         self._is_told = False

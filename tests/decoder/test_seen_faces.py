@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decoder.flight_tuning import unwrapped
+from decoder.flight_tuning import lit_views, unwrapped
 from decoder.gauge_grid import row_of_angle
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
@@ -59,7 +59,7 @@ def test_what_lies_behind_the_drawn_needle_is_what_frames_show_there(
     """The mark comes out, where only the plain dial was known."""
     without = draw({**PANEL_HANDS, "speed_kt": 300.0}, levels=DIM, ticks=True)
     (bare,) = unwrapped(reader, [without])
-    seen = with_seen_faces(reader, unwrapped(reader, flight))
+    seen = with_seen_faces(reader, lit_views(reader, unwrapped(reader, flight)))
     rows = window(reader)
 
     assert np.abs(reader.tuning.faces[0][rows] - bare.gauges[0][rows]).max() > 60.0
@@ -70,14 +70,14 @@ def test_needle_that_stays_where_it_is_drawn_leaves_the_dial_as_it_was(reader: P
     """Nothing is known of what lies behind it."""
     still = [draw(PANEL_HANDS, levels=DIM, noise=2.0, seed=seed, ticks=True) for seed in range(8)]
 
-    assert with_seen_faces(reader, unwrapped(reader, still)) is reader
+    assert with_seen_faces(reader, lit_views(reader, unwrapped(reader, still))) is reader
 
 
 def test_needle_that_stays_in_another_light_leaves_the_dial_as_it_was(reader: PanelReader, draw: Draw) -> None:
     """The sun is no other dial."""
     lit = [draw(PANEL_HANDS, levels=DIM, noise=2.0, seed=seed, ticks=True, gain=0.6, offset=20.0) for seed in range(8)]
 
-    assert with_seen_faces(reader, unwrapped(reader, lit)) is reader
+    assert with_seen_faces(reader, lit_views(reader, unwrapped(reader, lit))) is reader
 
 
 def test_needle_that_moves_a_little_leaves_the_dial_as_it_was(reader: PanelReader, draw: Draw) -> None:
@@ -87,9 +87,9 @@ def test_needle_that_moves_a_little_leaves_the_dial_as_it_was(reader: PanelReade
         for seed in range(8)
     ]
 
-    assert with_seen_faces(reader, unwrapped(reader, near)) is reader
+    assert with_seen_faces(reader, lit_views(reader, unwrapped(reader, near))) is reader
 
 
 def test_few_frames_tell_nothing(reader: PanelReader, flight: list[GreyPicture]) -> None:
     """Four of them may show anything there."""
-    assert with_seen_faces(reader, unwrapped(reader, flight[:4])) is reader
+    assert with_seen_faces(reader, lit_views(reader, unwrapped(reader, flight[:4]))) is reader
