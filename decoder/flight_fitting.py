@@ -89,8 +89,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
             samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
     for _ in range(ROUNDS):
         views = lit_views(reader, samples)
-        reader = with_seen_faces(reader, views)
         found = reader.found_in(samples)
+        seen = with_seen_faces(reader, views, found)
+        if seen is not reader:
+            reader, found = seen, seen.found_in(samples)
         tuned = tune_on(reader, samples, views, found)
         if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
             found = tuned.found_in(samples)

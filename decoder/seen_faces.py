@@ -21,6 +21,9 @@ from decoder.needle_template import NeedleTemplate
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import face_behind
 from decoder.pointers import Needle
+from decoder.reading import Reading, Status
+from decoder.scale import shortest
+from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 MIN_VIEWS = 5
@@ -32,18 +35,24 @@ MAD_TO_SIGMA = 1.4826
 LEAST_PART = 0.015
 # Glints change a needle by less than this part of the contrast around it.
 CLEAR_PART = 0.2
+# A needle that is read no further than this from where the panel picture has it may be the marks behind it.
+STILL_DEG = 3.0
 # It must be seen elsewhere, for the most part, in most frames.
 SEEN_PART, MOSTLY = 0.4, 0.6
 
 
-def with_seen_faces(reader: PanelReader, views: LitViews) -> PanelReader:
-    """The reader with the dials behind the panel picture's needles, where these mostly stand elsewhere."""
+def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mapping[str, Reading]]) -> PanelReader:
+    """The reader with the dials behind the panel picture's needles, where these mostly stand elsewhere.
+
+    A needle that is `found` to move, by frame, is not in doubt: the marks behind it are not what is matched.
+    """
     source, tuning = reader.source, reader.tuning
     own = reader.placer.unwrapper.unwrap(source.picture, source.optics.own)
     faces, templates = list(tuning.faces), dict(tuning.templates)
     for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
         seen = [view for view in views[index] if view is not None]
-        if len(seen) < MIN_VIEWS or not _may_be_bared(gauge, grid, templates, faces[index], seen):
+        doubted = any(_seems_still(needle, found) for needle in _cut_needles(gauge))
+        if len(seen) < MIN_VIEWS or not doubted or not _may_be_bared(gauge, grid, templates, faces[index], seen):
             continue
         usual = median_of(np.stack(seen)).astype(np.float32)
         for needle in _bared(gauge, grid, templates, _Dial(own[index], usual, faces[index]), seen):
@@ -64,6 +73,18 @@ class _Dial:
     drawn: UnwrappedGauge
     usual: UnwrappedGauge
     face: UnwrappedGauge
+
+
+def _seems_still(needle: Needle, found: Sequence[Mapping[str, Reading]]) -> bool:
+    """Whether a needle is mostly read where the panel picture has it, or not at all."""
+    at = 0.0 if needle.template.at is None else needle.template.at
+    readings = [readings[needle.name] for readings in found]
+    still = [
+        each.status is Status.MISSING
+        or abs(float(shortest(np.array(each.angle_deg - at), FULL_CIRCLE_DEG))) <= STILL_DEG
+        for each in readings
+    ]
+    return 2 * sum(still) > len(still)
 
 
 def _may_be_bared(
