@@ -17,6 +17,8 @@ from decoder.arrays import Floats
 # Parts of a needle's full contrast: at its outline, and where its blurred edge has faded out.
 OUTLINE_LEVEL = 0.35
 TOUCH_LEVEL = 0.1
+# Ends that differ by less than this part of the needle's variance do so by noise: a pixel of length makes half more.
+LIKE_ENDS_PART = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,14 @@ class NeedleTemplate:
     def outline(self) -> NDArray[np.bool_]:
         """(H, C): where the needle itself is, without its surroundings."""
         return self.place(OUTLINE_LEVEL)
+
+    @cached_property
+    def has_like_ends(self) -> bool:
+        """Whether tip and tail of a needle whose columns go across the dial cannot be told apart."""
+        trust = self.trust * self.trust[:, ::-1]
+        mean = float((trust * self.pixels).sum() / max(float(trust.sum()), 1e-9))
+        apart = float((trust * (self.pixels - self.pixels[:, ::-1]) ** 2).sum())
+        return apart < LIKE_ENDS_PART * float((trust * (self.pixels - mean) ** 2).sum())
 
     @cached_property
     def half_width_deg(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from decoder.arrays import Floats, Mask
-from decoder.gauge_grid import same_rows
+from decoder.gauge_grid import opposite_rows, same_rows
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
 from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import PolarGrid
@@ -33,6 +33,8 @@ class Rivals:
 
     def any(self, matcher: Matcher, gauge: Floats, allowed: Mask, scores: Floats, match: Match) -> bool:
         """Whether there is one for a match on a gauge (R, C); `scores` (R,) are looked at on `allowed` rows (R,)."""
+        if self._is_other_end(matcher, allowed, match):
+            return True
         reach = matcher.half_width_rows + MAX_PEAK_ROWS
         elsewhere = allowed.copy()
         for row in same_rows(match.row, self.turn_rows):
@@ -43,6 +45,11 @@ class Rivals:
         apart_rows = abs(other.row - match.row)
         clearly_worse = DOUBTFUL_WORSE if self._is_doubtful(apart_rows, matcher) else CLEARLY_WORSE
         return 1.0 - max(other.score, 0.0) ** 2 <= clearly_worse * (1.0 - match.score**2)
+
+    def _is_other_end(self, matcher: Matcher, allowed: Mask, match: Match) -> bool:
+        """Whether the needle may as well point the other way: what scores differ by is then the dial's, not its own."""
+        there = [round(row) for row in opposite_rows(match.row, self.grid)]
+        return any(allowed[row] for row in there if 0 <= row < len(allowed)) and matcher.template.has_like_ends
 
     def _is_doubtful(self, apart_rows: float, matcher: Matcher) -> bool:
         beside = apart_rows <= matcher.axis + matcher.half_width_rows

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.panel_reader import PanelReader
@@ -102,6 +102,7 @@ def mirrored(reader_with: Callable[..., PanelReader]) -> PanelReader:
 
 
 @given(angle_deg=st.floats(0.0, 360.0))
+@example(angle_deg=34.0)  # right where the panel picture has the tail: there the dial behind it is known least
 @settings(max_examples=30)
 def test_ends_that_are_alike_are_not_guessed(
     mirrored: PanelReader, draw_with: Callable[..., Draw], angle_deg: float
