@@ -24,6 +24,7 @@ from decoder.setup.picture_store import PANEL_KEY, PictureStore
 from decoder.setup.remembering import AlignmentMemory, RememberedPanel
 from decoder.setup.saving import digest, plain_name, save_files
 from decoder.setup.sources import FlightSource, PictureSource
+from decoder.setup.trial import Superseded
 from decoder.setup.yaml_text import panel_text
 
 KEPT_ALIGNMENTS = 8
@@ -131,7 +132,13 @@ class SetupSession:
         return aligner_of(document, self.store.grey(key), self.planes(document, key).optics)
 
     def aligned(self, document: Document, key: str, stale: Callable[[], bool]) -> Aligned:
-        """The sample's frames in which the panel is found; without anchors they are taken as they are."""
+        """The sample's frames in which the panel is found; without anchors they are taken as they are.
+
+        Raises
+        ------
+        Superseded
+            If the question became stale meanwhile.
+        """
         name = _finding(document, key)
         with self._lock:
             if name in self._aligned:
@@ -141,15 +148,14 @@ class SetupSession:
         found: Aligned = []
         for _, taken in self.frames():
             if stale():
-                break
+                raise Superseded
             alignment = _where(aligner, taken, own) if taken.pixels.shape == picture.shape else None
             if alignment is not None:
                 found.append((taken.pixels, alignment))
-        else:
-            with self._lock:
-                self._aligned[name] = found
-                while len(self._aligned) > KEPT_ALIGNMENTS:
-                    self._aligned.popitem(last=False)
+        with self._lock:
+            self._aligned[name] = found
+            while len(self._aligned) > KEPT_ALIGNMENTS:
+                self._aligned.popitem(last=False)
         return found
 
     def remembered(self, source: PanelPictures, document: Document, key: str) -> RememberedPanel:

@@ -92,6 +92,7 @@ def open_page(browser: Browser) -> Iterator[OpenPage]:
     assert said == []
 
 
+DRAWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 XY = tuple[float, float]
 OnRing = Callable[[float, float], XY]
 """Where in the picture an angle of a dial's ring of marks lies, and so many pixels further out."""
@@ -114,12 +115,17 @@ class Hand:
         right, down = self._chance.uniform(-UNSTEADY_PX, UNSTEADY_PX, 2)
         return place[0] + float(right), place[1] + float(down)
 
+    def look(self) -> None:
+        """Waits until what was last changed is drawn."""
+        self.page.evaluate(DRAWN)
+
     def press(self, key: str) -> None:
         """A key, on the picture."""
         self.page.locator("#picture").press(key)
 
     def click(self, place: XY) -> None:
-        """A click on a place of the panel picture."""
+        """A click on a place of the panel picture, once everything is drawn: nobody clicks on what is not there yet."""
+        self.look()
         x, y = self.page.evaluate(
             """([x, y]) => {
                 const place = new DOMPoint(x, y).matrixTransform(document.getElementById("picture").getScreenCTM());

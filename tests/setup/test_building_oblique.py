@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 from fixtures.cockpit.description import panel_yaml
 from fixtures.cockpit.flights import FLIGHTS
@@ -32,10 +32,9 @@ FIXTURES = Path(__file__).parents[2] / "fixtures" / "oblique"
 FLIGHT, TRUTH = FIXTURES / f"{NAME}.mcap", FIXTURES / f"{NAME}_truth.csv"
 DECODE = Path(sys.executable).parent / "decode"
 WITHIN_PCT_OF_FULL_SCALE = 0.05
+MARKS_WITHIN_DEG, AXES_WITHIN_DEG = 0.6, 0.6
 # In this frame no needle points at a mark.
 FRAME = 16
-
-TWO_PICTURES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 XY = tuple[float, float]
 
@@ -120,8 +119,9 @@ def draw(hand: Hand, eyes: Eyes) -> None:
             hand.page.locator(f'[id="f:gauges[{index}].tail"]').check()
 
 
-def take_offers(page: Page, gauges: list[str]) -> None:
-    """What the flight shows of where each needle turns, then of its axis."""
+def take_offers(hand: Hand, gauges: list[str]) -> list[str]:
+    """Takes what the flight shows of where each needle turns, then of its axis; what that was."""
+    taken, page = [], hand.page
     tried = page.locator("#outline .count").filter(has_text=re.compile(r"^20/20$"))
     for name in gauges:
         expect(tried).to_have_count(len(gauges))
@@ -130,10 +130,12 @@ def take_offers(page: Page, gauges: list[str]) -> None:
             expect(tried).to_have_count(len(gauges))
             expect(page.locator("#film")).to_have_attribute("aria-label", re.compile(rf"^{name} in 20 frames"))
             expect(page.locator("#inspector h2")).to_have_text(name)
-            page.evaluate(TWO_PICTURES)  # until what is offered is drawn as well
+            hand.look()  # what is offered is drawn after the filmstrip
             if page.locator(offer).count():
+                taken.append(f"{name}: {page.locator('#inspector .offer').first.inner_text()}")
                 page.locator(offer).click()
                 expect(page.locator(offer)).to_have_count(0)
+    return taken
 
 
 @pytest.mark.slow
@@ -145,15 +147,22 @@ def test_oblique_panel_drawn_by_hand_reads_like_the_written_one(
     running, eyes = start(FLIGHT), Eyes(FRAME)
     hand = hand_on(open_page(running))
     draw(hand, eyes)
-    take_offers(hand.page, [gauge["name"] for gauge in eyes.document["gauges"]])
+    taken = take_offers(hand, [gauge["name"] for gauge in eyes.document["gauges"]])
     hand.save()
     saved = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))["gauges"]
     drawn = errors(decoding(tmp_path / "drawn", "--panel", running.session.target), tmp_path / "drawn")
     best = errors(written, tmp_path / "written")
     for gauge, wanted in zip(saved, eyes.document["gauges"], strict=True):
         assert gauge["sweep"] == pytest.approx(wanted["sweep"], abs=0.5)
-        assert [mark[1] for mark in gauge["scale"]] == [value for _, value in sorted(eyes.numbered_marks(wanted))]
+        marks = sorted(eyes.numbered_marks(wanted))
+        assert [mark[1] for mark in gauge["scale"]] == [value for _, value in marks]
+        assert [mark[0] for mark in gauge["scale"]] == pytest.approx(
+            [angle for angle, _ in marks], abs=MARKS_WITHIN_DEG
+        )
+        for needle, (_, angle_deg) in zip(gauge["needles"], eyes.needles(gauge["name"]), strict=True):
+            off_deg = (needle["template"]["at"] - angle_deg + 180.0) % 360.0 - 180.0
+            assert off_deg == pytest.approx(0.0, abs=AXES_WITHIN_DEG)
     assert list(drawn) == list(best) == [needle.name for _, needle in eyes.panel.needles]
     assert {
         name: drawn[name] - best[name] for name in best if drawn[name] - best[name] > WITHIN_PCT_OF_FULL_SCALE
-    } == {}
+    } == {}, (taken, saved)

@@ -195,6 +195,27 @@ def test_dark_and_light(opened: Running, open_page: OpenPage) -> None:
     assert grounds["light"] == "rgb(243, 245, 247)"
 
 
+def test_picture_stays_under_the_pointer_whatever_is_said(start: Start, open_page: OpenPage) -> None:
+    """Neither a message nor the frame slider's buttons move the picture while somebody clicks on it."""
+    page = open_page(start(FIXTURES / "thesis_a2.mcap", FIXTURES / "panel.yaml"))
+    picture, banner = page.locator("#picture"), page.locator("#banner")
+    before = picture.bounding_box()
+
+    page.locator("#frame").press("ArrowRight")
+    expect(page.locator("#useframe")).to_be_visible()
+    assert picture.bounding_box() == before
+    page.locator("#useframe").click()
+    expect(banner).to_contain_text("Carried over: moved by")
+    assert picture.bounding_box() == before
+    said, undo = banner.bounding_box(), page.locator("#undo").bounding_box()
+    assert said is not None
+    assert undo is not None
+    assert said["x"] + said["width"] <= undo["x"]
+    banner.get_by_label("Close").click()
+    expect(banner).to_be_hidden()
+    assert picture.bounding_box() == before
+
+
 def test_panel_is_pasted_onto_another_flight(
     start: Start, open_page: OpenPage, hand_on: HandOn, tmp_path: Path
 ) -> None:

@@ -59,6 +59,7 @@ export function showFrames(store, live, view) {
     const offset = kind === "gauge" ? live.resultOf(index)?.offset : null;
     const far = offset && `This gauge lies ${offset.shift[0]}, ${offset.shift[1]} px from the panel picture in the flight, turned by ${offset.roll}° (median of ${offset.found} frames).`;
     note.textContent = store.looking ? "Only looking: the drawing belongs to another picture." : far || (drawn === null ? "The drawing is on the panel's own picture." : "");
+    note.title = note.textContent;
   }
 
   let picture = store.now.picture;

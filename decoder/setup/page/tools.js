@@ -8,7 +8,7 @@ import { ask, TAB } from "./server.js";
 
 const needsGauge = (store) => (store.gauge ? "" : "Select or add a gauge first.");
 
-const USUAL_SPAN_DEG = 16;
+let pointedAt = 0; // how many needles were pointed at
 
 export const TOOLS = {
   select: { key: "v", name: "Select", clicks: 0, hint: "" },
@@ -129,23 +129,24 @@ export function needleQuestion(store, index) {
 }
 
 // The needle next to an angle: its axis, and how much its template should span. It turns around `pivot`, if that is not
-// the gauge's centre.
+// the gauge's centre. Every needle that was pointed at is looked for, however soon the next one is.
 async function needleAt(store, near, { index = store.selection.index, pivot } = {}) {
-  const found = await ask("needles", { ...needleQuestion(store, index), near, pivot, tab: `${TAB}-near` });
-  return found ? { at: rounded(found.at, 4), span: found.span } : { at: near, span: USUAL_SPAN_DEG };
+  pointedAt += 1;
+  const found = await ask("needles", { ...needleQuestion(store, index), near, pivot, tab: `${TAB}-near-${pointedAt}` });
+  return { at: rounded(found.at, 4), span: found.span };
 }
 
 export const axisAt = async (store, near, options) => (await needleAt(store, near, options)).at;
 
-// The axes of all needles of a gauge found again, around where they turn.
+// The axes of all needles of a gauge found again, around where they turn; what is changed meanwhile stays as it is.
 export async function findAxes(store, index, pivot) {
-  const angles = [];
+  const found = new Map();
   for (const { template } of store.document.gauges[index].needles || []) {
-    angles.push(typeof template?.at === "number" ? await axisAt(store, template.at, { index, pivot }) : undefined);
+    if (typeof template?.at === "number") found.set(template.at, await axisAt(store, template.at, { index, pivot }));
   }
   store.change("axes", (document) => {
-    document.gauges[index].needles?.forEach(({ template }, place) => {
-      if (angles[place] !== undefined) template.at = angles[place];
+    document.gauges[index]?.needles?.forEach(({ template }) => {
+      if (found.has(template?.at)) template.at = found.get(template.at);
     });
   });
 }
