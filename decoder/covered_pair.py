@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 
-from decoder.arrays import Floats
+import numpy as np
+
+from decoder.lower_layer import LowerLayer
 from decoder.matching import Matcher
-from decoder.needle_layer import shown_below
 
 # A pixel shows the lower needle if that covers this much of it.
 SHOWN_PART = 0.2
@@ -18,7 +19,7 @@ MIN_SHOWN_PIXELS = 1.0
 SURELY_SHOWN_PIXELS = 3.0
 # A place for the lower needle must leave this much less unexplained than no lower needle, and than a mirrored pair.
 MUCH_BETTER = 0.8
-MIRROR_BETTER = 0.45
+MIRROR_BETTER = 0.5
 # A sliver is believed only where everything else is explained: a glare's edge beside a needle looks like one.
 MIN_PAIR_CORRELATION = 0.98
 
@@ -31,15 +32,13 @@ def pair_reach_rows(upper: Matcher, lower: Matcher) -> int:
 def hidden_reach_rows(upper: Matcher, lower: Matcher) -> float:
     """How far apart two needles' axes can be with too little of the lower one showing to tell."""
     for rows in range(upper.axis):
-        if any(
-            _shown_pixels(upper, shown_below(upper.template, lower.template, float(upper.axis + side))[0])
-            >= SURELY_SHOWN_PIXELS
-            for side in (-rows, rows)
-        ):
+        if any(_shown_pixels(upper, lower, float(upper.axis + side)) >= SURELY_SHOWN_PIXELS for side in (-rows, rows)):
             return float(rows)
     return float(upper.axis)
 
 
-def _shown_pixels(upper: Matcher, shown: Floats) -> float:
-    """What shows of a needle, in original pixels."""
+def _shown_pixels(upper: Matcher, lower: Matcher, lower_row: float) -> float:
+    """What shows of a needle with its axis on a row of the upper one's window, in original pixels."""
+    layer = LowerLayer.at(lower.template, upper.template.rows, np.array([lower_row]))
+    shown = layer.shown(upper.template.transparency)
     return float(shown[shown > SHOWN_PART].sum()) * upper.pixels_per_sample

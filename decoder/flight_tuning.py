@@ -164,14 +164,14 @@ class _GaugeTuner:
         found them. The given template, read with the learned needle over the face behind it, shows that error; the
         cuts are moved by it.
         """
-        learned = layered(*self._cuts(name, clear, before, face, 0.0), before)
+        learned = layered(*self._cuts(name, clear, before, face, 0.0), before.pixels, before.step_deg)
         behind = face_behind(face, self._grid, self._needles[name], before.rows)
         off_rows = (
             Fitter(learned, self._grid.pixels_per_sample).fit(self._given[name].pixels, lambda _: behind).fraction
         )
         if not abs(off_rows) < before.rows / 8:
             return learned
-        return layered(*self._cuts(name, clear, learned, face, -off_rows), learned)
+        return layered(*self._cuts(name, clear, learned, face, -off_rows), before.pixels, learned.step_deg)
 
     def _cuts(
         self,

@@ -23,7 +23,7 @@ SETTLED_ROWS = 0.2
 # A pair that would still move further than this is on its way to another.
 NEAR_ROWS = 0.75
 # What two needles leave unexplained is their edges' rather than noise: neighbouring pixels share it.
-SHARED_NOISE = 2.0
+SHARED_NOISE = 3.0
 # How the lower needle's layer changes is told by half a row to either side.
 HALF_ROWS = 0.5
 # A lower needle that is hidden says nothing of its place: it stays.

@@ -1,4 +1,10 @@
-"""The lower of two needles as it shows through the upper one, in many windows at once: as `needle_layer` has it."""
+"""The lower of two needles as it shows beside the upper one, in many windows at once.
+
+Where the edges of two needles run along each other, what they cover does not multiply: on the far side of the lower
+needle's axis the upper's edge lies within the lower's body, so what shows of the lower is the difference of what both
+cover; on the near side they lie side by side, and both show as long as there is room. What is drawn or reflected layer
+by layer does multiply. A mixture is little wrong in either case.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +14,12 @@ from typing import Self
 import numpy as np
 
 from decoder.arrays import Floats, Indices, Mask
-from decoder.needle_layer import MIN_COVER
 from decoder.needle_template import NeedleTemplate
 from decoder.unwrapping import rows_at
+
+MIN_COVER = 0.05
+# How much of the mixture is edges that lie along each other, rather than layers that multiply.
+ALONG_PART = np.float32(0.7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +60,8 @@ class LowerLayer:
         """(M, H, C): how much of each pixel shows beside an upper needle of this transparency, (M, H, C) or (H, C)."""
         beside = np.minimum(self.cover, transparency)
         nested = np.maximum(self.cover - (np.float32(1.0) - transparency), np.float32(0.0))
-        shown: Floats = np.where(self.far, nested, beside)
+        along = np.where(self.far, nested, beside)
+        shown: Floats = ALONG_PART * along + (np.float32(1.0) - ALONG_PART) * self.cover * transparency
         return shown
 
     def behind(self, transparency: Floats) -> tuple[Floats, Floats]:

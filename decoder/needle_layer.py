@@ -7,27 +7,29 @@ leans on what the contrast suggests.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from decoder.arrays import Floats
+from decoder.arrays import Floats, Mask
 from decoder.needle_template import NeedleTemplate
-from decoder.unwrapping import rows_at
 
 # Spread of a pixel over the frames that is plain sensor and JPEG noise, grey levels.
 NOISE_LEVELS = 4.0
 PRIOR_SPREAD = 0.2
-# A needle's darker half is no less opaque than its lighter one.
-OPAQUE_PART = 0.8
+# A needle is opaque where it has nearly the contrast of its half; a half with less contrast than this part of the
+# other's is no darker half, but the dial beside the needle.
+OPAQUE_PART = 0.95
+MIN_HALF_PART = 0.3
+# A needle covers something wherever it is this opaque, and beside that as far as its blurred edge fades.
+COVERED_PART = 0.35
+EDGE_PART = 0.06
+MAX_EDGE_ROWS = 6
 OUTLIER_SPREADS = 3.5
 MAD_TO_SIGMA = 1.4826
 MIN_GAIN = 0.2
-MIN_COVER = 0.05
 MIN_CLEAR_EDGE = 0.5
 
 
-def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplate:
+def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> NeedleTemplate:
     """The needle that best explains many cuts of it.
 
     Parameters
@@ -36,31 +38,28 @@ def layered(cuts: Floats, faces: Floats, prior: NeedleTemplate) -> NeedleTemplat
         (K, H, C) float32: the gauge around the needle in K frames, its axis in the middle row, in one light.
     faces
         (K, H, C) float32: the dial's face behind each cut.
-    prior
-        (H, C): what was thought of the needle before.
+    before
+        (H, C): what was known of the needle before: its picture elsewhere on the dial.
+    step_deg
+        Degrees from row to row.
     """
-    plain = np.broadcast_to(np.median(faces, axis=(0, 1)), prior.pixels.shape)
-    expected = _expected_transparency(prior.pixels, plain)
+    plain = np.broadcast_to(np.median(faces, axis=(0, 1)), cuts.shape[1:])
+    pixels = median_of(cuts).astype(np.float32)
+    # A mark behind one of the two is not the needle's.
+    expected = np.maximum(_expected_transparency(pixels, plain), _expected_transparency(before, plain))
     weights = np.ones_like(cuts)
     for _ in range(2):
         light, transparency = _lines(cuts, faces, weights, expected)
         unexplained = cuts - (light + transparency * faces)
         spread = MAD_TO_SIGMA * median_of(np.abs(unexplained))
         weights = (np.abs(unexplained) <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
-    pixels = median_of(cuts).astype(np.float32)
     clutter = MAD_TO_SIGMA * median_of(np.abs(cuts - pixels))
     shown = _columns_with_edges(expected)
-    learned = NeedleTemplate(
-        pixels, shown * _trust(clutter), light, transparency, shown * _trust(spread), prior.step_deg
-    )
-    return beside_transparent(learned)
-
-
-def beside_transparent(template: NeedleTemplate) -> NeedleTemplate:
-    """The template with nothing but the face beside the needle, where a fit can only pick up accidents."""
-    touched = template.touched
-    light = np.where(touched, template.light, 0.0).astype(np.float32)
-    return replace(template, light=light, transparency=np.where(touched, template.transparency, 1.0).astype(np.float32))
+    # Beside the needle there is nothing but the face: a fit can only pick up accidents there.
+    covered = _with_edges(expected)
+    light = np.where(covered, light, np.float32(0.0))
+    transparency = np.where(covered, transparency, np.float32(1.0))
+    return NeedleTemplate(pixels, shown * _trust(clutter), light, transparency, shown * _trust(spread), step_deg)
 
 
 def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
@@ -88,50 +87,6 @@ def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplat
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
     light = (pixels - transparency * behind).astype(np.float32)
     return NeedleTemplate(pixels, trust, light, transparency, trust, step_deg)
-
-
-def shown_below(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
-    """How much of each pixel a needle shows beside one that lies over it, and the light that adds.
-
-    Where the edges of two needles run along each other, coverage does not multiply: on the far side of the lower
-    needle's axis the upper's edge lies within the lower's body, so what shows of the lower is the difference of both
-    coverages; on the near side they lie side by side, and both show as long as there is room.
-
-    Parameters
-    ----------
-    upper
-        (H, C), its axis in the window's middle row.
-    lower
-        (H', C).
-    lower_row
-        Fractional row of the lower needle's axis in the window.
-
-    Returns
-    -------
-    (H, C) in [0, 1], and (H, C) in grey levels
-    """
-    rows = np.arange(upper.rows) - lower_row + (lower.rows - 1) / 2
-    inside = ((rows >= 0) & (rows <= lower.rows - 1))[:, None]
-    layers = rows_at(np.concatenate([lower.light, lower.transparency], axis=1), rows)
-    light_there, transparency = layers[:, : layers.shape[1] // 2], layers[:, layers.shape[1] // 2 :]
-    cover = (1.0 - transparency) * inside
-    far = ((np.arange(upper.rows) - lower_row) * np.sign(lower_row - (upper.rows - 1) / 2) >= 0)[:, None]
-    nested = np.maximum(cover - (1.0 - upper.transparency), 0.0)
-    shown = np.where(far, nested, np.minimum(cover, upper.transparency)).astype(np.float32)
-    light: Floats = (light_there / np.maximum(cover, MIN_COVER) * shown).astype(np.float32)
-    return shown, light
-
-
-def through_upper(upper: NeedleTemplate, lower: NeedleTemplate, lower_row: float) -> tuple[Floats, Floats]:
-    """What lies behind an upper needle when a lower needle lies on the face: `light + part * face`, (H, C) each.
-
-    The rest as for `shown_below`.
-    """
-    shown, light = shown_below(upper, lower, lower_row)
-    through = upper.transparency > MIN_COVER
-    transparency = np.maximum(upper.transparency, MIN_COVER)
-    part = np.where(through, np.maximum(upper.transparency - shown, 0.0) / transparency, 1.0)
-    return np.where(through, light / transparency, 0.0).astype(np.float32), part.astype(np.float32)
 
 
 def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
@@ -170,11 +125,27 @@ def _lines(cuts: Floats, faces: Floats, weights: Floats, expected: Floats) -> tu
 
 
 def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
-    """1 where the needle's picture is like the plain dial, 0 where it has its contrast but for some shading."""
+    """(H, C): 1 where the needle's picture is like the plain dial, 0 where it has the contrast of that half of it."""
     difference = np.abs(pixels - plain)
-    contrast = np.maximum(difference.max(axis=0), NOISE_LEVELS)
-    expected: Floats = np.clip(1.0 - difference / (OPAQUE_PART * contrast), 0.0, 1.0).astype(np.float32)
+    axis = len(difference) // 2
+    halves = [difference[: axis + 1].max(axis=0), difference[axis:].max(axis=0)]
+    least = np.maximum(MIN_HALF_PART * np.maximum(*halves), NOISE_LEVELS)
+    first, last = (np.maximum(OPAQUE_PART * half, least) for half in halves)
+    contrast = np.where((np.arange(len(difference)) < axis)[:, None], first, last)
+    expected: Floats = np.clip(1.0 - difference / contrast, 0.0, 1.0).astype(np.float32)
     return expected
+
+
+def _with_edges(transparency: Floats) -> Mask:
+    """(H, C): where a needle covers anything of the dial, to the end of its blurred edges."""
+    covered = transparency < 1.0 - COVERED_PART
+    fading = transparency < 1.0 - EDGE_PART
+    for _ in range(MAX_EDGE_ROWS):
+        beside = np.zeros_like(covered)
+        beside[1:] |= covered[:-1]
+        beside[:-1] |= covered[1:]
+        covered = covered | (beside & fading)
+    return covered
 
 
 def _columns_with_edges(transparency: Floats) -> Floats:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from decoder.flight_tuning import tune
 from decoder.many_frames import ManyFrames, PlacedFrame
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
@@ -16,6 +17,17 @@ Draw = Callable[..., GreyPicture]
 # What templates of a single picture leave of two needles that touch.
 KNOWN_DEG = 0.35
 APART_DEG = np.concatenate([np.arange(-20.0, 20.5, 1.3), [-0.4, -0.2, 0.0, 0.2, 0.4]]).tolist()
+
+
+@pytest.fixture(scope="module")
+def tuned(reader: PanelReader, draw: Draw) -> PanelReader:
+    """The drawn cockpit's reader, fitted to frames of it."""
+    rng = np.random.default_rng(5)
+    places_deg = rng.uniform(125.0, 415.0, (24, 2)).tolist()
+    return tune(
+        reader,
+        [draw({"al_lb": al, "fr_lb": fr}, noise=2.0, seed=seed) for seed, (al, fr) in enumerate(places_deg)],
+    )
 
 
 @pytest.mark.parametrize("cover_deg", [119.0, 233.3, 300.0, 417.0])
@@ -60,6 +72,20 @@ def test_mirrored_pair_is_no_surer_than_it_is(
         for name, reading in fuel.items():
             if reading.status is not Status.MISSING:
                 assert abs(reading.angle_deg - there_deg[name]) < 3 * reading.sigma_deg + KNOWN_DEG
+
+
+@pytest.mark.parametrize("apart_deg", [-5.0, -4.2, 4.2, 5.0])
+def test_learned_needles_tell_on_which_side_the_lower_one_lies(
+    tuned: PanelReader, draw: Draw, apart_deg: float
+) -> None:
+    """From four degrees apart on, two needles of one shade are both read in their places, for all their soft edges."""
+    for cover_deg in (152.3, 233.0, 287.2, 341.0):
+        there_deg = {"al_lb": cover_deg + apart_deg, "fr_lb": cover_deg}
+        readings = tuned.read(draw(there_deg, noise=2.0, seed=int(cover_deg))).readings
+        assert readings["al_lb"].status is Status.EDGE
+        assert readings["fr_lb"].status is Status.READ
+        for name, angle_deg in there_deg.items():
+            assert readings[name].angle_deg == pytest.approx(angle_deg, abs=0.35)
 
 
 def test_hidden_needle_s_sigma_spans_where_it_may_be(reader: PanelReader, draw: Draw) -> None:

@@ -29,8 +29,8 @@ def commands() -> Iterator[tuple[str, str | None]]:
 
 
 def without_numbers(text: str) -> str:
-    """A better decoder reads other numbers; what they stand beside is the same."""
-    return " ".join(re.sub(r"[-+]?\d[\d.]*", "0", text).split())
+    """A better decoder reads other numbers, in narrower or wider columns; what they stand beside is the same."""
+    return " ".join(re.sub(r"--+", "-", re.sub(r"[-+]?\d[\d.]*", "0", text)).split())
 
 
 @pytest.mark.slow

@@ -116,13 +116,16 @@ def clock_reader(clock: Callable[..., GreyPicture], reader_for: Callable[..., Pa
 def test_two_needles_cross_the_seam_together(
     clock_reader: PanelReader, clock: Callable[..., GreyPicture], long_deg: float, apart: float
 ) -> None:
-    """Needles beside each other are read wherever they are, one on each side of the seam as well."""
+    """Needles beside each other are read wherever they are, one on each side of the seam as well.
+
+    Where their soft edges mingle the covered one is told less well, and says so.
+    """
     readings = clock_reader.read(clock(long_deg + apart, long_deg, seed=5)).readings
 
     assert readings["long_min"].status is Status.READ
     assert apart_deg(readings["long_min"].angle_deg, long_deg) < 0.3
     assert readings["short_h"].status in (Status.READ, Status.EDGE)
-    assert apart_deg(readings["short_h"].angle_deg, long_deg + apart) < 1.0
+    assert apart_deg(readings["short_h"].angle_deg, long_deg + apart) < 0.5 + 4 * readings["short_h"].sigma_deg < 1.8
 
 
 @given(
