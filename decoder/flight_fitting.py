@@ -6,23 +6,21 @@ Also what is left of both: what readings are uncertain by beyond what their own 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from decoder.alignment import Alignment, Matrix
+from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
-from decoder.errors import PictureError
-from decoder.first_sight import FirstSight
-from decoder.flight_tuning import MIN_CUTS, SAMPLE_FRAMES, lit_views, tune_on, unwrapped
+from decoder.flight_placing import Sample, frames_wanted, pictures, placed_for
+from decoder.flight_tuning import MIN_CUTS, lit_views, tune_on, unwrapped
 from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
-from decoder.panel_needles import drawn_gauges
+from decoder.panel_needles import DrawnGauge, drawn_gauges
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import tuning_from_panel
-from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import Pivot, pivot_of
 from decoder.reading import Reading, Status
 from decoder.seen_faces import with_seen_faces
@@ -30,25 +28,14 @@ from decoder.tuning import Tuning
 from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertainties
 
 ROUNDS = 6
-# With so many of the sampled frames found there is no need to look for the camera elsewhere.
-MIN_FOUND = 8
-SIGHTS = 3
-# Where anchors and dials move against each other, needles tell less of their pivots.
-MORE_FRAMES = 3 * SAMPLE_FRAMES
 SETTLED_LIFT = 0.01
-# A camera that moves by less than this at the panel picture's corners shows no depth.
-STILL_PX = 6.0
+# Of so many frames it is asked how far alignments scatter.
 LOOKED_AT = 6
-# Dials that lie this near to where the anchors have them are where they should be.
-IN_PLACE_PX = 0.05
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
 
 # A needle that is missing in more of the sampled frames than this is not known as it is.
 MISSING_PART = 0.5
-
-Sample = Callable[[int], Iterable[GreyPicture | FramePicture]]
-"""Gives so many frames, spread over the flight; the same ones each time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,70 +59,101 @@ class FittedReader:
         return self.uncertainties[name].sigma_deg(angles_deg)
 
 
+@dataclass(frozen=True, slots=True)
+class _Learned:
+    """What a sample tells in one round.
+
+    Attributes
+    ----------
+    before, reader
+        The reader that the sample was first read with, and the one that was tuned on it.
+    found
+        By frame the readings.
+    drawn
+        The gauges of the panel picture; none where dials move: at other depths it is another view of them.
+    pivots
+        By the gauges' order in the panel.
+    """
+
+    before: PanelReader
+    reader: PanelReader
+    found: Sequence[Mapping[str, Reading]]
+    drawn: Sequence[DrawnGauge]
+    pivots: tuple[Pivot, ...]
+
+
 def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     """The reader fitted to the flight of which `sample` gives some frames."""
     source = reader.source
     drawn = source.panel.gauges
-    samples = unwrapped(reader, sample(SAMPLE_FRAMES))
-    usual = None if len(samples) >= MIN_FOUND else _first_sight(reader, sample, len(samples))
-    if usual is not None:
-        reader = reader.tuned(replace(reader.tuning, usual=usual))
-        samples = unwrapped(reader, sample(SAMPLE_FRAMES))
-    if _camera_moves(reader, samples):
-        agree = _anchors_agree(reader, samples)
-        one_by_one = reader.tuned(replace(reader.tuning, dials_move=True, anchors_agree=agree))
-        if _dials_move(one_by_one, sample):
-            reader = one_by_one
-            samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
+    reader, samples = placed_for(reader, sample)
     for _ in range(ROUNDS):
-        views = lit_views(reader, samples)
-        found = reader.found_in(samples)
-        seen = with_seen_faces(reader, views, found)
-        if seen is not reader:
-            reader, found = seen, seen.found_in(samples)
-        tuned = tune_on(reader, samples, views, found)
-        if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
-            found = tuned.found_in(samples)
-        pivots = _pivots(tuned, samples, found)
-        gauges = _moved(tuned, drawn, pivots)
-        lifts = _lifts(reader.tuning, pivots)
-        if gauges == reader.source.panel.gauges and lifts == reader.tuning.lifts:
+        learned = _learned(reader, samples)
+        moved = _with_pivots_moved(learned, drawn)
+        if moved is None:
             break
-        planes = tuple(
-            plane if plane is None or gauge == before else plane.around(pivot.offset_px)
-            for gauge, before, plane, pivot in zip(
-                gauges, tuned.source.panel.gauges, _planes(tuned), pivots, strict=True
-            )
-        )
-        panel = reader.source.panel.model_copy(update={"gauges": gauges})
-        moved_source = replace(reader.source, panel=panel, planes=planes)
-        reader = PanelReader(
-            moved_source,
-            reader.method,
-            replace(
-                tuning_from_panel(moved_source),
-                usual=tuned.tuning.usual,
-                dials_move=reader.tuning.dials_move,
-                anchors_agree=reader.tuning.anchors_agree,
-                lifts=lifts,
-            ),
-        )
-        samples = unwrapped(reader, sample(_frames_wanted(reader.tuning)))
-    now = tuned.source.panel.gauges
-    moved = {
+        reader = moved
+        samples = unwrapped(reader, sample(frames_wanted(reader.tuning)))
+    dials_move = learned.reader.tuning.dials_move
+    zeros = [gauge.readings for gauge in learned.drawn or drawn_gauges(learned.reader)]
+    uncertainties = quantity_uncertainties(source, learned.pivots, zeros, dials_move=dials_move)
+    return FittedReader(_completed(learned, sample), uncertainties, _moved_px(learned.reader, drawn))
+
+
+def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> _Learned:
+    """The reader tuned on a sample, and what the sample tells with it."""
+    views = lit_views(reader, samples)
+    found = reader.found_in(samples)
+    seen = with_seen_faces(reader, views, found)
+    if seen is not reader:
+        reader, found = seen, seen.found_in(samples)
+    tuned = tune_on(reader, samples, views, found)
+    if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
+        found = tuned.found_in(samples)
+    drawn = () if tuned.tuning.dials_move else drawn_gauges(tuned)
+    return _Learned(reader, tuned, found, drawn, _pivots(tuned, samples, found, drawn))
+
+
+def _with_pivots_moved(learned: _Learned, drawn: Sequence[Gauge]) -> PanelReader | None:
+    """A reader, not tuned yet, with pivots and lifts as they were learned; None where they are right already."""
+    source, tuning = learned.before.source, learned.before.tuning
+    gauges = _moved(learned.reader, drawn, learned.pivots)
+    lifts = _lifts(tuning, learned.pivots)
+    if gauges == source.panel.gauges and lifts == tuning.lifts:
+        return None
+    of_gauges = zip(gauges, source.panel.gauges, _planes(learned.reader), learned.pivots, strict=True)
+    planes = tuple(
+        plane if plane is None or gauge == before else plane.around(pivot.offset_px)
+        for gauge, before, plane, pivot in of_gauges
+    )
+    moved = replace(source, panel=source.panel.model_copy(update={"gauges": gauges}), planes=planes)
+    first = replace(
+        tuning_from_panel(moved),
+        usual=learned.reader.tuning.usual,
+        dials_move=tuning.dials_move,
+        anchors_agree=tuning.anchors_agree,
+        lifts=lifts,
+    )
+    return PanelReader(moved, learned.before.method, first)
+
+
+def _completed(learned: _Learned, sample: Sample) -> PanelReader:
+    """The tuned reader, told what else the sample says of needles and alignments."""
+    reader = learned.reader
+    tuning = replace(reader.tuning, doubted=_doubted(learned.found))
+    if tuning.dials_move:
+        return reader.tuned(replace(tuning, pivots=learned.pivots))
+    noise = reader.aligner.noise_beside_claim(pictures(sample(LOOKED_AT)))
+    return reader.tuned(replace(tuning, alignment_noise=noise))
+
+
+def _moved_px(reader: PanelReader, drawn: Sequence[Gauge]) -> dict[str, tuple[float, float]]:
+    """By gauge, for those whose pivot was moved: how far, (x, y)."""
+    return {
         gauge.name: (gauge.centre[0] - before.centre[0], gauge.centre[1] - before.centre[1])
-        for gauge, before in zip(now, drawn, strict=True)
+        for gauge, before in zip(reader.source.panel.gauges, drawn, strict=True)
         if gauge.centre != before.centre
     }
-    zeros = [gauge.readings for gauge in drawn_gauges(tuned)]
-    uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=tuned.tuning.dials_move)
-    learned = replace(tuned.tuning, doubted=_doubted(found))
-    if tuned.tuning.dials_move:
-        tuned = tuned.tuned(replace(learned, pivots=pivots))
-    else:
-        noise = tuned.aligner.noise_beside_claim(_pictures(sample(LOOKED_AT)))
-        tuned = tuned.tuned(replace(learned, alignment_noise=noise))
-    return FittedReader(tuned, uncertainties, moved)
 
 
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
@@ -149,77 +167,17 @@ def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
     )
 
 
-def _pictures(frames: Iterable[GreyPicture | FramePicture]) -> Iterator[FramePicture]:
-    for frame in frames:
-        yield frame if isinstance(frame, FramePicture) else FramePicture(frame)
-
-
-def _frames_wanted(tuning: Tuning) -> int:
-    return MORE_FRAMES if tuning.dials_move and not tuning.anchors_agree else SAMPLE_FRAMES
-
-
 def _any_missing(found: Sequence[Mapping[str, Reading]]) -> bool:
     return any(reading.status is Status.MISSING for readings in found for reading in readings.values())
 
 
-def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
-    """Whether the camera stands so far from where the panel picture was taken that depth may show."""
-    height, width = reader.source.picture.shape
-    corners = [(x, y) for x in (0.0, float(width)) for y in (0.0, float(height))]
-    shifts_px = [math.dist(corner, sample.alignment.to_frame(corner)) for sample in samples for corner in corners]
-    return max(shifts_px, default=0.0) > STILL_PX
-
-
-def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
-    """Whether all anchors tell the same, in most frames."""
-    return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
-
-
-def _dials_move(reader: PanelReader, sample: Sample) -> bool:
-    """Whether dials lie elsewhere than the anchors have them, in some of the sampled frames."""
-    shifts_px: list[float] = []
-    frames = 0
-    for taken in _pictures(sample(SAMPLE_FRAMES)):
-        try:
-            shifts = reader.placer.dial_shifts_px(taken.pixels, taken.focal_length_mm)
-        except PictureError:
-            continue
-        shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
-        frames += 1
-        if frames == LOOKED_AT:
-            break
-    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
-
-
-def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
-    """Where the camera stands, by the first frames that first sight makes out; None where it makes out too few."""
-    if 2 * found >= sum(1 for _ in sample(SAMPLE_FRAMES)):
-        return None
-    optics, sight = reader.aligner.optics, FirstSight(reader.source.picture)
-    seen: list[Matrix] = []
-    for taken in _pictures(sample(SAMPLE_FRAMES)):
-        height, width = taken.pixels.shape
-        try:
-            zoom = optics.zoom(taken.focal_length_mm, (width, height))
-        except PictureError:
-            continue  # of another shape, or a zoom that is not calibrated: reported when the flight is read
-        motion = sight.find(taken.pixels)
-        if motion is not None:
-            at_panels_zoom = np.linalg.inv(zoom) @ motion
-            seen.append(at_panels_zoom / at_panels_zoom[2, 2])
-        if len(seen) == SIGHTS:
-            break
-    if not seen:
-        return None
-    apart = [sum(float(np.abs(one - other)[:2, 2].sum()) for other in seen) for one in seen]
-    return Alignment.of(seen[int(np.argmin(apart))], 1.0)
-
-
 def _pivots(
-    reader: PanelReader, samples: Sequence[UnwrappedFrame], found: Sequence[Mapping[str, Reading]]
+    reader: PanelReader,
+    samples: Sequence[UnwrappedFrame],
+    found: Sequence[Mapping[str, Reading]],
+    drawn: Sequence[DrawnGauge],
 ) -> tuple[Pivot, ...]:
     """By the tuned needles, near where they were found, and where the panel picture has them."""
-    drawn = [] if reader.tuning.dials_move else drawn_gauges(reader)  # at other depths it is another view of the dial
     return tuple(
         pivot_of(
             gauge,
