@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
+from decoder.sorting import middle_of, sorted_views
 
 MIN_VIEWS = 3
 # Two views will do where they show the same.
@@ -31,9 +32,10 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     differ.
     """
     wanted, seen = reference.ravel()[::LIGHT_STRIDE], strip.ravel()[::LIGHT_STRIDE]
-    gain, offset = 1.0, float(np.median(wanted - seen))
-    x, y = seen - np.float32(MIDDLE_GREY), wanted - np.float32(MIDDLE_GREY)  # keeps sums small enough for float32
-    rows = np.stack([np.ones_like(x), x, y])
+    gain, offset = 1.0, float(middle_of(wanted - seen))
+    rows = np.ones((3, seen.size), np.float32)
+    np.subtract(seen, np.float32(MIDDLE_GREY), out=rows[1])  # keeps sums small enough for float32
+    np.subtract(wanted, np.float32(MIDDLE_GREY), out=rows[2])
     for _ in range(LIGHT_PASSES):
         near = np.abs(seen * np.float32(gain) + np.float32(offset) - wanted) < OUTLIER_LEVELS
         (count, sum_x, sum_y), (_, square, product), _ = ((rows * near) @ rows.T).astype(np.float64).tolist()
@@ -61,14 +63,13 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     -------
     (R, C) float32
     """
-    views = np.stack(strips, axis=-1)
-    places = np.stack(without, axis=-1)
+    views, places = np.stack(strips), np.stack(without)
     views[places] = np.inf
-    views.sort(axis=-1)
-    count = len(strips) - places.sum(axis=-1)
-    middle = np.maximum(count - 1, 0)[..., None]
-    low = np.take_along_axis(views, middle // 2, axis=-1)[..., 0]
-    high = np.take_along_axis(views, (middle + 1) // 2, axis=-1)[..., 0]
+    views = sorted_views(views)
+    count = len(strips) - places.sum(axis=0)
+    middle = np.maximum(count - 1, 0)[None]
+    low = np.take_along_axis(views, middle // 2, axis=0)[0]
+    high = np.take_along_axis(views, (middle + 1) // 2, axis=0)[0]
     seen = (count >= MIN_VIEWS) | ((count == MIN_VIEWS - 1) & (high <= low + ALIKE_LEVELS))
     face: Floats = np.where(seen, (low + high) / 2, fallback).astype(np.float32)
     return face

@@ -7,9 +7,8 @@ needle on the window's middle row, once with the needle moved to the half row ne
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -98,8 +97,8 @@ class Fitter:
         self._template = template
         self._trust = template.trust.ravel()
 
-    @cached_property
-    def _phases(self) -> dict[int, Phase]:
+    @property
+    def _phases(self) -> Mapping[int, Phase]:
         return phases_of(self._template)
 
     def first(self, window: Floats, behind: Behind) -> Fit:
@@ -179,8 +178,12 @@ def _partial_correlation(moments: Moments) -> float:
     return min(max(both / math.sqrt(needle_left * seen_left), -1.0), 1.0)
 
 
-def phases_of(template: NeedleTemplate) -> dict[int, Phase]:
+def phases_of(template: NeedleTemplate) -> Mapping[int, Phase]:
     """The template moved by every half row that a fit may need, by the number of half rows."""
+    return template.once(_phases)
+
+
+def _phases(template: NeedleTemplate) -> Mapping[int, Phase]:
     reach = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
     steps = range(-reach, reach + 1)
     shifts = [step / PHASES_PER_ROW for step in steps]

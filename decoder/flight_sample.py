@@ -1,4 +1,4 @@
-"""The sample of a flight that its reader is fitted to: looked at several times, decompressed once if there is room."""
+"""The sample of a flight that its reader is fitted to: looked at several times, read once if there is room."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from decoder.errors import PictureError
 from decoder.pictures import FramePicture, grey_picture
 from flight_file.reader import Flight
+from flight_file.sampling import spread
 
 # Eight pictures of 18 megapixels, or all that are looked at of smaller ones.
 KEPT_BYTES = 144 * 2**20
@@ -18,10 +19,19 @@ class FlightSample:
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
         self._kept: dict[int, FramePicture] = {}
+        self._by_rank: dict[int, FramePicture] = {}
         self._room = KEPT_BYTES
 
     def __call__(self, frames: int) -> Iterator[FramePicture]:
         """The same ones each time for the same number; those that cannot be opened are left out."""
+        ranks = sorted(spread(self._flight.count(), frames))
+        if all(rank in self._by_rank for rank in ranks):
+            return (self._by_rank[rank] for rank in ranks)
+        return self._read(frames, ranks)
+
+    def _read(self, frames: int, ranks: list[int]) -> Iterator[FramePicture]:
+        """From the file, but for pictures that are kept."""
+        given = []
         for frame in self._flight.sample_frames(frames):
             taken = self._kept.get(frame.sequence)
             if taken is None:
@@ -32,4 +42,7 @@ class FlightSample:
                 if taken.pixels.nbytes <= self._room:
                     self._room -= taken.pixels.nbytes
                     self._kept[frame.sequence] = taken
+            given.append(frame.sequence)
             yield taken
+        if len(given) == len(ranks) and all(sequence in self._kept for sequence in given):  # none was left out
+            self._by_rank |= {rank: self._kept[sequence] for rank, sequence in zip(ranks, given, strict=True)}

@@ -15,7 +15,6 @@ from itertools import islice
 import numpy as np
 
 from decoder.alignment import Alignment, Matrix, is_rigid
-from decoder.arrays import Floats
 from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
 from decoder.faces import LitViews, in_light_of, learn_face
@@ -32,7 +31,7 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.scale_marks import FULL_CIRCLE_DEG
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at, rows_of_each
 
 SAMPLE_FRAMES = 16
 MIN_CUTS = 5
@@ -51,8 +50,10 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> P
 
 def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitViews:
     """All gauges of the samples as in the panel picture's light."""
-    own = reader.placer.unwrapper.unwrap(reader.source.picture, reader.source.optics.own)
-    return [[in_light_of(picture, sample.gauges[index]) for sample in samples] for index, picture in enumerate(own)]
+    return [
+        [in_light_of(picture, sample.gauges[index]) for sample in samples]
+        for index, picture in enumerate(reader.own_gauges)
+    ]
 
 
 def tune_on(
@@ -181,18 +182,15 @@ class _GaugeTuner:
         face: UnwrappedGauge,
         shift_rows: float,
     ) -> tuple[UnwrappedGauge, UnwrappedGauge]:
-        windows = np.stack([self._window(row + shift_rows, before.rows) for _, row in clear])
+        axis_rows = np.array([row for _, row in clear]) + shift_rows
+        windows = axis_rows[:, None] + np.arange(before.rows) - (before.rows - 1) / 2
         faces = rows_at(face, windows.ravel()).reshape(len(clear), before.rows, -1)
-        seen = np.stack([rows_at(strip, window) for (strip, _), window in zip(clear, windows, strict=True)])
+        seen = rows_of_each([strip for strip, _ in clear], windows)
         cuts = in_local_light(seen, before, faces)
         if self._needles[name].template.at is not None:  # one more view, over another part of the face
             given = face_behind(face, self._grid, self._needles[name], before.rows)
             return np.concatenate([cuts, self._given[name].pixels[None]]), np.concatenate([faces, given[None]])
         return cuts, faces
-
-    @staticmethod
-    def _window(axis_row: float, rows: int) -> Floats:
-        return axis_row + np.arange(rows) - (rows - 1) / 2
 
     def _row(self, reading: Reading) -> float:
         return (reading.angle_deg - self._grid.start_deg) / self._grid.step_deg

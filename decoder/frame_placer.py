@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -51,9 +50,13 @@ Placed = tuple[GreyPicture, UnwrappedFrame]
 
 
 class FramePlacer:
-    """Places frames of one panel with one tuning; `source` with its dials' planes, `grids` by gauge."""
+    """Places frames of one panel with one tuning; `source` with its dials' planes, `grids` by gauge.
 
-    def __init__(self, source: PanelPictures, tuning: Tuning, grids: Sequence[PolarGrid]) -> None:
+    Of the tuning it asks what `Tuning.places_as` compares.
+    """
+
+    def __init__(self, source: PanelPictures, tuning: Tuning, grids: Sequence[PolarGrid], unwrapper: Unwrapper) -> None:
+        self.unwrapper = unwrapper
         self.aligner = source.aligner(tuning.usual)
         self._tuning, self._grids = tuning, grids
         self._placers = [
@@ -63,11 +66,6 @@ class FramePlacer:
         self._unwrappers = [Unwrapper([grid]) for grid in grids if tuning.dials_move]
         self._rims = [grid.rim() for grid in grids]
         self._all_rims = np.concatenate(self._rims, axis=1)
-
-    @cached_property
-    def unwrapper(self) -> Unwrapper:
-        """Of all gauges."""
-        return Unwrapper(self._grids)
 
     def unwrap_many(self, frames: Sequence[FramePicture]) -> list[UnwrappedFrame | PictureError]:
         """Each frame aligned and unwrapped, or why it is not."""

@@ -86,8 +86,8 @@ class _Gauge:
 
     def __init__(self, gauge: Gauge, grid: PolarGrid, face: UnwrappedGauge, tuning: Tuning) -> None:
         self.gauge, self.grid, self.face = gauge, grid, face
-        self.is_searched = gauge.card is None and len(gauge.needles) < STACKED
-        self.is_quick = self.is_searched and grid.raised is None
+        self.is_searched = _is_searched(gauge)
+        self.is_quick = _is_quick(gauge, grid)
         self._templates = {needle.name: tuning.templates[needle.name] for needle in gauge.needles}
 
     def quick_needles(self, index: int) -> list[QuickNeedle]:
@@ -113,10 +113,26 @@ class _Gauge:
         return Search([Sought(template, self.face, 0) for template in self._templates.values()])
 
 
+def _is_searched(gauge: Gauge) -> bool:
+    return gauge.card is None and len(gauge.needles) < STACKED
+
+
+def _is_quick(gauge: Gauge, grid: PolarGrid) -> bool:
+    return _is_searched(gauge) and grid.raised is None
+
+
+def quick_grids_of(gauges: Sequence[Gauge], grids: Sequence[PolarGrid]) -> QuickGrids | None:
+    """The grids of those gauges that may be read in many frames at once; None if there are none."""
+    parts = zip(gauges, grids, strict=True)
+    quick = {index: grid for index, (gauge, grid) in enumerate(parts) if _is_quick(gauge, grid)}
+    return QuickGrids(list(quick), list(quick.values())) if quick else None
+
+
 class ManyFrames:
     """Reads the gauges of one panel in many frames at once.
 
-    `readers` are by the gauges' order in the panel; without `is_quick` all is left to them.
+    `readers` are by the gauges' order in the panel; without `is_quick` all is left to them. `quick_grids` are as
+    `quick_grids_of` makes them, if they are at hand.
     """
 
     def __init__(
@@ -127,13 +143,15 @@ class ManyFrames:
         readers: Sequence[OneGaugeReader],
         *,
         is_quick: bool,
+        quick_grids: QuickGrids | None = None,
     ) -> None:
         self._readers = readers
         self._gauges = [_Gauge(*own, tuning) for own in zip(gauges, grids, tuning.faces, strict=True)]
         needles = [
             needle for index, gauge in enumerate(self._gauges) if is_quick for needle in gauge.quick_needles(index)
         ]
-        self._quick = QuickReader(needles, tuning.evenly_lit_score) if needles else None
+        seen = quick_grids or quick_grids_of(gauges, grids) if needles else None
+        self._quick = None if seen is None else QuickReader(needles, seen, tuning.evenly_lit_score)
         self._needles: list[list[tuple[int, str]]] = [
             [(number, needle.name) for number, needle in enumerate(needles) if needle.gauge_index == index]
             for index in range(len(grids))

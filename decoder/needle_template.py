@@ -6,13 +6,17 @@ rows are angle around the needle's axis, an odd number of them, the axis in the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
+
+T = TypeVar("T")
 
 # Parts of a needle's full contrast: at its outline, and where its blurred edge has faded out.
 OUTLINE_LEVEL = 0.35
@@ -48,6 +52,18 @@ class NeedleTemplate:
     transparency: Floats
     trust: Floats
     step_deg: float
+    _made: dict[Callable[..., object], object] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what was worked out from it: equal templates are equal bytes."""
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        return own | {"_made": {}}
+
+    def once(self, make: Callable[[NeedleTemplate], T]) -> T:
+        """What a function makes of this template: made when it is first asked for."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        return cast("T", self._made[make])
 
     @property
     def rows(self) -> int:

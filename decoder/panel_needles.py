@@ -35,8 +35,7 @@ class DrawnGauge:
 def drawn_gauges(reader: PanelReader) -> list[DrawnGauge]:
     """The panel picture's, in the panel's order."""
     source = reader.source
-    strips = reader.placer.unwrapper.unwrap(source.picture, source.optics.own)
-    parts = zip(source.panel.gauges, reader.grids, reader.tuning.faces, strips, strict=True)
+    parts = zip(source.panel.gauges, reader.grids, reader.tuning.faces, reader.own_gauges, strict=True)
     return [
         DrawnGauge(strip, {needle.name: _reading(reader, needle, grid, face, strip) for needle in gauge.needles})
         for gauge, grid, face, strip in parts

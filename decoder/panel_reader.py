@@ -10,13 +10,14 @@ from typing import Self
 
 import numpy as np
 
+from decoder.aligner import Aligner
 from decoder.alignment import Alignment, Point
 from decoder.arrays import Floats
 from decoder.card_reader import CardReader
 from decoder.errors import PictureError
 from decoder.frame_placer import FramePlacer, Taken, UnwrappedFrame
 from decoder.gauge_reader import GaugeReader
-from decoder.many_frames import GaugesOfFrame, ManyFrames, PlacedFrame, UnwrappedGauges
+from decoder.many_frames import GaugesOfFrame, ManyFrames, PlacedFrame, UnwrappedGauges, quick_grids_of
 from decoder.method import Method
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
@@ -24,8 +25,10 @@ from decoder.picture_block import PictureBlock
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.pivots import with_lines_checked
 from decoder.place_uncertainty import PlaceUncertainty
+from decoder.quick_pixels import QuickGrids
 from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
 
 # A needle that was found in few frames must match like one that was learned.
 DOUBTED_SCORE = 0.95
@@ -54,25 +57,9 @@ class PanelReader:
         self.source = source
         self.method = method
         self.tuning = tuning
-        self.grids = [source.grid(index) for index in range(len(source.panel.gauges))]
         self.block = PictureBlock()
-        self.placer = FramePlacer(source, tuning, self.grids)
-        self.aligner = self.placer.aligner
         self._places = PlaceUncertainty(source, tuning)
         self._radii_px = np.array([sum(gauge.radius) / 2 for gauge in source.panel.gauges])
-        self._gauges = [
-            CardReader(gauge, gauge.card, grid, tuning.cards[gauge.card.name])
-            if gauge.card is not None
-            else GaugeReader(
-                gauge,
-                grid,
-                {needle.name: tuning.templates[needle.name] for needle in gauge.needles},
-                face,
-                method,
-                evenly_lit_score=tuning.evenly_lit_score,
-            )
-            for gauge, grid, face in zip(source.panel.gauges, self.grids, tuning.faces, strict=True)
-        ]
 
     @classmethod
     def from_panel(cls, source: PanelPictures, method: Method) -> Self:
@@ -83,14 +70,63 @@ class PanelReader:
         PanelError
             If a template, an anchor or the level edge does not fit the panel picture.
         """
-        return cls(source, method, tuning_from_panel(source))
+        reader = cls(source, method, tuning_from_panel(source))
+        reader.placer  # noqa: B018 - anchors are looked at now, not when the first frame comes
+        return reader
 
     def tuned(self, tuning: Tuning) -> PanelReader:
-        """The same reader with another tuning."""
+        """The same reader with another tuning; what was worked out and does not change with it serves again."""
         reader = PanelReader(self.source, self.method, tuning)
-        if tuning.reads_as(self.tuning):  # what was worked out for these needles and dials serves again
-            reader._many_frames = self._many_frames
+        lasting = ["grids", "unwrapper", "own_gauges", "_quick_grids"]
+        if tuning.places_as(self.tuning):
+            lasting.append("placer")
+        if tuning.reads_as(self.tuning):
+            lasting += ["_gauges", "_many_frames"]
+        vars(reader).update({name: part for name, part in vars(self).items() if name in lasting})
         return reader
+
+    @cached_property
+    def grids(self) -> list[PolarGrid]:
+        """By gauge."""
+        return [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
+
+    @cached_property
+    def unwrapper(self) -> Unwrapper:
+        """Of all gauges."""
+        return Unwrapper(self.grids)
+
+    @cached_property
+    def own_gauges(self) -> list[UnwrappedGauge]:
+        """The gauges of the panel picture, unwrapped."""
+        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own)
+
+    @cached_property
+    def placer(self) -> FramePlacer:
+        """Tells where the panel lies in frames."""
+        return FramePlacer(self.source, self.tuning, self.grids, self.unwrapper)
+
+    @property
+    def aligner(self) -> Aligner:
+        """Tells the same of the panel as a whole."""
+        return self.placer.aligner
+
+    @cached_property
+    def _gauges(self) -> list[CardReader | GaugeReader]:
+        """Their readers."""
+        tuning = self.tuning
+        return [
+            CardReader(gauge, gauge.card, grid, tuning.cards[gauge.card.name])
+            if gauge.card is not None
+            else GaugeReader(
+                gauge,
+                grid,
+                {needle.name: tuning.templates[needle.name] for needle in gauge.needles},
+                face,
+                self.method,
+                evenly_lit_score=tuning.evenly_lit_score,
+            )
+            for gauge, grid, face in zip(self.source.panel.gauges, self.grids, tuning.faces, strict=True)
+        ]
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -139,7 +175,18 @@ class PanelReader:
     @cached_property
     def _many_frames(self) -> ManyFrames:
         is_quick = self.method is Method.NORMXCORR
-        return ManyFrames(self.source.panel.gauges, self.grids, self.tuning, self._gauges, is_quick=is_quick)
+        return ManyFrames(
+            self.source.panel.gauges,
+            self.grids,
+            self.tuning,
+            self._gauges,
+            is_quick=is_quick,
+            quick_grids=self._quick_grids if is_quick else None,
+        )
+
+    @cached_property
+    def _quick_grids(self) -> QuickGrids | None:
+        return quick_grids_of(self.source.panel.gauges, self.grids)
 
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""

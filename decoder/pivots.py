@@ -18,7 +18,7 @@ from decoder.arrays import Floats
 from decoder.gauge import Gauge
 from decoder.needle_template import NeedleTemplate
 from decoder.reading import Reading, Status
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at, rows_of_each
 
 # What is thought of a panel's pivot before any frame has been seen, pixels.
 PRIOR_PX = 0.5
@@ -134,7 +134,7 @@ def pivot_of(
         whole = [index for index, own in enumerate(rows) if own[0] >= 0 and own[-1] <= grid.rows - 1]
         if whole:
             windows = np.stack([rows[index] for index in whole])
-            cuts = np.stack([rows_at(alone[index][0], rows[index]) for index in whole])
+            cuts = rows_of_each([alone[index][0] for index in whole], windows)
             found = _tilts(cuts, windows, face, grid, template)
             tilts += [
                 Tilt(needle.name, alone[index][1], *tilt, alone[index][2])

@@ -7,7 +7,7 @@ once. So a window's pixels are touched three times, however many steps the least
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -158,7 +158,7 @@ class _Known:
         return of_phase, np.stack([np.full(len(faces), self._total), once[:, -1], twice[:, -1]], axis=1)
 
 
-def _stacked(phases: Sequence[dict[int, Phase]], name: str) -> Floats:
+def _stacked(phases: Sequence[Mapping[int, Phase]], name: str) -> Floats:
     """(K, phases, 2, H * C) float64."""
     layers = [[getattr(own[step], name).reshape(2, -1) for step in sorted(own)] for own in phases]
     return np.array(layers, np.float64)

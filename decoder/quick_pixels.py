@@ -6,6 +6,7 @@ either.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -49,9 +50,7 @@ class QuickGrids:
         ]
         thinned = [own[::COARSE_STEP, ::COARSE_STEP].T for own in numbers]
         self.searched_shapes = [own.shape for own in thinned]
-        self._searched = [own.ravel() for own in thinned]
-        self._index = np.concatenate(self._searched)
-        self._map = PointMap.of([self._points[own].T for own in self._searched])
+        self._map = PointMap.of([self._points[own.ravel()].T for own in thinned])
 
     @property
     def searched_parts(self) -> tuple[slice, ...]:
@@ -64,8 +63,7 @@ class QuickGrids:
 
     def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Pixels:
         """Of all unwrapped gauges of the panel."""
-        flat = np.concatenate([gauges[index].ravel() for index in self.gauges])
-        return _UnwrappedPixels(flat, flat[self._index])
+        return _UnwrappedPixels([gauges[index] for index in self.gauges], list(self.first.values()))
 
 
 class _FramePixels:
@@ -79,13 +77,19 @@ class _FramePixels:
 
 
 class _UnwrappedPixels:
-    def __init__(self, flat: Floats, searched: Levels) -> None:
-        self._flat = flat
-        self.searched = searched
+    """`first` are the numbers of the gauges' first samples."""
+
+    def __init__(self, gauges: Sequence[UnwrappedGauge], first: Sequence[int]) -> None:
+        self._gauges, self._first = [gauge.ravel() for gauge in gauges], first
+        self.searched = np.concatenate([gauge[::COARSE_STEP, ::COARSE_STEP].T.ravel() for gauge in gauges])
 
     def runs(self, first: Indices, size: int) -> Levels:
-        chosen: Levels = _runs(self._flat, size)[first]
-        return chosen
+        runs = np.empty((len(first), size), np.float32)
+        for run, number in zip(runs, first.tolist(), strict=True):
+            index = bisect_right(self._first, number) - 1
+            start = number - self._first[index]
+            run[:] = self._gauges[index][start : start + size]
+        return runs
 
 
 def _runs(values: Levels, size: int) -> Levels:

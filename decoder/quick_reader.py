@@ -52,12 +52,14 @@ class Plain:
 
 
 class QuickReader:
-    """Reads some needles of one panel, those of one gauge side by side; `evenly_lit_score` as in `Tuning`."""
+    """Reads some needles of one panel, those of one gauge side by side; `evenly_lit_score` as in `Tuning`.
 
-    def __init__(self, needles: Sequence[QuickNeedle], evenly_lit_score: float) -> None:
+    `grids` are those of the needles' gauges.
+    """
+
+    def __init__(self, needles: Sequence[QuickNeedle], grids: QuickGrids, evenly_lit_score: float) -> None:
         self.needles = tuple(needles)
-        grids = {needle.gauge_index: needle.grid for needle in needles}
-        self.grids = QuickGrids(list(grids), list(grids.values()))
+        self.grids = grids
         self.search = QuickSearch(needles, self.grids)
         self._windows = Windows(needles, self.grids)
         self._pairs = pairs_of(needles)

@@ -47,7 +47,7 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mappin
     A needle that is `found` to move, by frame, is not in doubt: the marks behind it are not what is matched.
     """
     source, tuning = reader.source, reader.tuning
-    own = reader.placer.unwrapper.unwrap(source.picture, source.optics.own)
+    own = reader.own_gauges
     faces, templates = list(tuning.faces), dict(tuning.templates)
     for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
         seen = [view for view in views[index] if view is not None]

@@ -78,6 +78,14 @@ class Tuning:
     alignment_noise: float = 1.0
     rows: int | None = None
 
+    def places_as(self, other: Tuning) -> bool:
+        """Whether the panel and its dials are looked for in frames in the same way with another tuning."""
+        return self.usual is other.usual and (self.dials_move, self.anchors_agree, self.lifts) == (
+            other.dials_move,
+            other.anchors_agree,
+            other.lifts,
+        )
+
     def reads_as(self, other: Tuning) -> bool:
         """Whether gauges are read in the same way with another tuning: they differ in what else is known at most."""
         mine = (self.templates, self.faces, self.cards)

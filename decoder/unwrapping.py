@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -128,9 +129,15 @@ class Unwrapper:
 
     def __init__(self, grids: Sequence[PolarGrid]) -> None:
         self.grids = tuple(grids)
+
+    @cached_property
+    def _map(self) -> PointMap | None:
         flat = [grid for grid in self.grids if grid.raised is None]
-        self._map = PointMap.of([grid.points().reshape(2, -1) for grid in flat]) if flat else None
-        self._raised = {
+        return PointMap.of([grid.points().reshape(2, -1) for grid in flat]) if flat else None
+
+    @cached_property
+    def _raised(self) -> dict[int, tuple[Raised, PointMap]]:
+        return {
             index: (grid.raised, PointMap.of([grid.points().reshape(2, -1)]))
             for index, grid in enumerate(self.grids)
             if grid.raised is not None
@@ -173,6 +180,22 @@ def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     weights = np.stack(_weights(part)).astype(np.float32)
     interpolated: UnwrappedGauge = np.einsum("kr,krc->rc", weights, strip[index])
     return interpolated
+
+
+def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
+    """`rows_at` of K unwrapped gauges of one shape, each at rows of its own, (K, H): (K, H, C)."""
+    first = np.floor(rows[:, 0]).astype(np.intp)
+    follow = rows[:, -1] - rows[:, 0] == rows.shape[1] - 1
+    follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
+    if not follow.all():
+        return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
+    ends = zip(strips, (first - 1).tolist(), strict=True)
+    parts = np.stack([strip[start : start + rows.shape[1] + 3] for strip, start in ends])
+    weights = [weight.astype(np.float32)[:, None, None] for weight in _weights(rows[:, 0] - first)]
+    found: Floats = weights[0] * parts[:, : rows.shape[1]]
+    for tap in (1, 2, 3):
+        found += weights[tap] * parts[:, tap : tap + rows.shape[1]]
+    return found
 
 
 def _weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array

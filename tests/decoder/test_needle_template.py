@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -67,3 +68,18 @@ def test_dark_needle_has_the_same_outline(reader: PanelReader, template: NeedleT
 
     assert np.array_equal(dark.outline, template.outline)
     assert reader.grids[0].step_deg == template.step_deg
+
+
+def test_what_is_made_of_a_template_is_made_once_and_stays_behind(template: NeedleTemplate) -> None:
+    """It is no part of the template: another process is told the same bytes before and after."""
+    before = pickle.dumps(template)
+
+    made = [template.once(_fresh_list) for _ in range(2)]
+
+    assert made[0] is made[1]
+    assert template.touched.any()
+    assert pickle.dumps(template) == before
+
+
+def _fresh_list(template: NeedleTemplate) -> list[int]:
+    return [template.rows]

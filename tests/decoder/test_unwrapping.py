@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from decoder.alignment import IDENTITY, Alignment
 from decoder.pictures import GreyPicture
 from decoder.resampling import inside
-from decoder.unwrapping import PolarGrid, Unwrapper, polar_grid, rows_at
+from decoder.unwrapping import PolarGrid, Unwrapper, polar_grid, rows_at, rows_of_each
 
 CENTRE = (60.25, 50.75)
 ANGLES = st.floats(-400.0, 800.0)
@@ -144,3 +144,14 @@ def test_rows_that_follow_each_other_are_as_each_by_itself(first: float, count: 
     alone = np.concatenate([rows_at(strip, row[None]) for row in rows])
     assert np.allclose(together, alone, atol=1e-3)
     assert not np.shares_memory(together, strip)
+
+
+@given(axis_rows=st.lists(st.floats(-2.0, 40.0), min_size=1, max_size=6), count=st.integers(1, 9))
+def test_rows_of_each_gauge_are_as_of_it_alone(axis_rows: list[float], count: int) -> None:
+    """To the bit, within the gauge and beyond its ends."""
+    strips = list(np.random.default_rng(5).integers(0, 256, (len(axis_rows), 40, 3)).astype(np.float32))
+    rows = np.array(axis_rows)[:, None] + np.arange(count) - (count - 1) / 2
+
+    together = rows_of_each(strips, rows)
+
+    assert (together == np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])).all()
