@@ -49,12 +49,14 @@ def decode_flight(
     FlightUnreadable
         If no frame at all can be read with this panel, with the commonest reason.
     """
-    fitted = fit_to_flight(reader, FlightSample(flight))
+    sample = FlightSample(flight)
+    fitted = fit_to_flight(reader, sample)
     builder = FlightDataBuilder(reader.source.panel)
     reasons: Counter[str] = Counter()
     frames = 0
     height, width = reader.source.picture.shape
-    cut = batches(progress(flight.frames(None if part is None else part.ranks)), batch_frames((width, height)))
+    frames_of_part = progress(flight.frames(None if part is None else part.ranks))
+    cut = batches(frames_of_part, batch_frames((width, height)), sample.given_up)
     for batch, outcomes in read(fitted.reader, cut):
         for frame, outcome in zip(batch, outcomes, strict=True):
             _add(builder, frame, outcome)

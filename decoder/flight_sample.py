@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from decoder.errors import PictureError
 from decoder.pictures import FramePicture, grey_picture
+from flight_file.frame import Frame
 from flight_file.reader import Flight
 from flight_file.sampling import spread
 
@@ -28,6 +29,11 @@ class FlightSample:
         if all(rank in self._by_rank for rank in ranks):
             return (self._by_rank[rank] for rank in ranks)
         return self._read(frames, ranks)
+
+    def given_up(self, frame: Frame) -> FramePicture | None:
+        """The picture of a frame, if it is kept, which it is no more."""
+        self._by_rank.clear()
+        return self._kept.pop(frame.sequence, None)
 
     def _read(self, frames: int, ranks: list[int]) -> Iterator[FramePicture]:
         """From the file, but for pictures that are kept."""

@@ -7,12 +7,12 @@ it depends neither on who reads the batch nor on when. In a batch no frame's fai
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 
 from decoder.errors import AlignmentLost, PictureError
 from decoder.panel_reader import FrameReadings, PanelReader
-from decoder.picture_block import TopOfFrame
+from decoder.picture_block import TopOfFrame, top_of
 from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
@@ -23,12 +23,16 @@ MAX_BATCH_PIXELS = 16 * 1024 * 768
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """Of a frame what reading it takes; `focal_length_mm` is None if it does not tell."""
+    """Of a frame what reading it takes; `focal_length_mm` is None if it does not tell.
+
+    `picture` is the JPEG decompressed, if that has been done; another process is not told.
+    """
 
     sequence: int
     captured_ns: int
     jpeg: bytes
     focal_length_mm: float | None = None
+    picture: FramePicture | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +60,23 @@ def batch_frames(size_px: tuple[int, int]) -> int:
     return max(1, min(MAX_BATCH_FRAMES, MAX_BATCH_PIXELS // (width * height)))
 
 
-def batches(frames: Iterable[Frame], size: int) -> Iterator[Batch]:
-    """The frames in their order, so many at a time; the last batch may be smaller."""
-    raw = (RawFrame(frame.sequence, frame.captured_ns, frame.jpeg, frame.exif.focal_length_mm) for frame in frames)
+def batches(
+    frames: Iterable[Frame], size: int, picture: Callable[[Frame], FramePicture | None] | None = None
+) -> Iterator[Batch]:
+    """The frames in their order, so many at a time; the last batch may be smaller.
+
+    `picture` gives those that are decompressed already.
+    """
+    raw = (
+        RawFrame(
+            frame.sequence,
+            frame.captured_ns,
+            frame.jpeg,
+            frame.exif.focal_length_mm,
+            None if picture is None else picture(frame),
+        )
+        for frame in frames
+    )
     while batch := tuple(islice(raw, size)):
         yield batch
 
@@ -76,6 +94,8 @@ def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch
 
 
 def _picture(reader: PanelReader, frame: RawFrame, slot: int) -> FramePicture | TopOfFrame | PictureError:
+    if frame.picture is not None:
+        return top_of(frame.picture, reader.tuning.rows)
     try:
         return reader.block.frame(frame.jpeg, slot, frame.focal_length_mm, reader.tuning.rows)
     except PictureError as error:

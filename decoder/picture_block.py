@@ -28,6 +28,13 @@ class TopOfFrame:
     whole: Callable[[], FramePicture]
 
 
+def top_of(picture: FramePicture, rows: int | None) -> FramePicture | TopOfFrame:
+    """As `PictureBlock.frame`, of a frame that is decompressed already."""
+    if rows is None or rows >= picture.height_px:
+        return picture
+    return TopOfFrame(picture.pixels[:rows], picture.height_px, picture.focal_length_mm, lambda: picture)
+
+
 class PictureBlock:
     """Decompresses pictures into memory of its own; each stays until the next is put into the same slot."""
 
