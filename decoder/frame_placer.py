@@ -15,7 +15,7 @@ from decoder.gauge_places import GaugePlacer
 from decoder.panel_pictures import PanelPictures
 from decoder.picture_block import ROWS_OF_BLOCKS, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
-from decoder.resampling import inside
+from decoder.resampling import all_inside, as_places, inside
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
 
@@ -65,7 +65,7 @@ class FramePlacer:
         ]
         self._unwrappers = [Unwrapper([grid]) for grid in grids if tuning.dials_move]
         self._rims = [grid.rim() for grid in grids]
-        self._all_rims = np.concatenate(self._rims, axis=1)
+        self._all_rims = as_places(np.concatenate(self._rims, axis=1))
 
     def unwrap_many(self, frames: Sequence[FramePicture]) -> list[UnwrappedFrame | PictureError]:
         """Each frame aligned and unwrapped, or why it is not."""
@@ -110,7 +110,7 @@ class FramePlacer:
         last_px = height - (RIM_MARGIN_PX if height < height_px else 0)
         return [
             UnwrappedFrame(there, (), [True] * len(self._rims), focal_length_mm, (width, height_px))
-            if there is not None and inside(self._all_rims, there, width, last_px)
+            if there is not None and all_inside(self._all_rims, there, width, last_px)
             else None
             for there in alignments
         ]
@@ -131,7 +131,7 @@ class FramePlacer:
         alignment = self.aligner.align(frame, focal_length_mm)
         height, width = frame.shape
         whole = [True] * len(self._rims)
-        if not inside(self._all_rims, alignment, width, height):
+        if not all_inside(self._all_rims, alignment, width, height):
             whole = [inside(rim, alignment, width, height) for rim in self._rims]
         return UnwrappedFrame(alignment, (), whole, focal_length_mm, (width, height))
 
@@ -177,7 +177,7 @@ class FramePlacer:
         """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""
         if self._tuning.dials_move or any(grid.raised is not None for grid in self._grids) or not samples:
             return None
-        points = np.ascontiguousarray(np.concatenate([self._all_rims, self.aligner.outline()], axis=1).T[None])
+        points = np.concatenate([self._all_rims, as_places(self.aligner.outline())], axis=1)
         lowest_px = max(float(sample.alignment.places(points)[..., 1].max()) for sample in samples)
         blocks = math.ceil((lowest_px + TOP_MARGIN_PX) / ROWS_OF_BLOCKS)
         return max(blocks, 1) * ROWS_OF_BLOCKS

@@ -12,7 +12,6 @@ import numpy as np
 
 from decoder.aligner import Aligner
 from decoder.alignment import Alignment, Point
-from decoder.arrays import Floats
 from decoder.card_reader import CardReader
 from decoder.errors import PictureError
 from decoder.frame_placer import FramePlacer, Taken, UnwrappedFrame
@@ -163,8 +162,9 @@ class PanelReader:
         """The readings of each frame, or why there are none; to the bit the same whatever the frames beside it."""
         placed = self.placer.placed(list(frames))
         gauges = [self._gauges_of(*one) for one in placed if not isinstance(one, PictureError)]
-        own = iter(self._many_frames.read(gauges))
-        return [one if isinstance(one, PictureError) else self._composed(one[1], next(own)) for one in placed]
+        own = self._many_frames.read(gauges)
+        read = iter(self._all_composed([one[1] for one in placed if not isinstance(one, PictureError)], own))
+        return [one if isinstance(one, PictureError) else next(read) for one in placed]
 
     @staticmethod
     def _gauges_of(picture: GreyPicture, frame: UnwrappedFrame) -> GaugesOfFrame:
@@ -196,18 +196,34 @@ class PanelReader:
     def read_all_unwrapped(self, frames: Sequence[UnwrappedFrame]) -> list[FrameReadings]:
         """The readings of frames that are unwrapped already."""
         own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
-        return [self._composed(frame, readings) for frame, readings in zip(frames, own, strict=True)]
+        return self._all_composed(frames, own)
 
     def found_in(self, frames: Sequence[UnwrappedFrame]) -> list[Mapping[str, Reading]]:
         """By frame what its gauges' readers find by needle; what dials' places add to it is left out."""
         own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
         return [{name: reading for gauge in gauges for name, reading in gauge.items()} for gauges in own]
 
-    def _composed(self, unwrapped: UnwrappedFrame, own_readings: Sequence[Mapping[str, Reading]]) -> FrameReadings:
-        """Readings by gauge, with what the places of their dials add to their uncertainty."""
+    def _all_composed(
+        self, frames: Sequence[UnwrappedFrame], readings: Sequence[Sequence[Mapping[str, Reading]]]
+    ) -> list[FrameReadings]:
+        """By frame and gauge readings, with what the places of their dials add to their uncertainty."""
+        sigmas_px = self._places.sigmas_px([frame.alignment for frame in frames])
+        for sigma_px, frame in zip(sigmas_px, frames, strict=True):
+            if frame.dial_sigmas_px:
+                sigma_px[:] = frame.dial_sigmas_px
+        sigmas_deg = np.degrees(sigmas_px / self._radii_px)
+        parts = zip(frames, readings, sigmas_px.tolist(), sigmas_deg.tolist(), strict=True)
+        return [self._composed(*own) for own in parts]
+
+    def _composed(
+        self,
+        unwrapped: UnwrappedFrame,
+        own_readings: Sequence[Mapping[str, Reading]],
+        sigmas_px: Sequence[float],
+        sigmas_deg: Sequence[float],
+    ) -> FrameReadings:
+        """One frame's, with how uncertain the places of its dials are."""
         readings: dict[str, Reading] = {}
-        sigma_px = self._dial_sigmas_px(unwrapped)
-        sigmas_deg = np.degrees(sigma_px / self._radii_px).tolist()
         for own, sigma_deg in zip(self._lines_checked(unwrapped, own_readings), sigmas_deg, strict=True):
             for name, reading in own.items():
                 total_deg = math.hypot(reading.sigma_deg, sigma_deg)
@@ -215,7 +231,7 @@ class PanelReader:
                 status = Status.MISSING if lost else reading.status
                 readings[name] = Reading(status, reading.angle_deg, total_deg, reading.score)
         shifts_px = self._needle_shifts_px(unwrapped)
-        return FrameReadings(unwrapped.alignment, readings, tuple(sigma_px.tolist()), shifts_px)
+        return FrameReadings(unwrapped.alignment, readings, tuple(sigmas_px), shifts_px)
 
     def _lines_checked(
         self, unwrapped: UnwrappedFrame, own_readings: Sequence[Mapping[str, Reading]]
@@ -236,9 +252,3 @@ class PanelReader:
         shifts_px = unwrapped.dial_shifts_px
         lifts = self.tuning.lifts or (0.0,) * len(self.grids)
         return tuple((x * (1.0 + lift), y * (1.0 + lift)) for (x, y), lift in zip(shifts_px, lifts, strict=False))
-
-    def _dial_sigmas_px(self, unwrapped: UnwrappedFrame) -> Floats:
-        """(gauges,): how uncertain the place of each dial is, in the panel picture's pixels."""
-        if unwrapped.dial_sigmas_px:
-            return np.array(unwrapped.dial_sigmas_px)
-        return self._places.sigma_px(unwrapped.alignment)

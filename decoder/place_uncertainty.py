@@ -29,21 +29,31 @@ class PlaceUncertainty:
         self._scale = tuning.usual.motion_at(source.panel.gauges[0].centre).scale
         self._levers: dict[tuple[Frame2D, Model], tuple[Floats, Floats]] = {}
 
-    def sigma_px(self, alignment: Alignment) -> Floats:
-        """(gauges,): by how much each centre may be off, in the panel picture's pixels."""
-        known = alignment.covariance
-        if known is None:
-            return np.zeros(self._centres.shape[1])
+    def sigmas_px(self, alignments: Sequence[Alignment]) -> Floats:
+        """(frames, gauges): by how much each centre may be off, in the panel picture's pixels."""
+        sigmas = np.zeros((len(alignments), self._centres.shape[1]))
+        alike: dict[tuple[Frame2D, Model], list[tuple[int, MotionCovariance]]] = {}
+        for index, alignment in enumerate(alignments):
+            known = alignment.covariance
+            if known is not None:
+                alike.setdefault((known.axes, known.model), []).append((index, known))
+        for together in alike.values():
+            own = [index for index, _ in together]
+            levers, unseen_px2 = self._levers_of(together[0][1], alignments[own[0]].failed)
+            covariances = np.stack([known.covariance for _, known in together])
+            variance = ((levers @ covariances) * levers).sum(axis=2).reshape(len(own), -1, 2).sum(axis=2) / 2
+            variance *= self._noise**2
+            sigmas[own] = np.sqrt(np.maximum(variance, 0.0) + unseen_px2)
+        return sigmas
+
+    def _levers_of(self, known: MotionCovariance, failed: Sequence[str]) -> tuple[Floats, Floats]:
+        """As `_lever`, worked out once for all alignments that rest on the same."""
         key = (known.axes, known.model)  # the axes tell which features it rests on
         if key not in self._levers:  # where the camera usually stands is near enough for a doubt
             if len(self._levers) == KEPT_LEVERS:
                 self._levers.clear()
-            self._levers[key] = self._lever(known, alignment.failed)
-        levers, unseen_px2 = self._levers[key]
-        variance = ((levers @ known.covariance) * levers).sum(axis=1).reshape(-1, 2).sum(axis=1) / 2
-        variance *= self._noise**2
-        sigma: Floats = np.sqrt(np.maximum(variance, 0.0) + unseen_px2)
-        return sigma
+            self._levers[key] = self._lever(known, failed)
+        return self._levers[key]
 
     def _lever(self, known: MotionCovariance, failed: Sequence[str]) -> tuple[Floats, Floats]:
         """How the centres move with a motion, two rows each, and the variance of what its model leaves out."""

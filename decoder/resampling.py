@@ -87,8 +87,19 @@ class PointMap:
 
 def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:
     """Whether all points (2, M) of the panel picture lie within the frame."""
-    x, y = alignment.places(np.ascontiguousarray(points.T[None], np.float32))[0].T
-    return bool(x.min() >= 0 and y.min() >= 0 and x.max() <= width_px - 1 and y.max() <= height_px - 1)
+    return all_inside(as_places(points), alignment, width_px, height_px)
+
+
+def as_places(points: Floats) -> Floats:
+    """(1, M, 2) float32: points (2, M) laid out to be carried into frames."""
+    return np.ascontiguousarray(points.T[None], np.float32)
+
+
+def all_inside(places: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:
+    """As `inside`, for points as `as_places` lays them out."""
+    there = alignment.places(places)[0]
+    (left, top), (right, bottom) = there.min(axis=0).tolist(), there.max(axis=0).tolist()
+    return bool(left >= 0 and top >= 0 and right <= width_px - 1 and bottom <= height_px - 1)
 
 
 def levels_at(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:

@@ -6,14 +6,14 @@ Over its connection come the descriptor of the memory with the pictures, a recip
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import recv_handle
 
 import cv2
 from threadpoolctl import threadpool_limits
 
-from decoder.frame_batch import Outcome, Unread, read_batch
+from decoder.answers import told
+from decoder.frame_batch import read_batch
 from decoder.panel_reader import PanelReader
 from decoder.shared_pictures import PicturesTaken
 
@@ -32,13 +32,6 @@ def serve(connection: Connection) -> None:
             reader = PanelReader(*pickle.loads(connection.recv_bytes()))  # noqa: S301 - from the process that started us
             while True:
                 batch = pictures.take(connection.recv())
-                connection.send([_answer(outcome) for outcome in read_batch(reader, batch)])
+                connection.send([told(outcome) for outcome in read_batch(reader, batch)])
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
-
-
-def _answer(outcome: Outcome) -> Outcome:
-    """Without the alignment's covariance, which has done its work when the frame is read."""
-    if isinstance(outcome, Unread):
-        return outcome
-    return replace(outcome, alignment=replace(outcome.alignment, covariance=None))

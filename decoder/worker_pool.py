@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Self
 
 from decoder import fork_server
+from decoder.answers import understood
 from decoder.batch_row import BatchRow, Job
 from decoder.errors import WorkersLost
 from decoder.frame_batch import Batch, LeftOut, Outcome
@@ -227,7 +228,7 @@ class _Worker:
 
     def answer(self) -> list[Outcome]:
         """What it read; raises EOFError or OSError if it has ended."""
-        outcomes: list[Outcome] = self.connection.recv()
+        outcomes = [understood(each) for each in self.connection.recv()]
         self.job = None
         return outcomes
 
