@@ -87,8 +87,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     source = reader.source
     drawn = source.panel.gauges
     reader, samples = placed_for(reader, sample)
+    first: tuple[Pivot, ...] = ()
     for _ in range(ROUNDS):
         learned = _learned(reader, samples)
+        first = first or learned.pivots
         moved = _with_pivots_moved(learned, drawn)
         if moved is None:
             break
@@ -96,8 +98,13 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         samples = unwrapped(reader, sample(frames_wanted(reader.tuning)))
     dials_move = learned.reader.tuning.dials_move
     zeros = [gauge.readings for gauge in learned.drawn or drawn_gauges(learned.reader)]
-    uncertainties = quantity_uncertainties(source, learned.pivots, zeros, dials_move=dials_move)
-    return FittedReader(_completed(learned, sample), uncertainties, _moved_px(learned.reader, drawn))
+    moved_px = _moved_px(learned.reader, drawn)
+    pivots = [
+        pivot.settled(step.offset_px, moved_px[gauge.name]) if gauge.name in moved_px else pivot
+        for gauge, step, pivot in zip(drawn, first, learned.pivots, strict=True)
+    ]
+    uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=dials_move)
+    return FittedReader(_completed(learned, sample), uncertainties, moved_px)
 
 
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> _Learned:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -92,6 +92,17 @@ class Pivot:
         """Whether the needles turn elsewhere beyond doubt."""
         offset = np.array(self.offset_px)
         return float(offset @ np.linalg.solve(self.covariance_px2, offset)) > SIGNIFICANT_SPREADS**2
+
+    def settled(self, first_px: tuple[float, float], moved_px: tuple[float, float]) -> Pivot:
+        """The pivot as uncertain as it is after it was moved in steps, of which `first_px` was the first.
+
+        A step falls short where the needle that was learned around the old pivot took in a part of the tilts. All of
+        them together, `moved_px` and what is left, go so many times as far as the first, and so do its errors.
+        """
+        first, whole = math.hypot(*first_px), math.dist(moved_px, [-left for left in self.offset_px])
+        if first == 0.0 or whole <= first:
+            return self
+        return replace(self, covariance_px2=self.covariance_px2 * (whole / first) ** 2)
 
     def sigma_deg(self, angles_deg: Floats, zero_deg: float, radius_px: float) -> Floats:
         """What a pivot that is still not quite right may add to readings, as a standard uncertainty.

@@ -22,7 +22,7 @@ from decoder.reading import Reading
 # Where a dial's marks do not tell how precisely it is drawn: about a tenth of a pixel, at the needle's mean radius.
 DRAWN_PX = 0.1
 # Where they do, so much is left that no noise explains: blur and sampling do not treat all places of a needle alike.
-MODEL_PX = 0.015
+MODEL_PX = 0.008
 # The zero of a needle that the panel picture does not show.
 ZERO_PX = 0.02
 # A dial that is found by itself is off by about this beyond its own pixels' noise.

@@ -207,3 +207,14 @@ def test_needle_whose_line_misses_its_pivot_is_not_called_read(
 
     assert checked.status is status
     assert (checked.sigma_deg > 10 * readings["speed_kt"].sigma_deg) == (status is Status.EDGE)
+
+
+def test_pivot_that_settled_in_small_steps_is_less_certain() -> None:
+    """A first step that went a third of the way tells the rest with three times its error; one that arrived, none."""
+    covariance = np.diag([0.0009, 0.0004])
+    slowly = Pivot((0.0, -0.05), covariance).settled((0.0, -0.2), (0.0, -0.55))
+    at_once = Pivot((0.01, 0.0), covariance).settled((0.4, 0.0), (0.38, 0.0))
+
+    assert slowly.covariance_px2 == pytest.approx(9.0 * covariance)
+    assert slowly.offset_px == (0.0, -0.05)
+    assert at_once.covariance_px2 == pytest.approx(covariance)
