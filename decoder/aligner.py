@@ -16,12 +16,13 @@ from decoder.anchors import check_anchor
 from decoder.arrays import Floats
 from decoder.errors import PanelError, PictureError
 from decoder.features import level_feature
-from decoder.frame_search import MIN_FEATURE_SCORE, UNMISTAKABLE_SCORE, FrameSearch
+from decoder.frame_search import UNMISTAKABLE_SCORE, FrameSearch
 from decoder.motion import Model
 from decoder.optics import Optics
 from decoder.panel import Panel
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.seen_panel import SeenPanel
+from decoder.settling import MIN_FEATURE_SCORE
 
 KEPT_ZOOMS = 6
 # Where more of the anchors than this do not match, they lie at other depths.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from decoder.alignment import Point
+from decoder.alignment import Alignment, Point
 from decoder.arrays import Floats
 from decoder.errors import PanelError
 from decoder.lens import Lens
@@ -69,6 +69,23 @@ class AnchorFinder:
         return AnchorHit(
             self._straight((left + x + (width - 1) / 2, top + y + (height - 1) / 2)), float(best), turned_deg
         )
+
+    def seen_through(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> AnchorHit:
+        """The best match near where an alignment has the anchor, in the form in which it has it there.
+
+        The alignment is relative to the usual place; so is the margin.
+        """
+        template = self._template(0.0)
+        height, width = template.shape
+        x, y = self.centre_px
+        across = np.arange(width + 2 * margin_px) + (x - (width - 1) / 2 - margin_px)
+        down = np.arange(height + 2 * margin_px) + (y - (height - 1) / 2 - margin_px)
+        places = alignment.places(np.stack(np.meshgrid(across, down), axis=-1).astype(np.float32))
+        region = cv2.remap(frame, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        scores = cv2.matchTemplate(region, template, cv2.TM_CCOEFF_NORMED)
+        _, best, _, (right, below) = cv2.minMaxLoc(scores)
+        x, y, depth = alignment.matrix @ (x + right - margin_px, y + below - margin_px, 1.0)
+        return AnchorHit((float(x / depth), float(y / depth)), float(best))
 
     def anywhere(self, frame: GreyPicture, turned_deg: float = 0.0) -> Sequence[AnchorHit]:
         """The best matches in the whole frame, the best first, none on top of another."""

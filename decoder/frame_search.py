@@ -3,32 +3,25 @@
 Where all features match well at once around the flight's usual place, that is it. Otherwise the frame is searched:
 anchors by NCC near their usual places, then everywhere, then everywhere and turned. What most of them agree on is the
 first guess; where only one was found, the level edge tells the roll. Then all features that match settle it to
-sub-pixel. An alignment whose features do not match is refused: a frame that cannot be aligned is missing, never read
-somewhere else.
+sub-pixel, and anchors that were missed are looked for again where these have them. An alignment whose features do not
+match is refused: a frame that cannot be aligned is missing, never read somewhere else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from decoder.agreement import agreements, consistent, fitted
-from decoder.alignment import Alignment, Matrix, Point, is_rigid
+from decoder.agreement import NEAR_PART, NEAR_PX, agreements, consistent, fitted
+from decoder.alignment import Alignment, Matrix
 from decoder.anchors import SEARCH_MARGIN_PX, AnchorHit
 from decoder.errors import AlignmentLost
-from decoder.features import Feature
 from decoder.motion import Model
 from decoder.pictures import GreyPicture
 from decoder.seen_panel import SeenPanel
+from decoder.settling import FEW_ANCHORS, MIN_FEATURE_SCORE, Settled, Settling, carried
 
-# Published work and the thesis agree on 0.8 for "found"; the same holds for the features of the panel.
-MIN_FEATURE_SCORE = 0.8
-# Before the last pixel is settled a good feature may match much worse.
-MIN_GUESS_SCORE = 0.3
-# If those pull each other away: one that is covered rarely matches this well, one half outside hardly ever.
-CLEARER_SCORES = (0.6, 0.85)
 # Features that all match this well in the usual place need not be searched for.
 UNMISTAKABLE_SCORE = 0.9
 # A rolled or slightly blurred anchor still scores this much before the roll is known; what the alignment rests on in
@@ -40,9 +33,6 @@ MIN_HIT_SCORE = 0.6
 TURNS_DEG = (-5.0, 5.0)
 # Where a common shift, roll and scale leave an anchor in another perspective.
 REFINE_MARGINS_PX = (24, 6)
-# Of many anchors two alone hold a panel only where it usually is: elsewhere they may be two others that look alike.
-FEW_ANCHORS = 4
-MAX_FEW_SHIFT_PX = 40.0
 
 
 class FrameSearch:
@@ -51,6 +41,7 @@ class FrameSearch:
     def __init__(self, seen: SeenPanel, frame: GreyPicture) -> None:
         self._seen = seen
         self._frame = frame
+        self._settling = Settling(seen, frame)
 
     def alignment(self) -> Alignment:
         """Of the panel picture with the frame."""
@@ -64,7 +55,7 @@ class FrameSearch:
             except AlignmentLost as error:
                 losses.append(error)
         if not losses:
-            self._check(self._seen.start, self._scores(self._seen.start))
+            self._settling.check(self._seen.start, self._settling.scores(self._seen.start))
             raise AlignmentLost("the panel's features do not settle on one place")
         raise min(losses, key=lambda loss: len(loss.failed))  # the first of those that came nearest
 
@@ -76,7 +67,7 @@ class FrameSearch:
         found = self._seen.registration(self._seen.features).refine(self._frame, self._seen.start)
         if found is None or min(found.scores.values()) < UNMISTAKABLE_SCORE:
             return None
-        return self._checked(found.alignment, found.scores, self._seen.features)
+        return self._checked(Settled(found.alignment, found.scores, self._seen.features))
 
     def rough_alignment(self) -> Alignment | None:
         """What most anchors agree on, each found by itself; None if fewer than two are found well."""
@@ -87,7 +78,7 @@ class FrameSearch:
                 anchor.name for index, anchor in enumerate(self._seen.anchors) if index not in agreement.hits
             )
             score = min(hit.score for hit in agreement.hits.values())
-            return replace(self._moved(agreement.motion).after(self._seen.usual), score=score, failed=failed)
+            return replace(self._settling.moved(agreement.motion).after(self._seen.usual), score=score, failed=failed)
         return None
 
     def _guesses(self) -> Iterator[Alignment]:
@@ -106,7 +97,7 @@ class FrameSearch:
     def _guesses_from(self, hits: Sequence[Sequence[AnchorHit]]) -> Iterator[Alignment]:
         agreed = agreements([finder.centre_px for finder in self._seen.finders], hits)
         for agreement in agreed:
-            yield self._moved(self._refined(agreement.motion))
+            yield self._settling.moved(self._refined(agreement.motion))
         if not agreed and any(hits):
             best = max((index for index, own in enumerate(hits) if own), key=lambda index: hits[index][0].score)
             for hit in hits[best]:
@@ -116,10 +107,7 @@ class FrameSearch:
         """A guess from one anchor, and from the level edge if there is one."""
         roll_deg = self._seen.levels[index].find(self._frame, hit.centre_px, 0.0) if self._seen.levels else 0.0
         pinned = Alignment.pinned(self._seen.finders[index].centre_px, hit.centre_px, roll_deg, hit.score)
-        return self._moved(pinned.matrix)
-
-    def _moved(self, motion: Matrix) -> Alignment:
-        return replace(self._seen.start, elements=tuple((motion / motion[2, 2]).ravel().tolist()))
+        return self._settling.moved(pinned.matrix)
 
     def _refined(self, motion: Matrix) -> Matrix:
         """A guess from a few anchors, with all anchors that are found where it expects them."""
@@ -142,94 +130,43 @@ class FrameSearch:
         return motion
 
     def _from_guess(self, guess: Alignment) -> Alignment:
-        features = self._seen.features
-        settled, scores = self._settled_on_any(guess)
-        used: Sequence[Feature] = features
-        if min(scores.values()) < MIN_FEATURE_SCORE:  # a hand or a glare covers some of them: do without
-            used = [feature for feature in features if scores[feature.name] >= MIN_FEATURE_SCORE]
-            settled, scores = self._settled(settled, used)
-        return self._checked(settled, scores, used)
-
-    def _settled_on_any(self, guess: Alignment) -> tuple[Alignment, Mapping[str, float]]:
-        """On all that may match; if something among it pulls the others away, on what matches already."""
-        features, first = self._seen.features, self._scores(guess)
-        likely = [feature for feature in features if first[feature.name] >= MIN_GUESS_SCORE] or features
-        lost: AlignmentLost | None = None
-        for least in (MIN_GUESS_SCORE, *CLEARER_SCORES):
-            clearer = [feature for feature in likely if first[feature.name] >= least] or likely
-            if lost is not None and len(clearer) == len(likely):
-                continue
-            likely = clearer
+        there = self._settling.on_matching(guess)
+        for _ in self._seen.finders:  # each time one more, at least
+            motion = self._with_missed(there) if there.failed else None
+            if motion is None:
+                break
             try:
-                return self._settled(guess, likely)
-            except AlignmentLost as error:
-                lost = lost or error
-        raise lost or AlignmentLost("the panel's features do not settle on one place")
+                again = self._settling.on_matching(motion)
+            except AlignmentLost:
+                break
+            if len(again.failed) >= len(there.failed):
+                break
+            there = again
+        return self._checked(there)
 
-    def _scores(self, alignment: Alignment) -> dict[str, float]:
-        return {feature.name: feature.score(self._frame, alignment) for feature in self._seen.features}
+    def _with_missed(self, there: Settled) -> Alignment | None:
+        """The motion of the anchors that match and those that are found again where these have them; None if none."""
+        finders = self._seen.finders
+        places = [finder.centre_px for finder in finders]
+        span_px = max(math.dist(one, other) for one in places for other in places)
+        margin_px = round(NEAR_PX + NEAR_PART * span_px)
+        hits, again = {}, {}
+        for index, finder in enumerate(finders):
+            if finder.name in there.failed:
+                hit = finder.seen_through(self._frame, there.alignment, margin_px)
+                if hit.score >= MIN_HIT_SCORE:
+                    again[index] = hit
+            else:
+                centre_px = carried(there.alignment.matrix, finder.centre_px)
+                hits[index] = AnchorHit(centre_px, there.scores[finder.name])
+        if not again or not hits:
+            return None
+        hits = consistent(places, hits | again)
+        model = self._seen.model([self._seen.anchors[index] for index in hits])
+        return self._settling.moved(fitted(places, hits, model))
 
-    def _settled(self, guess: Alignment, features: Sequence[Feature]) -> tuple[Alignment, Mapping[str, float]]:
-        """The motion on some features, and the scores of all."""
-        if not features:
-            return guess, self._scores(guess)  # the scores will tell what is missing
-        model = self._seen.model(features)
-        settled = self._seen.registration(features).refine(self._frame, self._simplified(guess, features, model))
-        if settled is None and model > Model.SIMILARITY:
-            simple = self._simplified(guess, features, Model.SIMILARITY)
-            settled = self._seen.registration(features, Model.SIMILARITY).refine(self._frame, simple)
-        if settled is None:
-            scores = self._scores(guess)
-            self._check(guess, scores)  # says what is missing, if that is why
-            raise AlignmentLost("the panel's features do not settle on one place", _failing(scores))
-        if len(features) < len(self._seen.features):
-            return settled.alignment, self._scores(settled.alignment)
-        return settled.alignment, settled.scores
-
-    def _simplified(self, guess: Alignment, features: Sequence[Feature], model: Model) -> Alignment:
-        """A guess without what the model would leave as it is: shear and perspective that nothing vouches for."""
-        if model is Model.PERSPECTIVE or is_rigid(guess.matrix):
-            return guess
-        names = {feature.name for feature in features}
-        hits = {
-            index: AnchorHit(_carried(guess.matrix, finder.centre_px), 1.0)
-            for index, finder in enumerate(self._seen.finders)
-            if finder.name in names
-        }
-        if len(hits) > 1:
-            return self._moved(fitted([finder.centre_px for finder in self._seen.finders], hits, model))
-        if not hits:
-            return guess
-        ((index, hit),) = hits.items()
-        place = self._seen.finders[index].centre_px
-        return self._moved(Alignment.pinned(place, hit.centre_px, guess.motion_at(place).roll_deg, 1.0).matrix)
-
-    def _checked(self, moved: Alignment, scores: Mapping[str, float], used: Sequence[Feature]) -> Alignment:
+    def _checked(self, there: Settled) -> Alignment:
         """The alignment of the panel picture, if its features match well enough."""
-        self._check(moved, scores)
-        resting = [scores[feature.name] for feature in used if scores[feature.name] >= MIN_FEATURE_SCORE]
-        return replace(moved.after(self._seen.usual), score=min(resting), failed=_failing(scores))
-
-    def _check(self, moved: Alignment, scores: Mapping[str, float]) -> None:
-        anchors = {name: score for name, score in scores.items() if name != "level"}
-        good = sum(score >= MIN_FEATURE_SCORE for score in anchors.values())
-        name, best = max(anchors.items(), key=lambda item: item[1])
-        failed = _failing(scores)
-        if best < MIN_FEATURE_SCORE:
-            raise AlignmentLost(f"anchor {name} not found (score {best:.2f})", failed)
-        if good == 1 and self._seen.level and scores["level"] < MIN_FEATURE_SCORE:
-            raise AlignmentLost(f"level edge not found (score {scores['level']:.2f})", failed)
-        if good == 1 and not self._seen.level and len(anchors) > 1:
-            raise AlignmentLost(f"only anchor {name} found, and the roll is unknown without another", failed)
-        few = good <= 2 < FEW_ANCHORS < len(anchors)  # noqa: PLR2004
-        if few and np.hypot(*moved.motion_at(self._seen.finders[0].centre_px).shift_px) > MAX_FEW_SHIFT_PX:
-            raise AlignmentLost(f"only {good} of {len(anchors)} anchors found, far from where they usually are", failed)
-
-
-def _carried(matrix: Matrix, point_px: Point) -> Point:
-    x, y, depth = matrix @ (*point_px, 1.0)
-    return float(x / depth), float(y / depth)
-
-
-def _failing(scores: Mapping[str, float]) -> tuple[str, ...]:
-    return tuple(name for name, score in scores.items() if score < MIN_FEATURE_SCORE)
+        self._settling.check(there.alignment, there.scores)
+        score = min(score for score in there.scores.values() if score >= MIN_FEATURE_SCORE)
+        return replace(there.alignment.after(self._seen.usual), score=score, failed=there.failed)

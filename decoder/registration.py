@@ -21,6 +21,7 @@ from decoder.pictures import GreyPicture
 from decoder.resampling import Patch, PointMap, levels_at
 
 ITERATIONS = 12
+FAR_ITERATIONS = 24
 FULL_STEPS = 4
 SETTLED_PX = 0.01
 NEARLY_SETTLED_PX = 0.1
@@ -129,8 +130,10 @@ class Registration:
         variance = (noise_levels * NOISE_CORRELATION) ** 2
         return MotionCovariance(self.axes, self.model, self._inverse * variance)
 
-    def refine(self, frame: GreyPicture, alignment: Alignment) -> Registered | None:
+    def refine(self, frame: GreyPicture, alignment: Alignment, *, is_far: bool = False) -> Registered | None:
         """The alignment at which the features match best in least squares, starting within some pixels of it.
+
+        From a start that may be further off, `is_far`, long steps are taken in part; else they say that it is lost.
 
         None where it does not settle. A noisy panel picture makes each step fall short, the more so the noisier it is:
         it has settled when what all further steps will add, by how these shrink, is less than `SETTLED_PX`.
@@ -138,7 +141,7 @@ class Registration:
         margin_px, shrinkage = 0.0, EXPECTED_SHRINKAGE
         before_px = 0.0
         patches: list[Patch | None] = []
-        for iteration in range(ITERATIONS):
+        for iteration in range(FAR_ITERATIONS if is_far else ITERATIONS):
             if iteration == 0:
                 patches, seen = self._first_seen(frame, alignment)
                 margin_px = PATCH_MARGIN_PX
@@ -152,7 +155,10 @@ class Registration:
             step = [part * value for value in self._step(seen)]
             reach_px = math.hypot(step[0], step[1]) + sum(map(abs, step[2:]))
             if reach_px > MAX_STEP_PX:
-                return None
+                if not is_far:
+                    return None
+                step = [value * MAX_STEP_PX / reach_px for value in step]
+                reach_px = MAX_STEP_PX
             # Where the alignment expected panel point p the frame shows p moved by the step: move back.
             alignment = alignment.after(self.axes.matrix([-value for value in step], self.model))
             margin_px -= reach_px

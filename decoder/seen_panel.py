@@ -78,6 +78,13 @@ class SeenPanel:
         """The registration on some of the features, with the largest model that they can carry, and may have."""
         return self._kept(features, largest)[0]
 
+    def wider(self, features: Sequence[Feature], model: Model) -> Registration:
+        """The registration on some of the features with a model of any size, however uncertain."""
+        key = (model, "any", *(feature.name for feature in features))
+        if key not in self._registrations:
+            self._keep(key, (Registration(features, model), model, math.inf))
+        return self._registrations[key][0]
+
     def model(self, features: Sequence[Feature]) -> Model:
         """The model that some of the features can carry."""
         return self._kept(features)[1]
@@ -99,10 +106,13 @@ class SeenPanel:
     ) -> tuple[Registration, Model, float]:
         key = (largest, *(feature.name for feature in features))
         if key not in self._registrations:
-            self._registrations[key] = self._fitting(features, largest)
-            if len(self._registrations) > KEPT_REGISTRATIONS:
-                self._registrations.popitem(last=False)
+            self._keep(key, self._fitting(features, largest))
         return self._registrations[key]
+
+    def _keep(self, key: tuple[object, ...], fitting: tuple[Registration, Model, float]) -> None:
+        self._registrations[key] = fitting
+        if len(self._registrations) > KEPT_REGISTRATIONS:
+            self._registrations.popitem(last=False)
 
     def _fitting(self, features: Sequence[Feature], largest: Model) -> tuple[Registration, Model, float]:
         """The registration, its model, and how uncertain the wanted model would be at the worst gauge."""

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from decoder.alignment import Alignment
 from decoder.anchors import AnchorFinder, AnchorHit, check_anchor
 from decoder.errors import PanelError
 from decoder.panel import Anchor
@@ -50,6 +51,17 @@ def test_shifted_anchor_is_found_anywhere(finder: AnchorFinder, draw: Draw, shif
 
     assert hit.centre_px == (finder.centre_px[0] + shift[0], finder.centre_px[1] + shift[1])
     assert hit.score > 0.99
+
+
+def test_turned_anchor_is_found_in_the_form_that_an_alignment_gives_it(finder: AnchorFinder, draw: Draw) -> None:
+    """Where the alignment is some pixels off, the place is right to the pixel, and nothing is lost to the roll."""
+    truth = Alignment.rigid(4.0, (12.0, -3.0), 1.0)
+    frame = draw(HANDS, shift_px=(12.0, -3.0), roll_deg=4.0)
+    hit = finder.seen_through(frame, Alignment.rigid(4.0, (7.0, 3.0), 1.0), 12)
+
+    assert hit.centre_px == pytest.approx(truth.to_frame(finder.centre_px), abs=0.8)
+    assert hit.score > 0.98
+    assert finder.near(frame, hit.centre_px, 4).score < hit.score - 0.01
 
 
 @pytest.mark.parametrize("place", [(500.0, 500.0), (-900.0, -900.0)], ids=str)

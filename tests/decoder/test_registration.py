@@ -51,6 +51,18 @@ def test_known_shift_and_roll_are_recovered(texture: Texture, shift: tuple[float
     assert found.to_frame(MIDDLE) == pytest.approx(truth.to_frame(MIDDLE), abs=0.02)
 
 
+def test_a_start_far_off_is_followed_where_that_is_asked_for(texture: Texture) -> None:
+    """A long step is otherwise a sign that there is nothing to find."""
+    truth = Alignment.pinned(MIDDLE, (MIDDLE[0] + 5.5, MIDDLE[1] - 4.5), 0.0, 1.0)
+    registration = Registration(features_of(seen(texture, IDENTITY)), Model.RIGID)
+    frame = seen(texture, truth)
+    found = registration.refine(frame, IDENTITY, is_far=True)
+
+    assert registration.refine(frame, IDENTITY) is None
+    assert found is not None
+    assert found.alignment.to_frame(MIDDLE) == pytest.approx(truth.to_frame(MIDDLE), abs=0.02)
+
+
 @pytest.mark.parametrize("slope", [(0.5, 0.0), (0.0, -0.8), (0.6, 0.6)])
 def test_light_that_falls_off_does_not_move_the_alignment(texture: Texture, slope: tuple[float, float]) -> None:
     """A reflection that grows over the picture, by so many grey levels a pixel, pulls nothing with it."""

@@ -86,27 +86,76 @@ def test_views_are_found(
 
 
 @pytest.mark.slow
-def test_views_within_limits_are_found(aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx) -> None:
-    """Forty views, shake, roll, scale and perspective together, without EXIF: found to a twentieth of a pixel."""
+@pytest.mark.parametrize("names", [ALL, FOUR], ids=len)
+def test_every_view_within_limits_is_found(
+    aligner_of: Callable[..., Aligner], see: See, turn: Turn, furthest_px: OffPx, names: tuple[str, ...]
+) -> None:
+    """Fifty views, shake, roll, scale and perspective together, without EXIF: found to a few hundredths of a pixel."""
     chance = np.random.default_rng(2026)
-    for _ in range(40):
+    for _ in range(50):
         truth = turn(
             shift_px=tuple(chance.uniform((-30, -25), (30, 25))),
             roll_deg=chance.uniform(-6, 6),
             scale=chance.uniform(0.95, 1.02),
             tilt=tuple(chance.uniform(-0.08, 0.08, 2)),
         )
-        found = aligner.align(see(truth, **NOISE))
+        found = aligner_of(names).align(see(truth, **NOISE))
 
-        assert furthest_px(found.matrix, truth) < 0.05
+        assert furthest_px(found.matrix, truth) < 0.08
 
 
-@pytest.mark.xfail(reason="one view in forty: anchors are missed, and the others are believed", strict=True)
-def test_every_view_within_limits_is_found(aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx) -> None:
-    """One that is not: two of six anchors are left, which tell no perspective, and the alignment is off by pixels."""
-    truth = turn(shift_px=(13.884518661648876, 19.736444134992936), scale=1.001, tilt=(0.0, 0.07369270413956243))
+MISSED: dict[str, dict[str, Any]] = {
+    "two of six are left": {"shift_px": (26.6, -13.2), "roll_deg": -0.2, "scale": 1.003, "tilt": (-0.048, -0.065)},
+    "four of six are left": {"shift_px": (28.0, -5.2), "roll_deg": -3.5, "scale": 0.98, "tilt": (0.035, 0.043)},
+    "all match, but by no perspective": {
+        "shift_px": (13.884518661648876, 19.736444134992936),
+        "scale": 1.001,
+        "tilt": (0.0, 0.07369270413956243),
+    },
+    "none matched": {"shift_px": (-29.014, -10.438), "roll_deg": 2.287, "scale": 0.998, "tilt": (-0.076, -0.028)},
+}
 
-    assert furthest_px(aligner.align(see(truth, **NOISE)).matrix, truth) < 0.05
+
+@pytest.mark.parametrize("view", MISSED)
+def test_anchors_missed_at_first_are_found_by_the_others(
+    aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx, view: str
+) -> None:
+    """What the first guess misses is looked for where the rest has it, in the form in which the rest has it there."""
+    truth = turn(**MISSED[view])
+    found = aligner.align(see(truth, **NOISE))
+
+    assert found.failed == ()
+    assert furthest_px(found.matrix, truth) < 0.05
+
+
+@pytest.mark.slow
+def test_hand_in_an_oblique_view_is_right_or_said(
+    aligner: Aligner, see: See, turn: Turn, furthest_px: OffPx, corners: np.ndarray, panel_of: PanelOf
+) -> None:
+    """With one to three of six anchors under a hand the others' own pixels tell the perspective, and how surely."""
+    chance = np.random.default_rng(2027)
+    off_px = []
+    for seed in range(30):
+        truth = turn(
+            shift_px=tuple(chance.uniform(-15, 15, 2)),
+            roll_deg=chance.uniform(-4, 4),
+            tilt=tuple(chance.choice([-1, 1], 2) * chance.uniform(0.04, 0.08, 2)),
+        )
+        frame = see(truth, noise=1.5, seed=seed)
+        for index in chance.permutation(len(ALL))[: chance.integers(1, 4)]:
+            left, top, width, height = panel_of(ALL).anchors[index].box
+            x, y, depth = truth @ (left + width / 2, top + height / 2, 1.0)
+            left, top = max(round(x / depth) - 26, 0), max(round(y / depth) - 26, 0)
+            under = frame[top : top + 52, left : left + 52]
+            under[:] = chance.integers(120, 200, under.shape)
+        found = aligner.align(frame)
+        off_px.append(furthest_px(found.matrix, truth))
+        carried = truth @ np.vstack([corners, np.ones(corners.shape[1])])
+        assert found.covariance is not None
+        assert off_px[-1] < 4 * found.covariance.sigma_px(carried[:2] / carried[2]).max()
+
+    assert float(np.median(off_px)) < 0.1
+    assert max(off_px) < 1.5
 
 
 @pytest.mark.parametrize(
