@@ -12,15 +12,15 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.clutter import MIN_VISIBLE as MIN_CLEAR
 from decoder.clutter import without_clutter
-from decoder.covered_pair import hidden_reach_rows, pair_reach_rows
 from decoder.gauge import Gauge
 from decoder.gauge_grid import needle_places, opposite_rows, rows_in_sweep, same_rows, turn_rows
 from decoder.glare import ThroughGlare
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
 from decoder.method import Method
+from decoder.needle_pair import NeedlePair
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import MIN_VISIBLE, WHOLE_VISIBLE
-from decoder.pair_fit import PairFitter, Pairs
+from decoder.pair_fit import Pairs
 from decoder.reading import Reading, Status
 from decoder.rivals import Rivals
 from decoder.scale_marks import FULL_CIRCLE_DEG
@@ -73,6 +73,11 @@ class GaugeReader:
         (rows, columns) float32: the unwrapped dial without needles.
     evenly_lit_score
         See `Tuning`.
+
+    Attributes
+    ----------
+    pairs
+        By the name of the lower needle, those of which one turns above the other.
     """
 
     def __init__(
@@ -88,12 +93,11 @@ class GaugeReader:
         self._evenly_lit_score = evenly_lit_score
         self._grid = grid
         self._face = face
-        self._pairs: dict[tuple[str, int], PairFitter] = {}
         self._matchers = {name: Matcher(template, grid.pixels_per_sample, face) for name, template in templates.items()}
         self._covers = {needle.name: needle.covered_by for needle in gauge.needles}
         self._order = _covering_first(self._covers)
-        self._hidden_reach_rows = {
-            name: hidden_reach_rows(self._matchers[cover], self._matchers[name])
+        self.pairs = {
+            name: NeedlePair(self._matchers[cover], self._matchers[name])
             for name, cover in self._covers.items()
             if cover is not None
         }
@@ -179,7 +183,7 @@ class GaugeReader:
         alone = upper.best(unwrapped, scores[cover], self._allowed, scores[cover])
         if alone.score < MIN_BESIDE_SCORE:
             return _Found(alone, Status.MISSING)
-        pair = self._fit_pair(unwrapped, name, cover, alone, reach_rows=upper.axis + lower.axis // 2)
+        pair = self._fit_pair(unwrapped, name, alone, reach_rows=upper.axis + lower.axis // 2)
         explained = pair.correlation[0] >= MIN_HIDDEN_CORRELATION and pair.lower_score[0] >= SLIVER_THRESHOLD
         if explained and pair.upper_score[0] >= SCORE_THRESHOLD:
             return _Found(_upper(pair), Status.READ)
@@ -213,7 +217,7 @@ class GaugeReader:
         apart_rows = abs(below.match.row - above.match.row)
         if below.status is Status.READ and apart_rows > upper.axis + lower.axis:
             return {name: below, cover: above}
-        if below.status is Status.HIDDEN or apart_rows <= pair_reach_rows(upper, lower):
+        if below.status is Status.HIDDEN or apart_rows <= self.pairs[name].reach_rows:
             return self._read_coinciding(unwrapped, name, cover, above, below)
         settled = upper.again(unwrapped, above.match, lower.template, below.match.row)
         if settled is None or settled.fit.correlation < MIN_TOUCHING_CORRELATION:
@@ -225,8 +229,7 @@ class GaugeReader:
         self, unwrapped: UnwrappedGauge, name: str, cover: str, above: _Found, below: _Found
     ) -> dict[str, _Found]:
         """Two needles with too little room between them to be read one after the other."""
-        lower, upper = self._matchers[name], self._matchers[cover]
-        pair = self._fit_pair(unwrapped, name, cover, above.match, reach_rows=pair_reach_rows(upper, lower))
+        pair = self._fit_pair(unwrapped, name, above.match, reach_rows=self.pairs[name].reach_rows)
         lost, correlation = _Found(below.match, Status.MISSING), pair.correlation[0]
         if correlation < MIN_TOUCHING_CORRELATION:
             return {name: lost, cover: _Found(above.match, Status.MISSING)}
@@ -238,14 +241,10 @@ class GaugeReader:
             return {name: lost, cover: above}
         return {name: self._hidden(name, above, float(pair.lower_doubt_rows[0])), cover: above}
 
-    def _fit_pair(self, unwrapped: UnwrappedGauge, name: str, cover: str, above: Match, *, reach_rows: int) -> Pairs:
+    def _fit_pair(self, unwrapped: UnwrappedGauge, name: str, above: Match, *, reach_rows: int) -> Pairs:
         """The best pair of a needle and its cover near where that was found."""
-        key = (name, reach_rows)
-        if key not in self._pairs:
-            upper, lower = self._matchers[cover], self._matchers[name]
-            self._pairs[key] = PairFitter(upper.template, lower.template, reach_rows, upper.pixels_per_sample)
         strips = Strips(unwrapped[None], np.zeros(1, np.intp), self._face)
-        return self._pairs[key].fit(strips, np.array([above.row]))
+        return self.pairs[name].fitter(reach_rows).fit(strips, np.array([above.row]))
 
     def _near(self, below: _Found, above: _Found) -> _Found:
         """A needle at the row next to the covering one's of all rows that are its place on a round dial."""
@@ -255,7 +254,7 @@ class GaugeReader:
 
     def _hidden(self, name: str, above: _Found, doubt_rows: float = 0.0) -> _Found:
         """At the covering needle's place, give or take how far from it the needle could be without being told."""
-        off_rows = max(self._hidden_reach_rows[name] / math.sqrt(3.0), doubt_rows)
+        off_rows = max(self.pairs[name].hidden_reach_rows / math.sqrt(3.0), doubt_rows)
         sigma_rows = math.hypot(above.match.sigma_rows, off_rows)
         return _Found(Match(above.match.row, sigma_rows, above.match.score), Status.HIDDEN)
 

@@ -11,7 +11,7 @@ import numpy as np
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.gauge import Gauge
-from decoder.gauge_reader import STACKED
+from decoder.gauge_reader import STACKED, GaugeReader
 from decoder.pictures import GreyPicture
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_reader import Plain, QuickReader
@@ -151,7 +151,9 @@ class ManyFrames:
             needle for index, gauge in enumerate(self._gauges) if is_quick for needle in gauge.quick_needles(index)
         ]
         seen = quick_grids or quick_grids_of(gauges, grids) if needles else None
-        self._quick = None if seen is None else QuickReader(needles, seen, tuning.evenly_lit_score)
+        known = [reader.pairs for reader in readers if isinstance(reader, GaugeReader)]
+        pairs = {name: pair for own in known for name, pair in own.items()}
+        self._quick = None if seen is None else QuickReader(needles, seen, tuning.evenly_lit_score, pairs)
         self._needles: list[list[tuple[int, str]]] = [
             [(number, needle.name) for number, needle in enumerate(needles) if needle.gauge_index == index]
             for index in range(len(grids))

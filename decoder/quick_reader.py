@@ -8,7 +8,7 @@ Nothing that is found in a frame depends on the frames beside it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from decoder.arrays import Floats, Indices, Mask
 from decoder.fitting import MAX_FRACTION_ROWS
 from decoder.gauge_reader import SCORE_THRESHOLD
 from decoder.matching import MAX_PEAK_ROWS
+from decoder.needle_pair import NeedlePair
 from decoder.quick_pixels import Pixels, QuickGrids
 from decoder.quick_search import Peaks, QuickNeedle, QuickSearch, pairs_of
 from decoder.quick_windows import WindowFits, Windows
@@ -54,16 +55,24 @@ class Plain:
 class QuickReader:
     """Reads some needles of one panel, those of one gauge side by side; `evenly_lit_score` as in `Tuning`.
 
-    `grids` are those of the needles' gauges.
+    `grids` are those of the needles' gauges, `pairs` what is known of needles with others above them, by name.
     """
 
-    def __init__(self, needles: Sequence[QuickNeedle], grids: QuickGrids, evenly_lit_score: float) -> None:
+    def __init__(
+        self,
+        needles: Sequence[QuickNeedle],
+        grids: QuickGrids,
+        evenly_lit_score: float,
+        pairs: Mapping[str, NeedlePair],
+    ) -> None:
         self.needles = tuple(needles)
         self.grids = grids
         self.search = QuickSearch(needles, self.grids)
         self._windows = Windows(needles, self.grids)
         self._pairs = pairs_of(needles)
-        self._touching = [TouchingPair(needles[upper], needles[lower]) for upper, lower in self._pairs]
+        self._touching = [
+            TouchingPair(needles[upper], needles[lower], pairs[needles[lower].name]) for upper, lower in self._pairs
+        ]
         self._plain = np.array([needle.is_plain for needle in needles])
         paired = {index for pair in self._pairs for index in pair}
         self._needed = np.array(

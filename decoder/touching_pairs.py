@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.arrays import Floats, Indices, Mask, limited
-from decoder.covered_pair import hidden_reach_rows, pair_reach_rows
 from decoder.gauge_grid import rows_in_sweep
 from decoder.gauge_reader import (
     HOPELESS_SCORE,
@@ -21,9 +20,8 @@ from decoder.gauge_reader import (
     SCORE_THRESHOLD,
     SLIVER_THRESHOLD,
 )
-from decoder.matching import Matcher
+from decoder.needle_pair import NeedlePair
 from decoder.occlusion import WHOLE_VISIBLE
-from decoder.pair_fit import PairFitter
 from decoder.quick_search import QuickNeedle
 from decoder.reading import Status
 from decoder.strips import Strips
@@ -61,19 +59,19 @@ class Needle:
 class TouchingPair:
     """Reads the two needles of one gauge where the upper one was found, and the lower is near it.
 
-    The gauge is neither read all the way round nor with tails.
+    The gauge is neither read all the way round nor with tails; `pair` is what its gauge reader has of the two.
     """
 
-    def __init__(self, upper: QuickNeedle, lower: QuickNeedle) -> None:
-        one, other = (Matcher(needle.template, needle.grid.pixels_per_sample, needle.face) for needle in (upper, lower))
+    def __init__(self, upper: QuickNeedle, lower: QuickNeedle, pair: NeedlePair) -> None:
+        one, other = pair.upper, pair.lower
         self._face = upper.face
         self._both_axes = one.axis + other.axis
-        self._pair_reach = pair_reach_rows(one, other)
-        self._hidden_sigma_rows = hidden_reach_rows(one, other) / math.sqrt(3.0)
+        self._pair_reach = pair.reach_rows
+        self._hidden_sigma_rows = pair.hidden_reach_rows / math.sqrt(3.0)
         pixels_per_sample = upper.grid.pixels_per_sample
         allowed = rows_in_sweep(lower.gauge, lower.grid)
         self._search = UncoveredSearch(upper.template, lower.template, upper.face, allowed, pixels_per_sample)
-        self._fitter = PairFitter(upper.template, lower.template, self._pair_reach, pixels_per_sample)
+        self._fitter = pair.fitter(self._pair_reach)
         self._half_strip = self._search.reach_rows + other.axis + SPARE_ROWS
         self.strip_rows = min(2 * self._half_strip + 1, len(upper.face))
 
