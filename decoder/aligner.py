@@ -26,7 +26,7 @@ from decoder.settling import MIN_FEATURE_SCORE
 
 KEPT_ZOOMS = 6
 # Where more of the anchors than this do not match, they lie at other depths.
-FEW_FAILED = 1 / 3
+FEW_FAILED = 1 / 4
 
 
 class Aligner:
