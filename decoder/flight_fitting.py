@@ -87,15 +87,15 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     source = reader.source
     drawn = source.panel.gauges
     reader, samples = placed_for(reader, sample)
-    first: tuple[Pivot, ...] = ()
-    for _ in range(ROUNDS):
-        learned = _learned(reader, samples)
-        first = first or learned.pivots
+    learned = _learned(reader, samples)
+    first = learned.pivots
+    for _ in range(ROUNDS - 1):
         moved = _with_pivots_moved(learned, drawn)
         if moved is None:
             break
-        reader = moved
-        samples = unwrapped(reader, sample(frames_wanted(reader.tuning)))
+        del learned, reader, samples  # they need not lie in memory beside those of the next round
+        reader, samples = moved, unwrapped(moved, sample(frames_wanted(moved.tuning)))
+        learned = _learned(reader, samples)
     dials_move = learned.reader.tuning.dials_move
     zeros = [gauge.readings for gauge in learned.drawn or drawn_gauges(learned.reader)]
     moved_px = _moved_px(learned.reader, drawn)
