@@ -93,6 +93,7 @@ def test_killed_worker_is_reported_and_costs_nothing(run: Run, long_flight: Path
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
+@pytest.mark.untraced
 def test_interrupt_ends_every_process(long_flight: Path, tmp_path: Path) -> None:
     """Ctrl-C reaches all of a terminal's processes: one sentence, none of them left, no file begun."""
     with started(long_flight, "-o", tmp_path / "out", "--jobs", 2) as running:

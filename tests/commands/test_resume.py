@@ -69,6 +69,7 @@ def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(run: Run, fl
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
+@pytest.mark.untraced
 def test_interrupted_decode_says_how_to_go_on(run: Run, flight: Path, tmp_path: Path) -> None:
     """Ctrl-C keeps what was read; the same command again starts over, and says so."""
     journal = tmp_path / "out" / "flight.decode-journal"

@@ -84,6 +84,7 @@ def test_first_line_comes_before_the_libraries() -> None:
     assert imported(done) & {"cv2", "numpy", "pydantic"} == set()
 
 
+@pytest.mark.untraced
 @pytest.mark.parametrize("module", ["click", "zstandard", "numpy", "cv2", "pydantic", "tqdm"])
 def test_interrupt_while_it_starts_is_one_sentence(module: str, tmp_path: Path) -> None:
     """Ctrl-C while anything is being imported ends with a sentence and 1, never with a traceback."""
@@ -93,6 +94,7 @@ def test_interrupt_while_it_starts_is_one_sentence(module: str, tmp_path: Path) 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.untraced
 def test_ignored_interrupt_stays_ignored(tmp_path: Path) -> None:
     """Where Ctrl-C is ignored, as behind `nohup`, it is not taken up again by the imports."""
     ignoring = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)" + PRESS.format(module="cv2")

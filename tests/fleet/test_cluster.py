@@ -129,6 +129,7 @@ def test_no_scheduler_and_no_workers(empty_cluster: Cluster, run: Run, few: Path
         assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.untraced
 def test_interrupt_leaves_workers_their_flight(
     cluster: Cluster, few: Path, long_flight: Path, find_reader: FindReader, wait_until: WaitUntil, tmp_path: Path
 ) -> None:

@@ -96,6 +96,7 @@ def running(few: Path, long_flight: Path, tmp_path: Path) -> Iterator[subprocess
             process.kill()
 
 
+@pytest.mark.untraced
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_leaves_nothing_half_written(
     running: Running,

@@ -9,10 +9,13 @@ import sys
 import urllib.request
 from pathlib import Path
 
+import pytest
+
 DECODE = Path(sys.executable).parent / "decode"
 PICTURE = Path(__file__).parents[2] / "fixtures" / "panel.jpg"
 
 
+@pytest.mark.untraced
 def test_ctrl_c_ends_the_page_without_a_complaint(tmp_path: Path) -> None:
     """The address that is printed gives the page; Ctrl-C ends it with exit code 0 and not a word of anything lost."""
     command = [DECODE, "setup", PICTURE, "--no-browser", "--save-as", tmp_path / "panel.yaml"]
