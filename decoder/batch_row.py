@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from decoder.frame_batch import Batch, Outcome, RawFrame
 
@@ -20,7 +21,16 @@ class Job:
 
     def one_by_one(self) -> list[Job]:
         """A job for each of its frames."""
-        return [Job(self.index, self.first + count, (frame,)) for count, frame in enumerate(self.frames)]
+        return self.in_parts(len(self.frames))
+
+    def in_parts(self, count: int) -> list[Job]:
+        """So many jobs in its place, each of about as many of its frames; none without frames."""
+        cuts = [len(self.frames) * part // count for part in range(count + 1)]
+        return [
+            Job(self.index, self.first + start, self.frames[start:stop])
+            for start, stop in pairwise(cuts)
+            if start < stop
+        ]
 
 
 class BatchRow:

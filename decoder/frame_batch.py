@@ -1,7 +1,7 @@
 """Reading frames in batches: the one place where many frames are read at once.
 
-A flight's frames are cut into batches by their position alone, so a frame always has the same company: what is read of
-it depends neither on who reads the batch nor on when. In a batch no frame's failure touches another's.
+A flight's frames are cut into batches by their position alone. What is read of a frame depends neither on who reads its
+batch nor on when, nor on the frames beside it: a batch may be read in parts. No frame's failure touches another's.
 """
 
 from __future__ import annotations

@@ -8,20 +8,11 @@ from __future__ import annotations
 import mmap
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from decoder.frame_batch import Batch, RawFrame
 
-
-@dataclass(frozen=True, slots=True)
-class SharedFrame:
-    """A frame whose picture lies from `start` to `stop` in the shared memory, bytes."""
-
-    sequence: int
-    captured_ns: int
-    focal_length_mm: float | None
-    start: int
-    stop: int
+SharedFrame = tuple[int, int, float | None, int, int]
+"""A frame's sequence, when it was taken, its focal length, and from where to where its picture lies in the memory."""
 
 
 class PicturesGiven:
@@ -33,13 +24,14 @@ class PicturesGiven:
 
     def put(self, batch: Batch) -> list[SharedFrame]:
         """Where the batch's pictures lie now."""
-        shared, stop = [], 0
+        shared: list[SharedFrame] = []
+        stop = 0
         for frame in batch:
             start, stop = stop, stop + len(frame.jpeg)
-            shared.append(SharedFrame(frame.sequence, frame.captured_ns, frame.focal_length_mm, start, stop))
+            shared.append((frame.sequence, frame.captured_ns, frame.focal_length_mm, start, stop))
         memory = self._of(stop)
-        for frame, place in zip(batch, shared, strict=True):
-            memory[place.start : place.stop] = frame.jpeg
+        for frame, (*_, start, stop) in zip(batch, shared, strict=True):
+            memory[start:stop] = frame.jpeg
         return shared
 
     def close(self) -> None:
@@ -66,11 +58,11 @@ class PicturesTaken:
 
     def take(self, shared: Sequence[SharedFrame]) -> Batch:
         """The frames with their pictures, which are copies."""
-        stop = max(frame.stop for frame in shared)
-        if self._memory is None or len(self._memory) < stop:
+        end = max(stop for *_, stop in shared)
+        if self._memory is None or len(self._memory) < end:
             self._memory = mmap.mmap(self._descriptor, 0, prot=mmap.PROT_READ)
         memory = self._memory
         return tuple(
-            RawFrame(frame.sequence, frame.captured_ns, memory[frame.start : frame.stop], frame.focal_length_mm)
-            for frame in shared
+            RawFrame(sequence, captured_ns, memory[start:stop], focal_length_mm)
+            for sequence, captured_ns, focal_length_mm, start, stop in shared
         )

@@ -1,11 +1,13 @@
 """One process that reads batches of frames: it is told how once, then answers each batch with what it read.
 
-Over its connection come the descriptor of the memory with the pictures, a recipe, and where each batch's pictures lie.
+Over its connection come the descriptors of two memories with pictures, a recipe, and where each batch's pictures lie:
+in the one and the other memory by turns, so that the next batch is there when one is read.
 """
 
 from __future__ import annotations
 
 import pickle
+from itertools import cycle
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import recv_handle
 
@@ -16,6 +18,9 @@ from decoder.answers import told
 from decoder.frame_batch import read_batch
 from decoder.panel_reader import PanelReader
 from decoder.shared_pictures import PicturesTaken
+
+# The one that a worker is at, and the next: it need not wait for whoever hands out.
+BATCHES_HELD = 2
 
 
 def recipe(reader: PanelReader) -> bytes:
@@ -28,9 +33,9 @@ def serve(connection: Connection) -> None:
     cv2.setNumThreads(1)
     try:
         with threadpool_limits(1):
-            pictures = PicturesTaken(recv_handle(connection))
+            memories = [PicturesTaken(recv_handle(connection)) for _ in range(BATCHES_HELD)]
             reader = PanelReader(*pickle.loads(connection.recv_bytes()))  # noqa: S301 - from the process that started us
-            while True:
+            for pictures in cycle(memories):
                 batch = pictures.take(connection.recv())
                 connection.send([told(outcome) for outcome in read_batch(reader, batch)])
     except (EOFError, BrokenPipeError, ConnectionResetError):

@@ -7,25 +7,21 @@ frame that kills whoever reads it is left out.
 
 from __future__ import annotations
 
-import signal
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import wait
-from multiprocessing.context import ForkServerContext, ForkServerProcess
-from multiprocessing.reduction import send_handle
 from types import TracebackType
 from typing import Self
 
 from decoder import fork_server
-from decoder.answers import understood
 from decoder.batch_row import BatchRow, Job
 from decoder.errors import WorkersLost
 from decoder.frame_batch import Batch, LeftOut, Outcome
 from decoder.panel_reader import PanelReader
-from decoder.shared_pictures import PicturesGiven
-from decoder.worker import recipe, serve
+from decoder.worker import recipe
+from decoder.worker_process import WorkerProcess
 
 # Frames that have taken two workers with them are read one by one; one that takes two more is left out.
 DEATHS = 2
@@ -33,7 +29,6 @@ DEATHS = 2
 MAX_DEATHS_IN_A_ROW = 80
 # Batches that may wait for an older one, for each worker.
 BATCHES_AHEAD = 4
-END_S = 2.0
 # A batch takes a fraction of a second. A worker hangs that is at one for so long, and for so many times as long as any
 # batch has taken: on a slow or busy machine all of them take longer.
 PATIENCE_S = 300.0
@@ -81,7 +76,7 @@ class WorkerPool:
         self._patience_s = patience_s
         self._longest_s = 0.0
         self._context = fork_server.begin()
-        self._workers: list[_Worker] = []
+        self._workers: list[WorkerProcess] = []
         self._in_a_row = 0
         self._told = b""
         self.deaths: list[Death] = []
@@ -107,14 +102,17 @@ class WorkerPool:
             If workers end one after the other.
         """
         told, row, coming, jobs = recipe(reader), BatchRow(), iter(cut), deque[Job]()
+        is_all_taken = False
         if told != self._told:
             self._dismiss(at_once=False)  # they know another reader
             self._told = told
         while True:
             self._hand_out(jobs, told)
-            while len(jobs) < self._jobs and len(row) < BATCHES_AHEAD * self._jobs and (batch := next(coming, None)):
-                jobs.append(row.begin(batch))
-            if jobs and len(self._busy) < self._jobs:
+            while not is_all_taken and len(jobs) < self._jobs and len(row) < BATCHES_AHEAD * self._jobs:
+                batch = next(coming, None)
+                is_all_taken = batch is None
+                jobs.extend(self._evenly(jobs) if batch is None else [row.begin(batch)])
+            if jobs and self._has_room:
                 continue
             if not self._busy:
                 return
@@ -125,10 +123,20 @@ class WorkerPool:
             yield from row.finished()
 
     @property
-    def _busy(self) -> list[_Worker]:
-        return [worker for worker in self._workers if worker.job is not None]
+    def _busy(self) -> list[WorkerProcess]:
+        return [worker for worker in self._workers if worker.jobs]
 
-    def _answering(self) -> list[_Worker]:
+    @property
+    def _has_room(self) -> bool:
+        return len(self._workers) < self._jobs or any(worker.has_room for worker in self._workers)
+
+    def _evenly(self, jobs: deque[Job]) -> list[Job]:
+        """Takes from the end of the last jobs what would leave workers with nothing to do, and gives it in parts."""
+        odd = (len(jobs) + sum(len(worker.jobs) for worker in self._workers)) % self._jobs
+        last = [jobs.pop() for _ in range(min(odd, len(jobs)))]
+        return [part for job in reversed(last) for part in job.in_parts(self._jobs // odd)]
+
+    def _answering(self) -> list[WorkerProcess]:
         begun_s = time.monotonic()
         ready = wait([worker.connection for worker in self._busy], LOOK_S)
         # More than a look is time in which this process was stopped itself.
@@ -137,30 +145,31 @@ class WorkerPool:
             worker.waited_s += waited_s
         return [worker for worker in self._busy if worker.connection in ready]
 
-    def _hanging(self) -> list[_Worker]:
+    def _hanging(self) -> list[WorkerProcess]:
         limit_s = max(self._patience_s, PATIENCE_TIMES * self._longest_s)
         return [worker for worker in self._busy if worker.waited_s > limit_s]
 
     def _hand_out(self, jobs: deque[Job], told: bytes) -> None:
-        """Gives waiting jobs to workers that are free, and to new ones as long as there are too few."""
+        """Gives waiting jobs to workers that have room, and to new ones as long as there are too few."""
         while jobs:
-            free = [worker for worker in self._workers if worker.job is None]
-            if not free and len(self._workers) == self._jobs:
+            if len(self._busy) == len(self._workers) < self._jobs:
+                self._workers.append(WorkerProcess(self._context))
+            open_ = [worker for worker in self._workers if worker.has_room]
+            if not open_:
                 return
-            if not free:
-                self._workers.append(_Worker(self._context))
-            worker = free[0] if free else self._workers[-1]
+            worker = min(open_, key=lambda each: len(each.jobs))
             job = jobs.popleft()
             try:
                 worker.take(job, told)
-            except OSError:  # it ended while it was free
+            except OSError:  # it has ended; what it held is seen to when its answers are collected
                 jobs.appendleft(job)
-                self._bury(worker, None, worker.last_words())
+                if not worker.jobs:
+                    self._bury(worker, None, worker.last_words())
 
-    def _collect(self, worker: _Worker, row: BatchRow, jobs: deque[Job]) -> None:
-        job = worker.job
-        if job is None:
+    def _collect(self, worker: WorkerProcess, row: BatchRow, jobs: deque[Job]) -> None:
+        if not worker.jobs:
             return
+        job = worker.jobs[0]
         try:
             outcomes = worker.answer()
         except (EOFError, OSError):
@@ -168,14 +177,16 @@ class WorkerPool:
         else:
             self._in_a_row = 0
             self._longest_s = max(self._longest_s, worker.waited_s)
+            worker.waited_s = 0.0
             row.fill(job, outcomes)
 
-    def _give_up(self, worker: _Worker, how: str, row: BatchRow, jobs: deque[Job]) -> None:
+    def _give_up(self, worker: WorkerProcess, how: str, row: BatchRow, jobs: deque[Job]) -> None:
         """Ends a worker that does not read its job to the end, and has the job read again, or what is left of it."""
-        job = worker.job
-        if job is None:
+        if not worker.jobs:
             return
+        job, *untouched = worker.jobs
         self._bury(worker, job, how)
+        jobs.extendleft(reversed(untouched))
         job.deaths += 1
         if job.deaths < DEATHS:
             jobs.appendleft(job)
@@ -185,7 +196,7 @@ class WorkerPool:
             self.left_out.append(job.frames[0].sequence)
             row.fill(job, [LeftOut(f"the process that read it {how} each time")])
 
-    def _bury(self, worker: _Worker, job: Job | None, how: str) -> None:
+    def _bury(self, worker: WorkerProcess, job: Job | None, how: str) -> None:
         """Takes note of a worker that has ended, or has to; raises WorkersLost if there were too many in a row."""
         self._in_a_row += DEATHS_OF_A_HANG if worker.is_alive else 1
         worker.end(at_once=True)
@@ -194,58 +205,3 @@ class WorkerPool:
         self.deaths.append(Death(how, frames[0].sequence if frames else None, frames[-1].sequence if frames else None))
         if self._in_a_row > MAX_DEATHS_IN_A_ROW:
             raise WorkersLost(how)
-
-
-class _Worker:
-    """A process, our end of its connection, what it is at (None if it is free), and how long that was waited for."""
-
-    def __init__(self, context: ForkServerContext) -> None:
-        self.connection, theirs = context.Pipe()
-        self._process: ForkServerProcess = context.Process(target=serve, args=(theirs,), daemon=True)
-        with (
-            fork_server.interrupts_held()
-        ):  # or the new process waits for the rest of what it is to do, and ends in a traceback
-            self._process.start()
-        theirs.close()
-        self._pictures = PicturesGiven()
-        self._is_told = False
-        self.job: Job | None = None
-        self.waited_s = 0.0
-
-    @property
-    def is_alive(self) -> bool:
-        return self._process.is_alive()
-
-    def take(self, job: Job, told: bytes) -> None:
-        """Gives it a job; raises OSError if it has ended."""
-        if not self._is_told:
-            send_handle(self.connection, self._pictures.descriptor, self._process.pid)
-            self.connection.send_bytes(told)
-            self._is_told = True
-        self.connection.send(self._pictures.put(job.frames))
-        self.job = job
-        self.waited_s = 0.0
-
-    def answer(self) -> list[Outcome]:
-        """What it read; raises EOFError or OSError if it has ended."""
-        outcomes = [understood(each) for each in self.connection.recv()]
-        self.job = None
-        return outcomes
-
-    def last_words(self) -> str:
-        """How it ended; for one that has."""
-        self._process.join(END_S)
-        code = self._process.exitcode
-        if code is None:
-            return "hung up"
-        return f"was killed ({signal.Signals(-code).name})" if code < 0 else f"ended with exit code {code}"
-
-    def end(self, *, at_once: bool) -> None:
-        """Ends the process, if it has not ended by itself."""
-        self.connection.close()
-        self._pictures.close()
-        if not at_once:
-            self._process.join(END_S)
-        self._process.kill()
-        self._process.join()
-        self._process.close()

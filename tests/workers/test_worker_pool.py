@@ -127,17 +127,42 @@ def test_slow_machine_is_no_hanging_worker(fitted: Fitted, monkeypatch: pytest.M
 
 def test_worker_that_is_killed_while_it_waits_is_replaced(fitted: Fitted) -> None:
     """Whoever ends between two batches held no frame."""
-    outcomes = []
     with WorkerPool(1) as pool:
-        for read in pool.read(fitted.reader, fitted.batches[:2]):
-            outcomes.append(read)
-            (child,) = multiprocessing.active_children()
-            assert child.pid is not None
-            os.kill(child.pid, signal.SIGKILL)
-            child.join()
+        outcomes = list(pool.read(fitted.reader, fitted.batches[:1]))
+        (child,) = multiprocessing.active_children()
+        assert child.pid is not None
+        os.kill(child.pid, signal.SIGKILL)
+        child.join()
+        outcomes += pool.read(fitted.reader, fitted.batches[1:2])
 
     assert outcomes == list(read_here(fitted.reader, fitted.batches[:2]))
     assert [str(death) for death in pool.deaths] == ["a process that reads frames was killed (SIGKILL)"]
+
+
+def test_batch_that_waited_in_a_killed_worker_is_read_by_another(fitted: Fitted) -> None:
+    """Only the frames that it was at count as those over which it ended."""
+    outcomes = []
+    with WorkerPool(1) as pool:
+        for read in pool.read(fitted.reader, fitted.batches[:4]):
+            if not outcomes:
+                (child,) = multiprocessing.active_children()
+                assert child.pid is not None
+                os.kill(child.pid, signal.SIGKILL)
+                child.join()
+            outcomes.append(read)
+
+    assert outcomes == list(read_here(fitted.reader, fitted.batches[:4]))
+    assert len(pool.deaths) == 1
+    assert pool.left_out == []
+
+
+@pytest.mark.parametrize("batches", [1, 4, 5])
+def test_last_frames_are_shared_by_all(fitted: Fitted, batches: int) -> None:
+    """Where batches do not go into the number of workers the last is read in parts, and given back as it was."""
+    some = fitted.batches[:batches]
+    with WorkerPool(3) as pool:
+        assert list(pool.read(fitted.reader, some)) == list(read_here(fitted.reader, some))
+        assert len(multiprocessing.active_children()) == 3
 
 
 def test_pool_gives_up_when_it_is_not_the_frames(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
