@@ -15,7 +15,7 @@ from decoder.gauge_places import GaugePlacer
 from decoder.panel_pictures import PanelPictures
 from decoder.picture_block import ROWS_OF_BLOCKS, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
-from decoder.resampling import all_inside, as_places, inside
+from decoder.resampling import all_inside, as_places, each_inside, inside
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
 
@@ -108,9 +108,10 @@ class FramePlacer:
         except PictureError:
             return [None] * len(frames)  # each frame says so itself
         last_px = height - (RIM_MARGIN_PX if height < height_px else 0)
+        are_inside = iter(each_inside(self._all_rims, [there for there in alignments if there], width, last_px))
         return [
             UnwrappedFrame(there, (), [True] * len(self._rims), focal_length_mm, (width, height_px))
-            if there is not None and all_inside(self._all_rims, there, width, last_px)
+            if there is not None and next(are_inside)
             else None
             for there in alignments
         ]

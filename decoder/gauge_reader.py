@@ -243,7 +243,7 @@ class GaugeReader:
 
     def _fit_pair(self, unwrapped: UnwrappedGauge, name: str, above: Match, *, reach_rows: int) -> Pairs:
         """The best pair of a needle and its cover near where that was found."""
-        strips = Strips(unwrapped[None], np.zeros(1, np.intp), self._face)
+        strips = Strips.of(unwrapped[None], np.zeros(1, np.intp), self._face)
         return self.pairs[name].fitter(reach_rows).fit(strips, np.array([above.row]))
 
     def _near(self, below: _Found, above: _Found) -> _Found:

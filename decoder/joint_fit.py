@@ -29,6 +29,7 @@ HALF_ROWS = 0.5
 # A lower needle that is hidden says nothing of its place: it stays.
 HELD = 1e-2
 LOWER = FACE + 1
+LAYERS = SLOPE + 1  # needle and slope come first
 # The rows of the moment matrix that are solved for.
 UNKNOWNS = [NEEDLE, SLOPE, LOWER, ONE]
 
@@ -154,19 +155,20 @@ class JointFitter:
         count = len(window)
         seen, face = strips.windows(window, self._axis)
         light, transparency = (each[phase + self._reach] for each in (self._light, self._transparency))
-        places = np.concatenate([lower, lower - HALF_ROWS, lower + HALF_ROWS]) - np.tile(window - self._axis, 3)
-        back_light, back_part = LowerLayer.at(self._lower, self._shape[0], places).behind(
-            np.tile(transparency[:, 0], (3, 1, 1))
-        )
-        back, before, after = (back_light + back_part * np.tile(face.reshape(count, *self._shape), (3, 1, 1))).reshape(
-            3, count, *self._shape
-        )
+        places: Floats = np.stack([lower, lower - HALF_ROWS, lower + HALF_ROWS]) - (window - self._axis)
+        back_light, backs = LowerLayer.at(self._lower, self._shape[0], places).behind(transparency[:, 0])
+        backs *= face.reshape(count, *self._shape)
+        backs += back_light
+        back, before, after = backs
         layers = np.empty((count, 6, seen.shape[1]), np.float32)
-        layers[:, [NEEDLE, SLOPE]] = (light + transparency * back[:, None]).reshape(count, 2, -1)
-        layers[:, LOWER] = (transparency[:, 0] * (after - before) / (2 * HALF_ROWS)).reshape(count, -1)
+        drawn = layers.reshape(count, 6, *self._shape)
+        np.multiply(transparency, back[:, None], out=drawn[:, :LAYERS])
+        drawn[:, :LAYERS] += light
+        after -= before  # over one row
+        np.multiply(transparency[:, 0], after, out=drawn[:, LOWER])
         layers[:, ONE] = 1.0
-        layers[:, SEEN] = seen - np.float32(MIDDLE_GREY)
-        layers[:, FACE] = back.reshape(count, -1)
+        np.subtract(seen, np.float32(MIDDLE_GREY), out=layers[:, SEEN])
+        drawn[:, FACE] = back
         return layers, face
 
 

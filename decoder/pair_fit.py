@@ -77,6 +77,7 @@ class PairFitter:
         self._joint = JointFitter(upper, lower, pixels_per_sample)
         self._own = phases_of(upper)[0]
         self._apart = np.arange(-reach_rows, reach_rows + 1)
+        self._drawn: dict[int, tuple[Floats, Floats]] = {}
         self._light, self._part = self._layers(self._axis + self._apart)
         trust = upper.trust.ravel()
         self._seen_kernel = self._kernel(self._light * trust, trust)
@@ -171,6 +172,14 @@ class PairFitter:
 
         The second of the two is how the upper's own layer changes when it moves on.
         """
+        rows, places = np.unique(lower_rows, return_inverse=True)
+        new = [row for row in rows.tolist() if row not in self._drawn]
+        if new:
+            self._drawn.update(zip(new, zip(*self._drawn_on(np.array(new)), strict=True), strict=True))
+        light, part = zip(*(self._drawn[row] for row in rows.tolist()), strict=True)
+        return np.stack(light)[places], np.stack(part)[places]
+
+    def _drawn_on(self, lower_rows: Indices) -> tuple[Floats, Floats]:
         layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows.astype(np.float64))
         light, part = layer.behind(self._own.transparency[0])
         own_light, own_part = self._own.light, self._own.transparency

@@ -40,6 +40,7 @@ class PictureBlock:
 
     def __init__(self) -> None:
         self._slots: dict[int, GreyPicture] = {}
+        self._jpeg = bytearray()
 
     def grey_picture(self, encoded: bytes, slot: int) -> GreyPicture:
         """As `pictures.grey_picture`, bit for bit.
@@ -76,14 +77,23 @@ class PictureBlock:
         header = None if rows is None else jpeg_header(encoded)
         if rows is None or header is None or not header.is_sequential or rows >= header.height_px:
             return whole()
-        at = header.height_at  # a decoder that is told of fewer rows stops after them
-        cut = b"".join((encoded[:at], rows.to_bytes(2), encoded[at + 2 :]))
+        # a decoder that is told of fewer rows stops after them
+        cut = self._with_height(encoded, header.height_at, rows)
         try:
             buffer = self._slot(slot, rows * header.width_px)
             top = simplejpeg.decode_jpeg(cut, "GRAY", buffer=buffer, strict=False)
         except ValueError:
             return whole()
         return TopOfFrame(np.asarray(top[..., 0], np.uint8), header.height_px, focal_length_mm, whole)
+
+    def _with_height(self, encoded: bytes, at: int, rows: int) -> memoryview:
+        """A JPEG with another height in its header, in memory that is used again."""
+        if len(self._jpeg) < len(encoded):
+            self._jpeg = bytearray(len(encoded))
+        cut = memoryview(self._jpeg)[: len(encoded)]
+        cut[:] = encoded
+        cut[at : at + 2] = rows.to_bytes(2)
+        return cut
 
     def _slot(self, slot: int, size: int) -> GreyPicture:
         if slot not in self._slots or self._slots[slot].size < size:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.alignment import Alignment
+from decoder.alignment import Alignment, carried_by
 from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
 
@@ -102,9 +102,25 @@ def all_inside(places: Floats, alignment: Alignment, width_px: int, height_px: i
     return bool(left >= 0 and top >= 0 and right <= width_px - 1 and bottom <= height_px - 1)
 
 
+def each_inside(places: Floats, alignments: Sequence[Alignment], width_px: int, height_px: int) -> list[bool]:
+    """As `all_inside`, for the alignments of frames of one size and lens."""
+    if not alignments:
+        return []
+    matrices = np.array([alignment.elements for alignment in alignments]).reshape(-1, 3, 3)
+    there = carried_by(matrices, np.vstack([places[0].T, np.ones(places.shape[1])]), alignments[0].lens)
+    (left, top), (right, bottom) = there.min(axis=2).T, there.max(axis=2).T
+    within: list[bool] = ((left >= 0) & (top >= 0) & (right <= width_px - 1) & (bottom <= height_px - 1)).tolist()
+    return within
+
+
 def levels_at(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
     """Grey levels at places (rows, columns, 2), flattened, of the pixels' own type: whole levels stay whole."""
     return cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1)
+
+
+def put_levels(levels: Floats, pixels: Floats, places: Floats) -> None:
+    """`levels_at`, not flattened, put where they are wanted: (rows, columns) float32, rows side by side."""
+    cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, dst=levels, borderMode=cv2.BORDER_REPLICATE)
 
 
 def _consecutive(lengths: Sequence[int]) -> tuple[slice, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -16,7 +17,9 @@ class Strips:
     Attributes
     ----------
     pixels
-        (M, S, C) float32.
+        (N, S, C) float32: of these frames and maybe others.
+    frames
+        (M,): which of them they are.
     first
         (M,): the gauge's row that is the first of them; rows beyond them are as the last ones.
     face
@@ -24,18 +27,24 @@ class Strips:
     """
 
     pixels: Floats
+    frames: Indices
     first: Indices
     face: Floats
 
+    @classmethod
+    def of(cls, pixels: Floats, first: Indices, face: Floats) -> Self:
+        """Of all frames whose pixels these are."""
+        return cls(pixels, np.arange(len(pixels)), first, face)
+
     def part(self, which: Indices | Mask) -> Strips:
         """Some of the frames."""
-        return Strips(self.pixels[which], self.first[which], self.face)
+        return Strips(self.pixels, self.frames[which], self.first[which], self.face)
 
     def rows(self, index: Indices, step: int = 1) -> tuple[Floats, Floats]:
         """Gauge and face on rows (M, H) of the gauge, every so many columns of them: (M, H, C') each."""
         pixels = self.pixels[:, :, ::step]
         own = limited(index - self.first[:, None], 0, pixels.shape[1] - 1)
-        seen = pixels[np.arange(len(index))[:, None], own]
+        seen = pixels[self.frames[:, None], own]
         return seen, self.face[limited(index, 0, len(self.face) - 1), ::step]
 
     def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:

@@ -109,7 +109,7 @@ class TouchingPair:
         above
             The upper needle as it is found alone.
         """
-        strips = Strips(pixels, top_rows, self._face)
+        strips = Strips.of(pixels, top_rows, self._face)
         found = self._search.find(strips, above.row)
         below = self._below(found, above)
         is_settled = found.is_settled.copy()

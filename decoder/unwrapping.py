@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from decoder.alignment import Alignment
-from decoder.arrays import Floats, Indices
+from decoder.arrays import Floats, Indices, limited
 from decoder.dial_plane import DialPlane
 from decoder.parallax import Raised
 from decoder.pictures import GreyPicture
@@ -180,6 +180,26 @@ def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     weights = np.stack(_weights(part)).astype(np.float32)
     interpolated: UnwrappedGauge = np.einsum("kr,krc->rc", weights, strip[index])
     return interpolated
+
+
+def windows_at(strip: UnwrappedGauge, rows: Floats) -> Floats:
+    """`rows_at` for windows of rows that follow each other, (..., H): (..., H, C)."""
+    height, columns = rows.shape[-1], strip.shape[1]
+    first = np.floor(rows).astype(np.intp)
+    start = first[..., 0]
+    weights = np.stack(_weights(rows - first)).astype(np.float32)
+    follow = (first == start[..., None] + np.arange(height)).all() and (weights == weights[..., :1]).all()
+    if not follow or start.size <= 1:
+        return rows_at(strip, rows.ravel()).reshape(*rows.shape, columns)
+    top, bottom = int(start.min()) - 1, int(start.max()) + height + 1
+    padded = strip[limited(np.arange(top, bottom + 1), 0, len(strip) - 1)]
+    row, column = padded.strides
+    shape = (len(padded) - height - 2, height + 3, columns)
+    every = np.ndarray(shape, padded.dtype, padded, strides=(row, row, column))
+    blocks = every[start.ravel() - 1 - top]
+    taps = np.ndarray((4, start.size, height * columns), blocks.dtype, blocks, strides=(row, blocks.strides[0], column))
+    found: Floats = np.einsum("km,kmx->mx", weights[..., 0].reshape(4, -1), taps)
+    return found.reshape(*rows.shape, columns)
 
 
 def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from decoder.alignment import Alignment, Matrix, bent
+from decoder.alignment import Alignment, Matrix, carried_by
 from decoder.arrays import Floats, Indices, Mask
-from decoder.lens import Lens
 from decoder.motion import MotionCovariance
 from decoder.pictures import GreyPicture
 from decoder.registration import (
@@ -24,8 +23,9 @@ from decoder.registration import (
     PATCH_MARGIN_PX,
     SETTLED_PX,
     Registration,
+    Start,
 )
-from decoder.resampling import levels_at
+from decoder.resampling import put_levels
 
 
 class UsualPlace:
@@ -55,9 +55,7 @@ class UsualPlace:
         starts = self._registration.started(frames[0], self._start)
         if None in starts:
             return found
-        patches = [
-            np.stack([frame[own.rows, own.columns] for frame in frames]).astype(np.float32) for own in starts if own
-        ]
+        patches = [_cut(frames, own) for own in starts if own]
         origins = [(own.columns.start, own.rows.start) for own in starts if own]
         first = [own.places for own in starts if own]
         open_ = np.arange(len(frames))
@@ -68,8 +66,10 @@ class UsualPlace:
             sums, energies = [], []
             for index, (own, origin) in enumerate(zip(patches, origins, strict=True)):
                 places = [first[index]] * len(open_) if iteration == 0 else self._places(index, matrices, origin)
-                values = np.stack([levels_at(own[frame], at) for frame, at in zip(open_.tolist(), places, strict=True)])
-                of_feature = self._registration.summed(index, values)
+                values = np.empty((len(open_), *places[0].shape[:2]), np.float32)
+                for levels, frame, at in zip(values, open_.tolist(), places, strict=True):
+                    put_levels(levels, own[frame], at)
+                of_feature = self._registration.summed(index, values.reshape(len(open_), -1))
                 sums.append(of_feature[0])
                 energies.append(of_feature[1])
             step, scores = self._registration.steps(sums, energies)
@@ -114,10 +114,10 @@ class UsualPlace:
         return list(np.ascontiguousarray(carried.transpose(0, 2, 1), np.float32).reshape(-1, *shape))
 
 
-def carried_by(matrices: Floats, points: Floats, lens: Lens | None) -> Floats:
-    """(F, 2, N): where (3, 3) matrices carry (3, N) points, the lens's distortion added."""
-    there = matrices @ points
-    places: Floats = there[:, :2] / there[:, 2:]
-    if lens is None or not lens.distorts:
-        return places
-    return bent(places.transpose(0, 2, 1), lens).transpose(0, 2, 1)
+def _cut(frames: Sequence[GreyPicture], place: Start) -> Floats:
+    """(F, H, W) float32: the part of each frame that is around a feature."""
+    height, width = frames[0][place.rows, place.columns].shape
+    cut = np.empty((len(frames), height, width), np.float32)
+    for own, frame in zip(cut, frames, strict=True):
+        own[...] = frame[place.rows, place.columns]
+    return cut
