@@ -21,8 +21,9 @@ from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
 
 # Rims are looked at in some points only; between these they bulge by less.
 RIM_MARGIN_PX = 8
-# How far a camera may shake without the panel's lower end leaving the rows that are decompressed.
-TOP_MARGIN_PX = 24
+# The panel's lower end must not leave the rows that are decompressed where a camera shakes more than in the sample: so
+# many pixels are allowed for that at least, so many times what it shakes there, and no more than so many.
+LEAST_SHAKE_PX, SHAKES, MOST_SHAKE_PX = 2, 2, 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,8 +180,10 @@ class FramePlacer:
         if self._tuning.dials_move or any(grid.raised is not None for grid in self._grids) or not samples:
             return None
         points = np.concatenate([self._all_rims, as_places(self.aligner.outline())], axis=1)
-        lowest_px = max(float(sample.alignment.places(points)[..., 1].max()) for sample in samples)
-        blocks = math.ceil((lowest_px + TOP_MARGIN_PX) / ROWS_OF_BLOCKS)
+        lowest_px = [float(sample.alignment.places(points)[..., 1].max()) for sample in samples]
+        shake_px = LEAST_SHAKE_PX + SHAKES * (max(lowest_px) - min(lowest_px))
+        margin_px = RIM_MARGIN_PX + min(shake_px, MOST_SHAKE_PX)
+        blocks = math.ceil((max(lowest_px) + margin_px) / ROWS_OF_BLOCKS)
         return max(blocks, 1) * ROWS_OF_BLOCKS
 
 
