@@ -21,7 +21,9 @@ from decoder.gauge import Gauge
 from decoder.panel_needles import DrawnGauge, drawn_gauges
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import tuning_from_panel
+from decoder.pivot_path import PivotPath
 from decoder.pivots import Pivot, pivot_of
+from decoder.pivots_together import pooled
 from decoder.reading import Reading, Status
 from decoder.seen_faces import with_seen_faces
 from decoder.tuning import Tuning
@@ -87,27 +89,28 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     source = reader.source
     drawn = source.panel.gauges
     reader, samples = placed_for(reader, sample)
-    learned = _learned(reader, samples)
+    paths = [PivotPath()] * len(drawn)
+    learned = _learned(reader, samples, paths)
     first = learned.pivots
     for _ in range(ROUNDS - 1):
-        moved = _with_pivots_moved(learned, drawn)
+        paths = _further(paths, learned.pivots)
+        moved = _with_pivots_moved(learned, paths)
         if moved is None:
             break
         del learned, reader, samples  # they need not lie in memory beside those of the next round
         reader, samples = moved, unwrapped(moved, sample(frames_wanted(moved.tuning)))
-        learned = _learned(reader, samples)
+        learned = _learned(reader, samples, paths)
     dials_move = learned.reader.tuning.dials_move
     zeros = [gauge.readings for gauge in learned.drawn or drawn_gauges(learned.reader)]
-    moved_px = _moved_px(learned.reader, drawn)
     pivots = [
-        pivot.settled(step.offset_px, moved_px[gauge.name]) if gauge.name in moved_px else pivot
-        for gauge, step, pivot in zip(drawn, first, learned.pivots, strict=True)
+        pivot.settled(step.offset_px, path.moved_px) if path.was_moved else pivot
+        for path, step, pivot in zip(paths, first, learned.pivots, strict=True)
     ]
     uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=dials_move)
-    return FittedReader(_completed(learned, sample), uncertainties, moved_px)
+    return FittedReader(_completed(learned, sample), uncertainties, _moved_px(learned.reader, drawn))
 
 
-def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> _Learned:
+def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Learned:
     """The reader tuned on a sample, and what the sample tells with it."""
     views = lit_views(reader, samples)
     found = reader.found_in(samples)
@@ -118,21 +121,21 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> _Learned
     if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
         found = tuned.found_in(samples)
     drawn = () if tuned.tuning.dials_move else drawn_gauges(tuned)
-    return _Learned(reader, tuned, found, drawn, _pivots(tuned, samples, found, drawn))
+    pivots = pooled(_pivots(tuned, samples, found, drawn), [path.moved_px for path in paths])
+    return _Learned(reader, tuned, found, drawn, pivots)
 
 
-def _with_pivots_moved(learned: _Learned, drawn: Sequence[Gauge]) -> PanelReader | None:
+def _with_pivots_moved(learned: _Learned, paths: Sequence[PivotPath]) -> PanelReader | None:
     """A reader, not tuned yet, with pivots and lifts as they were learned; None where they are right already."""
     source, tuning = learned.before.source, learned.before.tuning
-    gauges = _moved(learned.reader, drawn, learned.pivots)
     lifts = _lifts(tuning, learned.pivots)
-    if gauges == source.panel.gauges and lifts == tuning.lifts:
+    steps = [path.step_px for path in paths]
+    if not any(steps) and lifts == tuning.lifts:
         return None
-    of_gauges = zip(gauges, source.panel.gauges, _planes(learned.reader), learned.pivots, strict=True)
-    planes = tuple(
-        plane if plane is None or gauge == before else plane.around(pivot.offset_px)
-        for gauge, before, plane, pivot in of_gauges
-    )
+    own = source.optics.own
+    of_gauges = list(zip(source.panel.gauges, _planes(learned.reader), steps, strict=True))
+    gauges = tuple(gauge if step is None else _around(gauge, plane, own, step) for gauge, plane, step in of_gauges)
+    planes = tuple(plane if plane is None or step is None else plane.around(step) for _, plane, step in of_gauges)
     moved = replace(source, panel=source.panel.model_copy(update={"gauges": gauges}), planes=planes)
     first = replace(
         tuning_from_panel(moved),
@@ -216,13 +219,12 @@ def _lifts(tuning: Tuning, pivots: Sequence[Pivot]) -> tuple[float, ...]:
     return tuple(lift + more for lift, more in zip(so_far, missing, strict=True))
 
 
-def _moved(reader: PanelReader, drawn: Sequence[Gauge], pivots: Sequence[Pivot]) -> tuple[Gauge, ...]:
-    """The gauges with their pivots where needles turn; one that is right to what can be drawn stays as it is drawn."""
-    own = reader.source.optics.own
-    return tuple(
-        _around(gauge, plane, own, pivot) if _is_off(pivot, was_moved=gauge != before) else gauge
-        for gauge, before, plane, pivot in zip(reader.source.panel.gauges, drawn, _planes(reader), pivots, strict=True)
-    )
+def _further(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> list[PivotPath]:
+    """Each a step on to where its needles turn; one that is right to what can be drawn, or settled, stays."""
+    return [
+        path.on(pivot.offset_px) if _is_off(pivot, was_moved=path.was_moved) else path.stay()
+        for path, pivot in zip(paths, pivots, strict=True)
+    ]
 
 
 def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:
@@ -230,10 +232,10 @@ def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:
     return distance_px > SETTLED_PX if was_moved else distance_px > DRAWN_PX and pivot.is_certain
 
 
-def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, pivot: Pivot) -> Gauge:
+def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, step_px: tuple[float, float]) -> Gauge:
     """The gauge around its true pivot, which is told in the dial's own plane."""
     if plane is None:
-        (x, y), (right, down) = gauge.centre, pivot.offset_px
+        (x, y), (right, down) = gauge.centre, step_px
         return gauge.model_copy(update={"centre": (x + right, y + down)})
-    there = plane.to_panel(np.array(pivot.offset_px)[:, None])[:, 0]
+    there = plane.to_panel(np.array(step_px)[:, None])[:, 0]
     return gauge.model_copy(update={"centre": own.to_frame((float(there[0]), float(there[1])))})

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.alignment import Alignment
+from decoder.plane_fit import jacobian
 
 Matrix = NDArray[np.float64]
 
@@ -30,6 +31,11 @@ class Raised:
 
     height_inches: float
     inches: tuple[float, ...]
+
+    def px_at(self, point_px: tuple[float, float]) -> float:
+        """The height in pixels of the panel picture, at a point of it without distortion."""
+        inches_a_pixel = jacobian(np.linalg.inv(np.array(self.inches).reshape(3, 3)), point_px)
+        return float(self.height_inches / np.sqrt(abs(np.linalg.det(inches_a_pixel))))
 
     def seen_in(self, alignment: Alignment) -> Matrix:
         """(3, 3), on the panel picture: from a point's foot on the panel to where the camera sees the raised point.

@@ -104,6 +104,10 @@ class Pivot:
             return self
         return replace(self, covariance_px2=self.covariance_px2 * (whole / first) ** 2)
 
+    def blurred(self, sigma_px: float) -> Pivot:
+        """The pivot with so much more doubt, all round."""
+        return replace(self, covariance_px2=self.covariance_px2 + sigma_px**2 * np.eye(2))
+
     def sigma_deg(self, angles_deg: Floats, zero_deg: float, radius_px: float) -> Floats:
         """What a pivot that is still not quite right may add to readings, as a standard uncertainty.
 

@@ -22,11 +22,14 @@ from decoder.reading import Reading
 # Where a dial's marks do not tell how precisely it is drawn: about a tenth of a pixel, at the needle's mean radius.
 DRAWN_PX = 0.1
 # Where they do, so much is left that no noise explains: blur and sampling do not treat all places of a needle alike.
-MODEL_PX = 0.008
+MODEL_PX = 0.006
 # The zero of a needle that the panel picture does not show.
 ZERO_PX = 0.02
 # A dial that is found by itself is off by about this beyond its own pixels' noise.
-FOUND_PX = 0.03
+FOUND_PX = 0.02
+# A needle above its dial throws a shadow to one side of it, and is as high as somebody wrote to a hundredth of an inch:
+# by such a part of its height it seems to turn elsewhere, and no tilt tells.
+HEIGHT_PART = 0.005
 # One dial's needles tell little of how well dials are found: the others count for as much as so many tilts of its own.
 SHARED_TILTS = 16
 
@@ -87,7 +90,7 @@ def quantity_uncertainties(
                 drawn_deg,
                 place_px if quantity.name in zeros_deg else 0.0,
                 radius_px,
-                pivot,
+                pivot.blurred(_height_px(drawn, index)),
                 (sum(gauge.sweep) / 2 if zero_deg is None else zero_deg) if quantity.name in zeros_deg else None,
             )
     return uncertainties
@@ -103,6 +106,15 @@ def _drawn_deg(scale_deg: float | None, zero: Reading | None, radius_px: float) 
     if zero is None or not math.isfinite(zero.sigma_deg):
         return math.hypot(scale_deg, math.degrees(ZERO_PX / radius_px))
     return math.hypot(scale_deg, scale_deg, zero.sigma_deg, math.degrees(MODEL_PX / radius_px))
+
+
+def _height_px(drawn: PanelPictures, index: int) -> float:
+    """What a needle's height leaves to doubt of where it turns."""
+    raised = drawn.grid(index).raised
+    if raised is None:
+        return 0.0
+    x, y = drawn.optics.straight(np.array(drawn.panel.gauges[index].centre)[:, None])[:, 0].tolist()
+    return HEIGHT_PART * raised.px_at((x, y))
 
 
 def _places_px(pivots: Sequence[Pivot], least_px: float) -> list[float]:
