@@ -29,7 +29,7 @@ from decoder.seen_faces import with_seen_faces
 from decoder.tuning import Tuning
 from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertainties
 
-ROUNDS = 6
+ROUNDS = 8
 SETTLED_LIFT = 0.01
 # Of so many frames it is asked how far alignments scatter.
 LOOKED_AT = 6
@@ -103,7 +103,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     dials_move = learned.reader.tuning.dials_move
     zeros = [gauge.readings for gauge in learned.drawn or drawn_gauges(learned.reader)]
     pivots = [
-        pivot.settled(step.offset_px, path.moved_px) if path.was_moved else pivot
+        _ended(pivot, step.offset_px, path) if path.was_moved else pivot
         for path, step, pivot in zip(paths, first, learned.pivots, strict=True)
     ]
     uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=dials_move)
@@ -221,10 +221,21 @@ def _lifts(tuning: Tuning, pivots: Sequence[Pivot]) -> tuple[float, ...]:
 
 def _further(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> list[PivotPath]:
     """Each a step on to where its needles turn; one that is right to what can be drawn, or settled, stays."""
-    return [
-        path.on(pivot.offset_px) if _is_off(pivot, was_moved=path.was_moved) else path.stay()
-        for path, pivot in zip(paths, pivots, strict=True)
-    ]
+    totals_px = np.array([np.add(path.moved_px, pivot.offset_px) for path, pivot in zip(paths, pivots, strict=True)])
+    right, down = np.median(totals_px, axis=0).tolist()
+    return [_stepped(path, pivot, (right, down)) for path, pivot in zip(paths, pivots, strict=True)]
+
+
+def _stepped(path: PivotPath, pivot: Pivot, others_px: tuple[float, float]) -> PivotPath:
+    if not _is_off(pivot, was_moved=path.was_moved):
+        return path.stay()
+    return path.on(pivot.offset_px, others_px) if pivot.tilts else path.to(others_px)
+
+
+def _ended(pivot: Pivot, first_px: tuple[float, float], path: PivotPath) -> Pivot:
+    """A moved pivot as uncertain as its path leaves it."""
+    settled = pivot.settled(first_px, path.moved_px)
+    return settled.unsettled() if _is_off(pivot, was_moved=True) else settled
 
 
 def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:

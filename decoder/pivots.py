@@ -104,6 +104,10 @@ class Pivot:
             return self
         return replace(self, covariance_px2=self.covariance_px2 * (whole / first) ** 2)
 
+    def unsettled(self) -> Pivot:
+        """The pivot with what is left of its offset among its doubts: it was looked for, and not found."""
+        return replace(self, covariance_px2=self.covariance_px2 + np.outer(self.offset_px, self.offset_px))
+
     def blurred(self, sigma_px: float) -> Pivot:
         """The pivot with so much more doubt, all round."""
         return replace(self, covariance_px2=self.covariance_px2 + sigma_px**2 * np.eye(2))
