@@ -222,8 +222,16 @@ def _lifts(tuning: Tuning, pivots: Sequence[Pivot]) -> tuple[float, ...]:
 def _further(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> list[PivotPath]:
     """Each a step on to where its needles turn; one that is right to what can be drawn, or settled, stays."""
     totals_px = np.array([np.add(path.moved_px, pivot.offset_px) for path, pivot in zip(paths, pivots, strict=True)])
-    right, down = np.median(totals_px, axis=0).tolist()
-    return [_stepped(path, pivot, (right, down)) for path, pivot in zip(paths, pivots, strict=True)]
+    return [
+        _stepped(path, pivot, _middle(np.delete(totals_px, index, axis=0)))
+        for index, (path, pivot) in enumerate(zip(paths, pivots, strict=True))
+    ]
+
+
+def _middle(places_px: Floats) -> tuple[float, float]:
+    """The median of places (N, 2); where they are drawn, if there are none."""
+    x, y = np.median(places_px, axis=0).tolist() if len(places_px) else (0.0, 0.0)
+    return x, y
 
 
 def _stepped(path: PivotPath, pivot: Pivot, others_px: tuple[float, float]) -> PivotPath:
