@@ -116,12 +116,12 @@ class PlainFitter:
 
     def _learn(self, top_rows: Indices, faces: Floats) -> None:
         """Works out the sums for those rows that no frame had its needle on so far."""
-        for needle, knowing in enumerate(self._knowing):
-            rows, first = np.unique(top_rows[:, needle], return_index=True)
-            new = np.isnan(self._known_of_all[needle, rows, 0])
-            if new.any():
-                of_phase, of_all = knowing.sums(faces[first[new], needle].astype(np.float64))
-                self._known[needle, rows[new]], self._known_of_all[needle, rows[new]] = of_phase, of_all
+        unknown = np.isnan(self._known_of_all[np.arange(len(self._knowing)), top_rows, 0])
+        for needle in np.flatnonzero(unknown.any(axis=0)).tolist():
+            frames = np.flatnonzero(unknown[:, needle])
+            rows, first = np.unique(top_rows[frames, needle], return_index=True)
+            of_phase, of_all = self._knowing[needle].sums(faces[frames[first], needle].astype(np.float64))
+            self._known[needle, rows], self._known_of_all[needle, rows] = of_phase, of_all
 
 
 class _Known:
