@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from decoder.camera import parse_camera
+from decoder.gauge_reader import Method
 from decoder.panel_needles import drawn_gauges
+from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
 from decoder.pivots import Pivot
-from decoder.uncertainty import DRAWN_PX, FOUND_PX, MODEL_PX, QuantityUncertainty, quantity_uncertainties
+from decoder.uncertainty import DRAWN_PX, FOUND_PX, HEIGHT_PART, MODEL_PX, QuantityUncertainty, quantity_uncertainties
 
 Draw = Callable[..., GreyPicture]
 MakeReader = Callable[..., PanelReader]
@@ -56,3 +60,19 @@ def test_all_parts_add_in_squares() -> None:
 
     assert uncertainty.sigma_deg(AT_DEG) == pytest.approx([expected_deg])
     assert replace(uncertainty, zero_deg=None).sigma_deg(AT_DEG) < expected_deg
+
+
+def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
+    """By a part of it, the more pixels an inch has; all round, since a shadow falls anywhere."""
+    folder = Path(__file__).parents[2] / "fixtures" / "oblique" / "t1a_small"
+    camera = parse_camera((folder / "camera.yaml").read_bytes(), source="camera.yaml")
+    drawn = replace(panel_from_file(folder / "panel.yaml"), camera=camera)
+    zeros = [gauge.readings for gauge in drawn_gauges(PanelReader.from_panel(drawn, Method.NORMXCORR))]
+    found = quantity_uncertainties(drawn, [KNOWN] * len(drawn.panel.gauges), zeros, dials_move=False)
+    covariances = [found[name].pivot.covariance_px2 for name in ("n1_1_pct", "oil_temp_1_c")]
+    first, *_, last = drawn.panel.reference_points
+    px_an_inch = math.dist(first.at, last.at) / math.dist(first.inches, last.inches)
+
+    for covariance in covariances:
+        assert math.sqrt(covariance[0, 0]) == pytest.approx(HEIGHT_PART * 0.05 * px_an_inch, rel=0.1)
+        assert covariance == pytest.approx(covariance[0, 0] * np.eye(2))
