@@ -107,7 +107,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
         for path, step, pivot in zip(paths, first, learned.pivots, strict=True)
     ]
     uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=dials_move)
-    return FittedReader(_completed(learned, sample), uncertainties, _moved_px(learned.reader, drawn))
+    return FittedReader(_completed(learned, sample, pivots), uncertainties, _moved_px(learned.reader, drawn))
 
 
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Learned:
@@ -147,12 +147,12 @@ def _with_pivots_moved(learned: _Learned, paths: Sequence[PivotPath]) -> PanelRe
     return PanelReader(moved, learned.before.method, first)
 
 
-def _completed(learned: _Learned, sample: Sample) -> PanelReader:
+def _completed(learned: _Learned, sample: Sample, pivots: Sequence[Pivot]) -> PanelReader:
     """The tuned reader, told what else the sample says of needles and alignments."""
     reader = learned.reader
     tuning = replace(reader.tuning, doubted=_doubted(learned.found))
     if tuning.dials_move:
-        return reader.tuned(replace(tuning, pivots=learned.pivots))
+        return reader.tuned(replace(tuning, pivots=tuple(pivots)))
     noise = reader.aligner.noise_beside_claim(pictures(sample(LOOKED_AT)))
     return reader.tuned(replace(tuning, alignment_noise=noise))
 

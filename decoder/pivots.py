@@ -78,6 +78,8 @@ class Pivot:
         tilts tell it: by so much the dial is not where it was unwrapped, another way in each frame.
     own_px
         By needle: its tilt where the dial lies right.
+    alone_px
+        The offset by the gauge's own needles, whatever the others of the panel tell: with `own_px` it explains tilts.
     """
 
     offset_px: tuple[float, float]
@@ -86,6 +88,7 @@ class Pivot:
     scatter_px2: float = 0.0
     tilts: int = 0
     own_px: Mapping[str, float] = field(default_factory=dict)
+    alone_px: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_certain(self) -> bool:
@@ -198,6 +201,7 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         scatter_px2=scatter_px2 - own_px2,
         tilts=len(left),
         own_px=dict(zip(names, solution[2:-1].tolist(), strict=True)),
+        alone_px=(float(solution[0]), float(solution[1])),
     )
 
 
@@ -245,7 +249,7 @@ def with_lines_checked(
         if tilt is None:
             continue
         across = _across(np.array([reading.angle_deg]))[0]
-        miss_px = abs(tilt[0] - own_px - float(across @ pivot.offset_px))
+        miss_px = abs(tilt[0] - own_px - float(across @ pivot.alone_px))
         spread_px = math.hypot(tilt[1], TILT_FLOOR_PX, math.sqrt(max(pivot.scatter_px2, 0.0)))
         if miss_px > max(MISSING_SPREADS * spread_px, MISSING_PX):
             sigma_deg = math.hypot(reading.sigma_deg, math.degrees(miss_px / (sum(gauge.radius) / 2)))
