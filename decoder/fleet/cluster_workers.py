@@ -73,7 +73,7 @@ class ClusterWorkers:
 
     def __enter__(self) -> Self:
         _refuse_unreachable(self._scheduler)
-        for name in ("distributed", "distributed.client"):
+        for name in ("distributed", "distributed.client", "tornado.application"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what is lost is told in our words
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", VersionMismatchWarning)  # our own check is stricter where it matters
