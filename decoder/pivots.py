@@ -18,7 +18,8 @@ from decoder.arrays import Floats
 from decoder.gauge import Gauge
 from decoder.needle_template import NeedleTemplate
 from decoder.reading import Reading, Status
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at, rows_of_each
+from decoder.tilts import Tilt, across, tilt_of, tilts_of
+from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # What is thought of a panel's pivot before any frame has been seen, pixels.
 PRIOR_PX = 0.5
@@ -38,26 +39,9 @@ CLAIM_COUNTS = 2
 # Where each dial is found by itself, errors of its place that all frames share do not scatter.
 PLACED_SCALE = 0.8
 MAD_TO_SIGMA = 1.4826
-# A needle too short to have a direction.
-MAX_CONDITION = 1e12
 # A needle's line that misses its pivot by more than both is no line of that needle.
 MISSING_SPREADS = 5.0
 MISSING_PX = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class Tilt:
-    """How far one needle in one frame is turned out of the radius, and where its dial stood against the anchors.
-
-    A needle `kappa_px` beside the point around which the dial is unwrapped appears `kappa_px / r` radians further on
-    at radius r. It is relative to the needle's template.
-    """
-
-    needle: str
-    angle_deg: float
-    kappa_px: float
-    sigma_px: float
-    dial_shift_px: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +111,7 @@ class Pivot:
         radius_px
             The needle's mean radius.
         """
-        lever = _across(angles_deg) - _across(np.array([zero_deg]))
+        lever = across(angles_deg) - across(np.array([zero_deg]))
         variance = np.einsum("ni,ij,nj->n", lever, self.covariance_px2, lever)
         sigma: Floats = np.degrees(np.sqrt(np.maximum(variance, 0.0)) / radius_px)
         return sigma
@@ -144,26 +128,7 @@ def pivot_of(
     frames: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading], tuple[float, float]]],
 ) -> Pivot:
     """The pivot of a gauge from some frames: each the unwrapped gauge, its readings, and its dial's shift."""
-    tilts = []
-    for needle in gauge.needles:
-        alone = [
-            (strip, readings[needle.name].angle_deg, shift)
-            for strip, readings, shift in frames
-            if _stands_alone(needle.name, gauge, readings, templates)
-        ]
-        template = templates[needle.name]
-        rows = [_window(angle_deg, grid, template) for _, angle_deg, _ in alone]
-        whole = [index for index, own in enumerate(rows) if own[0] >= 0 and own[-1] <= grid.rows - 1]
-        if whole:
-            windows = np.stack([rows[index] for index in whole])
-            cuts = rows_of_each([alone[index][0] for index in whole], windows)
-            found = _tilts(cuts, windows, face, grid, template)
-            tilts += [
-                Tilt(needle.name, alone[index][1], *tilt, alone[index][2])
-                for index, tilt in zip(whole, found, strict=True)
-                if tilt is not None
-            ]
-    return pivot_from(tilts)
+    return pivot_from(tilts_of(gauge, grid, face, templates, frames))
 
 
 def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
@@ -174,10 +139,10 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
     if not tilts:
         return UNKNOWN
     own = np.array([[tilt.needle == name for name in names] for tilt in tilts], np.float64)
-    across = _across(np.array([tilt.angle_deg for tilt in tilts]))
+    beside = across(np.array([tilt.angle_deg for tilt in tilts]))
     shifts = np.array([tilt.dial_shift_px for tilt in tilts])
-    lifted = (across * (shifts - shifts.mean(axis=0))).sum(axis=1, keepdims=True)
-    rows = np.concatenate([across, own, lifted], axis=1)
+    lifted = (beside * (shifts - shifts.mean(axis=0))).sum(axis=1, keepdims=True)
+    rows = np.concatenate([beside, own, lifted], axis=1)
     seen = np.array([tilt.kappa_px for tilt in tilts])
     sigma = np.hypot([tilt.sigma_px for tilt in tilts], TILT_FLOOR_PX)
     prior = np.diag([1 / PRIOR_PX**2] * 2 + [1e-6] * len(names) + [1 / PRIOR_LIFT**2])
@@ -239,78 +204,13 @@ def with_lines_checked(
     """A gauge's readings; a needle whose line misses its pivot by far was seen in part, or not as it is: `edge`."""
     checked = dict(readings)
     for name, own_px in pivot.own_px.items():
-        if not _stands_alone(name, gauge, readings, templates):
-            continue
-        reading = readings[name]
-        window = _window(reading.angle_deg, grid, templates[name])
-        if window[0] < 0 or window[-1] > grid.rows - 1:
-            continue
-        (tilt,) = _tilts(rows_at(strip, window)[None], window[None], face, grid, templates[name])
+        tilt = tilt_of(name, strip, readings, gauge, grid, face=face, templates=templates)
         if tilt is None:
             continue
-        across = _across(np.array([reading.angle_deg]))[0]
-        miss_px = abs(tilt[0] - own_px - float(across @ pivot.alone_px))
-        spread_px = math.hypot(tilt[1], TILT_FLOOR_PX, math.sqrt(max(pivot.scatter_px2, 0.0)))
+        reading = readings[name]
+        miss_px = abs(tilt.kappa_px - own_px - float(across(np.array([reading.angle_deg]))[0] @ pivot.alone_px))
+        spread_px = math.hypot(tilt.sigma_px, TILT_FLOOR_PX, math.sqrt(max(pivot.scatter_px2, 0.0)))
         if miss_px > max(MISSING_SPREADS * spread_px, MISSING_PX):
             sigma_deg = math.hypot(reading.sigma_deg, math.degrees(miss_px / (sum(gauge.radius) / 2)))
             checked[name] = Reading(Status.EDGE, reading.angle_deg, sigma_deg, reading.score)
     return checked
-
-
-def _across(angles_deg: Floats) -> Floats:
-    """(N, 2): the unit vectors across needles at angles, in the direction in which angles grow."""
-    angles = np.radians(angles_deg)
-    return np.stack([-np.sin(angles), np.cos(angles)], axis=1)
-
-
-def _stands_alone(
-    name: str, gauge: Gauge, readings: Mapping[str, Reading], templates: Mapping[str, NeedleTemplate]
-) -> bool:
-    """Whether a needle was read whole, with no other near enough to reach into its template."""
-    own = readings[name]
-    reach_deg = templates[name].rows * templates[name].step_deg / 2
-    return own.status is Status.READ and all(
-        readings[other.name].status is not Status.MISSING
-        and abs(readings[other.name].angle_deg - own.angle_deg) > reach_deg + templates[other.name].half_width_deg
-        for other in gauge.needles
-        if other.name != name
-    )
-
-
-def _window(angle_deg: float, grid: PolarGrid, template: NeedleTemplate) -> Floats:
-    """(H,): the fractional rows of a template with its axis at an angle."""
-    rows: Floats = (angle_deg - grid.start_deg) / grid.step_deg + np.arange(template.rows) - (template.rows - 1) / 2
-    return rows
-
-
-def _tilts(
-    cuts: Floats, windows: Floats, face: UnwrappedGauge, grid: PolarGrid, template: NeedleTemplate
-) -> list[tuple[float, float] | None]:
-    """Kappa and its spread by least squares of the pixels around M readings for gain, offset, shift and tilt.
-
-    `cuts` are (M, H, C), from the gauge's fractional rows `windows`, (M, H).
-    """
-    behind = rows_at(face, windows.ravel()).reshape(cuts.shape)
-    needle = template.light + template.transparency * behind
-    slope = -(np.gradient(template.light, axis=0) + np.gradient(template.transparency, axis=0) * behind)
-    turned = slope * (math.degrees(1.0) / grid.step_deg / grid.radii_px)
-    weights = template.trust.ravel().astype(np.float64)
-    rows = np.stack([needle, np.ones_like(needle), slope, turned, cuts], axis=1)
-    flat = rows.reshape(len(cuts), 5, -1).astype(np.float64)
-    moments = (flat * weights) @ flat.transpose(0, 2, 1)
-    return _solved(moments, float(weights.sum()), grid.pixels_per_sample)
-
-
-def _solved(moments: Floats, total: float, pixels_per_sample: float) -> list[tuple[float, float] | None]:
-    """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (M, 5, 5)."""
-    normal, right = moments[:, :4, :4], moments[:, :4, 4]
-    tells = np.linalg.cond(normal) <= MAX_CONDITION
-    inverse = np.linalg.inv(np.where(tells[:, None, None], normal, np.eye(4)))
-    solution = (inverse @ right[..., None])[..., 0]
-    gain = solution[:, 0]
-    tells &= gain > 0
-    noise = np.maximum(moments[:, 4, 4] - (solution * right).sum(axis=1), 0.0) / total
-    gain = np.where(tells, gain, 1.0)
-    sigma = np.sqrt(noise * np.maximum(inverse[:, 3, 3], 0.0) / pixels_per_sample) / gain
-    found = zip((solution[:, 3] / gain).tolist(), sigma.tolist(), tells.tolist(), strict=True)
-    return [(kappa_px, sigma_px) if known else None for kappa_px, sigma_px, known in found]

@@ -23,9 +23,8 @@ class WorkerProcess:
     def __init__(self, context: ForkServerContext) -> None:
         self.connection, theirs = context.Pipe()
         self._process: ForkServerProcess = context.Process(target=serve, args=(theirs,), daemon=True)
-        with (
-            fork_server.interrupts_held()
-        ):  # or the new process waits for the rest of what it is to do, and ends in a traceback
+        # Interrupted here, the new process would wait for the rest of what it is to do, and end in a traceback.
+        with fork_server.interrupts_held():
             self._process.start()
         theirs.close()
         self._memories = [PicturesGiven() for _ in range(BATCHES_HELD)]

@@ -17,8 +17,9 @@ from decoder.method import Method
 from decoder.panel_pictures import panel_from_file
 from decoder.panel_reader import PanelReader
 from decoder.pictures import GreyPicture
-from decoder.pivots import UNKNOWN, Pivot, Tilt, pivot_from, with_lines_checked
+from decoder.pivots import UNKNOWN, Pivot, pivot_from, with_lines_checked
 from decoder.reading import Status
+from decoder.tilts import Tilt
 
 Draw = Callable[..., GreyPicture]
 MakeReader = Callable[..., PanelReader]
