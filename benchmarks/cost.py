@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import cv2
 from threadpoolctl import threadpool_limits
 
-from benchmarks.programs import RENDERED, decode, peak_memory_mib
+from benchmarks.programs import RENDERED, decode, decompress, peak_memory_mib
 from decoder.flight_decoder import decode_flight
 from decoder.method import Method
 from decoder.panel_pictures import panel_from_attachments
@@ -35,26 +35,33 @@ COPIES = 10
 class Speed:
     """Medians of several rounds: processor milliseconds a frame, and ratios to decompression in the same round.
 
-    `decode` runs in a process that is there already; `program` is `decode` from its start to its written files.
+    `decompress` and `decode` run in a process that is there already, whose memory has been broken in; `alone` is the
+    same decompression by a process that does nothing else, and has the system clear new pages for each picture;
+    `program` is `decode` from its start to its written files.
     """
 
     frames: int
+    alone_ms: float
     decompress_ms: float
     decode_ms: float
     program_ms: float
     decode_ratio: float
     program_ratio: float
+    decompress_by_alone: float
+    decode_by_alone: float
+    program_by_alone: float
 
 
 def speed() -> Speed:
     """Decoding the 400 plain frames beside merely decompressing them in grey, one thread, back to back."""
     cv2.setNumThreads(1)
-    bare, whole, program = [], [], []
+    alone, bare, whole, program = [], [], [], []
     with threadpool_limits(1), TemporaryDirectory() as folder:
         flight = open_flight([RENDERED / "plain.mcap"])
         jpegs = [frame.jpeg for frame in flight.frames()]
         panel = panel_from_attachments(flight.attachments, flight="plain.mcap")
         for _ in range(ROUNDS):
+            alone.append(decompress(RENDERED / "plain.mcap"))
             start = time.process_time()
             for jpeg in jpegs:
                 grey_picture(jpeg)
@@ -66,11 +73,15 @@ def speed() -> Speed:
     per_frame = 1000 / len(jpegs)
     return Speed(
         frames=len(jpegs),
+        alone_ms=statistics.median(alone) * per_frame,
         decompress_ms=statistics.median(bare) * per_frame,
         decode_ms=statistics.median(whole) * per_frame,
         program_ms=statistics.median(program) * per_frame,
         decode_ratio=_median_ratio(whole, bare),
         program_ratio=_median_ratio(program, bare),
+        decompress_by_alone=_median_ratio(bare, alone),
+        decode_by_alone=_median_ratio(whole, alone),
+        program_by_alone=_median_ratio(program, alone),
     )
 
 

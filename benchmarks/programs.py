@@ -23,6 +23,22 @@ with open("/proc/self/status", encoding="ascii") as status:
     print(next(line for line in status if line.startswith("VmHWM")))
 """
 
+# What a script costs that opens the flight's pictures with OpenCV and does nothing else with them.
+_DECOMPRESS_AND_SAY = """
+import sys, time
+from pathlib import Path
+import cv2
+import numpy as np
+from flight_file.reader import open_flight
+
+cv2.setNumThreads(1)
+jpegs = [frame.jpeg for frame in open_flight([Path(sys.argv[1])]).frames()]
+start = time.process_time()
+for jpeg in jpegs:
+    cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
+print(time.process_time() - start)
+"""
+
 
 def decode(flight: Path, folder: Path, *words: str) -> float:
     """Decodes a flight into a folder; gives the processor seconds that it took, of user and system together.
@@ -49,6 +65,19 @@ def peak_memory_mib(flight: Path, folder: Path) -> float:
     said = _run([sys.executable, "-c", _DECODE_AND_SAY, str(flight), "-o", str(folder)])
     (line,) = (line for line in said.splitlines() if line.startswith("VmHWM"))
     return int(line.split()[1]) / 1024
+
+
+def decompress(flight: Path) -> float:
+    """Merely decompresses a flight's pictures in grey with OpenCV, in a process of its own; gives its processor seconds.
+
+    Neither the process's start nor reading the file is counted.
+
+    Raises
+    ------
+    SystemExit
+        If that fails.
+    """
+    return float(_run([sys.executable, "-c", _DECOMPRESS_AND_SAY, str(flight)]))
 
 
 def _run(command: list[str]) -> str:
