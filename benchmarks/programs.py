@@ -68,7 +68,7 @@ def peak_memory_mib(flight: Path, folder: Path) -> float:
 
 
 def decompress(flight: Path) -> float:
-    """Merely decompresses a flight's pictures in grey with OpenCV, in a process of its own; gives its processor seconds.
+    """Merely decompresses a flight's pictures in grey with OpenCV in a process of its own; gives its processor seconds.
 
     Neither the process's start nor reading the file is counted.
 
