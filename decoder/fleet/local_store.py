@@ -19,8 +19,12 @@ class LocalStore:
     """Files by their absolute paths; see `Store`."""
 
     def found(self, pattern: str) -> list[str]:
-        """The files that fit a pattern, sorted; `**` goes down through folders."""
-        return sorted(path for path in glob.glob(pattern, recursive=True) if Path(path).is_file())  # noqa: PTH207 - any root
+        """The files that fit a pattern, sorted; `**` goes down through folders.
+
+        A link to a file that is gone is one, too: whoever linked an archive's flight is told that it is missing.
+        """
+        paths = glob.glob(pattern, recursive=True)  # noqa: PTH207 - any root
+        return sorted(path for path in paths if Path(path).is_file() or not Path(path).exists())
 
     def has(self, address: str) -> bool:
         """Whether there is such a file."""

@@ -63,18 +63,19 @@ def test_index_has_a_row_for_every_flight(home: Path) -> None:
 
 
 def test_failures_stop_nobody(run: Run, few: Path, results: Results, tmp_path: Path) -> None:
-    """A flight that is no MCAP, one that is not there and one without its index are told; the others are whole."""
+    """A flight that is no MCAP, two that are not there and one without its index are told; the others are whole."""
+    (few / "gone.mcap").symlink_to(few / "archived" / "gone.mcap")
     (few / "letter.mcap").write_text("Dear Sir or Madam, " * 100)
     (few / "cut.mcap").write_bytes((few / "flight2_0000.mcap").read_bytes()[:-2000])
     done = run(f"{few}/*.mcap", few / "no.mcap", "-o", tmp_path / "out")
     rows = index(tmp_path / "out")
 
     assert done.returncode == 1
-    assert {flight for flight, row in rows.items() if row["status"] == "failed"} == {"letter", "no"}
+    assert {flight for flight, row in rows.items() if row["status"] == "failed"} == {"gone", "letter", "no"}
     assert "is not an MCAP file" in rows["letter"]["reason"]
-    assert "there is no such file" in rows["no"]["reason"]
+    assert all("there is no such file" in rows[name]["reason"] for name in ("gone", "no"))
     assert rows["cut"]["losses"]
-    assert sorted(line.split(":")[1].strip() for line in done.stderr.splitlines()) == ["letter", "no"]
+    assert sorted(line.split(":")[1].strip() for line in done.stderr.splitlines()) == ["gone", "letter", "no"]
     assert {flight for flight, row in rows.items() if row["status"] == "decoded"} == {
         *("cut", "flight0", "flight1", "flight2")
     }
