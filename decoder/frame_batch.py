@@ -16,9 +16,9 @@ from decoder.picture_block import TopOfFrame, top_of
 from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
-MAX_BATCH_FRAMES = 16
-# Sixteen pictures of 1024 x 768: larger ones come in smaller batches, so that a batch's memory stays the same.
-MAX_BATCH_PIXELS = 16 * 1024 * 768
+MAX_BATCH_FRAMES = 32
+# So many pictures of 1024 x 768: larger ones come in smaller batches, so that a batch's memory stays the same.
+MAX_BATCH_PIXELS = 32 * 1024 * 768
 
 
 @dataclass(frozen=True, slots=True)
