@@ -212,4 +212,4 @@ def _spread(quick: QuickReader, plain: Plain, number: int, own: Sequence[tuple[i
     """What the quick reader's search found on a gauge's rows; None where it did not search."""
     if not own:
         return None
-    return {name: quick.search.search.spread(needle, plain.coarse[needle][number]) for needle, name in own}
+    return {name: quick.search.search.spread(needle, plain.coarse[number, needle]) for needle, name in own}

@@ -17,7 +17,7 @@ from decoder.alignment import Alignment
 from decoder.arrays import Floats, Indices
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap, levels_at
-from decoder.searching import COARSE_STEP
+from decoder.searching import dealt
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 Levels = NDArray[Any]
@@ -28,7 +28,7 @@ class Pixels(Protocol):
     """The samples of one frame."""
 
     searched: Levels
-    """(S,) float32 or uint8: every third column and row of each gauge, rows side by side."""
+    """(S,) float32 or uint8: of each gauge what is searched, as `searching.dealt` has it."""
 
     def runs(self, first: Indices, size: int) -> Levels:
         """(len(first), size): from each of these numbers on so many samples."""
@@ -48,9 +48,9 @@ class QuickGrids:
             first + np.arange(size).reshape(own.shape[1:])
             for first, size, own in zip(self.first.values(), sizes, points, strict=True)
         ]
-        thinned = [own[::COARSE_STEP, ::COARSE_STEP].T for own in numbers]
-        self.searched_shapes = [own.shape for own in thinned]
-        self._map = PointMap.of([self._points[own.ravel()].T for own in thinned])
+        searched = [dealt(own) for own in numbers]
+        self.searched_shapes = [own.shape for own in searched]
+        self._map = PointMap.of([self._points[own.ravel()].T for own in searched])
 
     @property
     def searched_parts(self) -> tuple[slice, ...]:
@@ -81,7 +81,7 @@ class _UnwrappedPixels:
 
     def __init__(self, gauges: Sequence[UnwrappedGauge], first: Sequence[int]) -> None:
         self._gauges, self._first = [gauge.ravel() for gauge in gauges], first
-        self.searched = np.concatenate([gauge[::COARSE_STEP, ::COARSE_STEP].T.ravel() for gauge in gauges])
+        self.searched = np.concatenate([dealt(gauge).ravel() for gauge in gauges])
 
     def runs(self, first: Indices, size: int) -> Levels:
         runs = np.empty((len(first), size), np.float32)

@@ -41,7 +41,7 @@ class Plain:
     settled
         (F, K): whether that is beyond doubt.
     coarse
-        For each needle the scores of the search, (F, N).
+        (F, K, N): the scores of the search.
     """
 
     status: Indices
@@ -49,7 +49,7 @@ class Plain:
     sigma_rows: Floats
     score: Floats
     settled: Mask
-    coarse: Sequence[Floats]
+    coarse: Floats
 
 
 class QuickReader:

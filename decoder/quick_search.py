@@ -115,10 +115,9 @@ class QuickSearch:
         self._rival_steps = [
             round(RIVAL_REACH_DEG / needles[upper].grid.step_deg) // COARSE_STEP for upper, _ in self._pairs
         ]
-        places = [self.search.place(index) for index in range(len(needles))]
-        self._counts = [place.count for place in places]
+        places = self.search.places
         self._rows = np.stack(
-            [place.start + COARSE_STEP * np.arange(max(self._counts), dtype=np.intp) for place in places]
+            [place.start + COARSE_STEP * np.arange(self.search.count, dtype=np.intp) for place in places]
         )
         self._allowed = np.zeros(self._rows.shape, bool)
         self._open = np.zeros(self._rows.shape, bool)
@@ -135,8 +134,8 @@ class QuickSearch:
         allowed: Mask = self._allowed[needle]
         return allowed
 
-    def scores(self, frames: Sequence[Pixels]) -> list[Floats]:
-        """For each needle (F, N) float32: as `searching.Search.coarse`, in F frames."""
+    def scores(self, frames: Sequence[Pixels]) -> Floats:
+        """(F, K, N) float32: as `searching.Search.coarse`, in F frames."""
         samples = np.stack([frame.searched for frame in frames])
         gauges: list[Floats] = [
             samples[:, part].reshape(-1, *shape)
@@ -144,11 +143,8 @@ class QuickSearch:
         ]
         return self.search.coarse(gauges)
 
-    def peaks(self, coarse: Sequence[Floats]) -> Peaks:
-        """The best places for each needle, by its scores (F, N)."""
-        scores = np.full((len(coarse[0]), *self._rows.shape), NOTHING, np.float32)
-        for index, (own, count) in enumerate(zip(coarse, self._counts, strict=True)):
-            scores[:, index, :count] = own[:, :count]
+    def peaks(self, scores: Floats) -> Peaks:
+        """The best places for each needle, by their scores (F, K, N)."""
         inner = scores[..., 1:-1]
         is_peak = np.zeros(scores.shape, bool)
         is_peak[..., 1:-1] = (inner >= scores[..., :-2]) & (inner >= scores[..., 2:])

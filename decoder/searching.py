@@ -1,15 +1,21 @@
-"""The search: how well each needle of a panel matches on every row of its gauge, for all gauges of a frame at once.
+"""The search: how well each needle of a panel matches on every row of its gauge, for all gauges of many frames at once.
 
 The scores are those of `over_face`, found on every third row and column and laid out so that one pass of array
 arithmetic serves all needles: at this size a call costs more than its sums.
+
+The rows that are searched are dealt out to lanes like cards, so that lanes beside each other hold rows that follow each
+other. One product with a template, which is written down once for each lane that it may begin on, then sums up as many
+of its rows as there are lanes, and a few such sums are one score.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decoder.arrays import Floats
 from decoder.correlation import MIN_SPREAD_LEVELS
@@ -18,10 +24,10 @@ from decoder.over_face import face_moments
 
 # Scores are searched on every third row and column; a needle is wider than that.
 COARSE_STEP = 3
-# Frames whose sums are made together: more of them do not stay in the processor's cache.
-AT_ONCE = 8
-# Rows of the moments of `over_face.FaceMoments` in the batch.
-TOTAL, FACE_MEAN, FACE_VARIANCE, NEEDLE_MEAN, NEEDLE_PER_FACE, NEEDLE_LEFT = range(6)
+# More lanes make fewer, longer sums, and more products with nothing.
+LANES = 5
+# Numbers whose sums are made together: more of them do not stay in the processor's cache.
+AT_ONCE = 3 << 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +47,6 @@ class SearchedRows:
     ----------
     gauge
         Which one it is.
-    top, rows
-        Of the thinned gauge in the search's image.
     first_row, last_row
         Of the whole gauge on which the needle's axis may lie.
     count
@@ -52,8 +56,6 @@ class SearchedRows:
     """
 
     gauge: int
-    top: int
-    rows: int
     first_row: int
     last_row: int
     count: int
@@ -74,6 +76,13 @@ class Search:
             [index for index, each in enumerate(widths) if each == width] for width in dict.fromkeys(widths)
         ]
         self._batches = [_Batch([sought[index] for index in members]) for members in self._members]
+        places = {
+            member: place
+            for members, batch in zip(self._members, self._batches, strict=True)
+            for member, place in zip(members, batch.places, strict=True)
+        }
+        self.places = [places[member] for member in range(len(sought))]
+        self.count = max(batch.count for batch in self._batches)
 
     def scores(self, gauges: Sequence[Floats]) -> list[Floats]:
         """For each needle (R,) float32: the NCC, what the face explains taken out, by the row of the needle's axis.
@@ -81,122 +90,131 @@ class Search:
         `gauges` are those that the needles name, (R, C) float32 each. On the rows between those that were searched
         scores lie on the line; rows too near an end of the gauge score 0.
         """
-        coarse = self.coarse([thinned_columns(gauge)[None] for gauge in gauges])
-        return [self.spread(index, scores[0]) for index, scores in enumerate(coarse)]
+        (coarse,) = self.coarse([dealt(gauge)[None] for gauge in gauges])
+        return [self.spread(needle, own) for needle, own in enumerate(coarse)]
 
-    def coarse(self, gauges: Sequence[Floats]) -> list[Floats]:
-        """For each needle (F, N) float32: its scores in F frames, on the rows that are searched alone.
+    def coarse(self, gauges: Sequence[Floats]) -> Floats:
+        """(F, K, N) float32: each needle's scores in F frames on the rows that are searched alone, then zeros.
 
-        `gauges` are those that the needles name, (F, C', R') each: every third column and row. What is found in one
-        frame does not depend on the frames beside it.
+        `gauges` are those that the needles name, in F frames as `dealt` has each. What is found in one frame does not
+        depend on the frames beside it.
         """
-        scores: dict[int, Floats] = {}
+        if len(self._batches) == 1:
+            return self._batches[0].scores(gauges)
+        scores = np.zeros((len(gauges[0]), len(self.places), self.count), np.float32)
         for members, batch in zip(self._members, self._batches, strict=True):
-            found = batch.scores(gauges)
-            scores |= {member: found[:, index] for index, member in enumerate(members)}
-        return [scores[index] for index in range(len(scores))]
-
-    def place(self, needle: int) -> SearchedRows:
-        """Which rows of its gauge are searched for a needle, by its index."""
-        return next(
-            batch.places[members.index(needle)]
-            for members, batch in zip(self._members, self._batches, strict=True)
-            if needle in members
-        )
+            scores[:, members, : batch.count] = batch.scores(gauges)
+        return scores
 
     def spread(self, needle: int, coarse: Floats) -> Floats:
         """The scores on every row, (R,), from a needle's (N,) on the rows that were searched."""
-        return _spread(coarse, self.place(needle))
+        return _spread(coarse, self.places[needle])
 
 
 class _Batch:
-    """Searches K needles; each gauge is padded to the longest, (C, R), and each template, (C, H), likewise.
+    """Searches K needles on gauges of equally many columns; each is padded to the longest.
 
-    Rows lie side by side in memory, so that whole rows of products are added at once.
+    What is dealt out to the lanes of a gauge is one array, (lanes * columns, M): number m of all lanes is a column.
     """
 
     def __init__(self, sought: Sequence[Sought]) -> None:
         coarse = [thinned(each.template) for each in sought]
-        faces = [thinned_columns(each.face) for each in sought]
-        self._height = height = max(template.rows for template in coarse)
-        (columns,) = {face.shape[0] for face in faces}
-        self.places = [
-            _place(each, template.rows, face.shape[1], height)
-            for each, template, face in zip(sought, coarse, faces, strict=True)
-        ]
-        padded_rows = max(place.top + place.rows for place in self.places) + height // 2
-        count = padded_rows - height + 1
-        needles = len(sought)
-        self._faces = np.zeros((needles, columns, padded_rows), np.float32)
-        self._images = np.zeros((AT_ONCE, *self._faces.shape), np.float32)
-        self._kernels = [np.zeros((needles, parts, height, columns), np.float32) for parts in (2, 2, 1)]
-        self._moments = np.zeros((6, needles, count), np.float32)
-        self._moments[[TOTAL, FACE_VARIANCE]] = 1.0
-        for index, (template, face, place) in enumerate(zip(coarse, faces, self.places, strict=True)):
-            self._prepare(index, template, face, place)
-        self._usable = self._moments[NEEDLE_LEFT] > MIN_SPREAD_LEVELS**2
+        faces = [dealt(each.face) for each in sought]
+        self.places = [_place(each, template.rows) for each, template in zip(sought, coarse, strict=True)]
+        height = max(template.rows for template in coarse)
+        # A template that begins on any lane ends within so many times as many rows as there are lanes.
+        self._parts = 1 + -(-max(height - 1, 1) // LANES)
+        self._runs = -(-max(place.count for place in self.places) // LANES)
+        self.count = LANES * self._runs
+        size = faces[0].shape[0] * faces[0].shape[1]
+        needles, rows = len(sought), self._parts * LANES
+        self._faces = np.zeros((needles, size, self._runs + self._parts - 1), np.float32)
+        at_once = max(1, AT_ONCE // (3 * self._faces.size))
+        # By frame and needle the gauge, that by its face, and that by itself.
+        self._images = np.zeros((at_once, needles, 3, *self._faces.shape[1:]), np.float32)
+        self._weights = np.zeros((needles, 1, rows, size), np.float32)
+        self._needles = np.zeros((needles, rows, 2 * size), np.float32)
+        # Of `over_face.FaceMoments` what scores take, two of them as what they divide.
+        self._known = np.zeros((5, needles, LANES, self._runs), np.float32)
+        for index, (template, face) in enumerate(zip(coarse, faces, strict=True)):
+            self._prepare(index, template, face)
 
-    def _prepare(self, index: int, template: NeedleTemplate, face: Floats, place: SearchedRows) -> None:
-        self._faces[index, :, place.top : place.top + place.rows] = face
-        own = face_moments(np.ascontiguousarray(face.T), template)
-        weights, light, cover = own.kernels
-        rows = slice(place.top, place.top + template.rows)
-        for kernels, parts in zip(self._kernels, [(weights, light), (weights, cover), (weights,)], strict=True):
-            kernels[index, :, rows] = np.stack(parts)
-        known = (own.total, own.face_mean, own.face_variance, own.needle_mean, own.needle_per_face, own.needle_left)
-        for number, values in enumerate(known):
-            self._moments[number, index, : place.count] = values
+    def _prepare(self, index: int, template: NeedleTemplate, face: Floats) -> None:
+        flat = face.reshape(-1, face.shape[-1])
+        self._faces[index, :, : flat.shape[1]] = flat
+        count = self.places[index].count
+        own = face_moments(np.ascontiguousarray(collected(face)[: count + template.rows - 1]), template)
+        weights, light, cover = own.kernels / own.total[0]  # all pixels are seen, so the same on every row
+        self._weights[index, 0] = self._by_lane(weights)
+        self._needles[index] = np.concatenate([self._by_lane(light), self._by_lane(cover)], axis=1)
+        shows = own.needle_left > MIN_SPREAD_LEVELS**2
+        known = np.zeros((len(self._known), self.count), np.float32)
+        known[:, :count] = (
+            own.face_mean,
+            own.needle_mean,
+            1.0 / own.face_variance,
+            own.needle_per_face,
+            shows / np.sqrt(np.where(shows, own.needle_left, 1.0)),
+        )
+        self._known[:, index] = known.reshape(-1, self._runs, LANES).swapaxes(1, 2)
+
+    def _by_lane(self, kernel: Floats) -> Floats:
+        """A kernel (H, C) beginning on each lane: (parts * lanes, lanes * C)."""
+        rows = np.zeros((LANES, self._parts * LANES, kernel.shape[1]), np.float32)
+        for lane in range(LANES):
+            rows[lane, lane : lane + len(kernel)] = kernel
+        by_part = rows.reshape(LANES, self._parts, -1).swapaxes(0, 1)
+        return by_part.reshape(self._parts * LANES, -1)
 
     def scores(self, gauges: Sequence[Floats]) -> Floats:
         """(F, K, N): as `Search.coarse`."""
-        frames = len(gauges[self.places[0].gauge])
-        parts = [
-            self._searched([gauge[first : first + AT_ONCE] for gauge in gauges]) for first in range(0, frames, AT_ONCE)
-        ]
-        return np.concatenate(parts)
+        frames, at_once = len(gauges[0]), len(self._images)
+        scores = np.empty((frames, len(self.places), self.count), np.float32)
+        for first in range(0, frames, at_once):
+            part = slice(first, first + at_once)
+            self._search([gauge[part] for gauge in gauges], scores[part])
+        return scores
 
-    def _searched(self, gauges: Sequence[Floats]) -> Floats:
-        frames = len(gauges[self.places[0].gauge])
-        images = self._images[:frames]
+    def _search(self, gauges: Sequence[Floats], scores: Floats) -> None:
+        images = self._images[: len(scores)]
         for index, place in enumerate(self.places):
-            images[:, index, :, place.top : place.top + place.rows] = gauges[place.gauge]
-        return self._partial(images)
+            gauge = gauges[place.gauge]
+            images[:, index, 0, :, : gauge.shape[-1]] = gauge.reshape(len(gauge), -1, gauge.shape[-1])
+        np.multiply(images[:, :, 0], self._faces, out=images[:, :, 1])
+        np.multiply(images[:, :, 0], images[:, :, 0], out=images[:, :, 2])
+        by_lane = scores.reshape(*scores.shape[:2], self._runs, LANES).swapaxes(2, 3)
+        self._partial(images, by_lane)
 
-    def _partial(self, images: Floats) -> Floats:
-        """As `over_face.partial_normxcorr`, (F, K, N)."""
-        total, face_mean, face_variance, needle_mean, needle_per_face, needle_left = self._moments
-        mean, with_light = self._sums(images, self._kernels[0])
-        with_face, with_cover = self._sums(images * self._faces, self._kernels[1])
-        (square,) = self._sums(images * images, self._kernels[2])
-        mean /= total
-        square /= total
-        square -= mean * mean
-        with_face /= total
+    def _partial(self, images: Floats, scores: Floats) -> None:
+        """As `over_face.partial_normxcorr`, (F, K, lanes, runs)."""
+        face_mean, needle_mean, per_face_variance, needle_per_face, per_needle_spread = self._known
+        mean, with_face, square = np.moveaxis(self._sums(self._weights, images), 2, 0)
+        both = images[:, :, :2].reshape(*images.shape[:2], -1, images.shape[-1])
+        with_needle = self._sums(self._needles, both)
         with_face -= mean * face_mean
-        with_light += with_cover
-        with_light /= total
-        mean *= needle_mean
-        with_light -= mean
-        left = square
-        left -= with_face * with_face / face_variance
-        with_light -= with_face * needle_per_face
-        usable = self._usable & (left > MIN_SPREAD_LEVELS**2)
-        np.sqrt(np.maximum(left, 0.0) * needle_left, out=left)
-        scores: Floats = np.divide(with_light, left, out=np.zeros_like(left), where=usable)
-        return np.clip(scores, -1.0, 1.0, out=scores)
+        with_needle -= mean * needle_mean
+        with_needle -= with_face * needle_per_face
+        with_needle *= per_needle_spread
+        mean *= mean
+        square -= mean
+        with_face *= with_face
+        with_face *= per_face_variance
+        square -= with_face
+        spread = np.where(square > MIN_SPREAD_LEVELS**2, square, np.inf)
+        with_needle /= np.sqrt(spread, out=spread)
+        np.clip(with_needle, -1.0, 1.0, out=scores)
 
-    def _sums(self, images: Floats, kernels: Floats) -> Floats:
-        """`correlation.sliding_sums` of (F, K, C, R) images with (K, P, H, C) kernels: (P, F, K, N).
+    def _sums(self, kernels: Floats, images: Floats) -> Floats:
+        """`correlation.sliding_sums` of images (..., lanes * C, M) with kernels as `_by_lane`: (..., lanes, runs).
 
-        One product for each frame and needle, always of one shape: so frames do not change each other's rounding.
+        One product for each image, always of one shape: so frames do not change each other's rounding.
         """
-        needles, parts, height, columns = kernels.shape
-        products = kernels.reshape(needles, parts * height, columns) @ images
-        count = products.shape[-1] - height + 1
-        rows = np.moveaxis(products.reshape(*products.shape[:2], parts, height, -1), 2, 0)
-        sums = rows[..., 0, :count] + rows[..., 1, 1 : 1 + count] if height > 1 else rows[..., 0, :count].copy()
-        for row in range(2, height):
-            sums += rows[..., row, row : row + count]
+        products = kernels @ images
+        by_part = products.reshape(*products.shape[:-2], self._parts, LANES, -1)
+        first, second, *others = (by_part[..., part, :, part : part + self._runs] for part in range(self._parts))
+        sums: Floats = first + second
+        for other in others:
+            sums += other
         return sums
 
 
@@ -217,22 +235,28 @@ def _spread(coarse: Floats, place: SearchedRows) -> Floats:
     return found
 
 
-def _place(sought: Sought, height: int, rows: int, padded_height: int) -> SearchedRows:
+def _place(sought: Sought, height: int) -> SearchedRows:
     axis, size = (sought.template.rows - 1) // 2, len(sought.face)
-    return SearchedRows(
-        gauge=sought.gauge,
-        top=(padded_height - height) // 2,
-        rows=rows,
-        first_row=axis,
-        last_row=size - axis - 1,
-        count=rows - height + 1,
-        size=size,
-    )
+    rows = -(-size // COARSE_STEP)
+    return SearchedRows(sought.gauge, axis, size - axis - 1, rows - height + 1, size)
 
 
-def thinned_columns(gauge: Floats) -> Floats:
-    """(C', R'): every third column and row of an unwrapped gauge (R, C), rows side by side."""
-    return gauge[::COARSE_STEP, ::COARSE_STEP].T
+def dealt(gauge: NDArray[Any]) -> NDArray[Any]:
+    """(lanes, C', M): every third column and row of an unwrapped gauge (R, C), row `m * LANES + lane` at [lane, :, m].
+
+    Where lanes lack a last row they have the gauge's once more.
+    """
+    thin = gauge[::COARSE_STEP, ::COARSE_STEP]
+    whole = np.empty((-(-len(thin) // LANES), LANES, thin.shape[1]), gauge.dtype)
+    rows = whole.reshape(-1, thin.shape[1])
+    rows[: len(thin)] = thin
+    rows[len(thin) :] = thin[-1]
+    return whole.transpose(1, 2, 0)
+
+
+def collected(dealt_out: NDArray[Any]) -> NDArray[Any]:
+    """(lanes * M, C'): what was dealt out, row by row again."""
+    return dealt_out.transpose(2, 0, 1).reshape(-1, dealt_out.shape[1])
 
 
 def thinned(template: NeedleTemplate) -> NeedleTemplate:
