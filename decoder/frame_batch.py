@@ -17,8 +17,8 @@ from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
 MAX_BATCH_FRAMES = 32
-# So many pictures of 1024 x 768: larger ones come in smaller batches, so that a batch's memory stays the same.
-MAX_BATCH_PIXELS = 32 * 1024 * 768
+# The camera's largest pictures come four at a time: a batch of them takes 72 MB.
+MAX_BATCH_PIXELS = 4 * 4896 * 3672
 
 
 @dataclass(frozen=True, slots=True)
