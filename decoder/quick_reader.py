@@ -88,11 +88,10 @@ class QuickReader:
         """The needles in F frames; those whose gauges do not lie wholly in a frame are not to be believed."""
         coarse = self.search.scores(frames)
         peaks = self.search.peaks(coarse)
-        fits = self._windows.fits(frames, peaks)
-        row = peaks.row + fits.fraction
-        alone = self._alone(peaks, row, fits)
-        settled = self._apart(peaks, row, alone)
-        plain = Plain(np.full(row.shape, READ), row, fits.sigma_rows, fits.score, settled, coarse)
+        fits = self._fits(frames, peaks)
+        alone = self._alone(peaks, fits)
+        settled = self._apart(peaks, fits.row, alone)
+        plain = Plain(np.full(settled.shape, READ), fits.row, fits.sigma_rows, fits.score, settled, coarse)
         for pair in range(len(self._pairs)):
             self._read_touching(frames, pair, peaks, alone, plain)
         return plain
@@ -123,11 +122,24 @@ class QuickReader:
                 column[where, name] = values
             plain.settled[where, name] = is_settled
 
-    def _alone(self, peaks: Peaks, row: Floats, fits: WindowFits) -> Mask:
+    def _fits(self, frames: Sequence[Pixels], peaks: Peaks) -> WindowFits:
+        """The least squares around the peaks; where those point into another window, once more there."""
+        fits = self._windows.fits(frames, peaks.row, peaks.place)
+        further = self._plain & peaks.clear & (fits.score >= SCORE_THRESHOLD)
+        further &= (np.abs(fits.fraction) > MAX_FRACTION_ROWS) & (np.abs(fits.row - peaks.top_row) <= MAX_PEAK_ROWS)
+        where = np.flatnonzero(further.any(axis=1))
+        if where.size:
+            moved = further[where]
+            rows = np.rint(np.where(moved, fits.row[where], peaks.row[where])).astype(np.intp)
+            places = np.where(moved, rows, peaks.place[where])
+            fits.put(where, self._windows.fits([frames[number] for number in where.tolist()], rows, places))
+        return fits
+
+    def _alone(self, peaks: Peaks, fits: WindowFits) -> Mask:
         """(F, K): the least squares agree with the search, the needle matches well, and nowhere else nearly as well."""
         settled = self._plain & peaks.clear & (fits.score >= self._needed)
-        settled &= (np.abs(fits.fraction) <= MAX_FRACTION_ROWS) & (np.abs(row - peaks.top_row) <= MAX_PEAK_ROWS)
-        apart = np.abs(peaks.rows - row[..., None])
+        settled &= (np.abs(fits.fraction) <= MAX_FRACTION_ROWS) & (np.abs(fits.row - peaks.top_row) <= MAX_PEAK_ROWS)
+        apart = np.abs(peaks.rows - fits.row[..., None])
         apart = np.minimum(apart, np.abs(apart - self._turn_rows[:, None]))
         # Between two searched rows scores lie on the line: what lies beyond the reach is bounded by one just within.
         elsewhere = peaks.open & (apart > self._reach_rows[:, None] - 2.5)
@@ -141,5 +153,6 @@ class QuickReader:
             far = self.needles[cover].axis + self.needles[lower].axis
             both = settled[:, cover] & settled[:, lower] & (np.abs(row[:, cover] - row[:, lower]) > far)
             both &= np.abs(row[:, cover] - peaks.place[:, cover]) <= MAX_OFF_ROWS
+            both &= np.abs(row[:, cover] - peaks.top_row[:, lower]) > far + 1
             settled[:, cover] = settled[:, lower] = both
         return settled

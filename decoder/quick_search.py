@@ -166,7 +166,6 @@ class QuickSearch:
             are_open[:, lower] &= apart > far - SLACK_ROWS - COARSE_STEP
             own_top, own_place = _highest(scores[:, lower : lower + 1], is_peak[:, lower : lower + 1])
             top[:, lower], place[:, lower] = own_top[:, 0], own_place[:, 0]
-            clear[:, lower] &= apart[at[0], top[:, lower]] > far + SLACK_ROWS
         place = place * COARSE_STEP + self._rows[:, 0]
         top_row = np.take_along_axis(self._rows[None], top[..., None], axis=2)[..., 0]
         clear &= np.take_along_axis(is_peak, top[..., None], axis=2)[..., 0]
