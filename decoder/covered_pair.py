@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from decoder.lower_layer import LowerLayer
+from decoder.lower_layer import LowerNeedle
 from decoder.matching import Matcher
 
 # A pixel shows the lower needle if that covers this much of it.
@@ -39,6 +39,6 @@ def hidden_reach_rows(upper: Matcher, lower: Matcher) -> float:
 
 def _shown_pixels(upper: Matcher, lower: Matcher, lower_row: float) -> float:
     """What shows of a needle with its axis on a row of the upper one's window, in original pixels."""
-    layer = LowerLayer.at(lower.template, upper.template.rows, np.array([lower_row]))
+    layer = LowerNeedle(lower.template, upper.template.rows).at(np.array([lower_row]))
     shown = layer.shown(upper.template.transparency)
     return float(shown[shown > SHOWN_PART].sum()) * upper.pixels_per_sample

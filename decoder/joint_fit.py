@@ -5,14 +5,13 @@ What shows of each depends on where the other is; so from a first guess both are
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from decoder.arrays import Floats, Indices, limited
 from decoder.fitting import FACE, MIDDLE_GREY, MIN_GAIN, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
-from decoder.lower_layer import LowerLayer
+from decoder.lower_layer import MIN_COVER, LowerNeedle
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import partial_correlation
 from decoder.strips import Strips
@@ -24,14 +23,14 @@ SETTLED_ROWS = 0.2
 NEAR_ROWS = 0.75
 # What two needles leave unexplained is their edges' rather than noise: neighbouring pixels share it.
 SHARED_NOISE = 3.0
-# How the lower needle's layer changes is told by half a row to either side.
-HALF_ROWS = 0.5
+# The lower needle's place, and those to either side that tell how its layer changes.
+BESIDE_ROWS = np.array([[0.0], [-0.5], [0.5]])
+LOWER, LAYERS = FACE + 1, FACE + 2
+# The rows of the moment matrix that are solved for.
+UNKNOWNS = np.array([NEEDLE, SLOPE, LOWER, ONE])
 # A lower needle that is hidden says nothing of its place: it stays.
 HELD = 1e-2
-LOWER = FACE + 1
-LAYERS = SLOPE + 1  # needle and slope come first
-# The rows of the moment matrix that are solved for.
-UNKNOWNS = [NEEDLE, SLOPE, LOWER, ONE]
+HOLD = np.diag([1e-6, 1e-6, 1e-3, 1e-6])
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,21 +71,29 @@ class Joint:
     unexplained: Floats
     face: Floats
 
-    def part(self, which: slice) -> Joint:
+    def part(self, which: Indices) -> Joint:
         """Some of the pairs."""
         return Joint(*(getattr(self, field.name)[which] for field in fields(self)))
 
-    @staticmethod
-    def chosen(tries: Sequence[Joint], which: Indices) -> Joint:
-        """By frame that of some tries which is asked for, (M,)."""
-        every = np.arange(len(which))
-        return Joint(*(np.stack([getattr(own, field.name) for own in tries])[which, every] for field in fields(Joint)))
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Where M upper needles are drawn, (M,) each, and gauge and face there, (M, H * C).
+
+    `phase` is by half rows from the row `window` around which they lie, `row` both together.
+    """
+
+    window: Indices
+    phase: Indices
+    row: Floats
+    seen: Floats
+    face: Floats
 
 
 class JointFitter:
     """Settles two needles together; `pixels_per_sample` as of their gauge's grid."""
 
-    def __init__(self, upper: NeedleTemplate, lower: NeedleTemplate, pixels_per_sample: float) -> None:
+    def __init__(self, upper: NeedleTemplate, lower: LowerNeedle, pixels_per_sample: float) -> None:
         self._lower, self._shape = lower, upper.pixels.shape
         self._axis = (upper.rows - 1) // 2
         self._pixels_per_sample = pixels_per_sample
@@ -99,77 +106,89 @@ class JointFitter:
 
     def fit(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Joint:
         """From where the needles seem to be, (M,) each, on gauges of which the strips are parts."""
+        count, size = len(upper_rows), len(self._trust)
         upper, lower = upper_rows.astype(np.float64), lower_rows.astype(np.float64)
-        open_ = np.arange(len(upper))
-        for _ in range(STEPS):
-            part = strips.part(open_)
-            window, phase = self._window(part, upper[open_])
-            moments = self._moments(self._layers(part, window, phase, lower[open_])[0])
-            off = _off(_solved(moments)[0])
-            step = np.where(np.isfinite(off), limited(off, -MAX_STEP_ROWS, MAX_STEP_ROWS), 0.0)
-            upper[open_] = window + phase / PHASES_PER_ROW + step[:, 0]
-            lower[open_] += step[:, 1]
-            open_ = open_[(np.abs(step) > SETTLED_ROWS).any(axis=1)]
-            if not open_.size:
+        window, moments = np.empty(count, np.intp), np.empty((count, LAYERS, LAYERS))
+        unexplained, face = np.empty((2, count, size), np.float32)
+        open_, is_near = np.arange(count), np.zeros(count, bool)
+        for step in range(STEPS + 1):  # the last one where the needles then are
+            at = self._places(strips.part(open_), upper[open_])
+            layers = self._layers(at, lower[open_])
+            sums = ((layers * self._trust) @ layers.transpose(0, 2, 1)).astype(np.float64)
+            solution, _ = _solved(sums)
+            last = is_near[open_] | (step == STEPS)
+            if last.any():
+                done = open_[last]
+                upper[done], window[done], moments[done] = at.row[last], at.window[last], sums[last]
+                unexplained[done], face[done] = _unexplained(solution[last], layers[last]), at.face[last]
+            further = np.flatnonzero(~last)
+            if not further.size:
                 break
-        window, phase = self._window(strips, upper)
-        layers, face = self._layers(strips, window, phase, lower)
-        moments = self._moments(layers)
-        solution, covariance, noise = _solved(moments)
-        gain, off, start = solution[:, 0], _off(solution), window + phase / PHASES_PER_ROW
+            open_ = open_[further]
+            off = _off(solution[further])
+            moved = np.where(np.isfinite(off), limited(off, -MAX_STEP_ROWS, MAX_STEP_ROWS), 0.0)
+            upper[open_] = at.row[further] + moved[:, 0]
+            lower[open_] += moved[:, 1]
+            is_near[open_] = (np.abs(moved) <= SETTLED_ROWS).all(axis=1)
+        return Joint(**self._found(upper, lower, moments), window=window, unexplained=unexplained, face=face)
+
+    def _found(self, upper: Floats, lower: Floats, moments: Floats) -> dict[str, Floats]:
+        """What the sums, (M, 6, 6), say of pairs that are drawn on these rows, (M,)."""
+        solution, inverse = _solved(moments)
+        gain, off, noise = solution[:, 0], _off(solution), _noise(moments, solution)
         near = (np.abs(off) <= NEAR_ROWS).all(axis=1)
         total = moments[:, ONE, ONE]
         with np.errstate(invalid="ignore", divide="ignore"):
             variance = (moments[:, SEEN, SEEN] - moments[:, SEEN, ONE] ** 2 / total) / total
-            sigma = np.sqrt(np.maximum(covariance, 0.0) * noise[:, None] / self._pixels_per_sample) / gain[:, None]
-            sigma *= SHARED_NOISE
+            sigma = np.sqrt(np.maximum(inverse[:, [1, 2], [1, 2]], 0.0) * noise[:, None] / self._pixels_per_sample)
+            sigma *= SHARED_NOISE / gain[:, None]
             correlation = np.sqrt(np.maximum(1.0 - noise / variance, 0.0))
-        left = layers[:, SEEN] - (solution[:, :, None] * layers[:, UNKNOWNS]).sum(axis=1)
-        return Joint(
-            upper_row=np.where(near, start + off[:, 0], np.nan),
-            lower_row=np.where(near, lower + off[:, 1], np.nan),
-            upper_sigma_rows=sigma[:, 1],
-            lower_sigma_rows=sigma[:, 2],
-            score=np.where(near, partial_correlation(moments.transpose(1, 2, 0)), 0.0),
-            correlation=np.where(near, correlation, 0.0),
-            noise=np.where(near, noise, np.inf),
-            gain=gain,
-            window=window,
-            unexplained=left.astype(np.float32),
-            face=face,
-        )
+        return {
+            "upper_row": np.where(near, upper + off[:, 0], np.nan),
+            "lower_row": np.where(near, lower + off[:, 1], np.nan),
+            "upper_sigma_rows": sigma[:, 0],
+            "lower_sigma_rows": sigma[:, 1],
+            "score": np.where(near, partial_correlation(moments.transpose(1, 2, 0)), 0.0),
+            "correlation": np.where(near, correlation, 0.0),
+            "noise": np.where(near, noise, np.inf),
+            "gain": gain,
+        }
 
-    def _window(self, strips: Strips, upper: Floats) -> tuple[Indices, Indices]:
-        """The whole rows around which windows lie, and the phases at which the upper needles then are."""
+    def _places(self, strips: Strips, upper: Floats) -> _Places:
+        """The places nearest to where the upper needles seem to be."""
         last = len(strips.face) - self._axis - 1
         window = limited(np.rint(upper), self._axis, last).astype(np.intp)
         phase = limited(np.rint((upper - window) * PHASES_PER_ROW), -self._reach, self._reach).astype(np.intp)
-        return window, phase
+        return _Places(window, phase, window + phase / PHASES_PER_ROW, *strips.windows(window, self._axis))
 
-    def _moments(self, layers: Floats) -> Floats:
-        moments: Floats = ((layers * self._trust) @ layers.transpose(0, 2, 1)).astype(np.float64)
-        return moments
-
-    def _layers(self, strips: Strips, window: Indices, phase: Indices, lower: Floats) -> tuple[Floats, Floats]:
-        """(M, 6, H * C): what the sums are made of; and the face there, (M, H * C)."""
-        count = len(window)
-        seen, face = strips.windows(window, self._axis)
-        light, transparency = (each[phase + self._reach] for each in (self._light, self._transparency))
-        places: Floats = np.stack([lower, lower - HALF_ROWS, lower + HALF_ROWS]) - (window - self._axis)
-        back_light, backs = LowerLayer.at(self._lower, self._shape[0], places).behind(transparency[:, 0])
-        backs *= face.reshape(count, *self._shape)
-        backs += back_light
-        back, before, after = backs
-        layers = np.empty((count, 6, seen.shape[1]), np.float32)
-        drawn = layers.reshape(count, 6, *self._shape)
-        np.multiply(transparency, back[:, None], out=drawn[:, :LAYERS])
-        drawn[:, :LAYERS] += light
-        after -= before  # over one row
-        np.multiply(transparency[:, 0], after, out=drawn[:, LOWER])
+    def _layers(self, at: _Places, lower: Floats) -> Floats:
+        """(M, 6, H * C): what the sums are made of, with the lower needles on rows (M,) of the gauge."""
+        count = len(lower)
+        phase = at.phase + self._reach
+        light, transparency = self._light[phase], self._transparency[phase]
+        over, face = transparency[:, 0], at.face.reshape(count, *self._shape)
+        rows = lower - at.window + self._axis + BESIDE_ROWS
+        through, before, after = self._lower.at(rows).through(over, face)
+        layers = np.empty((count, LAYERS, *self._shape), np.float32)
+        np.divide(through, np.maximum(over, np.float32(MIN_COVER)), out=layers[:, FACE])
+        np.copyto(layers[:, FACE], face, where=over <= MIN_COVER)
+        np.add(light[:, 0], through, out=layers[:, NEEDLE])
+        np.multiply(transparency[:, 1], layers[:, FACE], out=layers[:, SLOPE])
+        layers[:, SLOPE] += light[:, 1]
+        np.subtract(after, before, out=layers[:, LOWER])  # over one row
         layers[:, ONE] = 1.0
-        np.subtract(seen, np.float32(MIDDLE_GREY), out=layers[:, SEEN])
-        drawn[:, FACE] = back
-        return layers, face
+        flat = layers.reshape(count, LAYERS, -1)
+        np.subtract(at.seen, np.float32(MIDDLE_GREY), out=flat[:, SEEN])
+        return flat
+
+
+def _unexplained(solution: Floats, layers: Floats) -> Floats:
+    """(M, H * C) float32: what stays of each pixel."""
+    parts = np.zeros((len(layers), 1, LAYERS), np.float32)
+    parts[:, 0, UNKNOWNS] = -solution
+    parts[:, 0, SEEN] = 1.0
+    left: Floats = (parts @ layers)[:, 0]
+    return left
 
 
 def _off(solution: Floats) -> Floats:
@@ -180,16 +199,17 @@ def _off(solution: Floats) -> Floats:
     return off
 
 
-def _solved(moments: Floats) -> tuple[Floats, Floats, Floats]:
-    """Solution (M, 4) by `UNKNOWNS`, the diagonal of the inverse normal matrix (M, 4), and the noise (M,)."""
-    normal = moments[:, UNKNOWNS][:, :, UNKNOWNS]
-    right = moments[:, UNKNOWNS, SEEN]
-    held = normal.copy()
-    held[:, 2, 2] += HELD * normal[:, 1, 1] + 1e-3
-    held[:, [0, 1, 3], [0, 1, 3]] += 1e-6
+def _solved(moments: Floats) -> tuple[Floats, Floats]:
+    """The solution by `UNKNOWNS`, (M, 4), and the inverse normal matrix, (M, 4, 4)."""
+    held = moments[:, UNKNOWNS[:, None], UNKNOWNS] + HOLD
+    held[:, 2, 2] += HELD * moments[:, SLOPE, SLOPE]
     inverse = np.linalg.inv(held)
-    solution = (inverse @ right[..., None])[..., 0]
-    left = moments[:, SEEN, SEEN] - 2 * (solution * right).sum(axis=1)
-    left += np.einsum("mi,mij,mj->m", solution, normal, solution)
-    noise = np.maximum(left, 0.0) / np.maximum(moments[:, ONE, ONE], 1e-9)
-    return solution, np.einsum("mii->mi", inverse), noise
+    return (inverse @ moments[:, UNKNOWNS, SEEN, None])[..., 0], inverse
+
+
+def _noise(moments: Floats, solution: Floats) -> Floats:
+    """(M,): the mean square that stays unexplained."""
+    normal, right = moments[:, UNKNOWNS[:, None], UNKNOWNS], moments[:, UNKNOWNS, SEEN]
+    left = moments[:, SEEN, SEEN] + (((normal @ solution[..., None])[..., 0] - 2 * right) * solution).sum(axis=1)
+    noise: Floats = np.maximum(left, 0.0) / np.maximum(moments[:, ONE, ONE], 1e-9)
+    return noise

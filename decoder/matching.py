@@ -16,7 +16,7 @@ import numpy as np
 from decoder.arrays import Floats, Mask
 from decoder.correlation import parabola_peak, xcorr
 from decoder.fitting import MAX_FRACTION_ROWS, Fit, Fitter
-from decoder.lower_layer import LowerLayer
+from decoder.lower_layer import LowerNeedle
 from decoder.needle_template import NeedleTemplate
 from decoder.occlusion import Visibility, uncovered_scores
 from decoder.over_face import FaceMoments, face_moments
@@ -204,6 +204,6 @@ def _bare(face: Floats, _: NeedleTemplate) -> Floats:
 
 
 def _with_lower(face: Floats, below: NeedleTemplate, below_row: float, upper: NeedleTemplate) -> Floats:
-    light, part = LowerLayer.at(below, upper.rows, np.array([below_row])).behind(upper.transparency)
+    light, part = LowerNeedle(below, upper.rows).at(np.array([below_row])).behind(upper.transparency)
     behind: Floats = light[0] + part[0] * face
     return behind

@@ -7,7 +7,6 @@ take one product with what is seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +15,14 @@ from decoder.arrays import Floats, Indices, limited
 from decoder.covered_pair import MIN_PAIR_CORRELATION, MIN_SHOWN_PIXELS, MIRROR_BETTER, MUCH_BETTER, SHOWN_PART
 from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, SEEN, SLOPE, phases_of
 from decoder.joint_fit import Joint, JointFitter
-from decoder.lower_layer import LowerLayer
+from decoder.lower_layer import LowerNeedle
 from decoder.matching import MAX_STEPS
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import Fits, QuickFitter, solved
 from decoder.strips import Strips
+
+# A pair that leaves so many times the least of all pairs unexplained is neither the best nor a rival of that.
+LIKELY_NOISE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +72,11 @@ class PairFitter:
     """Fits two needles of one gauge together; `reach_rows` is how far apart their axes are tried."""
 
     def __init__(self, upper: NeedleTemplate, lower: NeedleTemplate, reach_rows: int, pixels_per_sample: float) -> None:
-        self._upper, self._lower = upper, lower
+        self._upper, self._lower = upper, LowerNeedle(lower, upper.rows)
         self._axis = (upper.rows - 1) // 2
         self._pixels_per_sample = pixels_per_sample
         self._fitter = QuickFitter(upper, pixels_per_sample)
-        self._joint = JointFitter(upper, lower, pixels_per_sample)
+        self._joint = JointFitter(upper, self._lower, pixels_per_sample)
         self._own = phases_of(upper)[0]
         self._apart = np.arange(-reach_rows, reach_rows + 1)
         self._drawn: dict[int, tuple[Floats, Floats]] = {}
@@ -111,31 +113,32 @@ class PairFitter:
     def fit(self, strips: Strips, upper_rows: Floats) -> Pairs:
         """The best pairs near the rows, (M,), where the upper needles were found."""
         frames, middle = len(upper_rows), np.rint(upper_rows).astype(np.intp)
-        every = np.arange(frames)
         noise, rows = self._noises(strips, middle)
         places = middle[:, None] + self._apart
-        starts = []
-        for side in (1, -1):  # the mirrored pair may leave as little unexplained: the best of either side is settled
-            own = np.where((places - rows) * side >= 0, noise, np.inf).argmin(axis=1)
-            start = rows[every, own]
-            starts.append((np.where(np.isfinite(start), start, upper_rows), places[every, own]))
-        both = self._joint.fit(
-            strips.part(np.tile(every, 2)), *(np.concatenate(each) for each in zip(*starts, strict=True))
+        # The mirrored pair may leave as little unexplained: the best of either side is settled.
+        by_side = np.where((places - rows) * np.array([1, -1])[:, None, None] >= 0, noise, np.inf)  # (2, M, K)
+        least = by_side.min(axis=2)
+        likely = least <= LIKELY_NOISE * least.min(axis=0)
+        side, frame = likely.nonzero()
+        own = by_side.argmin(axis=2)[side, frame]
+        start = rows[frame, own]
+        joint = self._joint.fit(
+            strips.part(frame), np.where(np.isfinite(start), start, upper_rows[frame]), places[frame, own]
         )
-        tries = [both.part(slice(0, frames)), both.part(slice(frames, None))]
         seen, face = strips.windows(limited(middle, self._axis, len(strips.face) - self._axis - 1), self._axis)
         alone = self._fitter.fit(seen, face, np.zeros(frames))
-        return self._believed(tries, alone.noise, middle + alone.fraction)
+        number = np.zeros((2, frames), np.intp)
+        number[side, frame] = np.arange(len(frame))
+        number = np.where(likely, number, number[::-1])
+        return self._believed(joint, number, alone.noise, middle + alone.fraction)
 
-    def _believed(self, tries: Sequence[Joint], noise_alone: Floats, row_alone: Floats) -> Pairs:
-        """The best of some pairs for each frame, beside the others and the upper needle alone, (M,)."""
-        noise = np.stack([each.noise for each in tries])
-        best = Joint.chosen(tries, noise.argmin(axis=0))
+    def _believed(self, joint: Joint, number: Indices, noise_alone: Floats, row_alone: Floats) -> Pairs:
+        """The best of the pairs numbered (2, M) for each frame, beside the other and the upper needle alone, (M,)."""
+        noise, upper_row, lower_row = (own[number] for own in (joint.noise, joint.upper_row, joint.lower_row))
+        best = joint.part(number[noise.argmin(axis=0), np.arange(number.shape[1])])
         with np.errstate(invalid="ignore"):
-            apart = np.stack([each.lower_row - each.upper_row for each in tries])
-            off_upper = np.abs(np.stack([each.upper_row for each in tries]) - best.upper_row)
-            beside = np.abs(np.stack([each.lower_row for each in tries]) - best.upper_row)
-            is_mirrored = apart * (best.lower_row - best.upper_row) < 0
+            off_upper, beside = np.abs(upper_row - best.upper_row), np.abs(lower_row - best.upper_row)
+            is_mirrored = (lower_row - upper_row) * (best.lower_row - best.upper_row) < 0
             is_rival = (MIRROR_BETTER * noise <= best.noise) & is_mirrored
             is_hidden = MUCH_BETTER * noise_alone <= best.noise
             doubts = np.vstack(
@@ -156,7 +159,7 @@ class PairFitter:
 
     def _fit_over(self, strips: Strips, rows: Indices, lower_rows: Floats) -> Over:
         seen, face = strips.windows(rows, self._axis)
-        layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows - rows + self._axis)
+        layer = self._lower.at(lower_rows - rows + self._axis)
         back = np.empty_like(seen)
 
         def behind(chosen: Indices | slice, transparency: Floats) -> Floats:
@@ -180,7 +183,7 @@ class PairFitter:
         return np.stack(light)[places], np.stack(part)[places]
 
     def _drawn_on(self, lower_rows: Indices) -> tuple[Floats, Floats]:
-        layer = LowerLayer.at(self._lower, self._upper.rows, lower_rows.astype(np.float64))
+        layer = self._lower.at(lower_rows.astype(np.float64))
         light, part = layer.behind(self._own.transparency[0])
         own_light, own_part = self._own.light, self._own.transparency
         both = (own_light + own_part * light[:, None]), own_part * part[:, None]
@@ -213,6 +216,9 @@ class PairFitter:
         noise, rows = fits.noise, middle[:, None] + fits.fraction
         is_off = ~(np.abs(fits.fraction) <= self._axis)
         further = (np.abs(fits.fraction) > MAX_FRACTION_ROWS) & ~is_off
+        hopeless = further & (noise > LIKELY_NOISE * noise.min(axis=1, keepdims=True))
+        is_off |= hopeless
+        further &= ~hopeless
         noise[is_off], rows[is_off] = np.inf, np.nan
         if further.any():
             self._moved_on(strips, middle, noise, rows, np.argwhere(further))
@@ -259,7 +265,7 @@ class PairFitter:
     def _lower_score(self, joint: Joint) -> Floats:
         """How well what shows of the lower needle explains what upper needle and face leave there: a correlation."""
         rows = np.nan_to_num(joint.lower_row) - joint.window + self._axis
-        layer = LowerLayer.at(self._lower, self._upper.rows, rows)
+        layer = self._lower.at(rows)
         shown = layer.shown(self._upper.transparency)
         light = (layer.colour * shown).reshape(len(rows), -1)
         shown = shown.reshape(len(rows), -1)

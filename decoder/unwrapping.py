@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from decoder.alignment import Alignment
-from decoder.arrays import Floats, Indices, limited
+from decoder.arrays import Floats, Indices
 from decoder.dial_plane import DialPlane
 from decoder.parallax import Raised
 from decoder.pictures import GreyPicture
@@ -177,29 +177,9 @@ def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
     if not part.any():
         whole: UnwrappedGauge = strip[index[1]]
         return whole
-    weights = np.stack(_weights(part)).astype(np.float32)
+    weights = np.stack(cubic_weights(part)).astype(np.float32)
     interpolated: UnwrappedGauge = np.einsum("kr,krc->rc", weights, strip[index])
     return interpolated
-
-
-def windows_at(strip: UnwrappedGauge, rows: Floats) -> Floats:
-    """`rows_at` for windows of rows that follow each other, (..., H): (..., H, C)."""
-    height, columns = rows.shape[-1], strip.shape[1]
-    first = np.floor(rows).astype(np.intp)
-    start = first[..., 0]
-    weights = np.stack(_weights(rows - first)).astype(np.float32)
-    follow = (first == start[..., None] + np.arange(height)).all() and (weights == weights[..., :1]).all()
-    if not follow or start.size <= 1:
-        return rows_at(strip, rows.ravel()).reshape(*rows.shape, columns)
-    top, bottom = int(start.min()) - 1, int(start.max()) + height + 1
-    padded = strip[limited(np.arange(top, bottom + 1), 0, len(strip) - 1)]
-    row, column = padded.strides
-    shape = (len(padded) - height - 2, height + 3, columns)
-    every = np.ndarray(shape, padded.dtype, padded, strides=(row, row, column))
-    blocks = every[start.ravel() - 1 - top]
-    taps = np.ndarray((4, start.size, height * columns), blocks.dtype, blocks, strides=(row, blocks.strides[0], column))
-    found: Floats = np.einsum("km,kmx->mx", weights[..., 0].reshape(4, -1), taps)
-    return found.reshape(*rows.shape, columns)
 
 
 def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
@@ -211,14 +191,14 @@ def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
         return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
     ends = zip(strips, (first - 1).tolist(), strict=True)
     parts = np.stack([strip[start : start + rows.shape[1] + 3] for strip, start in ends])
-    weights = [weight.astype(np.float32)[:, None, None] for weight in _weights(rows[:, 0] - first)]
+    weights = [weight.astype(np.float32)[:, None, None] for weight in cubic_weights(rows[:, 0] - first)]
     found: Floats = weights[0] * parts[:, : rows.shape[1]]
     for tap in (1, 2, 3):
         found += weights[tap] * parts[:, tap : tap + rows.shape[1]]
     return found
 
 
-def _weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
+def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
     """Of the row before a place, its own, and the two behind, for a place so far behind its own (Catmull and Rom)."""
     square = part * part
     return (
@@ -233,7 +213,7 @@ def _shifted(strip: UnwrappedGauge, first: int, count: int, part: float) -> Unwr
     """`rows_at` for rows that follow each other: no row of the strip is looked up by itself."""
     if part == 0.0:
         return strip[first : first + count].copy()
-    weights = [np.float32(weight) for weight in _weights(part)]
+    weights = [np.float32(weight) for weight in cubic_weights(part)]
     parts = [strip[first + tap : first + tap + count] for tap in (-1, 0, 1, 2)]
     shifted: UnwrappedGauge = weights[0] * parts[0]
     for weight, rows in zip(weights[1:], parts[1:], strict=True):

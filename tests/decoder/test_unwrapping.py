@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from decoder.alignment import IDENTITY, Alignment
 from decoder.pictures import GreyPicture
 from decoder.resampling import all_inside, as_places, each_inside, inside
-from decoder.unwrapping import PolarGrid, Unwrapper, polar_grid, rows_at, rows_of_each, windows_at
+from decoder.unwrapping import PolarGrid, Unwrapper, polar_grid, rows_at, rows_of_each
 
 CENTRE = (60.25, 50.75)
 ANGLES = st.floats(-400.0, 800.0)
@@ -155,21 +155,6 @@ def test_rows_of_each_gauge_are_as_of_it_alone(axis_rows: list[float], count: in
     together = rows_of_each(strips, rows)
 
     assert (together == np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])).all()
-
-
-@given(
-    starts=st.lists(st.one_of(st.floats(-60.0, 60.0), st.integers(-60, 60)), min_size=1, max_size=6),
-    height=st.integers(1, 9),
-)
-def test_windows_are_their_rows(starts: list[float], height: int) -> None:
-    """Also beyond the ends, on whole rows, and where the windows lie far apart."""
-    strip = np.random.default_rng(7).normal(size=(23, 5)).astype(np.float32)
-    rows = np.arange(height) + np.array(starts, float)[:, None]
-    windows = windows_at(strip, rows[None])
-
-    assert windows.shape == (1, len(starts), height, 5)
-    for window, own in zip(windows[0], rows, strict=True):
-        assert np.allclose(window, rows_at(strip, own), rtol=0.0, atol=2e-6)
 
 
 @given(shift=st.tuples(st.floats(-300.0, 300.0), st.floats(-300.0, 300.0)), roll_deg=st.floats(-40.0, 40.0))
