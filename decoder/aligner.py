@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,19 +15,29 @@ from decoder.alignment import IDENTITY, Alignment
 from decoder.alignment_noise import BlockPulls, noise_beside_claim
 from decoder.anchors import check_anchor
 from decoder.arrays import Floats
-from decoder.errors import PanelError, PictureError
+from decoder.errors import PanelError
 from decoder.features import level_feature
 from decoder.frame_search import UNMISTAKABLE_SCORE, FrameSearch
 from decoder.motion import Model
 from decoder.optics import Optics
 from decoder.panel import Panel
-from decoder.pictures import FramePicture, GreyPicture
+from decoder.pictures import GreyPicture
 from decoder.seen_panel import SeenPanel
 from decoder.settling import MIN_FEATURE_SCORE
 
 KEPT_ZOOMS = 6
 # Where more of the anchors than this do not match, they lie at other depths.
 FEW_FAILED = 1 / 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlignedFrame:
+    """A frame of so many pixels, all of its rows or the first in `pixels`, and where the panel lies in it."""
+
+    pixels: GreyPicture
+    size_px: tuple[int, int]
+    focal_length_mm: float | None
+    alignment: Alignment
 
 
 class Aligner:
@@ -115,17 +126,13 @@ class Aligner:
         anchors = self._panel.anchors
         return sum(anchor.name in alignment.failed for anchor in anchors) <= FEW_FAILED * len(anchors)
 
-    def noise_beside_claim(self, frames: Iterable[FramePicture]) -> float:
+    def noise_beside_claim(self, aligned: Iterable[AlignedFrame]) -> float:
         """How many times as uncertain as they claim alignments are, by frames in which all matches; 1 without such."""
         pairs = []
         known: dict[tuple[SeenPanel, Model], BlockPulls] = {}
-        for frame in frames:
-            try:
-                alignment = self.align(frame.pixels, frame.focal_length_mm)
-            except PictureError:
-                continue  # the frame itself is reported when the flight is read
-            height, width = frame.pixels.shape
-            seen = self._seen_at(frame.focal_length_mm, (width, height))
+        for frame in aligned:
+            alignment = frame.alignment
+            seen = self._seen_at(frame.focal_length_mm, frame.size_px)
             if alignment.covariance is None or alignment.failed:
                 continue
             key = (seen, alignment.covariance.model)

@@ -84,5 +84,6 @@ def noise_beside_claim(pairs: Iterable[tuple[MotionCovariance, MotionCovariance]
 
 def _blocks(points: Floats) -> Indices:
     """(N,) whole numbers from 0: the block in which each of (2, N) points lies."""
-    _, number = np.unique(np.floor(points / BLOCK_PX).astype(np.int64), axis=1, return_inverse=True)
-    return np.asarray(number.ravel(), np.intp)
+    across, down = np.floor(points / BLOCK_PX).astype(np.int64)
+    _, number = np.unique(across * (int(np.abs(down).max()) * 2 + 1) + down, return_inverse=True)
+    return np.asarray(number, np.intp)

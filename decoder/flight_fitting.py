@@ -153,7 +153,7 @@ def _completed(learned: _Learned, sample: Sample, pivots: Sequence[Pivot]) -> Pa
     tuning = replace(reader.tuning, doubted=_doubted(learned.found))
     if tuning.dials_move:
         return reader.tuned(replace(tuning, pivots=tuple(pivots)))
-    noise = reader.aligner.noise_beside_claim(pictures(sample(LOOKED_AT)))
+    noise = reader.placer.alignment_noise(list(pictures(sample(LOOKED_AT))))
     return reader.tuned(replace(tuning, alignment_noise=noise))
 
 

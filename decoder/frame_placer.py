@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decoder.aligner import AlignedFrame
 from decoder.alignment import Alignment, Matrix, Point
 from decoder.dials_together import place_all
 from decoder.errors import AlignmentLost, PictureError
@@ -83,6 +84,15 @@ class FramePlacer:
             self._placed(frame) if there is None or isinstance(frame, PictureError) else (frame.pixels, there)
             for frame, there in zip(frames, self._at_first_look(frames), strict=True)
         ]
+
+    def alignment_noise(self, frames: Sequence[Taken]) -> float:
+        """How many times as uncertain as they claim alignments of frames are, by those in which all matches."""
+        found = [one for one in self.placed(frames) if not isinstance(one, PictureError)]
+        own_px = self.aligner.optics.size_px
+        return self.aligner.noise_beside_claim(
+            AlignedFrame(pixels, there.size_px or own_px, there.focal_length_mm, there.alignment)
+            for pixels, there in found
+        )
 
     def _at_first_look(self, frames: Sequence[Taken]) -> list[UnwrappedFrame | None]:
         """Where the panel lies in those frames in which it lies where it usually does, gauges and all."""

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats, Mask
 from decoder.pictures import GreyPicture
-from decoder.unwrapping import PolarGrid, Unwrapper
+from decoder.resampling import PointMap
+from decoder.unwrapping import PolarGrid
 
 # Marks lie on the needle's way or just outside of it, by parts of the gauge's outer radius.
 FIRST_PART, LAST_PART = 0.6, 1.25
@@ -58,12 +58,9 @@ def marks_off_deg(angles_deg: Sequence[float], outer_px: float, grid: PolarGrid,
     step_deg = math.degrees(STEP_PX / outer_px)
     inner_px = FIRST_PART * outer_px
     rings = max(round((LAST_PART - FIRST_PART) * outer_px / RING_PX), 2)
-    around = [
-        replace(grid, start_deg=angle - reach * step_deg, step_deg=step_deg, rows=len(away_px), inner_px=inner_px,
-                column_px=RING_PX, columns=rings, tail_columns=0, raised=None)
-        for angle in angles_deg
-    ]  # fmt: skip
-    seen = np.stack(Unwrapper(around).unwrap(drawn_on, own))
+    around_deg = np.array(angles_deg)[:, None] + step_deg * np.arange(-reach, reach + 1)
+    points = grid.points_at(around_deg.ravel(), inner_px + RING_PX * np.arange(rings))
+    seen = PointMap.of([points.reshape(2, -1)]).sample(drawn_on, own).reshape(*around_deg.shape, rings)
     light = seen[:, :, _rings_of_marks(seen, away_px)]
     if not light.shape[2]:
         return np.full(len(angles_deg), np.nan)

@@ -70,8 +70,11 @@ class PolarGrid:
 
     def _points(self, rows: Indices) -> Floats:
         """(2, len(rows), columns) float32: of some rows."""
-        angles = np.radians(self.start_deg + self.step_deg * rows)[:, None]
-        radii = self.radii_px[None, :]
+        return self.points_at(self.start_deg + self.step_deg * rows, self.radii_px)
+
+    def points_at(self, angles_deg: Floats, radii_px: Floats) -> Floats:
+        """(2, len(angles_deg), len(radii_px)) float32: any points around the dial's centre, in its plane."""
+        angles, radii = np.radians(angles_deg)[:, None], radii_px[None, :]
         if self.plane is not None:
             square_on = np.stack([np.cos(angles) * radii, np.sin(angles) * radii])
             return self.plane.to_panel(square_on.reshape(2, -1)).reshape(square_on.shape).astype(np.float32)

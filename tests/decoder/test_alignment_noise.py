@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decoder.aligner import Aligner
+from decoder.aligner import AlignedFrame, Aligner
 from decoder.panel import parse_panel
 from decoder.pictures import FramePicture, GreyPicture
 
@@ -67,6 +67,12 @@ def seen(grain: Grain, seed: int) -> GreyPicture:
     return np.clip(grain(knobs(), np.random.default_rng(seed)), 0, 255).round().astype(np.uint8)
 
 
+def aligned(own: Aligner, frames: Iterable[FramePicture]) -> list[AlignedFrame]:
+    """The frames, and where they are found."""
+    height, width = knobs().shape
+    return [AlignedFrame(frame.pixels, (width, height), None, own.align(frame.pixels)) for frame in frames]
+
+
 def aligner() -> Aligner:
     """Its panel picture has no noise: all errors are the frames'."""
     return Aligner(parse_panel(PANEL.encode(), source="panel.yaml"), knobs().round().astype(np.uint8))
@@ -77,7 +83,7 @@ def test_alignments_scatter_by_what_they_then_claim(grain: Grain) -> None:
     """Whether neighbouring pixels share their noise or not."""
     own = aligner()
     frames = [FramePicture(seen(grain, seed)) for seed in range(FRAMES)]
-    noise = own.noise_beside_claim(frames[:8])
+    noise = own.noise_beside_claim(aligned(own, frames[:8]))
     place = np.array([[100.0], [85.0]])
     ratios = []
     for frame in frames:
@@ -93,7 +99,7 @@ def test_noise_that_neighbours_share_says_more_of_the_motion() -> None:
     """Blurred grain pulls at whole edges."""
     own = aligner()
     shares = {
-        grain.__name__: own.noise_beside_claim(FramePicture(seen(grain, seed)) for seed in range(8))
+        grain.__name__: own.noise_beside_claim(aligned(own, (FramePicture(seen(grain, seed)) for seed in range(8))))
         for grain in (white, blurred)
     }
 
@@ -103,4 +109,4 @@ def test_noise_that_neighbours_share_says_more_of_the_motion() -> None:
 
 def test_frames_in_which_nothing_matches_tell_nothing() -> None:
     """Then alignments are believed as they are."""
-    assert aligner().noise_beside_claim([FramePicture(np.full((170, 200), 90, np.uint8))]) == 1.0
+    assert aligner().noise_beside_claim([]) == 1.0
