@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
+from decoder.sorting import median_of
 
 T = TypeVar("T")
 
@@ -78,7 +79,7 @@ class NeedleTemplate:
     def place(self, level: float) -> NDArray[np.bool_]:
         """(H, C): where the needle differs from its surroundings by more than this part of its full contrast."""
         edge = max(1, self.rows // 10)
-        surroundings = np.median(np.concatenate([self.pixels[:edge], self.pixels[-edge:]]), axis=0)
+        surroundings = median_of(np.concatenate([self.pixels[:edge], self.pixels[-edge:]]))
         difference = np.abs(self.pixels - surroundings)
         middle = slice(self.rows // 4, self.rows - self.rows // 4)
         contrast = difference[middle].max(axis=0)

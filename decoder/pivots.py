@@ -18,6 +18,7 @@ from decoder.arrays import Floats
 from decoder.gauge import Gauge
 from decoder.needle_template import NeedleTemplate
 from decoder.reading import Reading, Status
+from decoder.sorting import middle_of
 from decoder.tilts import Tilt, across, tilt_of, tilts_of
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
@@ -157,8 +158,8 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
     if _places(tilts) < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
         covariance = covariance + np.outer(solution[:2], solution[:2])
     left = seen - rows @ solution
-    scatter_px2 = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
-    own_px2 = float(np.median([tilt.sigma_px for tilt in tilts])) ** 2
+    scatter_px2 = (MAD_TO_SIGMA * float(middle_of(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
+    own_px2 = float(middle_of(np.array([tilt.sigma_px for tilt in tilts]))) ** 2
     return Pivot(
         offset_px=(float(solution[0]), float(solution[1])),
         covariance_px2=covariance,
@@ -183,7 +184,7 @@ def _places(tilts: Sequence[Tilt]) -> int:
 
 def _scale(spreads: Floats, freedoms: int, *, least: float) -> float:
     """By how much tilts scatter more than they claim, or less: then their claims count beside what they do."""
-    scale = MAD_TO_SIGMA * float(np.median(spreads))
+    scale = MAD_TO_SIGMA * float(middle_of(spreads))
     if scale < 1.0:
         known = max(freedoms, 0)
         fitted = len(spreads) / max(known, 1)  # what is left is the less, the more was fitted

@@ -132,22 +132,14 @@ class _Known:
 
     def __init__(self, light: Floats, transparency: Floats, trust: Floats) -> None:
         (needle, slope), (clear, change) = light.swapaxes(0, 1), transparency.swapaxes(0, 1)
-        plain, with_face, with_square = [], [], []
-        none = np.zeros_like(needle)
-        for alone, once, twice in (
-            (needle * needle, 2 * needle * clear, clear * clear),
-            (needle * slope, needle * change + slope * clear, clear * change),
-            (slope * slope, 2 * slope * change, change * change),
-            (needle, clear, none),
-            (slope, change, none),
-            (none, needle, clear),
-        ):
-            plain.append((alone * trust).sum(axis=1))
-            with_face.append(once * trust)
-            with_square.append(twice * trust)
-        self._plain = np.stack(plain, axis=1)
-        self._with_face = np.concatenate([np.stack(with_face, axis=1).reshape(-1, len(trust)), trust[None]])
-        self._with_square = np.concatenate([np.stack(with_square, axis=1).reshape(-1, len(trust)), trust[None]])
+        by_trust = (each * trust for each in (needle, slope, clear, change))
+        own_needle, own_slope, own_clear, own_change = by_trust
+        alone = (own_needle * needle, own_needle * slope, own_slope * slope, own_needle, own_slope, None)
+        once = (2 * own_needle * clear, own_needle * change + own_slope * clear, 2 * own_slope * change)
+        twice = (own_clear * clear, own_clear * change, own_change * change, None, None, own_clear)
+        self._plain = np.stack([np.zeros(len(light)) if each is None else each.sum(axis=1) for each in alone], axis=1)
+        self._with_face = _with_trust((*once, own_clear, own_change, own_needle), trust)
+        self._with_square = _with_trust(twice, trust)
         self._total = float(trust.sum())
 
     def sums(self, faces: Floats) -> tuple[Floats, Floats]:
@@ -156,6 +148,17 @@ class _Known:
         twice = (self._with_square @ (faces * faces)[..., None])[..., 0]
         of_phase = self._plain + (once[:, :-1] + twice[:, :-1]).reshape(len(faces), *self._plain.shape)
         return of_phase, np.stack([np.full(len(faces), self._total), once[:, -1], twice[:, -1]], axis=1)
+
+
+def _with_trust(kernels: Sequence[Floats | None], trust: Floats) -> Floats:
+    """(phases * 6 + 1, H * C): six kernels (phases, H * C), where there are none nothing, and `trust` (H * C,)."""
+    phases = max(len(each) for each in kernels if each is not None)
+    both = np.zeros((phases * len(kernels) + 1, len(trust)))
+    for number, each in enumerate(kernels):
+        if each is not None:
+            both[number : -1 : len(kernels)] = each
+    both[-1] = trust
+    return both
 
 
 def _stacked(phases: Sequence[Mapping[int, Phase]], name: str) -> Floats:

@@ -16,7 +16,7 @@ from decoder.arrays import Floats, Mask
 from decoder.faces import LitViews
 from decoder.gauge import Gauge
 from decoder.gauge_grid import row_of_angle
-from decoder.needle_layer import layer_over, median_of
+from decoder.needle_layer import layer_over
 from decoder.needle_template import NeedleTemplate
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import face_behind
@@ -24,6 +24,7 @@ from decoder.pointers import Needle
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.scale_marks import FULL_CIRCLE_DEG
+from decoder.sorting import median_of
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 MIN_VIEWS = 5
