@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
-from decoder.sorting import middle_of, sorted_views
+from decoder.sorting import middle_level, sorted_views
 
 MIN_VIEWS = 3
 # Two views will do where they show the same.
@@ -32,12 +32,16 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     differ.
     """
     wanted, seen = reference.ravel()[::LIGHT_STRIDE], strip.ravel()[::LIGHT_STRIDE]
-    gain, offset = 1.0, float(middle_of(wanted - seen))
+    gain, offset = 1.0, middle_level(wanted - seen)
     rows = np.ones((3, seen.size), np.float32)
     np.subtract(seen, np.float32(MIDDLE_GREY), out=rows[1])  # keeps sums small enough for float32
     np.subtract(wanted, np.float32(MIDDLE_GREY), out=rows[2])
+    off = np.empty_like(rows[0])
     for _ in range(LIGHT_PASSES):
-        near = np.abs(seen * np.float32(gain) + np.float32(offset) - wanted) < OUTLIER_LEVELS
+        np.multiply(seen, np.float32(gain), out=off)
+        off += np.float32(offset)
+        off -= wanted
+        near = np.abs(off, out=off) < OUTLIER_LEVELS
         (count, sum_x, sum_y), (_, square, product), _ = ((rows * near) @ rows.T).astype(np.float64).tolist()
         spread = square / count - (sum_x / count) ** 2 if count else 0.0
         if spread < 1.0:
@@ -66,7 +70,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     views, places = np.stack(strips), np.stack(without)
     views[places] = np.inf
     views = sorted_views(views)
-    count = len(strips) - places.sum(axis=0)
+    count = len(strips) - places.view(np.uint8).sum(axis=0, dtype=np.uint16).astype(np.intp)
     middle = np.maximum(count - 1, 0)[None]
     low = np.take_along_axis(views, middle // 2, axis=0)[0]
     high = np.take_along_axis(views, (middle + 1) // 2, axis=0)[0]

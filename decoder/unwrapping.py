@@ -32,6 +32,8 @@ COLUMN_PX = 1.5
 MIN_COLUMNS = 3
 MAX_COLUMNS = 64
 RIM_POINTS = 25
+# Rows that follow each other do so up to this.
+ROUNDING_ROWS = 1e-9
 _TAPS = np.array([[-1], [0], [1], [2]])
 
 
@@ -188,7 +190,7 @@ def rows_at(strip: UnwrappedGauge, rows: Floats) -> UnwrappedGauge:
 def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
     """`rows_at` of K unwrapped gauges of one shape, each at rows of its own, (K, H): (K, H, C)."""
     first = np.floor(rows[:, 0]).astype(np.intp)
-    follow = rows[:, -1] - rows[:, 0] == rows.shape[1] - 1
+    follow = np.abs(rows[:, -1] - rows[:, 0] - (rows.shape[1] - 1)) < ROUNDING_ROWS
     follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
     if not follow.all():
         return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
