@@ -49,7 +49,7 @@ def decode_flight(
     FlightUnreadable
         If no frame at all can be read with this panel, with the commonest reason.
     """
-    sample = FlightSample(flight)
+    sample = FlightSample(flight, reader.placer.rows_at_first())
     fitted = fit_to_flight(reader, sample)
     builder = FlightDataBuilder(reader.source.panel)
     reasons: Counter[str] = Counter()

@@ -14,8 +14,8 @@ import numpy as np
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
-from decoder.flight_placing import Sample, frames_wanted, pictures, placed_for
-from decoder.flight_tuning import MIN_CUTS, lit_views, tune_on, unwrapped
+from decoder.flight_placing import LOOKED_AT, Sample, frames_wanted, placed_for
+from decoder.flight_tuning import MIN_CUTS, lit_views, taken, tune_on, unwrapped
 from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
 from decoder.panel_needles import DrawnGauge, drawn_gauges
@@ -31,8 +31,6 @@ from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertai
 
 ROUNDS = 8
 SETTLED_LIFT = 0.01
-# Of so many frames it is asked how far alignments scatter.
-LOOKED_AT = 6
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
 
@@ -153,7 +151,7 @@ def _completed(learned: _Learned, sample: Sample, pivots: Sequence[Pivot]) -> Pa
     tuning = replace(reader.tuning, doubted=_doubted(learned.found))
     if tuning.dials_move:
         return reader.tuned(replace(tuning, pivots=tuple(pivots)))
-    noise = reader.placer.alignment_noise(list(pictures(sample(LOOKED_AT))))
+    noise = reader.placer.alignment_noise(list(taken(sample(LOOKED_AT))))
     return reader.tuned(replace(tuning, alignment_noise=noise))
 
 

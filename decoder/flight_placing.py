@@ -11,9 +11,10 @@ import numpy as np
 from decoder.alignment import Alignment, Matrix
 from decoder.errors import PictureError
 from decoder.first_sight import FirstSight
-from decoder.flight_tuning import SAMPLE_FRAMES, unwrapped
+from decoder.flight_tuning import SAMPLE_FRAMES, taken, unwrapped
 from decoder.frame_placer import UnwrappedFrame
 from decoder.panel_reader import PanelReader
+from decoder.picture_block import TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.tuning import Tuning
 
@@ -28,8 +29,8 @@ LOOKED_AT = 6
 # Dials that lie this near to where the anchors have them are where they should be.
 IN_PLACE_PX = 0.05
 
-Sample = Callable[[int], Iterable[GreyPicture | FramePicture]]
-"""Gives so many frames, spread over the flight; the same ones each time."""
+Sample = Callable[[int], Iterable[GreyPicture | FramePicture | TopOfFrame]]
+"""Gives so many frames, spread over the flight; the same ones each time. Of each the first rows may be all there is."""
 
 
 def placed_for(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list[UnwrappedFrame]]:
@@ -52,10 +53,13 @@ def frames_wanted(tuning: Tuning) -> int:
     return MORE_FRAMES if tuning.dials_move and not tuning.anchors_agree else SAMPLE_FRAMES
 
 
-def pictures(frames: Iterable[GreyPicture | FramePicture]) -> Iterator[FramePicture]:
-    """The frames of a sample, those without a focal length too."""
-    for frame in frames:
-        yield frame if isinstance(frame, FramePicture) else FramePicture(frame)
+def _pictures(frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> Iterator[FramePicture]:
+    """The frames of a sample, whole."""
+    for frame in taken(frames):
+        try:
+            yield frame.whole() if isinstance(frame, TopOfFrame) else frame
+        except PictureError:
+            continue  # damaged below its first rows: reported when the flight is read
 
 
 def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
@@ -75,9 +79,9 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
     """Whether dials lie elsewhere than the anchors have them, in some of the sampled frames."""
     shifts_px: list[float] = []
     frames = 0
-    for taken in pictures(sample(SAMPLE_FRAMES)):
+    for frame in _pictures(sample(SAMPLE_FRAMES)):
         try:
-            shifts = reader.placer.dial_shifts_px(taken.pixels, taken.focal_length_mm)
+            shifts = reader.placer.dial_shifts_px(frame.pixels, frame.focal_length_mm)
         except PictureError:
             continue
         shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
@@ -93,13 +97,13 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
         return None
     optics, sight = reader.aligner.optics, FirstSight(reader.source.picture)
     seen: list[Matrix] = []
-    for taken in pictures(sample(SAMPLE_FRAMES)):
-        height, width = taken.pixels.shape
+    for frame in _pictures(sample(SAMPLE_FRAMES)):
+        height, width = frame.pixels.shape
         try:
-            zoom = optics.zoom(taken.focal_length_mm, (width, height))
+            zoom = optics.zoom(frame.focal_length_mm, (width, height))
         except PictureError:
             continue  # of another shape, or a zoom that is not calibrated: reported when the flight is read
-        motion = sight.find(taken.pixels)
+        motion = sight.find(frame.pixels)
         if motion is not None:
             at_panels_zoom = np.linalg.inv(zoom) @ motion
             seen.append(at_panels_zoom / at_panels_zoom[2, 2])

@@ -8,7 +8,7 @@ the face behind it, so marks and numerals no longer pull at it. Searches start w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -27,6 +27,7 @@ from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import NeedleTemplate
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import face_behind
+from decoder.picture_block import TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
@@ -96,7 +97,7 @@ def tune_on(
         motions=_motions(reader, samples, usual),
         evenly_lit_score=EVENLY_LIT_SCORE,
         cards=cards,
-        rows=reader.placer.rows_wanted(samples),
+        rows=reader.placer.rows_wanted([sample.alignment for sample in samples]),
     )
     return reader.tuned(tuning)
 
@@ -211,12 +212,17 @@ class _GaugeTuner:
         )
 
 
-def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> list[UnwrappedFrame]:
+def taken(frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> Iterator[FramePicture | TopOfFrame]:
+    """The frames of a sample, those without a focal length too."""
+    return (FramePicture(frame) if isinstance(frame, np.ndarray) else frame for frame in frames)
+
+
+def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> list[UnwrappedFrame]:
     """Those of the frames that can be aligned, unwrapped."""
-    taken = (frame if isinstance(frame, FramePicture) else FramePicture(frame) for frame in frames)
+    sampled = taken(frames)
     height, width = reader.source.picture.shape
     samples: list[UnwrappedFrame] = []
-    while batch := tuple(islice(taken, batch_frames((width, height)))):
+    while batch := tuple(islice(sampled, batch_frames((width, height)))):
         # what is not found is reported when the flight is read
         samples += [one for one in reader.placer.unwrap_many(batch) if not isinstance(one, PictureError)]
     return samples

@@ -25,14 +25,14 @@ MAX_BATCH_PIXELS = 4 * 4896 * 3672
 class RawFrame:
     """Of a frame what reading it takes; `focal_length_mm` is None if it does not tell.
 
-    `picture` is the JPEG decompressed, if that has been done; another process is not told.
+    `picture` is the JPEG decompressed, or its first rows, if that has been done; another process is not told.
     """
 
     sequence: int
     captured_ns: int
     jpeg: bytes
     focal_length_mm: float | None = None
-    picture: FramePicture | None = field(default=None, compare=False, repr=False)
+    picture: FramePicture | TopOfFrame | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def batch_frames(size_px: tuple[int, int]) -> int:
 
 
 def batches(
-    frames: Iterable[Frame], size: int, picture: Callable[[Frame], FramePicture | None] | None = None
+    frames: Iterable[Frame], size: int, picture: Callable[[Frame], FramePicture | TopOfFrame | None] | None = None
 ) -> Iterator[Batch]:
     """The frames in their order, so many at a time; the last batch may be smaller.
 
@@ -94,9 +94,9 @@ def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch
 
 
 def _picture(reader: PanelReader, frame: RawFrame, slot: int) -> FramePicture | TopOfFrame | PictureError:
-    if frame.picture is not None:
-        return top_of(frame.picture, reader.tuning.rows)
     try:
+        if frame.picture is not None:
+            return top_of(frame.picture, reader.tuning.rows)
         return reader.block.frame(frame.jpeg, slot, frame.focal_length_mm, reader.tuning.rows)
     except PictureError as error:
         return error

@@ -60,7 +60,7 @@ class FramePlacer:
     def __init__(self, source: PanelPictures, tuning: Tuning, grids: Sequence[PolarGrid], unwrapper: Unwrapper) -> None:
         self.unwrapper = unwrapper
         self.aligner = source.aligner(tuning.usual)
-        self._tuning, self._grids = tuning, grids
+        self._tuning, self._grids, self._own = tuning, grids, source.optics.own
         self._placers = [
             None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, source.optics.own)
             for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), grids, strict=False)
@@ -69,7 +69,7 @@ class FramePlacer:
         self._rims = [grid.rim() for grid in grids]
         self._all_rims = as_places(np.concatenate(self._rims, axis=1))
 
-    def unwrap_many(self, frames: Sequence[FramePicture]) -> list[UnwrappedFrame | PictureError]:
+    def unwrap_many(self, frames: Sequence[Taken]) -> list[UnwrappedFrame | PictureError]:
         """Each frame aligned and unwrapped, or why it is not."""
         return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in self.placed(frames)]
 
@@ -185,13 +185,20 @@ class FramePlacer:
             sigmas.append(0.0 if place is None else place.sigma_px)
         return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas)
 
-    def rows_wanted(self, samples: Sequence[UnwrappedFrame]) -> int | None:
+    def rows_at_first(self) -> int | None:
+        """As `rows_wanted` before any frame was seen: as if the camera stood where the panel picture was taken."""
+        return self._rows([self._own], MOST_SHAKE_PX)
+
+    def rows_wanted(self, alignments: Sequence[Alignment]) -> int | None:
         """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""
-        if self._tuning.dials_move or any(grid.raised is not None for grid in self._grids) or not samples:
+        return self._rows(alignments, LEAST_SHAKE_PX)
+
+    def _rows(self, alignments: Sequence[Alignment], least_shake_px: int) -> int | None:
+        if self._tuning.dials_move or any(grid.raised is not None for grid in self._grids) or not alignments:
             return None
         points = np.concatenate([self._all_rims, as_places(self.aligner.outline())], axis=1)
-        lowest_px = [float(sample.alignment.places(points)[..., 1].max()) for sample in samples]
-        shake_px = LEAST_SHAKE_PX + SHAKES * (max(lowest_px) - min(lowest_px))
+        lowest_px = [float(alignment.places(points)[..., 1].max()) for alignment in alignments]
+        shake_px = least_shake_px + SHAKES * (max(lowest_px) - min(lowest_px))
         margin_px = RIM_MARGIN_PX + min(shake_px, MOST_SHAKE_PX)
         blocks = math.ceil((max(lowest_px) + margin_px) / ROWS_OF_BLOCKS)
         return max(blocks, 1) * ROWS_OF_BLOCKS

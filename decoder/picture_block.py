@@ -28,11 +28,22 @@ class TopOfFrame:
     whole: Callable[[], FramePicture]
 
 
-def top_of(picture: FramePicture, rows: int | None) -> FramePicture | TopOfFrame:
-    """As `PictureBlock.frame`, of a frame that is decompressed already."""
-    if rows is None or rows >= picture.height_px:
+def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture | TopOfFrame:
+    """As `PictureBlock.frame`, of a frame of which so much is decompressed already.
+
+    Raises
+    ------
+    PictureError
+        As `PictureBlock.frame`, if more is wanted.
+    """
+    wanted = picture.height_px if rows is None else rows
+    if isinstance(picture, TopOfFrame):
+        if wanted > len(picture.pixels):
+            return picture.whole()
+        return TopOfFrame(picture.pixels[:wanted], picture.height_px, picture.focal_length_mm, picture.whole)
+    if wanted >= picture.height_px:
         return picture
-    return TopOfFrame(picture.pixels[:rows], picture.height_px, picture.focal_length_mm, lambda: picture)
+    return TopOfFrame(picture.pixels[:wanted], picture.height_px, picture.focal_length_mm, lambda: picture)
 
 
 class PictureBlock:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from decoder.flight_fitting import fit_to_flight
-from decoder.flight_sample import FlightSample
 from decoder.frame_batch import RawFrame, Unread, batch_frames, batches, read_batch
 from decoder.method import Method
 from decoder.panel_pictures import panel_from_attachments
@@ -72,31 +71,6 @@ def test_same_batch_reads_the_same_again(flight: Flight, reader: PanelReader) ->
 
     assert before == after == read_batch(fresh, first)
     assert all(isinstance(outcome, FrameReadings) for outcome in before)
-
-
-def test_picture_of_the_sample_is_read_as_its_frame(flight: Flight, reader: PanelReader) -> None:
-    """What is decompressed already is not decompressed again, and every bit is read alike; it is given up once."""
-    sample = FlightSample(flight)
-    taken = list(sample(8))
-    (fresh,) = batches(flight.frames(), 20)
-    (kept,) = batches(flight.frames(), 20, sample.given_up)
-
-    assert [frame.picture for frame in kept if frame.picture is not None] == taken
-    assert read_batch(reader, kept) == read_batch(reader, fresh)
-    assert all(sample.given_up(frame) is None for frame in flight.frames())
-
-
-def test_sample_is_the_same_each_time(flight: Flight) -> None:
-    """Whether it is read from the file, kept from before, a part of a larger one, or partly given up."""
-    sample = FlightSample(flight)
-    first = [frame.pixels for frame in sample(16)]
-    again, few = [frame.pixels for frame in sample(16)], [frame.pixels for frame in sample(6)]
-    sample.given_up(next(flight.frames()))
-    later = [frame.pixels for frame in sample(6)]
-
-    assert all(one is other for one, other in zip(first, again, strict=True))
-    assert all((one == first[rank]).all() for one, rank in zip(few, range(0, 16, 3), strict=True))
-    assert all((one == other).all() for one, other in zip(few, later, strict=True))
 
 
 def test_empty_batch_is_no_batch(reader: PanelReader) -> None:
