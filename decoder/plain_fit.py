@@ -1,35 +1,28 @@
 """Fits of whole needles over their bare faces: the least squares of `fitting` with all sums told by a few products.
 
 A needle over its face is `light + transparency * face`. What that is summed up to with itself and with the face changes
-with the row only, and is worked out once for each; what a frame shows is summed up with the layers of all phases at
-once. So a window's pixels are touched three times, however many steps the least squares take.
+with the row only, and is worked out when a needle is first seen there; what a frame shows is summed up with the layers
+of all phases at once. So a window's pixels are touched three times, however many steps the least squares take.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices
-from decoder.fitting import (
-    FACE,
-    MAX_FRACTION_ROWS,
-    MIDDLE_GREY,
-    NEEDLE,
-    ONE,
-    PHASES_PER_ROW,
-    SEEN,
-    SLOPE,
-    Phase,
-    phases_of,
-)
+from decoder.arrays import Floats, Indices, limited
+from decoder.fitting import FACE, MIDDLE_GREY, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
 from decoder.needle_template import NeedleTemplate
-from decoder.quick_fit import Fits, solved
+from decoder.quick_fit import Fits, nearest_phases, solved
 
+# How many phases away from a window's middle a needle may be looked for: half a row.
+REACH = PHASES_PER_ROW // 2
+PHASES = 2 * REACH + 1
 # The sums that no frame changes: products of these two, of each phase and of all.
-_OF_PHASE = ((NEEDLE, NEEDLE), (NEEDLE, SLOPE), (SLOPE, SLOPE), (NEEDLE, ONE), (SLOPE, ONE), (NEEDLE, FACE))
-_OF_ALL = ((ONE, ONE), (ONE, FACE), (FACE, FACE))
+_OF_PHASE = ((NEEDLE, NEEDLE), (SLOPE, NEEDLE), (SLOPE, SLOPE), (ONE, NEEDLE), (ONE, SLOPE), (FACE, NEEDLE))
+_OF_ALL = ((ONE, ONE), (FACE, ONE), (FACE, FACE))
+_KNOWN = tuple(zip(*_OF_PHASE, *_OF_ALL, strict=True))
 
 
 class PlainFitter:
@@ -49,27 +42,21 @@ class PlainFitter:
         self, templates: Sequence[NeedleTemplate], faces: Sequence[Floats], pixels_per_sample: Sequence[float]
     ) -> None:
         self._pixels_per_sample = np.array(pixels_per_sample)
-        self._size = templates[0].pixels.size
         # All levels count from the middle grey: smaller sums lose less.
-        self._faces = [
-            np.lib.stride_tricks.sliding_window_view((face - np.float32(MIDDLE_GREY)).ravel(), self._size)
-            for face in faces
-        ]
-        self._columns = templates[0].pixels.shape[1]
-        phases = [phases_of(template) for template in templates]
-        self._reach = max(phases[0])
-        transparency = _stacked(phases, "transparency")  # (K, phases, 2, H * C)
-        light = _stacked(phases, "light") + MIDDLE_GREY * transparency
+        rows = np.concatenate(faces) - np.float32(MIDDLE_GREY)
+        self._first = np.cumsum([0, *(len(face) for face in faces)])[:-1]
+        height, columns = templates[0].pixels.shape
+        shape, (row, column) = (len(rows) - height + 1, height * columns), rows.strides
+        self._windows = np.ndarray(shape, rows.dtype, rows, strides=(row, column))
+        transparency, light = (_layers(templates, name) for name in ("transparency", "light"))
+        light += MIDDLE_GREY * transparency
         light[:, :, 0] -= MIDDLE_GREY
-        trust = np.stack([template.trust.ravel() for template in templates]).astype(np.float64)
-        every = trust[:, None]
+        trust = np.stack([template.trust.ravel() for template in templates]).astype(np.float32)
         self._with_seen = _kernels(light, trust)
         self._with_both = _kernels(transparency, trust)
-        self._with_square = every.astype(np.float32)
-        self._knowing = [_Known(*own) for own in zip(light, transparency, trust, strict=True)]
-        rows = max(len(face) for face in faces)
-        self._known = np.full((len(templates), rows, 2 * self._reach + 1, len(_OF_PHASE)), np.nan)
-        self._known_of_all = np.full((len(templates), rows, len(_OF_ALL)), np.nan)
+        self._with_square = trust[:, None]
+        self._alike, self._with_face = _of_face(light, transparency, trust)
+        self._known = np.full((len(rows), PHASES, len(_OF_PHASE) + len(_OF_ALL)), np.nan)
 
     def fit(self, windows: Floats, top_rows: Indices, guess_rows: Floats) -> Fits:
         """Each needle in F frames, (F, K) each.
@@ -82,95 +69,80 @@ class PlainFitter:
         guess_rows : (F, K)
             How far below the windows' middles the needles are expected, at most half a row.
         """
+        rows = self._first + top_rows
+        self._learn(rows)
         seen = windows.astype(np.float32)
         seen -= np.float32(MIDDLE_GREY)
-        faces = np.stack([face[top_rows[:, needle] * self._columns] for needle, face in enumerate(self._faces)], axis=1)
-        self._learn(top_rows, faces)
         with_seen = _products(self._with_seen, seen)
-        with_both = _products(self._with_both, seen * faces)
-        square = _products(self._with_square, seen * seen)[..., 0]
-        of_phase = (with_seen[..., :-1] + with_both[..., :-1]).reshape(*top_rows.shape, -1, 2)
-        frames, needles = np.indices(top_rows.shape)
-        moments = np.full((5, 5, *top_rows.shape), np.nan)  # of slope and face nobody asks
-        of_all = np.moveaxis(self._known_of_all[needles, top_rows], -1, 0)
-        alike = [(*pair, values) for pair, values in zip(_OF_ALL, of_all, strict=True)]
-        alike += [(SEEN, ONE, with_seen[..., -1]), (SEEN, FACE, with_both[..., -1]), (SEEN, SEEN, square)]
+        with_both = _products(self._with_both, seen * self._windows[rows])
+        of_phase = (with_seen[..., :-1] + with_both[..., :-1]).reshape(*rows.shape, PHASES, 2)
+        moments = np.empty((5, 5, *rows.shape))
+        moments[SEEN, ONE], moments[FACE, SEEN] = with_seen[..., -1], with_both[..., -1]
+        moments[SEEN, SEEN] = _products(self._with_square, seen * seen)[..., 0]
 
-        def step(phase: Indices) -> Fits:
-            known = np.moveaxis(self._known[needles, top_rows, phase + self._reach], -1, 0)
-            own = of_phase[frames, needles, phase + self._reach]
-            changing = [(*pair, values) for pair, values in zip(_OF_PHASE, known, strict=True)]
-            changing += [(SEEN, NEEDLE, own[..., 0]), (SEEN, SLOPE, own[..., 1])]
-            for one, other, values in (*alike, *changing):
-                moments[one, other] = moments[other, one] = values
-            return solved(moments, phase, self._pixels_per_sample)
+        def look(phase: Indices) -> None:
+            moments[_KNOWN] = np.moveaxis(self._known[rows, phase + REACH], -1, 0)
+            own = np.take_along_axis(of_phase, phase[..., None, None] + REACH, axis=2)[..., 0, :]
+            moments[SEEN, :ONE] = np.moveaxis(own, -1, 0)
 
-        guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
-        first = step(guess)
-        near = np.abs(first.fraction) <= MAX_FRACTION_ROWS  # not where it is NaN
-        nearest = np.rint(np.where(near, first.fraction, 0.0) * PHASES_PER_ROW).astype(np.intp)
-        again = near & (nearest != guess)
-        if not again.any():
-            return first
-        return step(np.where(again, nearest, guess))
+        phase = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
+        look(phase)
+        nearest = limited(nearest_phases(moments, phase), -REACH, REACH)
+        if (nearest != phase).any():
+            look(nearest)
+        return solved(moments, nearest, self._pixels_per_sample)
 
-    def _learn(self, top_rows: Indices, faces: Floats) -> None:
+    def _learn(self, rows: Indices) -> None:
         """Works out the sums for those rows that no frame had its needle on so far."""
-        unknown = np.isnan(self._known_of_all[np.arange(len(self._knowing)), top_rows, 0])
-        for needle in np.flatnonzero(unknown.any(axis=0)).tolist():
-            frames = np.flatnonzero(unknown[:, needle])
-            rows, first = np.unique(top_rows[frames, needle], return_index=True)
-            of_phase, of_all = self._knowing[needle].sums(faces[frames[first], needle].astype(np.float64))
-            self._known[needle, rows], self._known_of_all[needle, rows] = of_phase, of_all
+        unknown = np.unique(rows[np.isnan(self._known[rows, 0, 0])])
+        if not unknown.size:
+            return
+        faces = self._windows[unknown]
+        both = np.concatenate([faces, faces * faces], axis=1)[..., None]
+        ends = [*np.searchsorted(unknown, self._first).tolist(), len(unknown)]
+        sums = np.concatenate(
+            [
+                alike + (with_face @ both[first:end])[..., 0]
+                for alike, with_face, first, end in zip(self._alike, self._with_face, ends[:-1], ends[1:], strict=True)
+            ]
+        )
+        of_phase, of_all = np.split(sums, [PHASES * len(_OF_PHASE)], axis=1)
+        known = np.empty((len(unknown), *self._known.shape[1:]))
+        known[..., : len(_OF_PHASE)] = of_phase.reshape(-1, PHASES, len(_OF_PHASE))
+        known[..., len(_OF_PHASE) :] = of_all[:, None]
+        self._known[unknown] = known
 
 
-class _Known:
-    """The sums of one needle that no frame changes: as sums of its face, and of the face's square, in one window.
-
-    `light` and `transparency` are (phases, 2, H * C), `trust` (H * C,).
-    """
-
-    def __init__(self, light: Floats, transparency: Floats, trust: Floats) -> None:
-        (needle, slope), (clear, change) = light.swapaxes(0, 1), transparency.swapaxes(0, 1)
-        by_trust = (each * trust for each in (needle, slope, clear, change))
-        own_needle, own_slope, own_clear, own_change = by_trust
-        alone = (own_needle * needle, own_needle * slope, own_slope * slope, own_needle, own_slope, None)
-        once = (2 * own_needle * clear, own_needle * change + own_slope * clear, 2 * own_slope * change)
-        twice = (own_clear * clear, own_clear * change, own_change * change, None, None, own_clear)
-        self._plain = np.stack([np.zeros(len(light)) if each is None else each.sum(axis=1) for each in alone], axis=1)
-        self._with_face = _with_trust((*once, own_clear, own_change, own_needle), trust)
-        self._with_square = _with_trust(twice, trust)
-        self._total = float(trust.sum())
-
-    def sums(self, faces: Floats) -> tuple[Floats, Floats]:
-        """Over M faces, (M, H * C) float64: those of each phase, (M, phases, 6), and those of all, (M, 3)."""
-        once = (self._with_face @ faces[..., None])[..., 0]
-        twice = (self._with_square @ (faces * faces)[..., None])[..., 0]
-        of_phase = self._plain + (once[:, :-1] + twice[:, :-1]).reshape(len(faces), *self._plain.shape)
-        return of_phase, np.stack([np.full(len(faces), self._total), once[:, -1], twice[:, -1]], axis=1)
+def _layers(templates: Sequence[NeedleTemplate], name: str) -> Floats:
+    """(K, phases, 2, H * C) float32."""
+    phases = range(-REACH, REACH + 1)
+    layers = [[getattr(phases_of(template)[step], name) for step in phases] for template in templates]
+    return np.array(layers, np.float32).reshape(len(templates), PHASES, 2, -1)
 
 
-def _with_trust(kernels: Sequence[Floats | None], trust: Floats) -> Floats:
-    """(phases * 6 + 1, H * C): six kernels (phases, H * C), where there are none nothing, and `trust` (H * C,)."""
-    phases = max(len(each) for each in kernels if each is not None)
-    both = np.zeros((phases * len(kernels) + 1, len(trust)))
-    for number, each in enumerate(kernels):
-        if each is not None:
-            both[number : -1 : len(kernels)] = each
-    both[-1] = trust
-    return both
-
-
-def _stacked(phases: Sequence[Mapping[int, Phase]], name: str) -> Floats:
-    """(K, phases, 2, H * C) float64."""
-    layers = [[getattr(own[step], name).reshape(2, -1) for step in sorted(own)] for own in phases]
-    return np.array(layers, np.float64)
+def _of_face(light: Floats, transparency: Floats, trust: Floats) -> tuple[Floats, Floats]:
+    """What the n known sums are: so much, (K, n), and (K, n, 2 * H * C) float32 by the face and by its square."""
+    weights = trust[:, None]
+    one, none = np.ones_like(weights), np.zeros_like(weights)
+    plain = {NEEDLE: light[:, :, 0], SLOPE: light[:, :, 1], ONE: one, FACE: none}
+    by_face = {NEEDLE: transparency[:, :, 0], SLOPE: transparency[:, :, 1], ONE: none, FACE: one}
+    own = PHASES * len(_OF_PHASE)
+    places = [slice(first, own, len(_OF_PHASE)) for first in range(len(_OF_PHASE))]
+    places += [slice(own + number, own + number + 1) for number in range(len(_OF_ALL))]
+    alike = np.empty((len(trust), own + len(_OF_ALL)))
+    with_face = np.empty((*alike.shape, 2, trust.shape[1]), np.float32)
+    for (first, second), place in zip((*_OF_PHASE, *_OF_ALL), places, strict=True):
+        alike[:, place] = (plain[first] * plain[second] * weights).sum(axis=2)
+        once = plain[first] * by_face[second] + by_face[first] * plain[second]
+        np.multiply(once, weights, out=with_face[:, place, 0])
+        np.multiply(by_face[first] * by_face[second], weights, out=with_face[:, place, 1])
+    return alike, with_face.reshape(*alike.shape, -1)
 
 
 def _kernels(layers: Floats, trust: Floats) -> Floats:
     """(K, phases * 2 + 1, H * C) float32: layers (K, phases, 2, H * C) by trust (K, H * C), and that itself."""
     weighted = (layers * trust[:, None, None]).reshape(len(trust), -1, trust.shape[1])
-    return np.concatenate([weighted, trust[:, None]], axis=1).astype(np.float32)
+    return np.concatenate([weighted, trust[:, None]], axis=1)
 
 
 def _products(kernels: Floats, pixels: Floats) -> Floats:

@@ -92,18 +92,18 @@ class QuickFitter:
         """
         weights = np.broadcast_to(self._trust, windows.shape) if masks is None else self._trust * masks
 
-        def step(chosen: Indices | slice, phase: Indices) -> Fits:
+        def moments_at(chosen: Indices | slice, phase: Indices) -> Floats:
             transparency = self._transparency[phase + self._reach]
             back = faces[chosen] if behind is None else behind(chosen, transparency[:, 0])
-            moments = _moments(self._light[phase + self._reach], transparency, back, windows[chosen], weights[chosen])
-            return solved(moments, phase, self._pixels_per_sample)
+            return _moments(self._light[phase + self._reach], transparency, back, windows[chosen], weights[chosen])
 
         guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
-        first = step(slice(None), guess)
-        near = np.abs(first.fraction) <= MAX_FRACTION_ROWS  # not where it is NaN
-        nearest = np.rint(np.where(near, first.fraction, 0.0) * PHASES_PER_ROW).astype(np.intp)
-        again = np.flatnonzero(near & (nearest != guess))
-        return first.replaced(again, step(again, nearest[again])) if again.size else first
+        moments = moments_at(slice(None), guess)
+        phase = nearest_phases(moments, guess)
+        again = np.flatnonzero(phase != guess)
+        if again.size:
+            moments[..., again] = moments_at(again, phase[again])
+        return solved(moments, phase, self._pixels_per_sample)
 
     def unexplained(self, fits: Fits, windows: Floats, backs: Floats) -> Floats:
         """(M, H * C): what fits leave of each pixel, over what they were made over."""
@@ -128,8 +128,20 @@ def _moments(light: Floats, transparency: Floats, back: Floats, windows: Floats,
     return moments
 
 
+def nearest_phases(moments: Floats, phase: Indices) -> Indices:
+    """(M,): the phase nearest to where the least squares find the needle; where that is in another window, the same."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        (gain, _, shift), _ = _solution(moments)
+        fraction = phase / PHASES_PER_ROW + shift / gain
+        near = (gain >= MIN_GAIN) & (moments[ONE, ONE] > 0) & (np.abs(fraction) <= MAX_FRACTION_ROWS)
+        return np.where(near, np.rint(fraction * PHASES_PER_ROW), phase).astype(np.intp)
+
+
 def solved(moments: Floats, phase: Indices, pixels_per_sample: Floats | float) -> Fits:
-    """Gain, offset and shift by moments, (5, 5, M) or at least their first four rows and columns."""
+    """Gain, offset and shift by moments, (5, 5, M) or at least their first four rows and columns.
+
+    Moments are alike either way; these are looked at where the row is not less than the column.
+    """
     total, seen = moments[ONE, ONE], moments[SEEN]
     with np.errstate(divide="ignore", invalid="ignore"):
         (gain, offset, shift), shift_variance = _solution(moments)
@@ -155,9 +167,9 @@ def solved(moments: Floats, phase: Indices, pixels_per_sample: Floats | float) -
 
 def _solution(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:
     """As `fitting` has it."""
-    a, c, b, x = moments[NEEDLE, [NEEDLE, SLOPE, ONE, SEEN]]
-    f, e, z = moments[SLOPE, [SLOPE, ONE, SEEN]]
-    d, y = moments[ONE, [ONE, SEEN]]
+    a, c, b, x = moments[:FACE, NEEDLE]
+    f, e, z = moments[SLOPE:FACE, SLOPE]
+    d, y = moments[ONE:FACE, ONE]
     aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * aa + b * bb + c * cc
     determinant = np.where(determinant <= TINY * a * d * f, np.nan, determinant)
@@ -173,14 +185,15 @@ def partial_correlation(moments: Floats) -> Floats:
     total = np.maximum(moments[ONE, ONE], 1e-9)
 
     def shared(first: int, second: int) -> Floats:
-        product: Floats = moments[first, second] - moments[first, ONE] * moments[second, ONE] / total
+        with_one = [moments[max(layer, ONE), min(layer, ONE)] for layer in (first, second)]
+        product: Floats = moments[first, second] - with_one[0] * with_one[1] / total
         return product
 
     of_face = shared(FACE, FACE) + total * FACE_NOISE_LEVELS**2
-    needle_face, seen_face = shared(NEEDLE, FACE), shared(SEEN, FACE)
+    needle_face, seen_face = shared(FACE, NEEDLE), shared(FACE, SEEN)
     needle_left = shared(NEEDLE, NEEDLE) - needle_face**2 / of_face
     seen_left = shared(SEEN, SEEN) - seen_face**2 / of_face
-    both = shared(NEEDLE, SEEN) - needle_face * seen_face / of_face
+    both = shared(SEEN, NEEDLE) - needle_face * seen_face / of_face
     shown = np.minimum(needle_left, seen_left) > total * MIN_SPREAD_LEVELS**2
     correlation = np.divide(both, np.sqrt(needle_left * seen_left), out=np.zeros_like(both), where=shown)
     clipped: Floats = limited(correlation, -1.0, 1.0)
