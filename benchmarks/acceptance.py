@@ -21,7 +21,7 @@ MAX_CORE = 0.25
 MAX_BOX_MIB = 120.0
 MAX_DAY_GROWTH_MIB = 2.0  # its pictures have 41 MiB in all
 MAX_OPEN_FILES = 10
-MAX_GROWTH = 1.05  # of peak memory from 400 frames to 4000: the table itself is a megabyte
+MAX_GROWTH = 1.05  # of peak memory from 400 frames to 4400: the table itself is a megabyte
 
 Row = list[str]
 
