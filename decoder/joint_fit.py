@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from decoder.arrays import Floats, Indices, limited
+from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.fitting import FACE, MIDDLE_GREY, MIN_GAIN, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
 from decoder.lower_layer import MIN_COVER, LowerNeedle
 from decoder.needle_template import NeedleTemplate
@@ -71,7 +71,7 @@ class Joint:
     unexplained: Floats
     face: Floats
 
-    def part(self, which: Indices) -> Joint:
+    def part(self, which: Indices | Mask) -> Joint:
         """Some of the pairs."""
         return Joint(*(getattr(self, field.name)[which] for field in fields(self)))
 

@@ -146,13 +146,16 @@ class PairFitter:
             )
             doubt_rows = np.vstack([np.where(is_rival, beside, 0.0), np.abs(best.lower_row - best.upper_row)])
         believed = np.isfinite(best.noise) & ~is_rival.any(axis=0) & ~is_hidden
+        believed &= best.correlation >= MIN_PAIR_CORRELATION
+        lower_score = np.zeros(len(believed))
+        lower_score[believed] = self._lower_score(best.part(believed))
         return Pairs(
             upper_row=best.upper_row,
             upper_sigma_rows=np.hypot(best.upper_sigma_rows, np.nan_to_num(doubts).max(axis=0)),
             upper_score=best.score,
             lower_row=best.lower_row,
             lower_sigma_rows=best.lower_sigma_rows,
-            lower_score=np.where(believed, self._lower_score(best), 0.0),
+            lower_score=lower_score,
             lower_doubt_rows=np.nan_to_num(doubt_rows).max(axis=0),
             correlation=np.nan_to_num(best.correlation),
         )
@@ -264,19 +267,17 @@ class PairFitter:
 
     def _lower_score(self, joint: Joint) -> Floats:
         """How well what shows of the lower needle explains what upper needle and face leave there: a correlation."""
-        rows = np.nan_to_num(joint.lower_row) - joint.window + self._axis
-        layer = self._lower.at(rows)
+        layer = self._lower.at(joint.lower_row - joint.window + self._axis)
         shown = layer.shown(self._upper.transparency)
-        light = (layer.colour * shown).reshape(len(rows), -1)
-        shown = shown.reshape(len(rows), -1)
+        light = (layer.colour * shown).reshape(joint.face.shape)
+        shown = shown.reshape(joint.face.shape)
         where = shown > SHOWN_PART
         pixels = np.where(where, shown, 0.0).sum(axis=1) * self._pixels_per_sample
         added = joint.gain.astype(np.float32)[:, None] * (light - joint.face * shown)
         beside = (np.where(where, joint.unexplained, 0.0) ** 2).sum(axis=1)
         without = (np.where(where, joint.unexplained + added, 0.0) ** 2).sum(axis=1)
         score = np.sqrt(np.maximum(1.0 - beside / np.maximum(without, 1e-9), 0.0))
-        enough = (joint.correlation >= MIN_PAIR_CORRELATION) & (pixels >= MIN_SHOWN_PIXELS)
-        found: Floats = np.where(enough, score, 0.0)
+        found: Floats = np.where(pixels >= MIN_SHOWN_PIXELS, score, 0.0)
         return found
 
 

@@ -21,7 +21,7 @@ class Strips:
     frames
         (M,): which of them they are.
     first
-        (M,): the gauge's row that is the first of them; rows beyond them are as the last ones.
+        (M,): the gauge's row that is the first of them.
     face
         (R, C) float32: the dial without needles.
     """
@@ -48,6 +48,15 @@ class Strips:
         return seen, self.face[limited(index, 0, len(self.face) - 1), ::step]
 
     def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:
-        """Gauge and face around a row of each frame, (M,): (M, H * C) each."""
-        seen, face = self.rows(rows[:, None] + np.arange(-axis, axis + 1))
-        return seen.reshape(len(rows), -1), face.reshape(len(rows), -1)
+        """Gauge and face around a row of each frame, (M,), as near to it as they reach: (M, H * C) each."""
+        height, top_rows = 2 * axis + 1, rows - axis
+        pixels, face = _blocks(self.pixels, height), _blocks(self.face, height)
+        seen = pixels[self.frames, limited(top_rows - self.first, 0, pixels.shape[1] - 1)]
+        return seen, face[limited(top_rows, 0, len(face) - 1)]
+
+
+def _blocks(pixels: Floats, height: int) -> Floats:
+    """(..., S - H + 1, H * C): a view on (..., S, C) that shows all blocks of so many rows."""
+    *others, rows, columns = pixels.shape
+    shape, strides = (*others, rows - height + 1, height * columns), pixels.strides
+    return np.ndarray(shape, pixels.dtype, pixels, strides=strides)

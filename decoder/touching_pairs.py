@@ -20,12 +20,13 @@ from decoder.gauge_reader import (
     SCORE_THRESHOLD,
     SLIVER_THRESHOLD,
 )
+from decoder.matching import MAX_PEAK_ROWS
 from decoder.needle_pair import NeedlePair
 from decoder.occlusion import WHOLE_VISIBLE
 from decoder.quick_search import QuickNeedle
 from decoder.reading import Status
 from decoder.strips import Strips
-from decoder.uncovered_search import Uncovered, UncoveredSearch
+from decoder.uncovered_search import Sought, Uncovered, UncoveredSearch
 
 STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN, Status.MISSING)
 READ, EDGE, HIDDEN, MISSING = range(4)
@@ -110,20 +111,32 @@ class TouchingPair:
             The upper needle as it is found alone.
         """
         strips = Strips.of(pixels, top_rows, self._face)
-        found = self._search.find(strips, above.row)
-        below = self._below(found, above)
-        is_settled = found.is_settled.copy()
-        apart_rows = np.abs(below.row - above.row)
-        upper, lower = above.copy(), below.copy()
-        together = (below.status == HIDDEN) | (apart_rows <= self._pair_reach)
-        touching = ~together & ~((below.status == READ) & (apart_rows > self._both_axes))
-        for chosen, read in ((together, self._coinciding), (touching, self._touching)):
-            where = np.flatnonzero(chosen & is_settled)
-            if where.size:
-                one, other, settled = read(strips.part(where), above.part(where), below.part(where))
-                upper.put(where, one)
-                lower.put(where, other)
-                is_settled[where] = settled
+        sought = self._search.look(strips, above.row)
+        upper, lower = above.copy(), above.copy()
+        is_settled = np.ones(len(above.row), bool)
+        # There or thereabouts: least squares do not move it further than this.
+        apart_rows = np.abs(sought.top_row - above.row)
+        together = ~sought.is_there | (apart_rows + MAX_PEAK_ROWS <= self._pair_reach)
+        open_ = np.flatnonzero(~together)
+        if open_.size:
+            found = self._search.settled(strips.part(open_), sought.part(open_))
+            below, own = self._below(found, above.part(open_)), above.row[open_]
+            apart_rows = np.abs(below.row - own)
+            lower.put(open_, below)
+            is_settled[open_] = found.is_settled
+            together[open_] = found.is_settled & ((below.status == HIDDEN) | (apart_rows <= self._pair_reach))
+            apart = (below.status == READ) & (apart_rows > self._both_axes)
+            touching = open_[found.is_settled & ~together[open_] & ~apart]
+            if touching.size:
+                one, other, settled = self._touching(strips.part(touching), above.part(touching), lower.part(touching))
+                upper.put(touching, one)
+                lower.put(touching, other)
+                is_settled[touching] = settled
+        where = np.flatnonzero(together)
+        if where.size:
+            one, other = self._coinciding(strips.part(where), above.part(where), sought.part(where))
+            upper.put(where, one)
+            lower.put(where, other)
         return upper, lower, is_settled
 
     def _below(self, found: Uncovered, above: Needle) -> Needle:
@@ -157,12 +170,13 @@ class TouchingPair:
         is_settled = np.ones(len(below.row), bool)
         moved = np.flatnonzero(explained & _covers_other_pixels(above.row, upper.row))
         if moved.size:
-            found = self._search.find(strips.part(moved), upper.row[moved])
+            part = strips.part(moved)
+            found = self._search.settled(part, self._search.look(part, upper.row[moved]))
             lower.put(moved, self._below(found, upper.part(moved)))
             is_settled[moved] = found.is_settled
         return upper, lower, is_settled
 
-    def _coinciding(self, strips: Strips, above: Needle, below: Needle) -> tuple[Needle, Needle, Mask]:
+    def _coinciding(self, strips: Strips, above: Needle, sought: Sought) -> tuple[Needle, Needle]:
         """With too little room between them to be read one after the other."""
         pairs = self._fitter.fit(strips, above.row)
         explained = pairs.correlation >= MIN_TOUCHING_CORRELATION
@@ -172,8 +186,12 @@ class TouchingPair:
         upper = _chosen([explained], [together], _missing(above))
         sliver = Needle(np.full(len(shows), EDGE), pairs.lower_row, pairs.lower_sigma_rows, pairs.lower_score)
         concealed = self._hidden(together, pairs.lower_doubt_rows)
-        lower = _chosen([shows, hidden], [sliver, concealed], _missing(below))
-        return upper, lower, np.ones(len(shows), bool)
+        lower = _chosen([shows, hidden], [sliver, concealed], _missing(above))
+        lost = np.flatnonzero(~shows & ~hidden)
+        if lost.size:
+            found = self._search.settled(strips.part(lost), sought.part(lost))
+            lower.put(lost, _missing(self._below(found, above.part(lost))))
+        return upper, lower
 
 
 def _covers_other_pixels(before: Floats, after: Floats) -> Mask:

@@ -6,7 +6,7 @@ Only rows near the covering needle are searched, every third of them, with the p
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -46,6 +46,39 @@ class Uncovered:
     is_settled: Mask
 
 
+@dataclass(frozen=True, slots=True)
+class Sought:
+    """Where a covered needle is to be looked at closely in M frames; (M,) but for the last one.
+
+    Attributes
+    ----------
+    above_row
+        Of the covering needle.
+    top_row, place
+        The searched row with the best score, and the peak between searched rows.
+    score
+        On that row.
+    is_there
+        Whether that is a place for the needle at all.
+    first_row
+        The first of the searched rows.
+    visible
+        (M, J): how much of the needle's contrast shows on each of these.
+    """
+
+    above_row: Floats
+    top_row: Indices
+    place: Floats
+    score: Floats
+    is_there: Mask
+    first_row: Indices
+    visible: Floats
+
+    def part(self, which: Indices) -> Sought:
+        """In some of the frames."""
+        return Sought(*(getattr(self, field.name)[which] for field in fields(self)))
+
+
 class UncoveredSearch:
     """Looks for a needle near one that lies over it.
 
@@ -79,8 +112,8 @@ class UncoveredSearch:
         self._whole = self._whole_contrast(face, coarse)
         self._steps = COARSE_STEP * np.arange(math.ceil(2 * self.reach_rows / COARSE_STEP) + 1) - self.reach_rows
 
-    def find(self, strips: Strips, above_rows: Floats) -> Uncovered:
-        """The needle near the rows (M,) of the covering one's axis."""
+    def look(self, strips: Strips, above_rows: Floats) -> Sought:
+        """Where the needle matches best near the rows (M,) of the covering one's axis."""
         rows = np.rint(above_rows).astype(np.intp)[:, None] + self._steps
         scores, visible = self._scores(strips, rows, above_rows)
         inside = (rows >= self._axis) & (rows < self._face_rows - self._axis)
@@ -95,14 +128,19 @@ class UncoveredSearch:
         before, here, after = (scores[every, top + step].astype(np.float64) for step in (-1, 0, 1))
         bend = before - 2 * here + after
         off = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0)
-        place = rows[every, top] + COARSE_STEP * limited(off, -0.5, 0.5)
-        is_there = peaks[every, top]
-        row, sigma_rows, score, is_settled = self._settled(strips, above_rows, rows[every, top], place)
-        row = np.where(np.isfinite(row) & is_there, row, above_rows)
-        score = np.where(is_there, np.where(np.isfinite(score), score, here), 0.0)
-        at = limited((row - rows[:, 0]) / COARSE_STEP, 0.0, rows.shape[1] - 1.001)
+        top_row = rows[every, top]
+        place = top_row + COARSE_STEP * limited(off, -0.5, 0.5)
+        return Sought(above_rows, top_row, place, here, peaks[every, top], rows[:, 0], visible)
+
+    def settled(self, strips: Strips, sought: Sought) -> Uncovered:
+        """The needle near where it was seen."""
+        row, sigma_rows, score, is_settled = self._settled(strips, sought.above_row, sought.top_row, sought.place)
+        row = np.where(np.isfinite(row) & sought.is_there, row, sought.above_row)
+        score = np.where(sought.is_there, np.where(np.isfinite(score), score, sought.score), 0.0)
+        every, last = np.arange(len(row)), sought.visible.shape[1] - 1
+        at = limited((row - sought.first_row) / COARSE_STEP, 0.0, last - 0.001)
         first = at.astype(np.intp)
-        shows = visible[every, first] * (1 - at + first) + visible[every, first + 1] * (at - first)
+        shows = sought.visible[every, first] * (1 - at + first) + sought.visible[every, first + 1] * (at - first)
         # What no least squares settle on is hidden if it did not even match, and else for others to look at.
         return Uncovered(row, sigma_rows, score, shows, is_settled | (score < SCORE_THRESHOLD))
 
