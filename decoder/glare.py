@@ -9,6 +9,7 @@ found here either.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,6 +23,9 @@ from decoder.unwrapping import rows_at
 
 # Powers of row and column that a light may follow within one template.
 LIGHT_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+FREEDOM = len(LIGHT_POWERS) + 2  # the light, the face, the needle
+# What keeps the lights' normal matrix from being singular, a part of its trace.
+LIGHT_HOLD = 1e-12
 MIN_LEFT_LEVELS = 1.0
 MIN_GAIN = 0.2
 # With less of its contrast in sight than this a needle is not looked for; the score itself allows for few pixels.
@@ -69,13 +73,8 @@ class ThroughGlare:
         return self._settled(gauge, float(rows[best])) if scores[best] > 0 else NOT_SEEN
 
     @cached_property
-    def _light(self) -> _Light:
-        """Over the whole needle, nothing of it drowned."""
-        return _Light(self._template.trust, self._powers)
-
-    @cached_property
     def _powers(self) -> Floats:
-        return _light_powers(*self._template.trust.shape)
+        return np.ascontiguousarray(_light_powers(*self._template.trust.shape).T)
 
     @cached_property
     def _coarse_light(self) -> _Light:
@@ -113,28 +112,29 @@ class ThroughGlare:
 
     def _step(self, seen: Floats, face: Floats, fraction: float) -> tuple[SeenThrough, float]:
         """What one step of least squares finds in a window (H, C), and how many rows further the needle lies."""
-        drowned = seen >= SATURATED_LEVEL
-        light = _Light(self._template.trust * ~drowned, self._powers) if drowned.any() else self._light
-        needle, slope = self._layers(face, fraction)
-        columns = np.stack([light.without(layer.ravel()) for layer in (needle, slope)])
-        values = light.without(seen.ravel())
-        normal = columns @ columns.T
-        if light.total <= 0 or np.linalg.det(normal) <= MIN_DETERMINANT * normal[0, 0] * normal[1, 1]:
+        trust, drowned = self._template.trust, seen >= SATURATED_LEVEL
+        clear = trust * ~drowned if drowned.any() else trust
+        total = float(clear.sum())
+        pixels = total * self._pixels_per_sample
+        if pixels <= FREEDOM + 1:
             return NOT_SEEN, 0.0
-        inverse = np.linalg.inv(normal)
-        gain, shift = (inverse @ (columns @ values)).tolist()
+        needle, slope = self._layers(face, fraction)
+        rows = np.concatenate([self._powers, np.stack([needle, slope, face, seen]).reshape(4, -1)])
+        moments = (rows * clear.ravel()) @ rows.T
+        without_light = _without(moments, len(LIGHT_POWERS))
+        (nn, nd, nf, ns), (_, dd, _, ds), (_, _, ff, fs), (_, _, _, ss) = without_light.tolist()
+        determinant = nn * dd - nd * nd
+        if determinant <= MIN_DETERMINANT * nn * dd:
+            return NOT_SEEN, 0.0
+        gain, shift = (dd * ns - nd * ds) / determinant, (nn * ds - nd * ns) / determinant
         if gain < MIN_GAIN:
             return NOT_SEEN, 0.0
-        left = values - gain * columns[0] - shift * columns[1]
-        noise = float(left @ left) / light.total
-        sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._pixels_per_sample) / gain
-        apart = needle - face
-        bare = light.without(apart.ravel())
-        score = float(_OverFace(bare[None], light.without(face.ravel())[None]).correlation(values[None])[0])
-        score = _adjusted(score, light.total * self._pixels_per_sample)
-        contrast = self._template.trust * apart**2
-        shown = contrast if light is self._light else contrast[~drowned]
-        visible = float(shown.sum() / max(float(contrast.sum()), 1e-9))
+        noise = max(ss - gain * ns - shift * ds, 0.0) / total
+        sigma_rows = math.sqrt(noise * nn / determinant / self._pixels_per_sample) / gain
+        apart = [[nn - 2 * nf + ff, nf - ff, ns - fs], [nf - ff, ff, fs], [ns - fs, fs, ss]]
+        score = _adjusted(_partial_correlation(apart, trust.size), pixels)
+        contrast = (needle - face) ** 2
+        visible = float((contrast * clear).sum() / max(float((contrast * trust).sum()), 1e-9))
         return SeenThrough(0.0, sigma_rows, score, visible), shift / gain
 
     def _layers(self, face: Floats, fraction: float) -> tuple[Floats, Floats]:
@@ -148,6 +148,24 @@ class ThroughGlare:
         return needle, slope
 
 
+def _without(moments: Floats, count: int) -> Floats:
+    """(K, K): the moments of all but the first so many layers, without what these explain; (count + K, ...) float64."""
+    of_light, shared = moments[:count, :count], moments[:count, count:]
+    held = of_light + LIGHT_HOLD * np.trace(of_light) * np.eye(count)  # where few pixels are left, lights are alike
+    left: Floats = moments[count:, count:] - shared.T @ np.linalg.solve(held, shared)
+    return left
+
+
+def _partial_correlation(moments: Sequence[Sequence[float]], pixels: int) -> float:
+    """As `_OverFace.correlation`, from the moments of needle, face and gauge, in this order."""
+    (nn, nf, ns), (_, ff, fs), (_, _, ss) = moments
+    of_face = ff + pixels * FACE_NOISE_LEVELS**2
+    part = (2.0 - ff / of_face) / of_face
+    needle_left, seen_left, both = nn - nf * nf * part, ss - fs * fs * part, ns - nf * fs * part
+    shown = min(needle_left, seen_left) > pixels * MIN_LEFT_LEVELS**2
+    return both / math.sqrt(needle_left * seen_left) if shown else 0.0
+
+
 def _slopes(layers: Floats) -> Floats:
     """(H, C): how layers change down the rows, as `np.gradient` has it, at a fifth of its cost."""
     slopes = np.empty_like(layers)
@@ -159,10 +177,9 @@ def _slopes(layers: Floats) -> Floats:
 
 def _adjusted(score: float, pixels: float) -> float:
     """A correlation as it would be without the freedom that few pixels give (Ezekiel's adjusted R squared)."""
-    freedom = len(LIGHT_POWERS) + 2  # the light, the face, the needle
-    if score <= 0 or pixels <= freedom + 1:
+    if score <= 0 or pixels <= FREEDOM + 1:
         return 0.0
-    return math.sqrt(max(1.0 - (1.0 - score**2) * (pixels - 1) / (pixels - freedom - 1), 0.0))
+    return math.sqrt(max(1.0 - (1.0 - score**2) * (pixels - 1) / (pixels - FREEDOM - 1), 0.0))
 
 
 def _light_powers(height: int, width: int) -> Floats:
@@ -177,7 +194,6 @@ class _Light:
     def __init__(self, trust: Floats, powers: Floats) -> None:
         self._root = np.sqrt(trust.ravel().astype(np.float64))
         self._basis, _ = np.linalg.qr(powers * self._root[:, None])
-        self.total = float(trust.sum())
 
     def without(self, windows: Floats) -> Floats:
         """(..., H * C), times the root of the weights, without the light."""
