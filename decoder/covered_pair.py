@@ -31,14 +31,9 @@ def pair_reach_rows(upper: Matcher, lower: Matcher) -> int:
 
 def hidden_reach_rows(upper: Matcher, lower: Matcher) -> float:
     """How far apart two needles' axes can be with too little of the lower one showing to tell."""
-    for rows in range(upper.axis):
-        if any(_shown_pixels(upper, lower, float(upper.axis + side)) >= SURELY_SHOWN_PIXELS for side in (-rows, rows)):
-            return float(rows)
-    return float(upper.axis)
-
-
-def _shown_pixels(upper: Matcher, lower: Matcher, lower_row: float) -> float:
-    """What shows of a needle with its axis on a row of the upper one's window, in original pixels."""
-    layer = LowerNeedle(lower.template, upper.template.rows).at(np.array([lower_row]))
-    shown = layer.shown(upper.template.transparency)
-    return float(shown[shown > SHOWN_PART].sum()) * upper.pixels_per_sample
+    apart = np.arange(upper.axis)
+    layers = LowerNeedle(lower.template, upper.template.rows).at(upper.axis + np.stack([-apart, apart]).astype(float))
+    shown = layers.shown(upper.template.transparency)
+    pixels = shown.sum(axis=(2, 3), where=shown > SHOWN_PART) * upper.pixels_per_sample
+    tells = (pixels >= SURELY_SHOWN_PIXELS).any(axis=0)
+    return float(tells.argmax()) if tells.any() else float(upper.axis)

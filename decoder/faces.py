@@ -31,7 +31,7 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
     differ.
     """
-    wanted, seen = reference.ravel()[::LIGHT_STRIDE], strip.ravel()[::LIGHT_STRIDE]
+    wanted, seen = reference.ravel()[::LIGHT_STRIDE].copy(), strip.ravel()[::LIGHT_STRIDE].copy()
     gain, offset = 1.0, middle_level(wanted - seen)
     rows = np.ones((3, seen.size), np.float32)
     np.subtract(seen, np.float32(MIDDLE_GREY), out=rows[1])  # keeps sums small enough for float32

@@ -32,7 +32,7 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.scale_marks import FULL_CIRCLE_DEG
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_at, rows_of_each
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_of_each
 
 SAMPLE_FRAMES = 16
 MIN_CUTS = 5
@@ -185,7 +185,7 @@ class _GaugeTuner:
     ) -> tuple[UnwrappedGauge, UnwrappedGauge]:
         axis_rows = np.array([row for _, row in clear]) + shift_rows
         windows = axis_rows[:, None] + np.arange(before.rows) - (before.rows - 1) / 2
-        faces = rows_at(face, windows.ravel()).reshape(len(clear), before.rows, -1)
+        faces = rows_of_each([face] * len(clear), windows)
         seen = rows_of_each([strip for strip, _ in clear], windows)
         cuts = in_local_light(seen, before, faces)
         if self._needles[name].template.at is not None:  # one more view, over another part of the face

@@ -37,7 +37,7 @@ def pooled(pivots: Sequence[Pivot], moved_px: Sequence[tuple[float, float]]) -> 
     """
     told = [_Told.of(pivot, moved) for pivot, moved in zip(pivots, moved_px, strict=True)]
     spreads_px = np.array([*CARES_PX, PRIOR_PX])
-    evidence = np.array([[one.log_evidence(spread_px) for spread_px in spreads_px] for one in told])
+    evidence = np.array([one.log_evidence(spreads_px) for one in told])
     careful = evidence[:, :-1] + np.log1p(-CARELESS_PART)
     either = np.logaddexp(careful, evidence[:, -1:] + np.log(CARELESS_PART))
     panel = either.sum(axis=0)
@@ -67,11 +67,13 @@ class _Told:
         information = (vectors * np.maximum(values, 0.0)) @ vectors.T
         return cls(information, inverse @ np.array(pivot.offset_px) + information @ np.array(moved_px))
 
-    def log_evidence(self, spread_px: float) -> float:
-        """How likely that is if offsets have this spread; up to a constant."""
-        fit = self.product @ np.linalg.solve(self.information + np.eye(2) / spread_px**2, self.product)
-        _, size = np.linalg.slogdet(np.eye(2) + spread_px**2 * self.information)
-        return float(fit - size) / 2
+    def log_evidence(self, spreads_px: Floats) -> Floats:
+        """(S,): how likely that is if offsets have each of these spreads; up to a constant."""
+        variances_px2 = spreads_px[:, None, None] ** 2
+        fit = np.linalg.inv(self.information + np.eye(2) / variances_px2) @ self.product @ self.product
+        _, size = np.linalg.slogdet(np.eye(2) + variances_px2 * self.information)
+        evidence: Floats = (fit - size) / 2
+        return evidence
 
     def mixed(self, spreads_px: Floats, weights: Floats) -> tuple[Floats, Floats]:
         """Mean (2,) and covariance (2, 2) of the offset, over spreads (S,) with these weights."""

@@ -19,8 +19,8 @@ def middle_of(values: Floats) -> Floats:
 
 def middle_level(levels: Floats) -> float:
     """As `middle_of` of grey levels or their differences, (N,): whole ones, as they mostly are, are counted."""
-    whole = levels.astype(np.intp)
-    if not (whole == levels).all():
+    whole = levels.astype(np.int32)
+    if not (whole.astype(levels.dtype) == levels).all():
         return float(middle_of(levels))
     least, last = int(whole.min()), len(levels) - 1
     up_to = np.bincount(whole - least).cumsum()

@@ -117,7 +117,7 @@ def _tilts(
 
     `cuts` are (M, H, C), from the gauge's fractional rows `windows`, (M, H).
     """
-    behind = rows_at(face, windows.ravel()).reshape(cuts.shape)
+    behind = rows_of_each([face] * len(cuts), windows)
     needle = template.light + template.transparency * behind
     slope = -(np.gradient(template.light, axis=0) + np.gradient(template.transparency, axis=0) * behind)
     turned = slope * (math.degrees(1.0) / grid.step_deg / grid.radii_px)
