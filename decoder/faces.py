@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
-from decoder.sorting import middle_level, sorted_views
+from decoder.sorting import middle_level, middle_views
 
 MIN_VIEWS = 3
 # Two views will do where they show the same.
@@ -67,15 +67,20 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     -------
     (R, C) float32
     """
-    views, places = np.stack(strips), np.stack(without)
-    views[places] = np.inf
-    views = sorted_views(views)
-    count = len(strips) - places.view(np.uint8).sum(axis=0, dtype=np.uint16).astype(np.intp)
-    middle = np.maximum(count - 1, 0)[None]
-    low = np.take_along_axis(views, middle // 2, axis=0)[0]
-    high = np.take_along_axis(views, (middle + 1) // 2, axis=0)[0]
+    views, covered = np.stack(strips), np.zeros(fallback.shape, np.uint16)
+    # As much lies far below as far above: what is seen of a pixel stays around the middle.
+    far = np.full(fallback.shape, -np.inf, np.float32)
+    for view, place in zip(views, without, strict=True):
+        np.copyto(view, far, where=place)
+        np.negative(far, out=far, where=place)
+        covered += place
+    low, high = middle_views(views)
+    count = len(views) - covered.astype(np.intp)
+    alone = low if len(views) % 2 else high  # of an odd number of values
+    with np.errstate(invalid="ignore"):  # where no value is left
+        middle = np.where(count % 2, alone, (low + high) / 2)
     seen = (count >= MIN_VIEWS) | ((count == MIN_VIEWS - 1) & (high <= low + ALIKE_LEVELS))
-    face: Floats = np.where(seen, (low + high) / 2, fallback).astype(np.float32)
+    face: Floats = np.where(seen, middle, fallback).astype(np.float32)
     return face
 
 

@@ -36,14 +36,32 @@ def median_of(views: Floats) -> Floats:
     return median
 
 
-def sorted_views(views: Floats) -> Floats:
-    """Views (N, ...), none of them NaN, sorted along the first axis: whole views are compared with each other."""
+def middle_views(views: Floats) -> tuple[Floats, Floats]:
+    """Of views (N, ...), none of them NaN, sorted pixel by pixel: that at (N - 1) // 2, and the next if there is one.
+
+    Whole views are compared with each other, in their own memory.
+    """
+    first = (len(views) - 1) // 2
+    second = min(first + 1, len(views) - 1)
     planes, spare = list(views), np.empty_like(views[0])
-    for one, other in _comparisons(len(planes)):
-        np.minimum(planes[one], planes[other], out=spare)
-        np.maximum(planes[one], planes[other], out=planes[other])
-        planes[one], spare = spare, planes[one]
-    return np.stack(planes)
+    for one, other, is_low_needed, is_high_needed in _needed(len(planes), {first, second}):
+        if is_low_needed:
+            np.minimum(planes[one], planes[other], out=spare)
+        if is_high_needed:
+            np.maximum(planes[one], planes[other], out=planes[other])
+        if is_low_needed:
+            planes[one], spare = spare, planes[one]
+    return planes[first], planes[second]
+
+
+def _needed(count: int, places: set[int]) -> list[tuple[int, int, bool, bool]]:
+    """The comparisons that tell what comes to lie on some places, and whether the lower, and the higher, is needed."""
+    known, steps = set(places), []
+    for one, other in reversed(list(_comparisons(count))):
+        if one in known or other in known:
+            steps.append((one, other, one in known, other in known))
+            known |= {one, other}
+    return steps[::-1]
 
 
 def _comparisons(count: int) -> Iterator[tuple[int, int]]:
