@@ -17,19 +17,23 @@ from flight_file.sampling import spread
 # Eight pictures of 18 megapixels, or all that are looked at of smaller ones.
 KEPT_BYTES = 144 * 2**20
 
+# So many frames may need more than their first rows before all are decompressed whole.
+FEW = 3
+
 Taken = FramePicture | TopOfFrame
 
 
 class FlightSample:
     """Gives so many frames, spread over the flight; pictures are kept as long as there is room for them.
 
-    Of each frame so many first `rows` as show the panel are decompressed, until somebody asks for more of one; None if
-    it is not known how many. Room is held back for those that are looked at once more in the end.
+    Of each frame so many first `rows` as show the panel are decompressed, until more is asked of too many; None if it
+    is not known how many. Room is held back for those that are looked at once more in the end.
     """
 
     def __init__(self, flight: Flight, rows: int | None = None, *, kept_bytes: int = KEPT_BYTES) -> None:
         self._flight = flight
         self._rows = rows
+        self._too_few = 0
         self._kept: dict[int, Taken] = {}
         self._by_rank: dict[int, int] = {}
         self._room = kept_bytes
@@ -71,8 +75,10 @@ class FlightSample:
         return replace(taken, whole=partial(self._whole, frame)) if isinstance(taken, TopOfFrame) else taken
 
     def _whole(self, frame: Frame) -> FramePicture:
-        """All of a frame whose first rows did not do: those of the others will not either."""
-        self._rows = None
+        """All of a frame whose first rows did not do: if they often do not, no more of them are tried."""
+        self._too_few += 1
+        if self._too_few > FEW:
+            self._rows = None
         picture = FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
         if frame.sequence in self._kept:
             self._room += _size(frame, self._kept[frame.sequence]) - _size(frame, picture)
