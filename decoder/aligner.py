@@ -6,7 +6,7 @@ It knows how the panel looks at each zoom and size of frames; one frame's search
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from decoder.panel import Panel
 from decoder.pictures import GreyPicture
 from decoder.seen_panel import SeenPanel
 from decoder.settling import MIN_FEATURE_SCORE
+from decoder.usual_place import UsualPlace
 
 KEPT_ZOOMS = 6
 # Where more of the anchors than this do not match, they lie at other depths.
@@ -92,21 +93,17 @@ class Aligner:
         height, width = frame.shape
         return FrameSearch(self._seen_at(focal_length_mm, (width, height)), frame).alignment()
 
-    def align_usual(
-        self, frames: Sequence[GreyPicture], height_px: int, focal_length_mm: float | None = None
-    ) -> list[Alignment | None]:
-        """What `align` says of frames of one size and zoom in which the panel lies where it usually does.
+    def usual_place(self, size_px: tuple[int, int], focal_length_mm: float | None = None) -> UsualPlace:
+        """Tells what `align` says of frames of one size and zoom in which the panel lies where it usually does.
 
-        Of the frames, `height_px` high, the first rows may be all that is there. None for those that take more than a
-        look, or of which `align` may say something else.
+        Of a frame the first rows may be all that it is shown.
 
         Raises
         ------
         PictureError
             As `align`.
         """
-        seen = self._seen_at(focal_length_mm, (frames[0].shape[1], height_px))
-        return seen.usual_place(UNMISTAKABLE_SCORE).find(frames)
+        return self._seen_at(focal_length_mm, size_px).usual_place(UNMISTAKABLE_SCORE)
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """The same for a panel that is no plane: where its features disagree, what most anchors agree on roughly.

@@ -148,13 +148,32 @@ def _carried(points: NDArray[Any], matrix: Matrix) -> NDArray[Any]:
     return cv2.perspectiveTransform(points, matrix)
 
 
-def carried_by(matrices: Floats, points: Floats, lens: Lens | None) -> Floats:
-    """(F, 2, N): where (3, 3) matrices carry (3, N) points, the lens's distortion added."""
-    there = matrices @ points
-    places: Floats = there[:, :2] / there[:, 2:]
-    if lens is None or not lens.distorts:
+def upright(points: Floats) -> Floats:
+    """(N, 3) float64: points (N, 2) as `carried_by` takes them, in homogeneous coordinates."""
+    return np.hstack([points.astype(np.float64), np.ones((len(points), 1))])
+
+
+def carried_by(matrices: Floats, points: Floats, lens: Lens | None, origin: Point = (0.0, 0.0)) -> Floats:
+    """(F, N, 2) float32: where (F, 3, 3) matrices carry `upright` points, the lens's distortion added.
+
+    The last element of each matrix is 1; `origin` is the frame's pixel that counts as (0, 0).
+    """
+    if lens is not None and lens.distorts:
+        places = bent(_projected(matrices, points), lens)
+        places -= np.array(origin, np.float32)
         return places
-    return bent(places.transpose(0, 2, 1), lens).transpose(0, 2, 1)
+    moved = matrices.copy()
+    moved[:, :2] -= np.array(origin)[:, None] * matrices[:, 2:]
+    return _projected(moved, points).astype(np.float32)
+
+
+def _projected(matrices: Floats, points: Floats) -> Floats:
+    if not matrices[:, 2, :2].any():
+        return np.asarray(points @ matrices[:, :2].transpose(0, 2, 1))
+    there = points @ matrices.transpose(0, 2, 1)
+    for axis in (0, 1):  # a division of pairs by one number takes several times as long
+        there[..., axis] /= there[..., 2]
+    return np.asarray(there[..., :2])
 
 
 def bent(places: NDArray[Any], lens: Lens) -> NDArray[Any]:

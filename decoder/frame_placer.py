@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.resampling import all_inside, as_places, each_inside, inside
 from decoder.tuning import Tuning
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
+from decoder.usual_place import Look, UsualPlace
 
 # Rims are looked at in some points only; between these they bulge by less.
 RIM_MARGIN_PX = 8
@@ -51,6 +52,40 @@ Placed = tuple[GreyPicture, UnwrappedFrame]
 """A frame's grey levels, and where the panel lies in them."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What frames have in common that are first looked at together; `rows` are those that are there."""
+
+    size_px: tuple[int, int]
+    rows: int
+    focal_length_mm: float | None
+
+    @classmethod
+    def of(cls, frame: FramePicture | TopOfFrame) -> _Kind:
+        rows, width = frame.pixels.shape
+        return cls((width, frame.height_px), rows, frame.focal_length_mm)
+
+
+class _FirstLook:
+    """The first look at frames of a kind; without a place where they all take more than that."""
+
+    def __init__(self, place: UsualPlace | None) -> None:
+        self._place = place
+        self._looks: dict[int, Sequence[Look]] = {}
+
+    def take(self, number: int, frame: GreyPicture) -> None:
+        looks = None if self._place is None else self._place.look_at(frame)
+        if looks is not None:
+            self._looks[number] = looks
+
+    def alignments(self) -> dict[int, Alignment]:
+        """By the number of the frame, of those where one was found."""
+        if self._place is None or not self._looks:
+            return {}
+        found = zip(self._looks, self._place.find(list(self._looks.values())), strict=True)
+        return {number: there for number, there in found if there is not None}
+
+
 class FramePlacer:
     """Places frames of one panel with one tuning; `source` with its dials' planes, `grids` by gauge.
 
@@ -69,7 +104,7 @@ class FramePlacer:
         self._rims = [grid.rim() for grid in grids]
         self._all_rims = as_places(np.concatenate(self._rims, axis=1))
 
-    def unwrap_many(self, frames: Sequence[Taken]) -> list[UnwrappedFrame | PictureError]:
+    def unwrap_many(self, frames: Iterable[Taken]) -> list[UnwrappedFrame | PictureError]:
         """Each frame aligned and unwrapped, or why it is not."""
         return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in self.placed(frames)]
 
@@ -78,14 +113,28 @@ class FramePlacer:
             return frame
         return replace(frame, gauges=self.unwrapper.unwrap(picture, frame.alignment))
 
-    def placed(self, frames: Sequence[Taken]) -> list[Placed | PictureError]:
+    def placed(self, frames: Iterable[Taken]) -> list[Placed | PictureError]:
         """Each frame aligned, and unwrapped where each dial is found by itself; or why it is not."""
+        taken: list[Taken] = []
+        alike: dict[_Kind, _FirstLook] = {}
+        for number, frame in enumerate(frames):  # looked at as they come, while they are in the processor's cache
+            taken.append(frame)
+            if not isinstance(frame, PictureError):
+                kind = _Kind.of(frame)
+                if kind not in alike:
+                    alike[kind] = _FirstLook(self._usual_place(kind))
+                alike[kind].take(number, frame.pixels)
+        found: dict[int, UnwrappedFrame] = {}
+        for kind, look in alike.items():
+            found |= self._all_inside(kind, look.alignments())
         return [
-            self._placed(frame) if there is None or isinstance(frame, PictureError) else (frame.pixels, there)
-            for frame, there in zip(frames, self._at_first_look(frames), strict=True)
+            self._placed(frame)
+            if isinstance(frame, PictureError) or number not in found
+            else (frame.pixels, found[number])
+            for number, frame in enumerate(taken)
         ]
 
-    def alignment_noise(self, frames: Sequence[Taken]) -> float:
+    def alignment_noise(self, frames: Iterable[Taken]) -> float:
         """How many times as uncertain as they claim alignments of frames are, by those in which all matches."""
         found = [one for one in self.placed(frames) if not isinstance(one, PictureError)]
         own_px = self.aligner.optics.size_px
@@ -94,38 +143,24 @@ class FramePlacer:
             for pixels, there in found
         )
 
-    def _at_first_look(self, frames: Sequence[Taken]) -> list[UnwrappedFrame | None]:
-        """Where the panel lies in those frames in which it lies where it usually does, gauges and all."""
-        found: list[UnwrappedFrame | None] = [None] * len(frames)
+    def _usual_place(self, kind: _Kind) -> UsualPlace | None:
         if self._tuning.dials_move:
-            return found
-        alike: dict[tuple[object, ...], list[int]] = {}
-        for index, frame in enumerate(frames):
-            if not isinstance(frame, PictureError):
-                key = (*frame.pixels.shape, frame.height_px, frame.focal_length_mm)
-                alike.setdefault(key, []).append(index)
-        for own in alike.values():
-            pictures = [frame for frame in (frames[index] for index in own) if not isinstance(frame, PictureError)]
-            for index, there in zip(own, self._all_where_usual(pictures), strict=True):
-                found[index] = there
-        return found
-
-    def _all_where_usual(self, frames: Sequence[FramePicture | TopOfFrame]) -> list[UnwrappedFrame | None]:
-        """The same for frames of one size and zoom."""
-        (height, width), height_px = frames[0].pixels.shape, frames[0].height_px
-        focal_length_mm = frames[0].focal_length_mm
+            return None
         try:
-            alignments = self.aligner.align_usual([frame.pixels for frame in frames], height_px, focal_length_mm)
+            return self.aligner.usual_place(kind.size_px, kind.focal_length_mm)
         except PictureError:
-            return [None] * len(frames)  # each frame says so itself
-        last_px = height - (RIM_MARGIN_PX if height < height_px else 0)
-        are_inside = iter(each_inside(self._all_rims, [there for there in alignments if there], width, last_px))
-        return [
-            UnwrappedFrame(there, (), [True] * len(self._rims), focal_length_mm, (width, height_px))
-            if there is not None and next(are_inside)
-            else None
-            for there in alignments
-        ]
+            return None  # each frame says so itself
+
+    def _all_inside(self, kind: _Kind, alignments: Mapping[int, Alignment]) -> dict[int, UnwrappedFrame]:
+        """By number those of the frames in which the panel lies with all its gauges."""
+        width, height_px = kind.size_px
+        last_px = kind.rows - (RIM_MARGIN_PX if kind.rows < height_px else 0)
+        are_inside = each_inside(self._all_rims, list(alignments.values()), width, last_px)
+        return {
+            number: UnwrappedFrame(there, (), [True] * len(self._rims), kind.focal_length_mm, kind.size_px)
+            for (number, there), is_inside in zip(alignments.items(), are_inside, strict=True)
+            if is_inside
+        }
 
     def _placed(self, frame: Taken) -> Placed | PictureError:
         """A frame, and where the panel lies in it; unwrapped where each dial is to be found by itself."""

@@ -61,7 +61,9 @@ class FrameSearch:
 
     def _as_usual(self) -> Alignment | None:
         """Where the panel usually lies, if all its features match there well; also with some of them half outside."""
-        (at_once,) = self._seen.usual_place(UNMISTAKABLE_SCORE).find([self._frame])
+        usual_place = self._seen.usual_place(UNMISTAKABLE_SCORE)
+        looks = usual_place.look_at(self._frame)
+        (at_once,) = usual_place.find([looks]) if looks else [None]
         if at_once is not None:
             return at_once
         found = self._seen.registration(self._seen.features).refine(self._frame, self._seen.start)

@@ -160,7 +160,7 @@ class PanelReader:
 
     def read_many(self, frames: Iterable[Taken]) -> list[FrameReadings | PictureError]:
         """The readings of each frame, or why there are none; to the bit the same whatever the frames beside it."""
-        placed = self.placer.placed(list(frames))
+        placed = self.placer.placed(frames)
         gauges = [self._gauges_of(*one) for one in placed if not isinstance(one, PictureError)]
         own = self._many_frames.read(gauges)
         read = iter(self._all_composed([one[1] for one in placed if not isinstance(one, PictureError)], own))

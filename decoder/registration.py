@@ -8,8 +8,9 @@ frame costs two small products.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -89,17 +90,21 @@ class Registration:
         self._solvers = [self._solver(feature) for feature in features]
         self._inverse = _inverse_normal(self._solvers, model)
 
-    def summed(self, index: int, values: Floats) -> tuple[Floats, Floats]:
-        """What is seen of one feature in F frames: the sums by its solver's rows, (F, parameters + 1), and energy (F,).
+    def summed(self, values: Iterable[Floats]) -> tuple[list[Floats], list[Floats]]:
+        """What is seen of the features in F frames.
 
-        `values` are the feature's pixels in the frames, (F, N) float32 or a few more.
+        `values` are by feature its pixels in the frames, (F, N) float32 or a few more. By feature come the sums by its
+        solver's rows, (F, parameters + 1), and the energies (F,).
         """
-        solver = self._solvers[index]
-        size = solver.rows.shape[1]
-        own = values[:, None, :size] - np.float32(MIDDLE_GREY)
-        total = own.sum(axis=2, dtype=np.float64)[:, 0]
-        energy = (own @ own.transpose(0, 2, 1))[:, 0, 0] - total * total / size
-        return (own @ solver.rows.T)[:, 0].astype(np.float64), energy
+        sums: list[Floats] = []
+        energies: list[Floats] = []
+        for solver, levels in zip(self._solvers, values, strict=True):
+            size = solver.rows.shape[1]
+            own = levels[:, None, :size] - np.float32(MIDDLE_GREY)
+            total = own.sum(axis=2, dtype=np.float64)[:, 0]
+            energies.append((own @ own.transpose(0, 2, 1))[:, 0, 0] - total * total / size)
+            sums.append((own @ solver.rows.T)[:, 0].astype(np.float64))
+        return sums, energies
 
     def steps(self, sums: Sequence[Floats], energies: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Of F frames the steps that bring all features nearer, (F, parameters), and the scores of each, (F, features).
@@ -119,11 +124,16 @@ class Registration:
     def covariances(self, scores: Floats) -> Floats:
         """(F, parameters, parameters): as of `Registered`, of F frames in which features match so, (F, features)."""
         believed = np.maximum(scores, MIN_BELIEVED_SCORE)
-        energies = np.array([solver.energy / solver.rows.shape[1] for solver in self._solvers])
+        energies, each = self._spreads
         unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
-        each = np.stack([self._inverse @ solver.normal @ self._inverse for solver in self._solvers])
         covariances: Floats = np.einsum("fk,kpq->fpq", unexplained, each)
         return covariances
+
+    @cached_property
+    def _spreads(self) -> tuple[Floats, Floats]:
+        """By feature: its energy for each pixel, and how what is left unexplained of it spreads over the motion."""
+        energies = np.array([solver.energy / solver.rows.shape[1] for solver in self._solvers])
+        return energies, np.stack([self._inverse @ solver.normal @ self._inverse for solver in self._solvers])
 
     def predicted(self, noise_levels: float) -> MotionCovariance:
         """How uncertain the motion will be if frames differ from the panel picture by so many grey levels."""

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.alignment import Alignment, carried_by
+from decoder.alignment import Alignment, carried_by, upright
 from decoder.arrays import Floats
 from decoder.pictures import GreyPicture
 
@@ -107,7 +107,7 @@ def each_inside(places: Floats, alignments: Sequence[Alignment], width_px: int, 
     if not alignments:
         return []
     matrices = np.array([alignment.elements for alignment in alignments]).reshape(-1, 3, 3)
-    there = carried_by(matrices, np.vstack([places[0].T, np.ones(places.shape[1])]), alignments[0].lens)
+    there = np.ascontiguousarray(carried_by(matrices, upright(places[0]), alignments[0].lens).transpose(0, 2, 1))
     (left, top), (right, bottom) = there.min(axis=2).T, there.max(axis=2).T
     within: list[bool] = ((left >= 0) & (top >= 0) & (right <= width_px - 1) & (bottom <= height_px - 1)).tolist()
     return within

@@ -6,11 +6,12 @@ the search of its own. Nothing that is found in a frame depends on the frames be
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.alignment import Alignment, Matrix, carried_by
+from decoder.alignment import Alignment, Matrix, carried_by, upright
 from decoder.arrays import Floats, Indices, Mask
 from decoder.motion import MotionCovariance
 from decoder.pictures import GreyPicture
@@ -23,9 +24,19 @@ from decoder.registration import (
     PATCH_MARGIN_PX,
     SETTLED_PX,
     Registration,
-    Start,
 )
-from decoder.resampling import put_levels
+from decoder.resampling import Patch, levels_at, put_levels
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """What a first look takes from a frame for one feature.
+
+    `levels` (N,) float32 are those where the feature's points are looked for first, `patch` is what lies around them.
+    """
+
+    patch: Patch
+    levels: Floats
 
 
 class UsualPlace:
@@ -46,33 +57,33 @@ class UsualPlace:
     def __init__(self, registration: Registration, start: Alignment, usual: Matrix, least_score: float) -> None:
         self._registration = registration
         self._start, self._usual, self._least_score = start, usual, least_score
-        self._points = [points.folded.reshape(-1, 2).T.astype(np.float64) for points in registration.maps]
-        self._upright = [np.vstack([points, np.ones(points.shape[1])]) for points in self._points]
+        self._points = [upright(points.folded.reshape(-1, 2)) for points in registration.maps]
 
-    def find(self, frames: Sequence[GreyPicture]) -> list[Alignment | None]:
-        """Where the panel picture lies in frames of one size; None where that takes more than a look."""
+    def look_at(self, frame: GreyPicture) -> list[Look] | None:
+        """What `find` wants of a frame, by feature; None where a feature may leave the frame.
+
+        Taken while the frame is in the processor's cache it costs half.
+        """
+        looks = []
+        for start in self._registration.started(frame, self._start):
+            if start is None:
+                return None
+            pixels = frame[start.rows, start.columns].astype(np.float32)
+            patch = Patch(pixels, start.columns.start, start.rows.start)
+            looks.append(Look(patch, levels_at(pixels, start.places)))
+        return looks
+
+    def find(self, frames: Sequence[Sequence[Look]]) -> list[Alignment | None]:
+        """Where the panel picture lies in frames that were looked at; None where that takes more than a look."""
         found: list[Alignment | None] = [None] * len(frames)
-        starts = self._registration.started(frames[0], self._start)
-        if None in starts:
-            return found
-        patches = [_cut(frames, own) for own in starts if own]
-        origins = [(own.columns.start, own.rows.start) for own in starts if own]
-        first = [own.places for own in starts if own]
         open_ = np.arange(len(frames))
         matrices = np.broadcast_to(self._start.matrix, (len(frames), 3, 3))
         shrinkage, before_px = np.full(len(frames), EXPECTED_SHRINKAGE), np.zeros(len(frames))
         margin_px = np.full(len(frames), float(PATCH_MARGIN_PX))
         for iteration in range(ITERATIONS):
-            sums, energies = [], []
-            for index, (own, origin) in enumerate(zip(patches, origins, strict=True)):
-                places = [first[index]] * len(open_) if iteration == 0 else self._places(index, matrices, origin)
-                values = np.empty((len(open_), *places[0].shape[:2]), np.float32)
-                for levels, frame, at in zip(values, open_.tolist(), places, strict=True):
-                    put_levels(levels, own[frame], at)
-                of_feature = self._registration.summed(index, values.reshape(len(open_), -1))
-                sums.append(of_feature[0])
-                energies.append(of_feature[1])
-            step, scores = self._registration.steps(sums, energies)
+            looks = [frames[number] for number in open_.tolist()]
+            levels = self._levels(looks, matrices) if iteration else _first_levels(looks)
+            step, scores = self._registration.steps(*self._registration.summed(levels))
             if iteration >= FULL_STEPS:
                 step *= 0.5  # as in `registration`
             reach_px = np.hypot(step[:, 0], step[:, 1]) + np.abs(step[:, 2:]).sum(axis=1)
@@ -107,17 +118,21 @@ class UsualPlace:
         for frame, own, score, covariance in zip(frames[good].tolist(), elements, lowest, covariances, strict=True):
             found[frame] = Alignment(tuple(own), score, (), lens, MotionCovariance(axes, model, covariance))
 
-    def _places(self, index: int, matrices: Floats, origin: tuple[int, int]) -> list[Floats]:
-        """F of (rows, columns, 2) float32: where a feature's points lie in patches whose first pixel is `origin`."""
-        shape = self._registration.maps[index].folded.shape
-        carried = carried_by(matrices, self._upright[index], self._start.lens) - np.array(origin)[:, None]
-        return list(np.ascontiguousarray(carried.transpose(0, 2, 1), np.float32).reshape(-1, *shape))
+    def _levels(self, frames: Sequence[Sequence[Look]], matrices: Floats) -> Iterator[Floats]:
+        """By feature (F, N) float32: the levels of its points where the matrices (F, 3, 3) carry them."""
+        for index, points in enumerate(self._points):
+            patches = [looks[index].patch for looks in frames]
+            origin = (patches[0].left, patches[0].top)
+            places = carried_by(matrices, points, self._start.lens, origin).reshape(
+                len(frames), *self._registration.maps[index].folded.shape
+            )
+            levels = np.empty(places.shape[:3], np.float32)
+            for own, patch, at in zip(levels, patches, places, strict=True):
+                put_levels(own, patch.pixels, at)
+            yield levels.reshape(len(frames), -1)
 
 
-def _cut(frames: Sequence[GreyPicture], place: Start) -> Floats:
-    """(F, H, W) float32: the part of each frame that is around a feature."""
-    height, width = frames[0][place.rows, place.columns].shape
-    cut = np.empty((len(frames), height, width), np.float32)
-    for own, frame in zip(cut, frames, strict=True):
-        own[...] = frame[place.rows, place.columns]
-    return cut
+def _first_levels(frames: Sequence[Sequence[Look]]) -> Iterator[Floats]:
+    """By feature (F, N) float32: the levels of its points where they are looked for first."""
+    for looks in zip(*frames, strict=True):
+        yield np.array([look.levels for look in looks])
