@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +53,7 @@ Placed = tuple[GreyPicture, UnwrappedFrame]
 """A frame's grey levels, and where the panel lies in them."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Kind:
+class _Kind(NamedTuple):
     """What frames have in common that are first looked at together; `rows` are those that are there."""
 
     size_px: tuple[int, int]

@@ -168,12 +168,13 @@ class ManyFrames:
         if not both:
             return []
         plain = self._quick.read([pixels for _, pixels in both])
-        settled = plain.settled.tolist()
+        of_gauges = [[needle for needle, _ in own] for own in self._needles]
+        settled = np.array([plain.settled[:, own].all(axis=1) for own in of_gauges]).tolist()
         readings = self._plain_readings(plain)
         return [
             [
                 {name: readings[number][needle] for needle, name in own}
-                if own and frame.whole[index] and all(settled[number][needle] for needle, _ in own)
+                if own and frame.whole[index] and settled[index][number]
                 else self._read(index, frame, _spread(self._quick, plain, number, own))
                 for index, own in enumerate(self._needles)
             ]
@@ -195,7 +196,10 @@ class ManyFrames:
             plain.score.tolist(),
         )
         return [
-            [Reading(STATUSES[status], *values) for status, *values in zip(*own, strict=True)]
+            [
+                Reading(STATUSES[status], at_deg, sigma_deg, score)
+                for status, at_deg, sigma_deg, score in zip(*own, strict=True)
+            ]
             for own in zip(*columns, strict=True)
         ]
 

@@ -224,10 +224,11 @@ class PanelReader:
     ) -> FrameReadings:
         """One frame's, with how uncertain the places of its dials are."""
         readings: dict[str, Reading] = {}
+        doubted = self.tuning.doubted
         for own, sigma_deg in zip(self._lines_checked(unwrapped, own_readings), sigmas_deg, strict=True):
             for name, reading in own.items():
                 total_deg = math.hypot(reading.sigma_deg, sigma_deg)
-                lost = name in self.tuning.doubted and reading.score < DOUBTED_SCORE
+                lost = name in doubted and reading.score < DOUBTED_SCORE
                 status = Status.MISSING if lost else reading.status
                 readings[name] = Reading(status, reading.angle_deg, total_deg, reading.score)
         shifts_px = self._needle_shifts_px(unwrapped)
@@ -250,5 +251,7 @@ class PanelReader:
     def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
         """How far the needles of each gauge lie from where the alignment has them: their dial's shift, and the lift."""
         shifts_px = unwrapped.dial_shifts_px
+        if not shifts_px:
+            return ()
         lifts = self.tuning.lifts or (0.0,) * len(self.grids)
         return tuple((x * (1.0 + lift), y * (1.0 + lift)) for (x, y), lift in zip(shifts_px, lifts, strict=False))

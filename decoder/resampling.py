@@ -48,11 +48,13 @@ class PointMap:
     def of(cls, parts: Sequence[Floats]) -> PointMap:
         """The map of parts that are (2, N) each: x and y in the panel picture."""
         flat = np.concatenate(parts, axis=1).astype(np.float32)
-        padding = -flat.shape[1] % _WIDTH
-        folded = np.pad(flat, ((0, 0), (0, padding)), mode="edge").T.reshape(-1, _WIDTH, 2)
+        size = flat.shape[1]
+        folded = np.empty((math.ceil(size / _WIDTH), _WIDTH, 2), np.float32)
+        folded.reshape(-1, 2)[:size] = flat.T
+        folded.reshape(-1, 2)[size:] = flat[:, -1]
         (left, top), (right, bottom) = flat.min(axis=1), flat.max(axis=1)
         corners = np.array([[[left, top], [right, top], [left, bottom], [right, bottom]]], np.float32)
-        return cls(_consecutive([part.shape[1] for part in parts]), np.ascontiguousarray(folded), corners)
+        return cls(_consecutive([part.shape[1] for part in parts]), folded, corners)
 
     def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
         """(N,) float32: all parts one after the other, bilinear; outside the frame its border is repeated."""
