@@ -1,8 +1,7 @@
 """Registration: brings a first guess of the alignment to sub-pixel by least squares on the features' own pixels.
 
 Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain, offset and slope
-of light, so light may change; the motion is common. All that depends on the panel picture alone is solved once, a
-frame costs two small products.
+of light, so light may change; the motion is common.
 """
 
 from __future__ import annotations
@@ -16,7 +15,8 @@ import numpy as np
 
 from decoder.alignment import Alignment
 from decoder.arrays import Floats
-from decoder.features import FLAT_LEVELS, Feature
+from decoder.feature_solver import FeatureSolver, SeenFeature, inverse_normal
+from decoder.features import Feature
 from decoder.motion import Frame2D, Model, MotionCovariance
 from decoder.pictures import GreyPicture
 from decoder.resampling import Patch, PointMap, levels_at
@@ -36,7 +36,6 @@ MAX_SHRINKAGE = 0.9
 # each pixel had its own noise. By trial on rendered flights with blur, noise and JPEG.
 NOISE_CORRELATION = 2.0
 MIN_BELIEVED_SCORE = 0.1
-MIDDLE_GREY = 128.0  # keeps the sums of squares small enough for float32
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,28 +44,6 @@ class Registered:
 
     alignment: Alignment
     scores: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class _Solver:
-    """What the panel picture alone says of one feature.
-
-    `rows` (parameters + 1, N) are how its pixels change with the motion, what light can do to them projected out, and
-    last its pixels without their mean; `normal` is the matrix that the first make; `energy` is the sum of the squares
-    of the last.
-    """
-
-    rows: Floats
-    normal: Floats
-    energy: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Seen:
-    """A feature's pixels in a frame, summed up: `sums` (parameters + 1,) by the solver's rows, and their energy."""
-
-    sums: Floats
-    energy: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +64,8 @@ class Registration:
         self.maps = [PointMap.of([feature.points]) for feature in features]
         self._starts: tuple[Alignment, tuple[int, ...], list[Start | None]] | None = None
         self.axes = Frame2D.around(np.concatenate([feature.points for feature in features], axis=1))
-        self._solvers = [self._solver(feature) for feature in features]
-        self._inverse = _inverse_normal(self._solvers, model)
+        self._solvers = [FeatureSolver.of(feature, self.axes, model) for feature in features]
+        self._inverse = inverse_normal(self._solvers, model)
 
     def summed(self, values: Iterable[Floats]) -> tuple[list[Floats], list[Floats]]:
         """What is seen of the features in F frames.
@@ -96,15 +73,8 @@ class Registration:
         `values` are by feature its pixels in the frames, (F, N) float32 or a few more. By feature come the sums by its
         solver's rows, (F, parameters + 1), and the energies (F,).
         """
-        sums: list[Floats] = []
-        energies: list[Floats] = []
-        for solver, levels in zip(self._solvers, values, strict=True):
-            size = solver.rows.shape[1]
-            own = levels[:, None, :size] - np.float32(MIDDLE_GREY)
-            total = own.sum(axis=2, dtype=np.float64)[:, 0]
-            energies.append((own @ own.transpose(0, 2, 1))[:, 0, 0] - total * total / size)
-            sums.append((own @ solver.rows.T)[:, 0].astype(np.float64))
-        return sums, energies
+        both = [solver.seen_in_each(levels) for solver, levels in zip(self._solvers, values, strict=True)]
+        return [sums for sums, _ in both], [energy for _, energy in both]
 
     def steps(self, sums: Sequence[Floats], energies: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Of F frames the steps that bring all features nearer, (F, parameters), and the scores of each, (F, features).
@@ -115,7 +85,7 @@ class Registration:
         right, scores = np.zeros((len(sums[0]), len(self._inverse))), np.zeros((len(sums[0]), len(sums)))
         for index, (own, energy, solver) in enumerate(zip(sums, energies, self._solvers, strict=True)):
             gain = own[:, -1] / solver.energy
-            flat = np.minimum(energy, solver.energy) <= FLAT_LEVELS**2 * solver.rows.shape[1]
+            flat = np.minimum(energy, solver.energy) <= solver.flat_energy
             usable = (gain > 0) & ~flat
             right += own[:, :-1] / np.where(usable, gain, np.inf)[:, None]
             scores[usable, index] = own[usable, -1] / np.sqrt(energy[usable] * solver.energy)
@@ -188,7 +158,7 @@ class Registration:
         (own,) = self.covariances(np.array([[scores[feature.name] for feature in self._features]]))
         return MotionCovariance(self.axes, self.model, own)
 
-    def _first_seen(self, frame: GreyPicture, alignment: Alignment) -> tuple[list[Patch | None], list[_Seen]]:
+    def _first_seen(self, frame: GreyPicture, alignment: Alignment) -> tuple[list[Patch | None], list[SeenFeature]]:
         """The parts of the frame around the features where they are looked for first, and what is seen there."""
         patches: list[Patch | None] = []
         seen = []
@@ -196,11 +166,11 @@ class Registration:
         for start, solver, feature in parts:
             if start is None:
                 patches.append(None)
-                seen.append(_summed(solver, _extended(feature, frame, alignment)))
+                seen.append(solver.seen(_extended(feature, frame, alignment)))
             else:
                 pixels = frame[start.rows, start.columns].astype(np.float32)
                 patches.append(Patch(pixels, start.columns.start, start.rows.start))
-                seen.append(_summed(solver, levels_at(pixels, start.places)[: feature.pixels.size]))
+                seen.append(solver.seen(levels_at(pixels, start.places)[: feature.pixels.size]))
         return patches, seen
 
     def started(self, frame: GreyPicture, alignment: Alignment) -> list[Start | None]:
@@ -220,55 +190,36 @@ class Registration:
             self._starts = (alignment, frame.shape, starts)
         return self._starts[2]
 
-    def _seen(self, frame: GreyPicture, alignment: Alignment, patches: Sequence[Patch | None]) -> list[_Seen]:
+    def _seen(self, frame: GreyPicture, alignment: Alignment, patches: Sequence[Patch | None]) -> list[SeenFeature]:
         """Each feature's pixels in the frame; where they are not in it, as the others make one expect them."""
         return [
-            _summed(
-                solver, _extended(feature, frame, alignment) if patch is None else points.sample_patch(patch, alignment)
+            solver.seen(
+                _extended(feature, frame, alignment) if patch is None else points.sample_patch(patch, alignment)
             )
             for solver, feature, points, patch in zip(self._solvers, self._features, self.maps, patches, strict=True)
         ]
 
     def _scores(
-        self, frame: GreyPicture, alignment: Alignment, seen: Sequence[_Seen], patches: Sequence[Patch | None]
+        self, frame: GreyPicture, alignment: Alignment, seen: Sequence[SeenFeature], patches: Sequence[Patch | None]
     ) -> dict[str, float]:
         """By feature; those that are not wholly in the frame have no patch."""
         beside = {index for index, patch in enumerate(patches) if patch is None}
         return {
-            feature.name: feature.score(frame, alignment) if index in beside else _correlation(own, solver)
+            feature.name: feature.score(frame, alignment) if index in beside else solver.score(own)
             for index, (feature, own, solver) in enumerate(zip(self._features, seen, self._solvers, strict=True))
         }
 
-    def _solver(self, feature: Feature) -> _Solver:
-        jacobian = self.axes.jacobian(feature.points, self.model)
-        columns = np.einsum("in,inp->np", feature.gradient.astype(np.float64), jacobian)
-        x, y = feature.points.astype(np.float64) - feature.points.mean(axis=1, dtype=np.float64)[:, None]
-        light = np.stack([feature.pixels.astype(np.float64), np.ones(feature.pixels.size), x, y], axis=1)
-        basis, _ = np.linalg.qr(light)
-        columns -= basis @ (basis.T @ columns)
-        centred = feature.pixels - feature.pixels.mean()
-        energy = max(float(centred @ centred), 1e-9)
-        rows = np.concatenate([columns.T.astype(np.float32), centred[None]])
-        return _Solver(rows, columns.T @ columns, energy)
-
-    def _step(self, seen: Sequence[_Seen]) -> list[float]:
+    def _step(self, seen: Sequence[SeenFeature]) -> list[float]:
         right = np.zeros(len(self._inverse))
         used = []
         for own, solver in zip(seen, self._solvers, strict=True):
             gain = float(own.sums[-1]) / solver.energy
-            if gain > 0 and not _is_flat(own, solver):
+            if gain > 0 and not solver.is_flat(own):
                 right += own.sums[:-1] / gain
                 used.append(solver)
-        inverse = self._inverse if len(used) == len(self._solvers) else _inverse_normal(used, len(right))
+        inverse = self._inverse if len(used) == len(self._solvers) else inverse_normal(used, len(right))
         step: list[float] = (inverse @ right).tolist()
         return step
-
-
-def _inverse_normal(solvers: Sequence[_Solver], size: int) -> Floats:
-    """Of the normal matrix of some features together; of next to nothing where they say nothing."""
-    normal = sum((solver.normal for solver in solvers), start=np.zeros((size, size)))
-    inverse: Floats = np.linalg.inv(normal + np.eye(size) * (1e-9 * normal.trace() + 1e-9))
-    return inverse
 
 
 def _extended(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Floats:
@@ -277,19 +228,3 @@ def _extended(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Flo
         return samples
     gain, offset = np.polyfit(feature.pixels[within], samples[within], 1)
     return np.where(within, samples, gain * feature.pixels + offset).astype(np.float32)
-
-
-def _summed(solver: _Solver, values: Floats) -> _Seen:
-    values = values - np.float32(MIDDLE_GREY)
-    total = float(values.sum())
-    return _Seen(solver.rows @ values, float(values @ values) - total * total / values.size)
-
-
-def _is_flat(seen: _Seen, solver: _Solver) -> bool:
-    return bool(min(seen.energy, solver.energy) <= FLAT_LEVELS**2 * solver.rows.shape[1])
-
-
-def _correlation(seen: _Seen, solver: _Solver) -> float:
-    if _is_flat(seen, solver):
-        return 0.0
-    return float(seen.sums[-1]) / math.sqrt(seen.energy * solver.energy)
