@@ -131,9 +131,9 @@ class _Batch:
         self._faces = np.zeros((needles, size, self._runs + self._parts - 1), np.float32)
         at_once = max(1, AT_ONCE // (3 * self._faces.size))
         # By frame and needle the gauge, that by its face, and that by itself.
-        self._images = np.zeros((at_once, needles, 3, *self._faces.shape[1:]), np.float32)
-        self._weights = np.zeros((needles, 1, rows, size), np.float32)
-        self._needles = np.zeros((needles, rows, 2 * size), np.float32)
+        self._images = np.zeros((3, at_once, *self._faces.shape), np.float32)
+        self._weights = np.zeros((needles, rows, size), np.float32)
+        self._needles = np.zeros((2, 1, needles, rows, size), np.float32)
         # Of `over_face.FaceMoments` what scores take, two of them as what they divide.
         self._known = np.zeros((5, needles, LANES, self._runs), np.float32)
         for index, (template, face) in enumerate(zip(coarse, faces, strict=True)):
@@ -145,8 +145,8 @@ class _Batch:
         count = self.places[index].count
         own = face_moments(np.ascontiguousarray(collected(face)[: count + template.rows - 1]), template)
         weights, light, cover = own.kernels / own.total[0]  # all pixels are seen, so the same on every row
-        self._weights[index, 0] = self._by_lane(weights)
-        self._needles[index] = np.concatenate([self._by_lane(light), self._by_lane(cover)], axis=1)
+        self._weights[index] = self._by_lane(weights)
+        self._needles[:, 0, index] = self._by_lane(light), self._by_lane(cover)
         shows = own.needle_left > MIN_SPREAD_LEVELS**2
         known = np.zeros((len(self._known), self.count), np.float32)
         known[:, :count] = (
@@ -168,7 +168,7 @@ class _Batch:
 
     def scores(self, gauges: Sequence[Floats]) -> Floats:
         """(F, K, N): as `Search.coarse`."""
-        frames, at_once = len(gauges[0]), len(self._images)
+        frames, at_once = len(gauges[0]), self._images.shape[1]
         scores = np.empty((frames, len(self.places), self.count), np.float32)
         for first in range(0, frames, at_once):
             part = slice(first, first + at_once)
@@ -176,21 +176,21 @@ class _Batch:
         return scores
 
     def _search(self, gauges: Sequence[Floats], scores: Floats) -> None:
-        images = self._images[: len(scores)]
+        images = self._images[:, : len(scores)]
         for index, place in enumerate(self.places):
             gauge = gauges[place.gauge]
-            images[:, index, 0, :, : gauge.shape[-1]] = gauge.reshape(len(gauge), -1, gauge.shape[-1])
-        np.multiply(images[:, :, 0], self._faces, out=images[:, :, 1])
-        np.multiply(images[:, :, 0], images[:, :, 0], out=images[:, :, 2])
+            images[0, :, index, :, : gauge.shape[-1]] = gauge.reshape(len(gauge), -1, gauge.shape[-1])
+        np.multiply(images[0], self._faces, out=images[1])
+        np.multiply(images[0], images[0], out=images[2])
         by_lane = scores.reshape(*scores.shape[:2], self._runs, LANES).swapaxes(2, 3)
         self._partial(images, by_lane)
 
     def _partial(self, images: Floats, scores: Floats) -> None:
         """As `over_face.partial_normxcorr`, (F, K, lanes, runs)."""
         face_mean, needle_mean, per_face_variance, needle_per_face, per_needle_spread = self._known
-        mean, with_face, square = np.moveaxis(self._sums(self._weights, images), 2, 0)
-        both = images[:, :, :2].reshape(*images.shape[:2], -1, images.shape[-1])
-        with_needle = self._sums(self._needles, both)
+        mean, with_face, square = self._sums(self._weights, images)
+        with_needle, with_cover = self._sums(self._needles, images[:2])
+        with_needle += with_cover
         with_face -= mean * face_mean
         with_needle -= mean * needle_mean
         with_needle -= with_face * needle_per_face
