@@ -52,8 +52,7 @@ class PlainFitter:
         light += MIDDLE_GREY * transparency
         light[:, :, 0] -= MIDDLE_GREY
         trust = np.stack([template.trust.ravel() for template in templates]).astype(np.float32)
-        self._with_seen = _kernels(light, trust)
-        self._with_both = _kernels(transparency, trust)
+        self._with_seen = _with_seen(light, transparency, trust)
         self._with_square = trust[:, None]
         self._alike, self._with_face = _of_face(light, transparency, trust)
         self._known = np.full((len(rows), PHASES, len(_OF_PHASE) + len(_OF_ALL)), np.nan)
@@ -73,12 +72,12 @@ class PlainFitter:
         self._learn(rows)
         seen = windows.astype(np.float32)
         seen -= np.float32(MIDDLE_GREY)
-        with_seen = _products(self._with_seen, seen)
-        with_both = _products(self._with_both, seen * self._windows[rows])
-        of_phase = (with_seen[..., :-1] + with_both[..., :-1]).reshape(*rows.shape, PHASES, 2)
+        both = np.concatenate([seen, seen * self._windows[rows]], axis=2)
+        with_seen = _products(self._with_seen, both)
+        of_phase = with_seen[..., :-2].reshape(*rows.shape, PHASES, 2)
         moments = np.empty((5, 5, *rows.shape))
-        moments[SEEN, ONE], moments[FACE, SEEN] = with_seen[..., -1], with_both[..., -1]
-        moments[SEEN, SEEN] = _products(self._with_square, seen * seen)[..., 0]
+        moments[SEEN, ONE], moments[FACE, SEEN] = with_seen[..., -2], with_seen[..., -1]
+        moments[SEEN, SEEN] = _products(self._with_square, np.square(seen, out=seen))[..., 0]
 
         def look(phase: Indices) -> None:
             moments[_KNOWN] = np.moveaxis(self._known[rows, phase + REACH], -1, 0)
@@ -139,13 +138,17 @@ def _of_face(light: Floats, transparency: Floats, trust: Floats) -> tuple[Floats
     return alike, with_face.reshape(*alike.shape, -1)
 
 
-def _kernels(layers: Floats, trust: Floats) -> Floats:
-    """(K, phases * 2 + 1, H * C) float32: layers (K, phases, 2, H * C) by trust (K, H * C), and that itself."""
-    weighted = (layers * trust[:, None, None]).reshape(len(trust), -1, trust.shape[1])
-    return np.concatenate([weighted, trust[:, None]], axis=1)
+def _with_seen(light: Floats, transparency: Floats, trust: Floats) -> Floats:
+    """(K, phases * 2 + 2, 2 * H * C) float32: layers, 1 and the face by what is seen, and by that times the face."""
+    needles, size = trust.shape
+    kernels = np.zeros((needles, 2 * PHASES + 2, 2, size), np.float32)
+    for part, layers in enumerate((light, transparency)):
+        np.multiply(layers.reshape(needles, -1, size), trust[:, None], out=kernels[:, :-2, part])
+        kernels[:, part - 2, part] = trust
+    return kernels.reshape(needles, -1, 2 * size)
 
 
 def _products(kernels: Floats, pixels: Floats) -> Floats:
-    """(F, K, n) float64: kernels (K, n, H * C) with pixels (F, K, H * C), each window by a product of its own."""
+    """(F, K, n) float64: kernels (K, n, p) with (F, K, p) of windows, each by a product of its own."""
     products: Floats = (kernels @ pixels[..., None])[..., 0].astype(np.float64)
     return products
