@@ -82,7 +82,9 @@ class QuickReader:
             ]
         )
         self._reach_rows = np.array([needle.half_width_rows + MAX_PEAK_ROWS for needle in needles])
-        self._turn_rows = np.array([np.inf if needle.turn_rows is None else needle.turn_rows for needle in needles])
+        turn_rows = np.array([np.inf if needle.turn_rows is None else needle.turn_rows for needle in needles])
+        # By how many rows apart a needle shows again; on a dial that is not read all the way round, beyond its ends.
+        self._turns = (0.0, -turn_rows, turn_rows) if np.isfinite(turn_rows).any() else (0.0,)
 
     def read(self, frames: Sequence[Pixels]) -> Plain:
         """The needles in F frames; those whose gauges do not lie wholly in a frame are not to be believed."""
@@ -139,10 +141,13 @@ class QuickReader:
         """(F, K): the least squares agree with the search, the needle matches well, and nowhere else nearly as well."""
         settled = self._plain & peaks.clear & (fits.score >= self._needed)
         settled &= (np.abs(fits.fraction) <= MAX_FRACTION_ROWS) & (np.abs(fits.row - peaks.top_row) <= MAX_PEAK_ROWS)
-        apart = np.abs(peaks.rows - fits.row[..., None])
-        apart = np.minimum(apart, np.abs(apart - self._turn_rows[:, None]))
         # Between two searched rows scores lie on the line: what lies beyond the reach is bounded by one just within.
-        elsewhere = peaks.open & (apart > self._reach_rows[:, None] - 2.5)
+        reach_rows = self._reach_rows - 2.5
+        elsewhere, rows = peaks.open, peaks.rows.astype(np.float32)
+        for turn in self._turns:
+            first = (fits.row + turn - reach_rows).astype(np.float32)[..., None]
+            last = (fits.row + turn + reach_rows).astype(np.float32)[..., None]
+            elsewhere = elsewhere & ((rows < first) | (rows > last))
         settled &= peaks.scores.max(axis=2, where=elsewhere, initial=0.0) < MIN_RIVAL
         return settled
 
