@@ -54,13 +54,12 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
         unexplained = cuts - (light + transparency * faces)
         spread = MAD_TO_SIGMA * median_of(np.abs(unexplained))
         weights = (np.abs(unexplained) <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
-    clutter = MAD_TO_SIGMA * median_of(np.abs(cuts - pixels))
     shown = _columns_with_edges(expected)
     # Beside the needle there is nothing but the face: a fit can only pick up accidents there.
     covered = _with_edges(expected)
     light = np.where(covered, light, np.float32(0.0))
     transparency = np.where(covered, transparency, np.float32(1.0))
-    return NeedleTemplate(pixels, shown * _trust(clutter), light, transparency, shown * _trust(spread), step_deg)
+    return NeedleTemplate(pixels, light, transparency, shown * _trust(spread), step_deg)
 
 
 def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
@@ -79,7 +78,7 @@ def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) 
     """
     transparency = _expected_transparency(pixels, np.broadcast_to(plain, pixels.shape))
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
-    return NeedleTemplate(pixels, trust, pixels - transparency * behind, transparency, trust, step_deg)
+    return NeedleTemplate(pixels, pixels - transparency * behind, transparency, trust, step_deg)
 
 
 def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplate:
@@ -87,7 +86,7 @@ def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplat
     transparency = _expected_transparency(pixels, behind)
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
     light = (pixels - transparency * behind).astype(np.float32)
-    return NeedleTemplate(pixels, trust, light, transparency, trust, step_deg)
+    return NeedleTemplate(pixels, light, transparency, trust, step_deg)
 
 
 def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:

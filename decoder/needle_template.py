@@ -36,8 +36,6 @@ class NeedleTemplate:
     ----------
     pixels
         The needle on a plain dial: what is searched for.
-    weights
-        In [0, 1]: how far each pixel can be trusted to look like that, whatever lies behind the needle.
     light, transparency
         The needle over any background: it shows as `light + transparency * background`. Where nothing is known of the
         background, `light` is all there is.
@@ -48,7 +46,6 @@ class NeedleTemplate:
     """
 
     pixels: Floats
-    weights: Floats
     light: Floats
     transparency: Floats
     trust: Floats
@@ -78,13 +75,17 @@ class NeedleTemplate:
 
     def place(self, level: float) -> NDArray[np.bool_]:
         """(H, C): where the needle differs from its surroundings by more than this part of its full contrast."""
+        difference, contrast = self._difference
+        place: NDArray[np.bool_] = (difference > level * contrast) & (contrast > contrast.max() / 4)
+        return place
+
+    @cached_property
+    def _difference(self) -> tuple[Floats, Floats]:
+        """(H, C) and (C,): how much the needle differs from its surroundings, and how much at most around its axis."""
         edge = max(1, self.rows // 10)
         surroundings = median_of(np.concatenate([self.pixels[:edge], self.pixels[-edge:]]))
         difference = np.abs(self.pixels - surroundings)
-        middle = slice(self.rows // 4, self.rows - self.rows // 4)
-        contrast = difference[middle].max(axis=0)
-        place: NDArray[np.bool_] = (difference > level * contrast) & (contrast > contrast.max() / 4)
-        return place
+        return difference, difference[self.rows // 4 : self.rows - self.rows // 4].max(axis=0)
 
     @cached_property
     def touched(self) -> NDArray[np.bool_]:

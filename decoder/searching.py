@@ -264,7 +264,6 @@ def thinned(template: NeedleTemplate) -> NeedleTemplate:
     skip = (template.rows - 1) // 2 % COARSE_STEP
     rows = slice(skip, template.rows - skip, COARSE_STEP)
     layers = {
-        name: getattr(template, name)[rows, ::COARSE_STEP]
-        for name in ("pixels", "weights", "light", "transparency", "trust")
+        name: getattr(template, name)[rows, ::COARSE_STEP] for name in ("pixels", "light", "transparency", "trust")
     }
     return NeedleTemplate(**layers, step_deg=template.step_deg * COARSE_STEP)

@@ -22,7 +22,7 @@ def needle(seed: int) -> NeedleTemplate:
         values.astype(np.float32)
         for values in (rng.normal(40.0, 30.0, (ROWS, COLUMNS)), rng.random((ROWS, COLUMNS)), np.ones((ROWS, COLUMNS)))
     )
-    return NeedleTemplate(light, ones, light, transparency, ones, step_deg=0.5)
+    return NeedleTemplate(light, light, transparency, ones, step_deg=0.5)
 
 
 @given(

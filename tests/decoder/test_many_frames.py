@@ -135,7 +135,7 @@ def needle(rng: np.random.Generator) -> NeedleTemplate:
     cover = np.clip(4.0 - np.abs(rows), 0.0, 1.0).repeat(8, axis=1).astype(np.float32)
     light = (220 * cover).astype(np.float32)
     ones = np.ones_like(light)
-    return NeedleTemplate(light, ones, light, 1 - cover, ones, 0.5)
+    return NeedleTemplate(light, light, 1 - cover, ones, 0.5)
 
 
 def windows_of(template: NeedleTemplate, faces: Floats, shifts: Floats) -> Floats:

@@ -59,7 +59,6 @@ def test_dark_needle_has_the_same_outline(reader: PanelReader, template: NeedleT
     """A dark needle on a light dial is where a light one on a dark dial would be."""
     dark = NeedleTemplate(
         255 - template.pixels,
-        template.weights,
         template.light,
         template.transparency,
         template.trust,

@@ -21,7 +21,7 @@ def noise(rng: np.random.Generator, shape: tuple[int, ...], low: float, high: fl
 def sought(rng: np.random.Generator, gauge: int, height: int) -> Sought:
     """A needle that looks like nothing at all."""
     shape = (height, GAUGES[gauge][1])
-    layers = {name: noise(rng, shape, 0, 1) for name in ("pixels", "weights", "transparency", "trust")}
+    layers = {name: noise(rng, shape, 0, 1) for name in ("pixels", "transparency", "trust")}
     template = NeedleTemplate(**layers, light=noise(rng, shape, 0, 200), step_deg=0.5)
     return Sought(template, noise(rng, GAUGES[gauge], 0, 255), gauge)
 
