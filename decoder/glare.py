@@ -88,9 +88,10 @@ class ThroughGlare:
         return _OverFace(self._coarse_light.without(needle), self._coarse_light.without(face))
 
     def _windows(self, image: Floats) -> Floats:
-        height, thin = self._coarse.rows, image[::COARSE_STEP, ::COARSE_STEP]
-        views = np.lib.stride_tricks.sliding_window_view(thin, height, axis=0)
-        return views.transpose(0, 2, 1).reshape(-1, height * thin.shape[1])
+        height, thin = self._coarse.rows, np.ascontiguousarray(image[::COARSE_STEP, ::COARSE_STEP])
+        rows, columns = thin.shape
+        shape, strides = (rows - height + 1, height * columns), thin.strides
+        return np.ndarray(shape, thin.dtype, thin, strides=strides)
 
     def _coarse_scores(self, gauge: Floats) -> Floats:
         return self._over_face.correlation(self._coarse_light.without(self._windows(gauge)))
@@ -141,10 +142,11 @@ class ThroughGlare:
         """The needle over the face, its axis a fraction of a row below the middle, and how that changes downwards."""
         rows = np.arange(self._template.rows) - fraction
         layers = rows_at(self._template.both_layers, rows)
-        light, transparency = np.hsplit(layers, 2)
-        light_slope, transparency_slope = np.hsplit(_slopes(layers), 2)
-        needle = transparency * face + light
-        slope = -transparency_slope * face - light_slope
+        slopes, columns = _slopes(layers), face.shape[1]
+        needle = layers[:, columns:] * face
+        needle += layers[:, :columns]
+        slope = slopes[:, columns:] * -face
+        slope -= slopes[:, :columns]
         return needle, slope
 
 

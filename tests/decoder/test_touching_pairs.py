@@ -52,6 +52,23 @@ def test_pairs_are_read_as_the_gauge_reader_reads_them(reader: PanelReader, draw
     assert statuses >= {Status.READ, Status.EDGE, Status.HIDDEN}
 
 
+@pytest.mark.parametrize("cover_deg", [233.3, 300.0])
+def test_pairs_at_any_distance_are_read_many_at_once(tuned: PanelReader, draw: Draw, cover_deg: float) -> None:
+    """Also where the lower needle draws the upper one's peak aside, or lies just out of its reach.
+
+    Between these distances the upper needle may not match by itself: that is for the gauge reader.
+    """
+    panel, whole = tuned.source.panel, [True] * len(tuned.source.panel.gauges)
+    apart_deg = np.array([*APART_DEG, 13.2, 13.55])
+    frames = [draw({"al_lb": cover_deg + apart, "fr_lb": cover_deg}, noise=2.0, seed=7) for apart in apart_deg]
+    quick = ManyFrames(panel.gauges, tuned.grids, tuned.tuning, tuned._gauges, is_quick=True)._quick
+    assert quick is not None
+    plain = quick.read([PlacedFrame(frame, tuned.aligner.align(frame), whole).quick(quick.grids) for frame in frames])
+    fuel = [number for number, needle in enumerate(quick.needles) if needle.name in {"al_lb", "fr_lb"}]
+
+    assert plain.settled[(abs(apart_deg) < 6.0) | (abs(apart_deg) > 13.0)][:, fuel].all()
+
+
 @pytest.mark.parametrize("is_quick", [True, False])
 @pytest.mark.parametrize("apart_deg", [-4.5, -3.7, -3.0, -2.5, -2.0, -1.5, 1.5, 2.0, 2.5, 3.0, 3.7, 4.5])
 def test_mirrored_pair_is_no_surer_than_it_is(
