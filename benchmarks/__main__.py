@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered_lines
+from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered_lines, reading_lines
 from benchmarks.accuracy import RUNS, measure, oblique_tracks, table_3_2
 from benchmarks.box import day, sustained
 from benchmarks.cockpit import cockpit_page
@@ -56,9 +56,10 @@ def measured_cost(sizes: Sequence[Size]) -> Page:
     took, peak, work = speed(), memory(), sustained()
     with TemporaryDirectory() as name:
         a_day = day(Path(name), Path(name) / "flights", keep_hours=1, max_hours=2, keep_free_gib=0)
-    page = cost_page(took, peak, work, a_day, [*cost_lines(took, peak), *box_lines(work, a_day)])
-    others = [comparison_section(compare(sizes)), memory_section(worker_memory()), start_section(starts())]
-    return Page("\n".join([page, *others]))
+    compared, held, begun = compare(sizes), worker_memory(), starts()
+    lines = [*cost_lines(took, peak), *reading_lines(compared, held, begun), *box_lines(work, a_day)]
+    page = cost_page(took, peak, work, a_day, lines)
+    return Page("\n".join([page, comparison_section(compared), memory_section(held), start_section(begun)]))
 
 
 PAGES: dict[str, Callable[[Sequence[Size]], Page]] = {

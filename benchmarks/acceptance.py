@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 from benchmarks.accuracy import Measured, mean_error, published, thesis_mean
 from benchmarks.box import PICTURES, Day, Sustained
+from benchmarks.comparison import NEEDLES, Compared
 from benchmarks.cost import Speed
+from benchmarks.starting import Start
+from benchmarks.worker_memory import LARGE, SMALL, Held
 from decoder.accuracy import ALL_VALUED, NeedleAccuracy
 
 ROW_TABLES = ("A.1", "A.2")
@@ -17,6 +20,10 @@ MAX_PCT_FS = 0.05
 MAX_CLEAR_FLAGGED = 0.01
 MAX_COVERED_PCT = 0.15
 MAX_RATIO = 1.5
+MAX_LARGE_RATIO = 1.1
+MIN_BY_ONE = 1.8
+MAX_WORKER_MB = {SMALL.name: 200.0, LARGE.name: 400.0}
+MAX_START_S = {"decode --help": 0.15, "decode FLIGHT": 0.6}
 MAX_CORE = 0.25
 MAX_BOX_MIB = 120.0
 MAX_DAY_GROWTH_MIB = 2.0  # its pictures have 41 MiB in all
@@ -132,9 +139,31 @@ def cost_lines(took: Speed, peak: dict[int, float]) -> list[Line]:
     """The lines about processor time and memory."""
     short, long = min(peak), max(peak)
     return [
-        Line("400 frames: decode, times bare decompression", took.decode_ratio, MAX_RATIO),
+        Line("400 frames: decode, times bare decompression, a process each", took.read_alone.ratio, MAX_RATIO),
+        Line("the same in one process that has done both before", took.read.ratio, MAX_RATIO),
         Line(f"peak memory, {long} frames by {short}", peak[long] / peak[short], MAX_GROWTH),
     ]
+
+
+def reading_lines(compared: Sequence[Compared], held: Sequence[Held], begun: Sequence[Start]) -> list[Line]:
+    """The lines about seven needles in pictures of the camera's sizes, workers, and starting."""
+    seven = [each for each in compared if each.needles == min(NEEDLES)]
+    large = [each for each in seven if each.size == LARGE]
+    times = f"{LARGE.name}, {LARGE.frames} frames: decode, times bare decompression"
+    return [
+        *(Line(times, each.ratios["decode"], MAX_LARGE_RATIO) for each in large),
+        *(Line(f"{each.size.name}: two workers by one", each.two_by_one, MIN_BY_ONE, at_least=True) for each in seven),
+        *(Line(f"{_of(each)}: peak memory of a worker, MB", _mb(each), MAX_WORKER_MB[each.size.name]) for each in held),
+        *(Line(f"{each.words}: s to its first line", each.wall_s, MAX_START_S[each.words]) for each in begun),
+    ]
+
+
+def _of(held: Held) -> str:
+    return f"{held.size.name}, {held.size.frames} frames"
+
+
+def _mb(held: Held) -> float:
+    return held.peak_mib * 2**20 / 10**6
 
 
 def box_lines(work: Sustained, day: Day) -> list[Line]:

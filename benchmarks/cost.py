@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Self
 
 import cv2
 from threadpoolctl import threadpool_limits
 
-from benchmarks.programs import RENDERED, decode, decompress, peak_memory_mib
+from benchmarks.programs import RENDERED, decode, decompressed_alone, peak_memory_mib, read_alone
 from decoder.flight_decoder import decode_flight
 from decoder.method import Method
 from decoder.panel_pictures import panel_from_attachments
@@ -33,61 +34,70 @@ COPIES = 11
 
 
 @dataclass(frozen=True, slots=True)
-class Speed:
-    """Medians of several rounds: processor milliseconds a frame, and ratios to decompression in the same round.
+class Cost:
+    """Medians of several rounds: processor milliseconds a frame, and the ratio to decompression in the same round."""
 
-    `decompress` and `decode` run in a process that is there already, whose memory has been broken in; `alone` is the
-    same decompression by a process that does nothing else, and has the system clear new pages for each picture;
-    `program` is `decode` from its start to its written files.
+    ms: float
+    ratio: float
+
+    @classmethod
+    def of(cls, costs_s: Sequence[float], bare_s: Sequence[float], frames: int) -> Self:
+        """From what it took in each round, and what decompression took in the same."""
+        ratios = (cost / least for cost, least in zip(costs_s, bare_s, strict=True))
+        return cls(1000 * statistics.median(costs_s) / frames, statistics.median(ratios))
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """What 400 frames cost beside merely decompressing them in grey, one thread, back to back.
+
+    Attributes
+    ----------
+    bare_alone, read_alone
+        Decompressed, and read, by a process of its own each, which gets its memory from the system as it goes.
+    bare, read
+        The same in one process that has done both before: its memory is there.
+    program
+        `decode` from its start to its written files; the ratio is to `bare`.
     """
 
     frames: int
-    alone_ms: float
-    decompress_ms: float
-    decode_ms: float
-    program_ms: float
-    decode_ratio: float
-    program_ratio: float
-    decompress_by_alone: float
-    decode_by_alone: float
-    program_by_alone: float
+    bare_alone: Cost
+    read_alone: Cost
+    bare: Cost
+    read: Cost
+    program: Cost
 
 
 def speed() -> Speed:
-    """Decoding the 400 plain frames beside merely decompressing them in grey, one thread, back to back."""
+    """Of the 400 plain frames."""
     cv2.setNumThreads(1)
-    alone, bare, whole, program = [], [], [], []
+    path = RENDERED / "plain.mcap"
+    alone_bare, alone_read, bare, read, program = ([] for _ in range(5))
     with threadpool_limits(1), TemporaryDirectory() as folder:
-        flight = open_flight([RENDERED / "plain.mcap"])
+        flight = open_flight([path])
         jpegs = [frame.jpeg for frame in flight.frames()]
-        panel = panel_from_attachments(flight.attachments, flight="plain.mcap")
+        panel = panel_from_attachments(flight.attachments, flight=path.name)
         for _ in range(ROUNDS):
-            alone.append(decompress(RENDERED / "plain.mcap"))
+            alone_bare.append(decompressed_alone(path))
+            alone_read.append(read_alone(path))
             start = time.process_time()
             for jpeg in jpegs:
                 grey_picture(jpeg)
             middle = time.process_time()
             decode_flight(flight, PanelReader.from_panel(panel, Method.NORMXCORR), iter)
             bare.append(middle - start)
-            whole.append(time.process_time() - middle)
-            program.append(decode(RENDERED / "plain.mcap", Path(folder)))
-    per_frame = 1000 / len(jpegs)
+            read.append(time.process_time() - middle)
+            program.append(decode(path, Path(folder)))
+    count = len(jpegs)
     return Speed(
-        frames=len(jpegs),
-        alone_ms=statistics.median(alone) * per_frame,
-        decompress_ms=statistics.median(bare) * per_frame,
-        decode_ms=statistics.median(whole) * per_frame,
-        program_ms=statistics.median(program) * per_frame,
-        decode_ratio=_median_ratio(whole, bare),
-        program_ratio=_median_ratio(program, bare),
-        decompress_by_alone=_median_ratio(bare, alone),
-        decode_by_alone=_median_ratio(whole, alone),
-        program_by_alone=_median_ratio(program, alone),
+        frames=count,
+        bare_alone=Cost.of(alone_bare, alone_bare, count),
+        read_alone=Cost.of(alone_read, alone_bare, count),
+        bare=Cost.of(bare, bare, count),
+        read=Cost.of(read, bare, count),
+        program=Cost.of(program, bare, count),
     )
-
-
-def _median_ratio(costs: Sequence[float], bare: Sequence[float]) -> float:
-    return statistics.median(cost / least for cost, least in zip(costs, bare, strict=True))
 
 
 def memory() -> dict[int, float]:

@@ -23,7 +23,7 @@ with open("/proc/self/status", encoding="ascii") as status:
     print(next(line for line in status if line.startswith("VmHWM")))
 """
 
-# What a script costs that opens the flight's pictures with OpenCV and does nothing else with them.
+# What it costs to open a flight's pictures with OpenCV and to do nothing else with them.
 _DECOMPRESS_AND_SAY = """
 import sys, time
 from pathlib import Path
@@ -37,6 +37,27 @@ start = time.process_time()
 for jpeg in jpegs:
     cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
 print(time.process_time() - start)
+"""
+
+# What it costs to read the flight, from opened file and panel to flight data.
+_READ_AND_SAY = """
+import sys, time
+from pathlib import Path
+import cv2
+from threadpoolctl import threadpool_limits
+from decoder.flight_decoder import decode_flight
+from decoder.method import Method
+from decoder.panel_pictures import panel_from_attachments
+from decoder.panel_reader import PanelReader
+from flight_file.reader import open_flight
+
+cv2.setNumThreads(1)
+with threadpool_limits(1):
+    flight = open_flight([Path(sys.argv[1])])
+    panel = panel_from_attachments(flight.attachments, flight=sys.argv[1])
+    start = time.process_time()
+    decode_flight(flight, PanelReader.from_panel(panel, Method.NORMXCORR), iter)
+    print(time.process_time() - start)
 """
 
 
@@ -67,17 +88,17 @@ def peak_memory_mib(flight: Path, folder: Path) -> float:
     return int(line.split()[1]) / 1024
 
 
-def decompress(flight: Path) -> float:
+def decompressed_alone(flight: Path) -> float:
     """Merely decompresses a flight's pictures in grey with OpenCV in a process of its own; gives its processor seconds.
 
     Neither the process's start nor reading the file is counted.
-
-    Raises
-    ------
-    SystemExit
-        If that fails.
     """
     return float(_run([sys.executable, "-c", _DECOMPRESS_AND_SAY, str(flight)]))
+
+
+def read_alone(flight: Path) -> float:
+    """Reads a flight in a process of its own; gives its processor seconds, without the process's start."""
+    return float(_run([sys.executable, "-c", _READ_AND_SAY, str(flight)]))
 
 
 def _run(command: list[str]) -> str:
