@@ -66,7 +66,8 @@ def decode_flight(
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
     data = builder.build(fitted.sigma_deg)
-    return fill_gaps(replace(data, moved_pivots_px=fitted.moved_px, warnings=reader.warnings, part=part))
+    warnings = (*reader.warnings, *fitted.warnings)
+    return fill_gaps(replace(data, moved_pivots_px=fitted.moved_px, warnings=warnings, part=part))
 
 
 def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:

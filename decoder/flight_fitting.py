@@ -5,7 +5,6 @@ Also what is left of both: what readings are uncertain by beyond what their own 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,18 +21,16 @@ from decoder.panel_needles import DrawnGauge, drawn_gauges
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pivot_path import PivotPath
+from decoder.pivot_rounds import ended, further, is_off
 from decoder.pivots import Pivot, pivot_of
 from decoder.pivots_together import pooled
 from decoder.reading import Reading, Status
 from decoder.seen_faces import with_seen_faces
 from decoder.tuning import Tuning
-from decoder.uncertainty import DRAWN_PX, QuantityUncertainty, quantity_uncertainties
+from decoder.uncertainty import QuantityUncertainty, quantity_uncertainties
 
 ROUNDS = 8
 SETTLED_LIFT = 0.01
-# A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
-SETTLED_PX = 0.03
-
 # A needle that is missing in more of the sampled frames than this is not known as it is.
 MISSING_PART = 0.5
 
@@ -48,11 +45,23 @@ class FittedReader:
         By quantity: what its readings are uncertain by beyond what their frames tell.
     moved_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y).
+    unsettled
+        The gauges whose needles turn where no round had them.
     """
 
     reader: PanelReader
     uncertainties: Mapping[str, QuantityUncertainty]
     moved_px: Mapping[str, tuple[float, float]]
+    unsettled: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the flight leaves wanting, a sentence each."""
+        return tuple(
+            f"{name}: its needles turn beside the centre that the panel gives, and where was not found surely; sigma"
+            " allows for that. Is the gauge drawn right?"
+            for name in self.unsettled
+        )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
@@ -82,16 +91,16 @@ class _Learned:
     pivots: tuple[Pivot, ...]
 
 
-def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
-    """The reader fitted to the flight of which `sample` gives some frames."""
+def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) -> FittedReader:
+    """The reader fitted to the flight of which `sample` gives some frames, in so many rounds at most."""
     source = reader.source
     drawn = source.panel.gauges
     reader, samples = placed_for(reader, sample)
     paths = [PivotPath()] * len(drawn)
     learned = _learned(reader, samples, paths)
     first = learned.pivots
-    for _ in range(ROUNDS - 1):
-        paths = _further(paths, learned.pivots)
+    for _ in range(rounds - 1):
+        paths = further(paths, learned.pivots)
         moved = _with_pivots_moved(learned, paths)
         if moved is None:
             break
@@ -101,11 +110,15 @@ def fit_to_flight(reader: PanelReader, sample: Sample) -> FittedReader:
     dials_move = learned.reader.tuning.dials_move
     zeros = [gauge.readings for gauge in learned.drawn or drawn_gauges(learned.reader)]
     pivots = [
-        _ended(pivot, step.offset_px, path) if path.was_moved else pivot
+        ended(pivot, step.offset_px, path) if path.was_moved else pivot
         for path, step, pivot in zip(paths, first, learned.pivots, strict=True)
     ]
-    uncertainties = quantity_uncertainties(source, pivots, zeros, dials_move=dials_move)
-    return FittedReader(_completed(learned, sample, pivots), uncertainties, _moved_px(learned.reader, drawn))
+    return FittedReader(
+        reader=_completed(learned, sample, pivots),
+        uncertainties=quantity_uncertainties(source, pivots, zeros, dials_move=dials_move),
+        moved_px=_moved_px(learned.reader, drawn),
+        unsettled=_unsettled(learned, paths),
+    )
 
 
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Learned:
@@ -164,6 +177,12 @@ def _moved_px(reader: PanelReader, drawn: Sequence[Gauge]) -> dict[str, tuple[fl
     }
 
 
+def _unsettled(learned: _Learned, paths: Sequence[PivotPath]) -> tuple[str, ...]:
+    """The gauges whose pivots were moved, and are still not right."""
+    of_gauges = zip(learned.reader.source.panel.gauges, paths, learned.pivots, strict=True)
+    return tuple(gauge.name for gauge, path, pivot in of_gauges if path.was_moved and is_off(pivot, was_moved=True))
+
+
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
     """The needles that are missing in most of the sampled frames, of enough of them to tell."""
     if len(found) < MIN_CUTS:
@@ -215,38 +234,6 @@ def _lifts(tuning: Tuning, pivots: Sequence[Pivot]) -> tuple[float, ...]:
     so_far = tuning.lifts or (0.0,) * len(pivots)
     missing = [pivot.lift if abs(pivot.lift) > SETTLED_LIFT else 0.0 for pivot in pivots]
     return tuple(lift + more for lift, more in zip(so_far, missing, strict=True))
-
-
-def _further(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> list[PivotPath]:
-    """Each a step on to where its needles turn; one that is right to what can be drawn, or settled, stays."""
-    totals_px = np.array([np.add(path.moved_px, pivot.offset_px) for path, pivot in zip(paths, pivots, strict=True)])
-    return [
-        _stepped(path, pivot, _middle(np.delete(totals_px, index, axis=0)))
-        for index, (path, pivot) in enumerate(zip(paths, pivots, strict=True))
-    ]
-
-
-def _middle(places_px: Floats) -> tuple[float, float]:
-    """The median of places (N, 2); where they are drawn, if there are none."""
-    x, y = np.median(places_px, axis=0).tolist() if len(places_px) else (0.0, 0.0)
-    return x, y
-
-
-def _stepped(path: PivotPath, pivot: Pivot, others_px: tuple[float, float]) -> PivotPath:
-    if not _is_off(pivot, was_moved=path.was_moved):
-        return path.stay()
-    return path.on(pivot.offset_px, others_px) if pivot.tilts else path.to(others_px)
-
-
-def _ended(pivot: Pivot, first_px: tuple[float, float], path: PivotPath) -> Pivot:
-    """A moved pivot as uncertain as its path leaves it."""
-    settled = pivot.settled(first_px, path.moved_px)
-    return settled.unsettled() if _is_off(pivot, was_moved=True) else settled
-
-
-def _is_off(pivot: Pivot, *, was_moved: bool) -> bool:
-    distance_px = math.hypot(*pivot.offset_px)
-    return distance_px > SETTLED_PX if was_moved else distance_px > DRAWN_PX and pivot.is_certain
 
 
 def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, step_px: tuple[float, float]) -> Gauge:

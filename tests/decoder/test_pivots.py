@@ -161,6 +161,18 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right(
         assert reading.angle_deg == pytest.approx(truth["speed_kt"], abs=0.1)
 
 
+def test_pivot_that_was_not_found_is_told(reader_of: MakeReader, draw: Draw) -> None:
+    """A gauge whose needles do not turn where the last round has them is named, and its needle is more in doubt."""
+    reader = reader_of(moved(-1.6, 1.2), panel=draw(PANEL_HANDS, ticks=True))
+    found, not_found = (fit_to_flight(reader, lambda _: frames(draw), rounds=rounds) for rounds in (8, 2))
+    across = np.array([305.0])
+
+    assert (found.unsettled, found.warnings) == ((), ())
+    assert not_found.unsettled == ("speed",)
+    assert not_found.warnings[0].startswith("speed: its needles turn beside")
+    assert not_found.sigma_deg("speed_kt", across) > found.sigma_deg("speed_kt", across)
+
+
 def test_panel_that_is_right_is_left_alone(reader_of: MakeReader, draw: Draw) -> None:
     """Noise moves no pivot."""
     fitted = fit_to_flight(reader_of(moved(0.0, 0.0), panel=draw(PANEL_HANDS, ticks=True)), lambda _: frames(draw))
