@@ -126,26 +126,29 @@ class Alignment:
         -------
         (R, C, 2) float32
         """
-        matrix = self.matrix
         if self.lens is not None and self.lens.distorts:
-            places = bent(_carried(points, matrix), self.lens)
+            places = bent(self._carried(points, (0.0, 0.0)), self.lens)
             places -= np.array(origin, np.float32)
             return places
-        if origin != (0.0, 0.0):
-            matrix = np.array([[1.0, 0.0, -origin[0]], [0.0, 1.0, -origin[1]], [0.0, 0.0, 1.0]]) @ matrix
-        return _carried(points, matrix)
+        return self._carried(points, origin)
+
+    def _carried(self, points: Floats, origin: Point) -> NDArray[Any]:
+        """As `places`, without distortion."""
+        xx, xy, x, yx, yy, y, across, down, one = self.elements
+        (left, top) = origin
+        rows = (
+            (xx - left * across, xy - left * down, x - left * one),
+            (yx - top * across, yy - top * down, y - top * one),
+        )
+        if across == 0.0 and down == 0.0:
+            return cv2.transform(points, np.array(rows, np.float32))
+        return cv2.perspectiveTransform(points, np.array((*rows, (across, down, one))))
 
 
 def is_rigid(matrix: Matrix) -> bool:
     """Whether a (3, 3) matrix is a mere shift and roll, but for rounding."""
     turn = matrix[:2, :2] @ matrix[:2, :2].T
     return bool(np.abs(turn - np.eye(2)).max() < RIGID_PART and np.abs(matrix[2, :2]).max() == 0.0)
-
-
-def _carried(points: NDArray[Any], matrix: Matrix) -> NDArray[Any]:
-    if matrix[2, 0] == 0 and matrix[2, 1] == 0:
-        return cv2.transform(points, matrix[:2].astype(np.float32))
-    return cv2.perspectiveTransform(points, matrix)
 
 
 def upright(points: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -158,30 +158,39 @@ class ManyFrames:
             [(number, needle.name) for number, needle in enumerate(needles) if needle.gauge_index == index]
             for index in range(len(grids))
         ]
-        self._of_needle = [self._gauges[needle.gauge_index] for needle in needles]
+        self._gauge_of_needle = [needle.gauge_index for needle in needles]
+        self._of_needle = [self._gauges[index] for index in self._gauge_of_needle]
 
-    def read(self, frames: Iterable[GaugesOfFrame]) -> list[list[Mapping[str, Reading]]]:
-        """By frame and gauge the readings by name, to the bit the same whatever the frames beside it."""
-        if self._quick is None:
-            return [[self._read(index, frame, None) for index in range(len(self._gauges))] for frame in frames]
-        both = [(frame, frame.quick(self._quick.grids)) for frame in frames]
-        if not both:
-            return []
-        plain = self._quick.read([pixels for _, pixels in both])
+    def read(self, frames: Sequence[GaugesOfFrame], place_sigmas_deg: Floats) -> list[list[Mapping[str, Reading]]]:
+        """By frame and gauge the readings by name, to the bit the same whatever the frames beside it.
+
+        `place_sigmas_deg` (F, gauges) are what readings are uncertain by because their dials' places are.
+        """
+        if self._quick is None or not frames:
+            return [
+                [self._read(index, frame, None, sigma_deg) for index, sigma_deg in enumerate(own)]
+                for frame, own in zip(frames, place_sigmas_deg.tolist(), strict=True)
+            ]
+        plain = self._quick.read([frame.quick(self._quick.grids) for frame in frames])
         of_gauges = [[needle for needle, _ in own] for own in self._needles]
         settled = np.array([plain.settled[:, own].all(axis=1) for own in of_gauges]).tolist()
-        readings = self._plain_readings(plain)
+        readings = self._plain_readings(plain, place_sigmas_deg)
         return [
             [
                 {name: readings[number][needle] for needle, name in own}
                 if own and frame.whole[index] and settled[index][number]
-                else self._read(index, frame, _spread(self._quick, plain, number, own))
+                else self._read(
+                    index,
+                    frame,
+                    _spread(self._quick, plain, number, own),
+                    float(place_sigmas_deg[number, index]),
+                )
                 for index, own in enumerate(self._needles)
             ]
-            for number, (frame, _) in enumerate(both)
+            for number, frame in enumerate(frames)
         ]
 
-    def _plain_readings(self, plain: Plain) -> list[list[Reading]]:
+    def _plain_readings(self, plain: Plain, place_sigmas_deg: Floats) -> list[list[Reading]]:
         """By frame and needle; to be believed where they are settled."""
         steps_deg = np.array([gauge.grid.step_deg for gauge in self._of_needle])
         starts_deg = np.array([gauge.grid.start_deg for gauge in self._of_needle])
@@ -189,12 +198,8 @@ class ManyFrames:
         is_round = np.array([gauge.gauge.is_round for gauge in self._of_needle])
         angles_deg = starts_deg + plain.row * steps_deg
         angles_deg = np.where(is_round, firsts_deg + (angles_deg - firsts_deg) % FULL_CIRCLE_DEG, angles_deg)
-        columns = (
-            plain.status.tolist(),
-            angles_deg.tolist(),
-            (plain.sigma_rows * steps_deg).tolist(),
-            plain.score.tolist(),
-        )
+        sigmas_deg = np.hypot(plain.sigma_rows * steps_deg, place_sigmas_deg[:, self._gauge_of_needle])
+        columns = (plain.status.tolist(), angles_deg.tolist(), sigmas_deg.tolist(), plain.score.tolist())
         return [
             [
                 Reading(STATUSES[status], at_deg, sigma_deg, score)
@@ -203,13 +208,16 @@ class ManyFrames:
             for own in zip(*columns, strict=True)
         ]
 
-    def _read(self, index: int, frame: GaugesOfFrame, scores: Mapping[str, Floats] | None) -> Mapping[str, Reading]:
+    def _read(
+        self, index: int, frame: GaugesOfFrame, scores: Mapping[str, Floats] | None, place_sigma_deg: float
+    ) -> Mapping[str, Reading]:
         """One gauge by its own reader."""
         if not frame.whole[index]:
             return self._readers[index].unread()
         gauge = self._gauges[index]
         image = frame.unwrapped(index, lambda: gauge.unwrapper)
-        return self._readers[index].read(image, gauge.scores(image) if scores is None else scores)
+        found = self._readers[index].read(image, gauge.scores(image) if scores is None else scores)
+        return {name: reading.in_place_within(place_sigma_deg) for name, reading in found.items()}
 
 
 def _spread(quick: QuickReader, plain: Plain, number: int, own: Sequence[tuple[int, str]]) -> dict[str, Floats] | None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -161,9 +160,8 @@ class PanelReader:
     def read_many(self, frames: Iterable[Taken]) -> list[FrameReadings | PictureError]:
         """The readings of each frame, or why there are none; to the bit the same whatever the frames beside it."""
         placed = self.placer.placed(frames)
-        gauges = [self._gauges_of(*one) for one in placed if not isinstance(one, PictureError)]
-        own = self._many_frames.read(gauges)
-        read = iter(self._all_composed([one[1] for one in placed if not isinstance(one, PictureError)], own))
+        there = [one for one in placed if not isinstance(one, PictureError)]
+        read = iter(self._composed([frame for _, frame in there], [self._gauges_of(*one) for one in there]))
         return [one if isinstance(one, PictureError) else next(read) for one in placed]
 
     @staticmethod
@@ -195,44 +193,33 @@ class PanelReader:
 
     def read_all_unwrapped(self, frames: Sequence[UnwrappedFrame]) -> list[FrameReadings]:
         """The readings of frames that are unwrapped already."""
-        own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
-        return self._all_composed(frames, own)
+        return self._composed(frames, [UnwrappedGauges(frame.gauges, frame.whole) for frame in frames])
 
     def found_in(self, frames: Sequence[UnwrappedFrame]) -> list[Mapping[str, Reading]]:
         """By frame what its gauges' readers find by needle; what dials' places add to it is left out."""
-        own = self._many_frames.read(UnwrappedGauges(frame.gauges, frame.whole) for frame in frames)
+        surely = np.zeros((len(frames), len(self.grids)))
+        own = self._many_frames.read([UnwrappedGauges(frame.gauges, frame.whole) for frame in frames], surely)
         return [{name: reading for gauge in gauges for name, reading in gauge.items()} for gauges in own]
 
-    def _all_composed(
-        self, frames: Sequence[UnwrappedFrame], readings: Sequence[Sequence[Mapping[str, Reading]]]
-    ) -> list[FrameReadings]:
-        """By frame and gauge readings, with what the places of their dials add to their uncertainty."""
+    def _composed(self, frames: Sequence[UnwrappedFrame], gauges: Sequence[GaugesOfFrame]) -> list[FrameReadings]:
+        """What is read of each frame, with how uncertain the places of its dials are."""
         sigmas_px = self._places.sigmas_px([frame.alignment for frame in frames])
         for sigma_px, frame in zip(sigmas_px, frames, strict=True):
             if frame.dial_sigmas_px:
                 sigma_px[:] = frame.dial_sigmas_px
-        sigmas_deg = np.degrees(sigmas_px / self._radii_px)
-        parts = zip(frames, readings, sigmas_px.tolist(), sigmas_deg.tolist(), strict=True)
-        return [self._composed(*own) for own in parts]
+        readings = self._many_frames.read(gauges, np.degrees(sigmas_px / self._radii_px))
+        return [
+            FrameReadings(frame.alignment, self._checked(frame, own), tuple(sigma_px), self._needle_shifts_px(frame))
+            for frame, own, sigma_px in zip(frames, readings, sigmas_px.tolist(), strict=True)
+        ]
 
-    def _composed(
-        self,
-        unwrapped: UnwrappedFrame,
-        own_readings: Sequence[Mapping[str, Reading]],
-        sigmas_px: Sequence[float],
-        sigmas_deg: Sequence[float],
-    ) -> FrameReadings:
-        """One frame's, with how uncertain the places of its dials are."""
-        readings: dict[str, Reading] = {}
-        doubted = self.tuning.doubted
-        for own, sigma_deg in zip(self._lines_checked(unwrapped, own_readings), sigmas_deg, strict=True):
-            for name, reading in own.items():
-                total_deg = math.hypot(reading.sigma_deg, sigma_deg)
-                lost = name in doubted and reading.score < DOUBTED_SCORE
-                status = Status.MISSING if lost else reading.status
-                readings[name] = Reading(status, reading.angle_deg, total_deg, reading.score)
-        shifts_px = self._needle_shifts_px(unwrapped)
-        return FrameReadings(unwrapped.alignment, readings, tuple(sigmas_px), shifts_px)
+    def _checked(self, frame: UnwrappedFrame, readings: Sequence[Mapping[str, Reading]]) -> dict[str, Reading]:
+        """By needle its reading; doubted needles that do not match well are missing."""
+        checked = {name: reading for own in self._lines_checked(frame, readings) for name, reading in own.items()}
+        for name in self.tuning.doubted:
+            if checked[name].score < DOUBTED_SCORE:
+                checked[name] = replace(checked[name], status=Status.MISSING)
+        return checked
 
     def _lines_checked(
         self, unwrapped: UnwrappedFrame, own_readings: Sequence[Mapping[str, Reading]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -39,3 +40,7 @@ class Reading:
     angle_deg: float
     sigma_deg: float
     score: float
+
+    def in_place_within(self, sigma_deg: float) -> Reading:
+        """The same of a dial whose place is so uncertain, seen from its pivot."""
+        return Reading(self.status, self.angle_deg, math.hypot(self.sigma_deg, sigma_deg), self.score)

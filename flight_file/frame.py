@@ -73,3 +73,18 @@ class Frame:
     height_px: int | None = None
     zoom_position: float | None = None
     captured_sigma_ns: int | None = None
+
+    def with_jpeg(self, jpeg: bytes) -> Frame:
+        """The same with its picture."""
+        return Frame(  # `replace` costs four times that, for each frame that is read
+            self.sequence,
+            self.captured_ns,
+            jpeg,
+            self.sha256,
+            self.times,
+            self.exif,
+            self.width_px,
+            self.height_px,
+            self.zoom_position,
+            self.captured_sigma_ns,
+        )

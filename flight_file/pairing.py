@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from flight_file.codec import Image
 from flight_file.frame import Frame
@@ -70,7 +70,7 @@ def joined(frame: Frame, image: Image) -> Frame | None:
     """The frame with its JPEG; None if the JPEG does not fit the digest that the frame's record states."""
     if hashlib.sha256(image.jpeg).hexdigest() != frame.sha256:
         return None
-    return replace(frame, jpeg=image.jpeg)
+    return frame.with_jpeg(image.jpeg)
 
 
 def paired(records: Sequence[Frame], image: Image) -> Frame | str:

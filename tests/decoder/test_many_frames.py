@@ -105,9 +105,10 @@ def test_what_is_plain_is_what_the_gauge_readers_say(reader: PanelReader, pictur
     quick = ManyFrames(panel.gauges, reader.grids, tuning, reader._gauges, is_quick=True)
     whole = [True] * len(panel.gauges)
     frames = [PlacedFrame(one, reader.aligner.align(one), whole) for one in pictures]
+    sigmas_deg = np.linspace(0.0, 0.2, len(frames) * len(whole)).reshape(len(frames), -1)
 
     statuses = []
-    for one, other in zip(quick.read(frames), slow.read(frames), strict=True):
+    for one, other in zip(quick.read(frames, sigmas_deg), slow.read(frames, sigmas_deg), strict=True):
         for own, expected in zip(one, other, strict=True):
             for name, reading in own.items():
                 statuses.append(reading.status)
@@ -139,8 +140,8 @@ def needle(rng: np.random.Generator) -> NeedleTemplate:
 
 
 def windows_of(template: NeedleTemplate, faces: Floats, shifts: Floats) -> Floats:
-    """A needle over faces (M, 25, 8), shifted down by parts of a row."""
-    return np.stack(
+    """A needle over faces (M, 25, 8), shifted down by parts of a row, with a sensor's noise."""
+    windows = np.stack(
         [
             cv2.warpAffine(
                 template.light + template.transparency * face,
@@ -151,6 +152,7 @@ def windows_of(template: NeedleTemplate, faces: Floats, shifts: Floats) -> Float
             for face, shift in zip(faces, shifts, strict=True)
         ]
     )
+    return np.rint(windows + np.random.default_rng(71).normal(0.0, 1.0, windows.shape)).astype(np.float32)
 
 
 def test_fits_in_many_windows_are_those_of_one() -> None:

@@ -37,8 +37,9 @@ def test_pairs_are_read_as_the_gauge_reader_reads_them(reader: PanelReader, draw
     frames = [draw({"al_lb": cover_deg + apart, "fr_lb": cover_deg}) for apart in APART_DEG]
     whole = [True] * len(panel.gauges)
     placed = [PlacedFrame(frame, reader.aligner.align(frame), whole) for frame in frames]
+    surely = np.zeros((len(frames), len(whole)))
     quick, slow = (
-        ManyFrames(panel.gauges, reader.grids, tuning, reader._gauges, is_quick=is_quick).read(placed)
+        ManyFrames(panel.gauges, reader.grids, tuning, reader._gauges, is_quick=is_quick).read(placed, surely)
         for is_quick in (True, False)
     )
 
@@ -82,7 +83,9 @@ def test_mirrored_pair_is_no_surer_than_it_is(
         frame = draw({"al_lb": cover_deg + apart_deg, "fr_lb": cover_deg})
         noisy = np.clip(frame + rng.normal(0.0, 4.0, frame.shape), 0, 255).astype(np.uint8)
         frames.append(PlacedFrame(noisy, reader.aligner.align(noisy), whole))
-    read = ManyFrames(panel.gauges, reader.grids, reader.tuning, reader._gauges, is_quick=is_quick).read(frames)
+    surely = np.zeros((len(frames), len(whole)))
+    many = ManyFrames(panel.gauges, reader.grids, reader.tuning, reader._gauges, is_quick=is_quick)
+    read = many.read(frames, surely)
 
     for cover_deg, gauges in zip(covers_deg, read, strict=True):
         (_, fuel), there_deg = gauges, {"al_lb": cover_deg + apart_deg, "fr_lb": cover_deg}
