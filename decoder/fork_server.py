@@ -14,12 +14,12 @@ from contextlib import contextmanager
 from multiprocessing import forkserver, get_context, resource_tracker
 from multiprocessing.context import ForkServerContext
 
+from decoder.library_threads import ONE_EACH
+
 PRELOADED = ["decoder.worker"]
 # Of the 107 bytes that a socket's path may have, multiprocessing takes some thirty for names below this folder.
 LONGEST_FOLDER = 70
 SHORT_FOLDER = "/tmp"  # noqa: S108 - multiprocessing makes a folder in it that is nobody else's
-# A thread pool that a fork leaves behind must never have been made.
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 def begin() -> ForkServerContext:
@@ -27,7 +27,8 @@ def begin() -> ForkServerContext:
     context = get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     resource_tracker.ensure_running()  # the fork server would start it, which lets held interrupts go
-    with interrupts_held(), _environment(_ONE_THREAD), _temporary_folder_for_sockets():
+    with interrupts_held(), _environment(ONE_EACH), _temporary_folder_for_sockets():
+        # a thread pool that a fork leaves behind must never have been made
         forkserver.ensure_running()
     return context
 

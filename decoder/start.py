@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 from decoder.interrupts import ends_at_once
+from decoder.library_threads import ONE_EACH
 
 
 def main() -> None:
     """Runs `decode`; expected failures are one sentence on stderr and exit code 1."""
+    os.environ.update(ONE_EACH)
     with ends_at_once():
         from decoder.cli import main as run  # noqa: PLC0415 - click alone takes longer than a finger
     run()

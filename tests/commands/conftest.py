@@ -16,6 +16,7 @@ import pytest
 import yaml
 from PIL import Image, ImageDraw
 
+from decoder.library_threads import ONE_EACH
 from flight_file.reader import open_flight
 from recorder.clock import SimulatedClock
 from recorder.config import parse_config
@@ -45,8 +46,7 @@ def decode_server() -> Iterator[subprocess.Popen[str]]:
     """Forks `decode` without loading its libraries anew; see decode_server.py."""
     command = [sys.executable, str(Path(__file__).with_name("decode_server.py"))]
     # A thread pool that a fork leaves behind must never have been made.
-    one_thread = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    environment = {**os.environ, **one_thread}
+    environment = {**os.environ, **ONE_EACH}
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as server:
         yield server
         server.communicate(timeout=PATIENCE_S)

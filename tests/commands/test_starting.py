@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from decoder.library_threads import ONE_EACH
+
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 HEAVY = {"cv2", "mcap", "numpy", "pydantic", "requests", "yaml"}
 
@@ -32,6 +34,17 @@ class Finger:
 sys.meta_path.insert(0, Finger())
 from decoder.start import main
 main()
+"""
+
+SAY_THREADS = """
+import os
+from decoder.start import main
+try:
+    main()
+except SystemExit:
+    pass
+import numpy
+print("THREADS", len(os.listdir("/proc/self/task")))
 """
 
 ASK_HALFWAY = """
@@ -101,3 +114,11 @@ def test_ignored_interrupt_stays_ignored(tmp_path: Path) -> None:
     done = python(ignoring, FIXTURES / "thesis_a1.mcap", "-o", tmp_path / "out")
 
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_libraries_make_no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread of theirs would spin while it waits for work, on a processor that reads frames."""
+    for name in ONE_EACH:
+        monkeypatch.delenv(name, raising=False)
+
+    assert "THREADS 1\n" in python(SAY_THREADS, "--help").stdout
