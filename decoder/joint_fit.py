@@ -13,7 +13,7 @@ from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.fitting import FACE, MIDDLE_GREY, MIN_GAIN, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
 from decoder.lower_layer import MIN_COVER, LowerNeedle
 from decoder.needle_template import NeedleTemplate
-from decoder.quick_fit import partial_correlation
+from decoder.quick_fit import partial_correlation, summed_products
 from decoder.strips import Strips
 
 STEPS = 6
@@ -114,7 +114,7 @@ class JointFitter:
         for step in range(STEPS + 1):  # the last one where the needles then are
             at = self._places(strips.part(open_), upper[open_])
             layers = self._layers(at, lower[open_])
-            sums = ((layers * self._trust) @ layers.transpose(0, 2, 1)).astype(np.float64)
+            sums = summed_products(layers, self._trust)
             solution, _ = _solved(sums)
             last = is_near[open_] | (step == STEPS)
             if last.any():

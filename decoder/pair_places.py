@@ -15,7 +15,7 @@ from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, SEEN, S
 from decoder.lower_layer import LowerNeedle
 from decoder.matching import MAX_STEPS
 from decoder.needle_template import NeedleTemplate
-from decoder.quick_fit import solved
+from decoder.quick_fit import solved, summed_products
 from decoder.strips import Strips
 
 # A pair that leaves so many times the least of all pairs unexplained is neither the best nor a rival of that.
@@ -111,7 +111,7 @@ class PairPlaces:
             layers[:, :ONE] += light
             layers[:, ONE] = 1.0
             np.subtract(seen, np.float32(MIDDLE_GREY), out=layers[:, SEEN])
-            moments = ((layers * self._upper.trust.ravel()) @ layers.transpose(0, 2, 1)).astype(np.float64)
+            moments = summed_products(layers, self._upper.trust.ravel())
             fits = solved(moments.transpose(1, 2, 0), np.zeros(len(at), np.intp), self._pixels_per_sample)
             done = ~((np.abs(fits.fraction) > MAX_FRACTION_ROWS) & (np.abs(fits.fraction) <= axis))
             tried.noise[frame[done], place[done]] = fits.noise[done]
@@ -126,8 +126,7 @@ class PairPlaces:
             np.multiply(self._part, face, out=layers[:, :ONE])
             layers[:, :ONE] += self._light
             layers[:, ONE] = 1.0
-            moments = (layers * self._upper.trust.ravel()) @ layers.transpose(0, 2, 1)
-            self._known[row] = moments.astype(np.float64).transpose(1, 2, 0)
+            self._known[row] = summed_products(layers, self._upper.trust.ravel()).transpose(1, 2, 0)
         return self._known[row]
 
     def _layers(self, lower_rows: Indices) -> tuple[Floats, Floats]:

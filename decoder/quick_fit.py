@@ -123,9 +123,16 @@ def _moments(light: Floats, transparency: Floats, back: Floats, windows: Floats,
     rows[:, ONE] = 1.0
     np.subtract(windows, np.float32(MIDDLE_GREY), out=rows[:, SEEN])
     rows[:, FACE] = back
-    weighted = rows * weights[:, None]
-    moments: Floats = (weighted @ rows.transpose(0, 2, 1)).astype(np.float64).transpose(1, 2, 0)
+    moments: Floats = summed_products(rows, weights[:, None]).transpose(1, 2, 0)
     return moments
+
+
+def summed_products(layers: Floats, weights: Floats) -> Floats:
+    """(M, K, K) float64: the sums of products of any two of K layers, (M, K, H * C), by the weights of their pixels."""
+    weighted = layers * weights
+    # as many products of two vectors: on matrices of so few rows a library spends its time on getting started
+    sums: Floats = np.vecdot(weighted[:, :, None], layers[:, None]).astype(np.float64)
+    return sums
 
 
 def nearest_phases(moments: Floats, phase: Indices) -> Indices:
