@@ -26,8 +26,10 @@ SHARED_NOISE = 3.0
 # The lower needle's place, and those to either side that tell how its layer changes.
 BESIDE_ROWS = np.array([[0.0], [-0.5], [0.5]])
 LOWER, LAYERS = FACE + 1, FACE + 2
-# The rows of the moment matrix that are solved for.
+# The rows of the moment matrix that are solved for; and where in all of its numbers theirs are, and what these are to
+# explain. What `take` gives lies in memory frame by frame: so its sums do not depend on how many frames there are.
 UNKNOWNS = np.array([NEEDLE, SLOPE, LOWER, ONE])
+NORMAL, RIGHT = UNKNOWNS[:, None] * LAYERS + UNKNOWNS, UNKNOWNS * LAYERS + SEEN
 # A lower needle that is hidden says nothing of its place: it stays.
 HELD = 1e-2
 HOLD = np.diag([1e-6, 1e-6, 1e-3, 1e-6])
@@ -201,15 +203,22 @@ def _off(solution: Floats) -> Floats:
 
 def _solved(moments: Floats) -> tuple[Floats, Floats]:
     """The solution by `UNKNOWNS`, (M, 4), and the inverse normal matrix, (M, 4, 4)."""
-    held = moments[:, UNKNOWNS[:, None], UNKNOWNS] + HOLD
+    normal, right = _equations(moments)
+    held = normal + HOLD
     held[:, 2, 2] += HELD * moments[:, SLOPE, SLOPE]
     inverse = np.linalg.inv(held)
-    return (inverse @ moments[:, UNKNOWNS, SEEN, None])[..., 0], inverse
+    return (inverse @ right[..., None])[..., 0], inverse
 
 
 def _noise(moments: Floats, solution: Floats) -> Floats:
     """(M,): the mean square that stays unexplained."""
-    normal, right = moments[:, UNKNOWNS[:, None], UNKNOWNS], moments[:, UNKNOWNS, SEEN]
+    normal, right = _equations(moments)
     left = moments[:, SEEN, SEEN] + (((normal @ solution[..., None])[..., 0] - 2 * right) * solution).sum(axis=1)
     noise: Floats = np.maximum(left, 0.0) / np.maximum(moments[:, ONE, ONE], 1e-9)
     return noise
+
+
+def _equations(moments: Floats) -> tuple[Floats, Floats]:
+    """The normal matrix by `UNKNOWNS`, (M, 4, 4), and the right-hand side, (M, 4)."""
+    numbers = moments.reshape(-1, LAYERS * LAYERS)
+    return numbers.take(NORMAL, axis=1), numbers.take(RIGHT, axis=1)
