@@ -101,9 +101,12 @@ class JointFitter:
         self._pixels_per_sample = pixels_per_sample
         phases = phases_of(upper)
         self._reach = max(phases)
-        self._light, self._transparency = (
+        light, transparency = (
             np.stack([getattr(phases[step], name) for step in sorted(phases)]) for name in ("light", "transparency")
         )
+        # By phase: both, how both change when the needle moves on, and what its transparency is held to.
+        held = np.maximum(transparency[:, 0], np.float32(MIN_COVER))
+        self._drawn = np.stack([light[:, 0], transparency[:, 0], light[:, 1], transparency[:, 1], held], axis=1)
         self._trust = upper.trust.ravel()
 
     def fit(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Joint:
@@ -166,17 +169,17 @@ class JointFitter:
     def _layers(self, at: _Places, lower: Floats) -> Floats:
         """(M, 6, H * C): what the sums are made of, with the lower needles on rows (M,) of the gauge."""
         count = len(lower)
-        phase = at.phase + self._reach
-        light, transparency = self._light[phase], self._transparency[phase]
-        over, face = transparency[:, 0], at.face.reshape(count, *self._shape)
+        drawn = self._drawn[at.phase + self._reach]
+        light, over, more_light, more_over, held = (drawn[:, number] for number in range(drawn.shape[1]))
+        face = at.face.reshape(count, *self._shape)
         rows = lower - at.window + self._axis + BESIDE_ROWS
         through, before, after = self._lower.at(rows).through(over, face)
         layers = np.empty((count, LAYERS, *self._shape), np.float32)
-        np.divide(through, np.maximum(over, np.float32(MIN_COVER)), out=layers[:, FACE])
-        np.copyto(layers[:, FACE], face, where=over <= MIN_COVER)
-        np.add(light[:, 0], through, out=layers[:, NEEDLE])
-        np.multiply(transparency[:, 1], layers[:, FACE], out=layers[:, SLOPE])
-        layers[:, SLOPE] += light[:, 1]
+        behind = np.divide(through, held, out=layers[:, FACE])
+        np.copyto(behind, face, where=over < held)
+        np.add(light, through, out=layers[:, NEEDLE])
+        slope = np.multiply(more_over, behind, out=layers[:, SLOPE])
+        slope += more_light
         np.subtract(after, before, out=layers[:, LOWER])  # over one row
         layers[:, ONE] = 1.0
         flat = layers.reshape(count, LAYERS, -1)
