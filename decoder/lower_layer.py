@@ -14,6 +14,7 @@ import numpy as np
 
 from decoder.arrays import Floats, Indices, limited
 from decoder.needle_template import NeedleTemplate
+from decoder.strips import blocks_of
 from decoder.unwrapping import cubic_weights
 
 MIN_COVER = 0.05
@@ -31,12 +32,12 @@ class LowerNeedle:
         self._least = np.full(self._shape, MIN_COVER, np.float32)  # NumPy is slower with a number
         layers = np.stack([template.light, np.float32(1.0) - template.transparency])
         padded = np.pad(layers, ((0, 0), (height + 3, height + 3), (0, 0)), "edge")
-        self._both, self._blocks = np.arange(2)[:, None], _blocks(padded, height + 3)
+        self._both, self._blocks = np.arange(2)[:, None], blocks_of(padded, height + 3)
         # Rows of the needle and of none, for one that lies on whole rows and for one between them; likewise for its
         # axis. They are as wide as the windows: NumPy is slower with a column.
         whole, between = self._rows, self._rows - 1
-        self._inside = _blocks(_stripes(columns, height, whole, height, between, height + 1), height)
-        self._far = _blocks(_stripes(columns, height, height, height), height)
+        self._inside = blocks_of(_stripes(columns, height, whole, height, between, height + 1), height)
+        self._far = blocks_of(_stripes(columns, height, height, height), height)
 
     def at(self, rows: Floats) -> LowerLayer:
         """With its axis on a fractional row, (..., M), of each window."""
@@ -68,12 +69,6 @@ class LowerNeedle:
         start[rows == middle] = self._height
         found: Indices = limited(start.astype(np.intp), 0, 2 * self._height)
         return found
-
-
-def _blocks(pixels: Floats, height: int) -> Floats:
-    """(..., S - H + 1, H * C): a view on contiguous pixels, (..., S, C), that shows all blocks of so many rows."""
-    *others, rows, columns = pixels.shape
-    return np.ndarray((*others, rows - height + 1, height * columns), pixels.dtype, pixels, strides=pixels.strides)
 
 
 def _stripes(columns: int, *heights: int) -> Floats:
