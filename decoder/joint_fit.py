@@ -13,7 +13,7 @@ from decoder.arrays import Floats, Indices, Mask, limited
 from decoder.fitting import FACE, MIDDLE_GREY, MIN_GAIN, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
 from decoder.lower_layer import MIN_COVER, LowerNeedle
 from decoder.needle_template import NeedleTemplate
-from decoder.quick_fit import partial_correlation
+from decoder.quick_fit import partial_correlation, summed_products
 from decoder.strips import Strips
 
 STEPS = 6
@@ -26,8 +26,10 @@ SHARED_NOISE = 3.0
 # The lower needle's place, and those to either side that tell how its layer changes.
 BESIDE_ROWS = np.array([[0.0], [-0.5], [0.5]])
 LOWER, LAYERS = FACE + 1, FACE + 2
-# The rows of the moment matrix that are solved for.
+# The rows of the moment matrix that are solved for; and where in all of its numbers theirs are, and what these are to
+# explain. What `take` gives lies in memory frame by frame: so its sums do not depend on how many frames there are.
 UNKNOWNS = np.array([NEEDLE, SLOPE, LOWER, ONE])
+NORMAL, RIGHT = UNKNOWNS[:, None] * LAYERS + UNKNOWNS, UNKNOWNS * LAYERS + SEEN
 # A lower needle that is hidden says nothing of its place: it stays.
 HELD = 1e-2
 HOLD = np.diag([1e-6, 1e-6, 1e-3, 1e-6])
@@ -99,9 +101,12 @@ class JointFitter:
         self._pixels_per_sample = pixels_per_sample
         phases = phases_of(upper)
         self._reach = max(phases)
-        self._light, self._transparency = (
+        light, transparency = (
             np.stack([getattr(phases[step], name) for step in sorted(phases)]) for name in ("light", "transparency")
         )
+        # By phase: both, how both change when the needle moves on, and what its transparency is held to.
+        held = np.maximum(transparency[:, 0], np.float32(MIN_COVER))
+        self._drawn = np.stack([light[:, 0], transparency[:, 0], light[:, 1], transparency[:, 1], held], axis=1)
         self._trust = upper.trust.ravel()
 
     def fit(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Joint:
@@ -114,7 +119,7 @@ class JointFitter:
         for step in range(STEPS + 1):  # the last one where the needles then are
             at = self._places(strips.part(open_), upper[open_])
             layers = self._layers(at, lower[open_])
-            sums = ((layers * self._trust) @ layers.transpose(0, 2, 1)).astype(np.float64)
+            sums = summed_products(layers, self._trust)
             solution, _ = _solved(sums)
             last = is_near[open_] | (step == STEPS)
             if last.any():
@@ -164,17 +169,17 @@ class JointFitter:
     def _layers(self, at: _Places, lower: Floats) -> Floats:
         """(M, 6, H * C): what the sums are made of, with the lower needles on rows (M,) of the gauge."""
         count = len(lower)
-        phase = at.phase + self._reach
-        light, transparency = self._light[phase], self._transparency[phase]
-        over, face = transparency[:, 0], at.face.reshape(count, *self._shape)
+        drawn = self._drawn[at.phase + self._reach]
+        light, over, more_light, more_over, held = (drawn[:, number] for number in range(drawn.shape[1]))
+        face = at.face.reshape(count, *self._shape)
         rows = lower - at.window + self._axis + BESIDE_ROWS
         through, before, after = self._lower.at(rows).through(over, face)
         layers = np.empty((count, LAYERS, *self._shape), np.float32)
-        np.divide(through, np.maximum(over, np.float32(MIN_COVER)), out=layers[:, FACE])
-        np.copyto(layers[:, FACE], face, where=over <= MIN_COVER)
-        np.add(light[:, 0], through, out=layers[:, NEEDLE])
-        np.multiply(transparency[:, 1], layers[:, FACE], out=layers[:, SLOPE])
-        layers[:, SLOPE] += light[:, 1]
+        behind = np.divide(through, held, out=layers[:, FACE])
+        np.copyto(behind, face, where=over < held)
+        np.add(light, through, out=layers[:, NEEDLE])
+        slope = np.multiply(more_over, behind, out=layers[:, SLOPE])
+        slope += more_light
         np.subtract(after, before, out=layers[:, LOWER])  # over one row
         layers[:, ONE] = 1.0
         flat = layers.reshape(count, LAYERS, -1)
@@ -201,15 +206,22 @@ def _off(solution: Floats) -> Floats:
 
 def _solved(moments: Floats) -> tuple[Floats, Floats]:
     """The solution by `UNKNOWNS`, (M, 4), and the inverse normal matrix, (M, 4, 4)."""
-    held = moments[:, UNKNOWNS[:, None], UNKNOWNS] + HOLD
+    normal, right = _equations(moments)
+    held = normal + HOLD
     held[:, 2, 2] += HELD * moments[:, SLOPE, SLOPE]
     inverse = np.linalg.inv(held)
-    return (inverse @ moments[:, UNKNOWNS, SEEN, None])[..., 0], inverse
+    return (inverse @ right[..., None])[..., 0], inverse
 
 
 def _noise(moments: Floats, solution: Floats) -> Floats:
     """(M,): the mean square that stays unexplained."""
-    normal, right = moments[:, UNKNOWNS[:, None], UNKNOWNS], moments[:, UNKNOWNS, SEEN]
+    normal, right = _equations(moments)
     left = moments[:, SEEN, SEEN] + (((normal @ solution[..., None])[..., 0] - 2 * right) * solution).sum(axis=1)
     noise: Floats = np.maximum(left, 0.0) / np.maximum(moments[:, ONE, ONE], 1e-9)
     return noise
+
+
+def _equations(moments: Floats) -> tuple[Floats, Floats]:
+    """The normal matrix by `UNKNOWNS`, (M, 4, 4), and the right-hand side, (M, 4)."""
+    numbers = moments.reshape(-1, LAYERS * LAYERS)
+    return numbers.take(NORMAL, axis=1), numbers.take(RIGHT, axis=1)

@@ -14,6 +14,7 @@ import numpy as np
 
 from decoder.arrays import Floats, Indices, limited
 from decoder.needle_template import NeedleTemplate
+from decoder.strips import blocks_of
 from decoder.unwrapping import cubic_weights
 
 MIN_COVER = 0.05
@@ -26,38 +27,54 @@ class LowerNeedle:
 
     def __init__(self, template: NeedleTemplate, height: int) -> None:
         self._height, self._rows = height, template.rows
-        layers = np.stack([template.light, template.transparency])
-        padded = np.pad(layers, ((0, 0), (height + 3, height + 3), (0, 0)), "edge")
-        _, rows, columns = padded.shape
-        layer, row, column = padded.strides
+        columns = template.light.shape[1]
         self._shape = (height, columns)
         self._least = np.full(self._shape, MIN_COVER, np.float32)  # NumPy is slower with a number
-        shape = (2, rows - height - 2, (height + 3) * columns)
-        self._blocks = np.ndarray(shape, padded.dtype, padded, strides=(layer, row, column))
+        layers = np.stack([template.light, np.float32(1.0) - template.transparency])
+        padded = np.pad(layers, ((0, 0), (height + 3, height + 3), (0, 0)), "edge")
+        self._both, self._blocks = np.arange(2)[:, None], blocks_of(padded, height + 3)
+        # Rows of the needle and of none, for one that lies on whole rows and for one between them; likewise for its
+        # axis. They are as wide as the windows: NumPy is slower with a column.
+        whole, between = self._rows, self._rows - 1
+        self._inside = blocks_of(_stripes(columns, height, whole, height, between, height + 1), height)
+        self._far = blocks_of(_stripes(columns, height, height, height), height)
 
     def at(self, rows: Floats) -> LowerLayer:
         """With its axis on a fractional row, (..., M), of each window."""
-        from_axis = np.arange(self._height) - rows[..., None]
-        own = from_axis + (self._rows - 1) / 2
-        light, transparency = self._interpolated(own[..., 0].ravel()).reshape(2, *rows.shape, *self._shape)
-        cover = np.subtract(np.float32(1.0), transparency, out=transparency)
-        cover *= ((own >= 0) & (own <= self._rows - 1)).astype(np.float32)[..., None]
-        light /= np.maximum(cover, self._least)
-        far = from_axis * np.sign(rows - (self._height - 1) / 2)[..., None] >= 0
-        return LowerLayer(cover, light, far.astype(np.float32)[..., None])
-
-    def _interpolated(self, first: Floats) -> Floats:
-        """(2, M, H * C): both layers from a fractional row on, (M,), by cubic interpolation; beyond the ends, those."""
+        first = (self._rows - 1) / 2 - rows.ravel()
         before = np.floor(first)
-        weights = np.stack([cubic_weights(first - before)] * 2, axis=1).astype(np.float32)
-        start = limited(before.astype(np.intp) + self._height + 2, 0, self._blocks.shape[1] - 1)
-        blocks = self._blocks[np.array([[0], [1]]), start]
+        part, start = first - before, before.astype(np.intp) + self._height
+        light, cover = self._interpolated(part, start)
+        cover *= self._inside[limited(start, 0, self._height + self._rows) + (part > 0) * (self._height + self._rows)]
+        shape = (*rows.shape, *self._shape)
+        light, cover = light.reshape(shape), cover.reshape(shape)
+        light /= np.maximum(cover, self._least)
+        return LowerLayer(cover, light, self._far[self._far_start(rows)].reshape(shape))
+
+    def _interpolated(self, part: Floats, start: Indices) -> Floats:
+        """(2, M, H * C): both layers, a part of a row, (M,), behind a row on; by cubic interpolation."""
+        weights = np.array(cubic_weights(part), np.float32)
+        blocks = self._blocks[self._both, limited(start + 2, 0, self._blocks.shape[1] - 1)]
         layer, window, column = blocks.strides
         height, columns = self._shape
-        shape, strides = (4, 2, len(first), height * columns), (columns * column, layer, window, column)
+        shape, strides = (4, 2, len(part), height * columns), (columns * column, layer, window, column)
         taps = np.ndarray(shape, blocks.dtype, blocks, strides=strides)
-        found: Floats = np.einsum("klm,klmx->lmx", weights, taps)
+        found: Floats = np.einsum("km,klmx->lmx", weights, taps)
         return found
+
+    def _far_start(self, rows: Floats) -> Indices:
+        """(..., M): where in the stripes the windows begin whose rows beyond the needle's axis are to be 1."""
+        middle = (self._height - 1) / 2
+        start = np.where(rows > middle, self._height - np.ceil(rows), 2 * self._height - 1 - np.floor(rows))
+        start[rows == middle] = self._height
+        found: Indices = limited(start.astype(np.intp), 0, 2 * self._height)
+        return found
+
+
+def _stripes(columns: int, *heights: int) -> Floats:
+    """(S, C) float32: rows of 0 and rows of 1 by turns, so many each."""
+    values = np.repeat(np.arange(len(heights)) % 2, heights)
+    return np.repeat(values[:, None], columns, axis=1).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +88,7 @@ class LowerLayer:
     colour
         (..., M, H, C): the light that it adds where it covers all of a pixel.
     far
-        (..., M, H, 1): 1 on the rows beyond its axis, seen from the upper needle's, else 0.
+        (..., M, H, C): 1 on the rows beyond its axis, seen from the upper needle's, else 0.
     """
 
     cover: Floats
@@ -92,8 +109,7 @@ class LowerLayer:
         nested *= self.far
         shown += nested
         shown *= ALONG_PART
-        layered = np.multiply(np.float32(1.0) - ALONG_PART, self.cover, out=nested)
-        layered *= transparency
+        layered = np.multiply((np.float32(1.0) - ALONG_PART) * transparency, self.cover, out=nested)
         shown += layered
         return shown
 

@@ -161,13 +161,13 @@ class PairFitter:
         lower_score[believed] = self._lower_score(best.part(believed))
         return Pairs(
             upper_row=best.upper_row,
-            upper_sigma_rows=np.hypot(best.upper_sigma_rows, np.nan_to_num(doubts).max(axis=0)),
+            upper_sigma_rows=np.hypot(best.upper_sigma_rows, np.fmax(doubts, 0.0).max(axis=0)),
             upper_score=best.score,
             lower_row=best.lower_row,
             lower_sigma_rows=best.lower_sigma_rows,
             lower_score=lower_score,
-            lower_doubt_rows=np.nan_to_num(doubt_rows).max(axis=0),
-            correlation=np.nan_to_num(best.correlation),
+            lower_doubt_rows=np.fmax(doubt_rows, 0.0).max(axis=0),
+            correlation=np.fmax(best.correlation, 0.0),
         )
 
     def _fit_over(self, strips: Strips, rows: Indices, lower_rows: Floats) -> Over:

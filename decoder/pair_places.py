@@ -15,7 +15,7 @@ from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, SEEN, S
 from decoder.lower_layer import LowerNeedle
 from decoder.matching import MAX_STEPS
 from decoder.needle_template import NeedleTemplate
-from decoder.quick_fit import solved
+from decoder.quick_fit import solved, summed_products
 from decoder.strips import Strips
 
 # A pair that leaves so many times the least of all pairs unexplained is neither the best nor a rival of that.
@@ -60,8 +60,10 @@ class PairPlaces:
         self._pixels_per_sample = pixels_per_sample
         self._own = phases_of(upper)[0]
         self._apart = np.arange(-reach_rows, reach_rows + 1)
-        self._drawn: dict[int, tuple[Floats, Floats]] = {}
-        self._light, self._part = self._layers(self._axis + self._apart)
+        places = self._axis + self._apart
+        self._light, self._part = self._drawn_on(places)
+        # by row of the window, the numbers of the layers that were drawn, and these
+        self._drawn = ({row: number for number, row in enumerate(places.tolist())}, self._light, self._part)
         trust = upper.trust.ravel()
         self._seen_kernel = self._kernel(self._light * trust, trust)
         self._face_kernel = self._kernel(self._part * trust, None)
@@ -111,7 +113,7 @@ class PairPlaces:
             layers[:, :ONE] += light
             layers[:, ONE] = 1.0
             np.subtract(seen, np.float32(MIDDLE_GREY), out=layers[:, SEEN])
-            moments = ((layers * self._upper.trust.ravel()) @ layers.transpose(0, 2, 1)).astype(np.float64)
+            moments = summed_products(layers, self._upper.trust.ravel())
             fits = solved(moments.transpose(1, 2, 0), np.zeros(len(at), np.intp), self._pixels_per_sample)
             done = ~((np.abs(fits.fraction) > MAX_FRACTION_ROWS) & (np.abs(fits.fraction) <= axis))
             tried.noise[frame[done], place[done]] = fits.noise[done]
@@ -126,8 +128,7 @@ class PairPlaces:
             np.multiply(self._part, face, out=layers[:, :ONE])
             layers[:, :ONE] += self._light
             layers[:, ONE] = 1.0
-            moments = (layers * self._upper.trust.ravel()) @ layers.transpose(0, 2, 1)
-            self._known[row] = moments.astype(np.float64).transpose(1, 2, 0)
+            self._known[row] = summed_products(layers, self._upper.trust.ravel()).transpose(1, 2, 0)
         return self._known[row]
 
     def _layers(self, lower_rows: Indices) -> tuple[Floats, Floats]:
@@ -135,12 +136,16 @@ class PairPlaces:
 
         The second of the two is how the upper's own layer changes when it moves on.
         """
-        rows, places = np.unique(lower_rows, return_inverse=True)
-        new = [row for row in rows.tolist() if row not in self._drawn]
+        rows = lower_rows.tolist()
+        numbers, light, part = self._drawn
+        new = sorted(set(rows).difference(numbers))
         if new:
-            self._drawn.update(zip(new, zip(*self._drawn_on(np.array(new)), strict=True), strict=True))
-        light, part = zip(*(self._drawn[row] for row in rows.tolist()), strict=True)
-        return np.stack(light)[places], np.stack(part)[places]
+            numbers = numbers | {row: number for number, row in enumerate(new, len(numbers))}
+            more_light, more_part = self._drawn_on(np.array(new))
+            light, part = np.concatenate([light, more_light]), np.concatenate([part, more_part])
+            self._drawn = numbers, light, part
+        where = [numbers[row] for row in rows]
+        return light[where], part[where]
 
     def _drawn_on(self, lower_rows: Indices) -> tuple[Floats, Floats]:
         layer = self._lower.at(lower_rows.astype(np.float64))

@@ -29,6 +29,11 @@ from decoder.fitting import (
 from decoder.needle_template import NeedleTemplate
 from decoder.over_face import FACE_NOISE_LEVELS
 
+# What the partial correlation takes of the moments: needle, gauge and face by 1, then what any two of them share.
+WITH_ONE = (np.array([ONE, SEEN, FACE]), np.array([NEEDLE, ONE, ONE]))
+SHARED = (np.array([FACE, FACE, FACE, NEEDLE, SEEN, SEEN]), np.array([FACE, NEEDLE, SEEN, NEEDLE, SEEN, NEEDLE]))
+SHARED_ONE, SHARED_OTHER = np.array([2, 2, 2, 0, 1, 1]), np.array([2, 0, 1, 0, 1, 0])
+
 Behind = Callable[[Indices | slice, Floats], Floats]
 """Gives what lies behind the needle in some of the windows, (M', H * C), with this transparency there."""
 
@@ -123,9 +128,16 @@ def _moments(light: Floats, transparency: Floats, back: Floats, windows: Floats,
     rows[:, ONE] = 1.0
     np.subtract(windows, np.float32(MIDDLE_GREY), out=rows[:, SEEN])
     rows[:, FACE] = back
-    weighted = rows * weights[:, None]
-    moments: Floats = (weighted @ rows.transpose(0, 2, 1)).astype(np.float64).transpose(1, 2, 0)
+    moments: Floats = summed_products(rows, weights[:, None]).transpose(1, 2, 0)
     return moments
+
+
+def summed_products(layers: Floats, weights: Floats) -> Floats:
+    """(M, K, K) float64: the sums of products of any two of K layers, (M, K, H * C), by the weights of their pixels."""
+    weighted = layers * weights
+    # as many products of two vectors: on matrices of so few rows a library spends its time on getting started
+    sums: Floats = np.vecdot(weighted[:, :, None], layers[:, None]).astype(np.float64)
+    return sums
 
 
 def nearest_phases(moments: Floats, phase: Indices) -> Indices:
@@ -183,17 +195,13 @@ def _solution(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:
 def partial_correlation(moments: Floats) -> Floats:
     """As `fitting` has it."""
     total = np.maximum(moments[ONE, ONE], 1e-9)
-
-    def shared(first: int, second: int) -> Floats:
-        with_one = [moments[max(layer, ONE), min(layer, ONE)] for layer in (first, second)]
-        product: Floats = moments[first, second] - with_one[0] * with_one[1] / total
-        return product
-
-    of_face = shared(FACE, FACE) + total * FACE_NOISE_LEVELS**2
-    needle_face, seen_face = shared(FACE, NEEDLE), shared(FACE, SEEN)
-    needle_left = shared(NEEDLE, NEEDLE) - needle_face**2 / of_face
-    seen_left = shared(SEEN, SEEN) - seen_face**2 / of_face
-    both = shared(SEEN, NEEDLE) - needle_face * seen_face / of_face
+    with_one = moments[WITH_ONE]
+    shared = moments[SHARED] - with_one[SHARED_ONE] * with_one[SHARED_OTHER] / total
+    of_face, needle_face, seen_face, of_needle, of_seen, seen_needle = shared
+    of_face += total * FACE_NOISE_LEVELS**2
+    needle_left = of_needle - needle_face**2 / of_face
+    seen_left = of_seen - seen_face**2 / of_face
+    both = seen_needle - needle_face * seen_face / of_face
     shown = np.minimum(needle_left, seen_left) > total * MIN_SPREAD_LEVELS**2
     correlation = np.divide(both, np.sqrt(needle_left * seen_left), out=np.zeros_like(both), where=shown)
     clipped: Floats = limited(correlation, -1.0, 1.0)

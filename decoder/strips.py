@@ -50,13 +50,13 @@ class Strips:
     def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:
         """Gauge and face around a row of each frame, (M,), as near to it as they reach: (M, H * C) each."""
         height, top_rows = 2 * axis + 1, rows - axis
-        pixels, face = _blocks(self.pixels, height), _blocks(self.face, height)
+        pixels, face = blocks_of(self.pixels, height), blocks_of(self.face, height)
         seen = pixels[self.frames, limited(top_rows - self.first, 0, pixels.shape[1] - 1)]
         return seen, face[limited(top_rows, 0, len(face) - 1)]
 
 
-def _blocks(pixels: Floats, height: int) -> Floats:
-    """(..., S - H + 1, H * C): a view on (..., S, C) that shows all blocks of so many rows."""
+def blocks_of(pixels: Floats, height: int) -> Floats:
+    """(..., S - H + 1, H * C): a view on contiguous pixels, (..., S, C), that shows all blocks of so many rows."""
     *others, rows, columns = pixels.shape
     shape, strides = (*others, rows - height + 1, height * columns), pixels.strides
     return np.ndarray(shape, pixels.dtype, pixels, strides=strides)

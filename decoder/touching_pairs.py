@@ -6,7 +6,6 @@ What is less than clear here, too, is left to the gauge reader: a reflection, a 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -183,10 +182,10 @@ class TouchingPair:
         together = Needle(above.status, pairs.upper_row, pairs.upper_sigma_rows, pairs.upper_score)
         shows = explained & (pairs.lower_score >= SLIVER_THRESHOLD)
         hidden = explained & ~shows & (pairs.correlation >= MIN_HIDDEN_CORRELATION)
-        upper = _chosen([explained], [together], _missing(above))
+        upper = _chosen(explained, together, _missing(above))
         sliver = Needle(np.full(len(shows), EDGE), pairs.lower_row, pairs.lower_sigma_rows, pairs.lower_score)
         concealed = self._hidden(together, pairs.lower_doubt_rows)
-        lower = _chosen([shows, hidden], [sliver, concealed], _missing(above))
+        lower = _chosen(shows, sliver, _chosen(hidden, concealed, _missing(above)))
         lost = np.flatnonzero(~shows & ~hidden)
         if lost.size:
             found = self._search.settled(strips.part(lost), sought.part(lost))
@@ -204,9 +203,7 @@ def _missing(needle: Needle) -> Needle:
     return Needle(np.full(len(needle.row), MISSING), needle.row, needle.sigma_rows, needle.score)
 
 
-def _chosen(where: Sequence[Mask], needles: Sequence[Needle], otherwise: Needle) -> Needle:
-    """The first of the needles whose place it is, frame by frame."""
+def _chosen(where: Mask, needle: Needle, otherwise: Needle) -> Needle:
+    """The one needle in some of the frames, the other in the rest."""
     names = ("status", "row", "sigma_rows", "score")
-    return Needle(
-        *(np.select(list(where), [getattr(each, name) for each in needles], getattr(otherwise, name)) for name in names)
-    )
+    return Needle(*(np.where(where, getattr(needle, name), getattr(otherwise, name)) for name in names))

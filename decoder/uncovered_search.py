@@ -21,6 +21,7 @@ from decoder.over_face import FACE_NOISE_LEVELS, face_moments
 from decoder.quick_fit import QuickFitter
 from decoder.searching import COARSE_STEP, thinned
 from decoder.strips import Strips
+from decoder.uncovered_pixels import UncoveredPixels
 
 NOTHING = -2.0
 
@@ -104,13 +105,14 @@ class UncoveredSearch:
         self._face_rows = len(face)
         self._allowed = allowed
         self._fitter = QuickFitter(lower, pixels_per_sample)
-        # what the covering needle touches, with a row of nothing at either end
-        self._touched = np.pad(upper.touched, ((1, 1), (0, 0)))
         coarse = thinned(lower)
         self._height = coarse.rows
         self._kernels = _kernels(coarse)
         self._whole = self._whole_contrast(face, coarse)
         self._steps = COARSE_STEP * np.arange(math.ceil(2 * self.reach_rows / COARSE_STEP) + 1) - self.reach_rows
+        self._searched = COARSE_STEP * np.arange(len(self._steps) + self._height - 1)
+        self._left = UncoveredPixels(upper.touched, lower.rows)
+        self._left_searched = UncoveredPixels(upper.touched, len(self._searched), COARSE_STEP)
 
     def look(self, strips: Strips, above_rows: Floats) -> Sought:
         """Where the needle matches best near the rows (M,) of the covering one's axis."""
@@ -158,13 +160,8 @@ class UncoveredSearch:
         for _ in range(MAX_STEPS):
             part = strips.part(open_)
             seen, face = part.windows(rows[open_], self._axis)
-            masks = self._mask(rows[open_, None] + np.arange(-self._axis, self._axis + 1), above_rows[open_])
-            fits = self._fitter.fit(
-                seen,
-                face,
-                guess_rows[open_],
-                masks=masks.reshape(seen.shape).astype(np.float32),
-            )
+            masks = self._left.at(rows[open_] - self._axis, above_rows[open_] - self._upper_axis)
+            fits = self._fitter.fit(seen, face, guess_rows[open_], masks=masks.reshape(seen.shape))
             place = rows[open_] + fits.fraction
             within = np.abs(place - top_rows[open_]) <= MAX_PEAK_ROWS
             done = within & (np.abs(fits.fraction) <= MAX_FRACTION_ROWS)
@@ -178,21 +175,11 @@ class UncoveredSearch:
             guess_rows[open_] = 0.0
         return row, sigma_rows, score, np.isfinite(row)
 
-    def _mask(self, index: Indices, above_rows: Floats) -> Mask:
-        """(M, H, C): which pixels of the rows (M, H) the covering needle leaves."""
-        top = above_rows - self._upper_axis
-        last = len(self._touched) - 1
-        starts = (np.floor(top).astype(np.intp), np.ceil(top).astype(np.intp))
-        one, other = (self._touched[limited(index - start[:, None] + 1, 0, last)] for start in starts)
-        left: Mask = ~(one | other)
-        return left
-
     def _scores(self, strips: Strips, rows: Indices, above_rows: Floats) -> tuple[Floats, Floats]:
         """Scores and how much shows, on rows (M, J)."""
-        first = rows[:, :1] - self._axis + self._axis % COARSE_STEP
-        index = first + COARSE_STEP * np.arange(rows.shape[1] + self._height - 1)
-        seen, face = strips.rows(index, COARSE_STEP)
-        mask = self._mask(index, above_rows)[:, :, ::COARSE_STEP].astype(np.float32)
+        first = rows[:, 0] - self._axis + self._axis % COARSE_STEP
+        seen, face = strips.rows(first[:, None] + self._searched, COARSE_STEP)
+        mask = self._left_searched.at(first, above_rows - self._upper_axis)
         masked, masked_face = seen * mask, face * mask
         images = np.concatenate([mask, masked_face, masked_face * face, masked, masked * face, masked * seen], axis=2)
         sums = _diagonals(images @ self._kernels, self._height)

@@ -70,6 +70,21 @@ def test_pairs_at_any_distance_are_read_many_at_once(tuned: PanelReader, draw: D
     assert plain.settled[(abs(apart_deg) < 6.0) | (abs(apart_deg) > 13.0)][:, fuel].all()
 
 
+def test_what_is_read_of_a_pair_does_not_depend_on_the_frames_beside_it(tuned: PanelReader, draw: Draw) -> None:
+    """To the last bit, the uncertainty too."""
+    panel, whole = tuned.source.panel, [True] * len(tuned.source.panel.gauges)
+    frames = [draw({"al_lb": 300.0 + apart, "fr_lb": 300.0}, noise=2.0, seed=7) for apart in APART_DEG]
+    quick = ManyFrames(panel.gauges, tuned.grids, tuned.tuning, tuned._gauges, is_quick=True)._quick
+    assert quick is not None
+    pixels = [PlacedFrame(frame, tuned.aligner.align(frame), whole).quick(quick.grids) for frame in frames]
+    together, alone = quick.read(pixels), [quick.read([own]) for own in pixels]
+
+    assert together.settled.any()
+    for name in ("settled", "status", "row", "sigma_rows", "score"):
+        expected = np.concatenate([getattr(plain, name) for plain in alone])
+        np.testing.assert_array_equal(getattr(together, name), expected)
+
+
 @pytest.mark.parametrize("is_quick", [True, False])
 @pytest.mark.parametrize("apart_deg", [-4.5, -3.7, -3.0, -2.5, -2.0, -1.5, 1.5, 2.0, 2.5, 3.0, 3.7, 4.5])
 def test_mirrored_pair_is_no_surer_than_it_is(
