@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from decoder.arrays import Floats, Indices, limited
-from decoder.fitting import FACE, MIDDLE_GREY, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
+from decoder.fitting import FACE, MIDDLE_GREY, NEEDLE, ONE, PHASE_REACH, PHASES_PER_ROW, SEEN, SLOPE, phases_of
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import Fits, nearest_phases, solved
 
@@ -114,9 +114,9 @@ class PlainFitter:
 
 def _layers(templates: Sequence[NeedleTemplate], name: str) -> Floats:
     """(K, phases, 2, H * C) float32."""
-    phases = range(-REACH, REACH + 1)
-    layers = [[getattr(phases_of(template)[step], name) for step in phases] for template in templates]
-    return np.array(layers, np.float32).reshape(len(templates), PHASES, 2, -1)
+    phases = slice(PHASE_REACH - REACH, PHASE_REACH + REACH + 1)
+    layers = np.stack([getattr(phases_of(template), name)[phases] for template in templates])
+    return layers.reshape(len(templates), PHASES, 2, -1)
 
 
 def _of_face(light: Floats, transparency: Floats, trust: Floats) -> tuple[Floats, Floats]:
