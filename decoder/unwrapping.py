@@ -194,13 +194,15 @@ def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
     follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
     if not follow.all():
         return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
-    ends = zip(strips, (first - 1).tolist(), strict=True)
-    parts = np.stack([strip[start : start + rows.shape[1] + 3] for strip, start in ends])
-    weights = [weight.astype(np.float32)[:, None, None] for weight in cubic_weights(rows[:, 0] - first)]
-    found: Floats = weights[0] * parts[:, : rows.shape[1]]
-    for tap in (1, 2, 3):
-        found += weights[tap] * parts[:, tap : tap + rows.shape[1]]
-    return found
+    count, height, columns = *rows.shape, strips[0].shape[1]
+    parts = np.empty((count, height + 3, columns), np.float32)
+    for part, strip, start in zip(parts, strips, (first - 1).tolist(), strict=True):
+        part[:] = strip[start : start + height + 3]
+    one, row, column = parts.strides
+    taps = np.ndarray((count, 4, height * columns), parts.dtype, parts, strides=(one, row, column))
+    weights = np.stack(cubic_weights(rows[:, 0] - first), axis=1).astype(np.float32)
+    found: Floats = np.einsum("kt,ktx->kx", weights, taps)
+    return found.reshape(count, height, columns)
 
 
 def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
