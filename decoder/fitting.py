@@ -188,14 +188,18 @@ def phases_of(template: NeedleTemplate) -> Phases:
 def _phases(template: NeedleTemplate) -> Phases:
     rows, columns = template.pixels.shape
     margin = PHASE_REACH + 1
-    padded = template.both_layers[limited(np.arange(-margin, rows + margin), 0, rows - 1)]
+    within = limited(np.arange(-margin, rows + margin), 0, rows - 1)
+    padded = np.stack([template.light[within], template.transparency[within]])
     # the template, then how it changes, of light and transparency: (2, phases, 2, H, C)
     layers = np.empty((2, 2 * PHASE_REACH + 1, 2, rows, columns), np.float32)
     for phase in range(-PHASE_REACH, PHASE_REACH + 1):
         before, part = divmod(-phase / PHASES_PER_ROW, 1.0)
-        taps = (padded[margin + int(before) + tap :][:rows] for tap in (-1, 0, 1, 2))
-        moved = sum(np.float32(weight) * own for weight, own in zip(cubic_weights(part), taps, strict=True) if weight)
-        layers[:, PHASE_REACH + phase, 0] = np.asarray(moved).reshape(rows, 2, columns).swapaxes(0, 1)
+        first = margin + int(before)
+        moved = layers[:, PHASE_REACH + phase, 0]
+        moved[:] = 0.0
+        for tap, weight in zip((-1, 0, 1, 2), cubic_weights(part), strict=True):
+            if weight:
+                moved += np.float32(weight) * padded[:, first + tap : first + tap + rows]
     own, change = layers[:, :, 0], layers[:, :, 1]
     np.subtract(own[:, :, :-2], own[:, :, 2:], out=change[:, :, 1:-1])
     change[:, :, 1:-1] *= np.float32(0.5)
