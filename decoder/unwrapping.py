@@ -80,9 +80,10 @@ class PolarGrid:
         if self.plane is not None:
             square_on = np.stack([np.cos(angles) * radii, np.sin(angles) * radii])
             return self.plane.to_panel(square_on.reshape(2, -1)).reshape(square_on.shape).astype(np.float32)
-        x = self.centre[0] + np.cos(angles) * radii
-        y = self.centre[1] + np.sin(angles) * radii
-        return np.stack([x, y]).astype(np.float32)
+        points = np.empty((2, len(angles_deg), len(radii_px)), np.float32)
+        for part, middle, across in zip(points, self.centre, (np.cos(angles), np.sin(angles)), strict=True):
+            np.add(middle, across * radii, out=part, casting="same_kind")
+        return points
 
     def rim(self) -> Floats:
         """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
