@@ -41,10 +41,11 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
             np.multiply(seen, np.float32(gain), out=off)
             off += np.float32(offset)
             off -= wanted
-        near = (np.abs(off, out=off) < OUTLIER_LEVELS).astype(np.float32)
+        is_near = np.abs(off, out=off) < OUTLIER_LEVELS
+        near = is_near.astype(np.float32)
         here = seen * near
         # one product after the other: for so few rows a matrix product costs three times as much
-        count, sum_x, sum_y = float(near.sum()), float(seen @ near), float(wanted @ near)
+        count, sum_x, sum_y = np.count_nonzero(is_near), float(seen @ near), float(wanted @ near)
         spread = float(here @ seen) / count - (sum_x / count) ** 2 if count else 0.0
         if spread < 1.0:
             return None

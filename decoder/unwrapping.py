@@ -102,8 +102,9 @@ class PolarGrid:
     @property
     def pixels_per_sample(self) -> float:
         """How much of a frame's pixel one sample stands for at the mean radius, at most 1."""
-        arc_px = math.radians(self.step_deg) * float(np.abs(self.radii_px).mean())
-        return min(1.0, arc_px * self.column_px)
+        sides = (self.columns - self.tail_columns, self.tail_columns)
+        mean_px = self.inner_px + self.column_px * sum(count * (count - 1) / 2 for count in sides) / self.columns
+        return min(1.0, math.radians(self.step_deg) * mean_px * self.column_px)
 
 
 def polar_grid(
@@ -201,7 +202,7 @@ def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
         part[:] = strip[start : start + height + 3]
     one, row, column = parts.strides
     taps = np.ndarray((count, 4, height * columns), parts.dtype, parts, strides=(one, row, column))
-    weights = np.stack(cubic_weights(rows[:, 0] - first), axis=1).astype(np.float32)
+    weights = np.array([cubic_weights(behind) for behind in (rows[:, 0] - first).tolist()], np.float32)
     found: Floats = np.einsum("kt,ktx->kx", weights, taps)
     return found.reshape(count, height, columns)
 
