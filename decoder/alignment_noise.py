@@ -40,8 +40,9 @@ class BlockPulls:
         self._features = features
         self._axes, self._model = claimed.axes, claimed.model
         parts = [self._of(feature) for feature in features]
-        self._light = [light for light, _ in parts]
-        self._columns = [columns for _, columns in parts]
+        self._light = [light for light, _, _ in parts]
+        self._of_light = [of_light for _, of_light, _ in parts]
+        self._columns = [columns for _, _, columns in parts]
         self._blocks = [_blocks(feature.points) for feature in features]
         self._count = sum(int(blocks.max()) + 1 for blocks in self._blocks)
         self._inverse = np.linalg.pinv(sum(columns.T @ columns for columns in self._columns))
@@ -54,23 +55,24 @@ class BlockPulls:
     def found(self, frame: GreyPicture, alignment: Alignment) -> MotionCovariance:
         """Of the motion with which the features match best in a frame, as the blocks tell."""
         middle = np.zeros_like(self._inverse)
-        parts = zip(self._features, self._light, self._columns, self._blocks, strict=True)
-        for feature, light, columns, blocks in parts:
+        parts = zip(self._features, self._light, self._of_light, self._columns, self._blocks, strict=True)
+        for feature, light, of_light, columns, blocks in parts:
             seen = feature.sample(frame, alignment).astype(np.float64)
-            of_light = np.linalg.lstsq(light, seen, rcond=None)[0]
-            pulls = columns * ((seen - light @ of_light) / of_light[0])[:, None]
+            lit = of_light @ seen
+            pulls = columns * ((seen - light @ lit) / lit[0])[:, None]
             summed = np.stack([np.bincount(blocks, weights=pull) for pull in pulls.T])
             middle += summed @ summed.T
         own = self._count / (self._count - int(self._model))  # what is left is the less, the more was fitted
         return MotionCovariance(self._axes, self._model, self._inverse @ middle @ self._inverse * own)
 
-    def _of(self, feature: Feature) -> tuple[Floats, Floats]:
-        """What light can do to a feature's pixels (N, 4), and what motion does beyond that (N, parameters)."""
+    def _of(self, feature: Feature) -> tuple[Floats, Floats, Floats]:
+        """What light can do to a feature's pixels (N, 4), its inverse, and what motion does beyond (N, parameters)."""
         jacobian = self._axes.jacobian(feature.points, self._model)
         columns = np.einsum("in,inp->np", feature.gradient.astype(np.float64), jacobian)
         x, y = feature.points.astype(np.float64) - feature.points.mean(axis=1, dtype=np.float64)[:, None]
         light = np.stack([feature.pixels.astype(np.float64), np.ones(x.size), x, y], axis=1)
-        return light, columns - light @ np.linalg.lstsq(light, columns, rcond=None)[0]
+        of_light = np.linalg.pinv(light)
+        return light, of_light, columns - light @ (of_light @ columns)
 
 
 def noise_beside_claim(pairs: Iterable[tuple[MotionCovariance, MotionCovariance]], places: Floats) -> float:

@@ -15,7 +15,6 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.fitting import MAX_FRACTION_ROWS, Fit
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
-from decoder.needle_template import NeedleTemplate
 
 # Clutter must leave this much of a needle's contrast to place it by.
 MIN_VISIBLE = 0.7
@@ -56,7 +55,7 @@ def without_clutter(matcher: Matcher, gauge: Floats, match: Match) -> SeenBeside
     return seen
 
 
-def _bare(face: Floats, _: NeedleTemplate) -> Floats:
+def _bare(face: Floats, _: Floats) -> Floats:
     return face
 
 

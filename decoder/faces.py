@@ -31,24 +31,31 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
     differ.
     """
-    wanted, seen = reference.ravel()[::LIGHT_STRIDE].copy(), strip.ravel()[::LIGHT_STRIDE].copy()
-    gain, offset = 1.0, middle_level(wanted - seen)
-    rows = np.ones((3, seen.size), np.float32)
-    np.subtract(seen, np.float32(MIDDLE_GREY), out=rows[1])  # keeps sums small enough for float32
-    np.subtract(wanted, np.float32(MIDDLE_GREY), out=rows[2])
-    off = np.empty_like(rows[0])
-    for _ in range(LIGHT_PASSES):
-        np.multiply(seen, np.float32(gain), out=off)
-        off += np.float32(offset)
-        off -= wanted
-        near = np.abs(off, out=off) < OUTLIER_LEVELS
-        (count, sum_x, sum_y), (_, square, product), _ = ((rows * near) @ rows.T).astype(np.float64).tolist()
-        spread = square / count - (sum_x / count) ** 2 if count else 0.0
+    grey = np.float32(MIDDLE_GREY)  # keeps sums small enough for float32
+    wanted, seen = reference.ravel()[::LIGHT_STRIDE] - grey, strip.ravel()[::LIGHT_STRIDE] - grey
+    off = wanted - seen
+    gain, offset = 1.0, middle_level(off)
+    off -= np.float32(offset)
+    for step in range(LIGHT_PASSES):
+        if step:
+            np.multiply(seen, np.float32(gain), out=off)
+            off += np.float32(offset)
+            off -= wanted
+        is_near = np.abs(off, out=off) < OUTLIER_LEVELS
+        near = is_near.astype(np.float32)
+        here = seen * near
+        # one product after the other: for so few rows a matrix product costs three times as much
+        count, sum_x, sum_y = np.count_nonzero(is_near), float(seen @ near), float(wanted @ near)
+        spread = float(here @ seen) / count - (sum_x / count) ** 2 if count else 0.0
         if spread < 1.0:
             return None
-        gain = (product / count - sum_x * sum_y / count**2) / spread
-        offset = MIDDLE_GREY * (1.0 - gain) + (sum_y - gain * sum_x) / count
-    return None if gain < MIN_GAIN or gain > 1 / MIN_GAIN else strip * np.float32(gain) + np.float32(offset)
+        gain = (float(here @ wanted) / count - sum_x * sum_y / count**2) / spread
+        offset = (sum_y - gain * sum_x) / count
+    if gain < MIN_GAIN or gain > 1 / MIN_GAIN:
+        return None
+    lit: Floats = strip * np.float32(gain)
+    lit += np.float32(offset + MIDDLE_GREY * (1.0 - gain))
+    return lit
 
 
 def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], fallback: Floats) -> Floats:
@@ -67,19 +74,21 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     -------
     (R, C) float32
     """
-    views, covered = np.stack(strips), np.zeros(fallback.shape, np.uint16)
+    views = np.stack(strips)
+    count = np.full(fallback.size, len(views), np.uint16)
     # As much lies far below as far above: what is seen of a pixel stays around the middle.
-    far = np.full(fallback.shape, -np.inf, np.float32)
-    for view, place in zip(views, without, strict=True):
-        np.copyto(view, far, where=place)
-        np.negative(far, out=far, where=place)
-        covered += place
+    far = np.full(fallback.size, -np.inf, np.float32)
+    for view, place in zip(views.reshape(len(views), -1), without, strict=True):
+        covered = np.flatnonzero(place)
+        view[covered] = far[covered]
+        far[covered] *= -1
+        count[covered] -= 1
     low, high = middle_views(views)
-    count = len(views) - covered.astype(np.intp)
+    counts = count.reshape(fallback.shape)
     alone = low if len(views) % 2 else high  # of an odd number of values
     with np.errstate(invalid="ignore"):  # where no value is left
-        middle = np.where(count % 2, alone, (low + high) / 2)
-    seen = (count >= MIN_VIEWS) | ((count == MIN_VIEWS - 1) & (high <= low + ALIKE_LEVELS))
+        middle = np.where(counts & 1, alone, (low + high) / 2)
+    seen = (counts >= MIN_VIEWS) | ((counts == MIN_VIEWS - 1) & (high <= low + ALIKE_LEVELS))
     face: Floats = np.where(seen, middle, fallback).astype(np.float32)
     return face
 

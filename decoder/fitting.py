@@ -7,19 +7,21 @@ needle on the window's middle row, once with the needle moved to the half row ne
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.arrays import Floats
+from decoder.arrays import Floats, limited
 from decoder.correlation import MIN_SPREAD_LEVELS
 from decoder.needle_template import NeedleTemplate
 from decoder.over_face import FACE_NOISE_LEVELS
-from decoder.unwrapping import rows_at
+from decoder.unwrapping import cubic_weights
 
 PHASES_PER_ROW = 2
 MAX_FRACTION_ROWS = 0.75
+# How many phases to either side a fit may need.
+PHASE_REACH = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
 # A needle with less than a twentieth of the template's contrast is none.
 MIN_GAIN = 0.05
 MIDDLE_GREY = 128.0
@@ -29,8 +31,8 @@ TINY = 1e-9
 NEEDLE, SLOPE, ONE, SEEN, FACE = range(5)
 Moments = list[list[float]]
 
-Behind = Callable[[NeedleTemplate], Floats]
-"""Gives what lies behind a needle, (H, C) float32, for the needle moved by a part of a row."""
+Behind = Callable[[Floats], Floats]
+"""Gives what lies behind a needle, (H, C) float32, by its transparency there, moved by a part of a row, (H, C)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +79,13 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class Phase:
-    """The template moved down by a part of a row.
+class Phases:
+    """The template moved by every half row that a fit may need, upwards first.
 
-    `light` and `transparency`, (2, H, C) each, are its layers and how these change when it moves on.
+    `light` and `transparency`, (2 * PHASE_REACH + 1, 2, H, C) each, are its layers and how these change when it moves
+    on; at PHASE_REACH it is where it was.
     """
 
-    shift_rows: float
-    template: NeedleTemplate
     light: Floats
     transparency: Floats
 
@@ -98,12 +99,12 @@ class Fitter:
         self._trust = template.trust.ravel()
 
     @property
-    def _phases(self) -> Mapping[int, Phase]:
+    def _phases(self) -> Phases:
         return phases_of(self._template)
 
     def first(self, window: Floats, behind: Behind) -> Fit:
         """One step of least squares from the window's middle row: good to a tenth of a row when it is less than one."""
-        return self._step(window, self._phases[0], behind, self._trust)
+        return self._step(window, 0, behind, self._trust)
 
     def fit(self, window: Floats, behind: Behind, mask: Floats | None = None, *, guess_rows: float = 0.0) -> Fit:
         """The needle in a window (H, C), expected `guess_rows` below its middle; where `mask` (H, C) is 0 not at all.
@@ -112,26 +113,27 @@ class Fitter:
         """
         weights = self._trust if mask is None else self._trust * mask.ravel()
         guess = round(guess_rows * PHASES_PER_ROW)
-        first = self._step(window, self._phases[guess], behind, weights)
+        first = self._step(window, guess, behind, weights)
         if not abs(first.fraction) <= MAX_FRACTION_ROWS:
             return first
         nearest = round(first.fraction * PHASES_PER_ROW)
-        return first if nearest == guess else self._step(window, self._phases[nearest], behind, weights)
+        return first if nearest == guess else self._step(window, nearest, behind, weights)
 
-    def _step(self, window: Floats, phase: Phase, behind: Behind, weights: Floats) -> Fit:
-        face = behind(phase.template)
+    def _step(self, window: Floats, phase: int, behind: Behind, weights: Floats) -> Fit:
+        light, transparency = (own[PHASE_REACH + phase] for own in (self._phases.light, self._phases.transparency))
+        face = behind(transparency[0])
         rows = np.empty((5, *window.shape), np.float32)
         layers = rows[:ONE]
-        np.multiply(phase.transparency, face, out=layers)
-        layers += phase.light
+        np.multiply(transparency, face, out=layers)
+        layers += light
         rows[ONE] = 1.0
-        np.subtract(window, MIDDLE_GREY, out=rows[SEEN])  # keeps the sums of squares small enough for float32
+        np.subtract(window, MIDDLE_GREY, out=rows[SEEN])
         rows[FACE] = face
-        flat = rows.reshape(5, -1)
+        flat = rows.reshape(5, -1).astype(np.float64)  # what a good fit leaves is a small difference of large sums
         moments = (flat * weights) @ flat.T
         return self._solved(phase, layers, moments.tolist(), window)
 
-    def _solved(self, phase: Phase, layers: Floats, moments: Moments, window: Floats) -> Fit:
+    def _solved(self, phase: int, layers: Floats, moments: Moments, window: Floats) -> Fit:
         total = moments[ONE][ONE]
         (gain, offset, shift), shift_variance = _solution(moments)
         if gain < MIN_GAIN or total <= 0:
@@ -140,7 +142,7 @@ class Fitter:
         variance = (seen[SEEN] - seen[ONE] ** 2 / total) / total
         noise = max((seen[SEEN] - gain * seen[NEEDLE] - offset * seen[ONE] - shift * seen[SLOPE]) / total, 0.0)
         sigma_rows = math.sqrt(noise * max(shift_variance, 0.0) / self._pixels_per_sample) / gain
-        fraction = phase.shift_rows + shift / gain
+        fraction = phase / PHASES_PER_ROW + shift / gain
         return Fit(fraction, sigma_rows, noise, gain, variance, offset, shift, moments, window, layers)
 
 
@@ -178,23 +180,31 @@ def _partial_correlation(moments: Moments) -> float:
     return min(max(both / math.sqrt(needle_left * seen_left), -1.0), 1.0)
 
 
-def phases_of(template: NeedleTemplate) -> Mapping[int, Phase]:
-    """The template moved by every half row that a fit may need, by the number of half rows."""
+def phases_of(template: NeedleTemplate) -> Phases:
+    """The template moved by every half row that a fit may need."""
     return template.once(_phases)
 
 
-def _phases(template: NeedleTemplate) -> Mapping[int, Phase]:
-    reach = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
-    steps = range(-reach, reach + 1)
-    shifts = [step / PHASES_PER_ROW for step in steps]
-    rows = (np.arange(template.rows) - np.array(shifts)[:, None]).ravel()
-    layers = rows_at(np.concatenate([template.light, template.transparency], axis=1), rows)
-    layers = layers.reshape(len(shifts), template.rows, 2, -1).transpose(2, 0, 1, 3)
-    light, transparency = np.stack([layers, -np.gradient(layers, axis=2)], axis=2)  # (phases, 2, H, C) each
-    return {
-        step: Phase(shift, replace(template, light=own[0], transparency=cover[0]), own, cover)
-        for step, shift, own, cover in zip(steps, shifts, light, transparency, strict=True)
-    }
+def _phases(template: NeedleTemplate) -> Phases:
+    rows, columns = template.pixels.shape
+    margin = PHASE_REACH + 1
+    within = limited(np.arange(-margin, rows + margin), 0, rows - 1)
+    padded = np.stack([template.light[within], template.transparency[within]])
+    # the template, then how it changes, of light and transparency: (2, phases, 2, H, C)
+    layers = np.empty((2, 2 * PHASE_REACH + 1, 2, rows, columns), np.float32)
+    for phase in range(-PHASE_REACH, PHASE_REACH + 1):
+        before, part = divmod(-phase / PHASES_PER_ROW, 1.0)
+        first = margin + int(before)
+        moved = layers[:, PHASE_REACH + phase, 0]
+        moved[:] = 0.0
+        for tap, weight in zip((-1, 0, 1, 2), cubic_weights(part), strict=True):
+            if weight:
+                moved += np.float32(weight) * padded[:, first + tap : first + tap + rows]
+    own, change = layers[:, :, 0], layers[:, :, 1]
+    np.subtract(own[:, :, :-2], own[:, :, 2:], out=change[:, :, 1:-1])
+    change[:, :, 1:-1] *= np.float32(0.5)
+    change[:, :, 0], change[:, :, -1] = own[:, :, 0] - own[:, :, 1], own[:, :, -2] - own[:, :, -1]
+    return Phases(*layers)
 
 
 _NO_MOMENTS: Moments = [[0.0] * 5] * 5

@@ -15,6 +15,7 @@ from itertools import islice
 import numpy as np
 
 from decoder.alignment import Alignment, Matrix, is_rigid
+from decoder.arrays import Floats
 from decoder.card_tuning import learn_card
 from decoder.errors import PictureError
 from decoder.faces import LitViews, in_light_of, learn_face
@@ -166,31 +167,33 @@ class _GaugeTuner:
         found them. The given template, read with the learned needle over the face behind it, shows that error; the
         cuts are moved by it.
         """
-        learned = layered(*self._cuts(name, clear, before, face, 0.0), before.pixels, before.step_deg)
         behind = face_behind(face, self._grid, self._needles[name], before.rows)
+        both = face, behind
+        learned = layered(*self._cuts(name, clear, before, both, 0.0), before.pixels, before.step_deg)
         off_rows = (
             Fitter(learned, self._grid.pixels_per_sample).fit(self._given[name].pixels, lambda _: behind).fraction
         )
         if not abs(off_rows) < before.rows / 8:
             return learned
-        return layered(*self._cuts(name, clear, learned, face, -off_rows), before.pixels, learned.step_deg)
+        return layered(*self._cuts(name, clear, learned, both, -off_rows), before.pixels, learned.step_deg)
 
     def _cuts(
         self,
         name: str,
         clear: Sequence[tuple[UnwrappedGauge, float]],
         before: NeedleTemplate,
-        face: UnwrappedGauge,
+        whole_and_given: tuple[UnwrappedGauge, Floats],
         shift_rows: float,
-    ) -> tuple[UnwrappedGauge, UnwrappedGauge]:
+    ) -> tuple[Floats, Floats]:
+        """The needle in the frames and, where it was cut from a picture, there; and the face behind each."""
+        face, behind = whole_and_given
         axis_rows = np.array([row for _, row in clear]) + shift_rows
         windows = axis_rows[:, None] + np.arange(before.rows) - (before.rows - 1) / 2
         faces = rows_of_each([face] * len(clear), windows)
         seen = rows_of_each([strip for strip, _ in clear], windows)
         cuts = in_local_light(seen, before, faces)
         if self._needles[name].template.at is not None:  # one more view, over another part of the face
-            given = face_behind(face, self._grid, self._needles[name], before.rows)
-            return np.concatenate([cuts, self._given[name].pixels[None]]), np.concatenate([faces, given[None]])
+            return np.concatenate([cuts, self._given[name].pixels[None]]), np.concatenate([faces, behind[None]])
         return cuts, faces
 
     def _row(self, reading: Reading) -> float:

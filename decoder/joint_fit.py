@@ -10,7 +10,18 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from decoder.arrays import Floats, Indices, Mask, limited
-from decoder.fitting import FACE, MIDDLE_GREY, MIN_GAIN, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
+from decoder.fitting import (
+    FACE,
+    MIDDLE_GREY,
+    MIN_GAIN,
+    NEEDLE,
+    ONE,
+    PHASE_REACH,
+    PHASES_PER_ROW,
+    SEEN,
+    SLOPE,
+    phases_of,
+)
 from decoder.lower_layer import MIN_COVER, LowerNeedle
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import partial_correlation, summed_products
@@ -100,10 +111,7 @@ class JointFitter:
         self._axis = (upper.rows - 1) // 2
         self._pixels_per_sample = pixels_per_sample
         phases = phases_of(upper)
-        self._reach = max(phases)
-        light, transparency = (
-            np.stack([getattr(phases[step], name) for step in sorted(phases)]) for name in ("light", "transparency")
-        )
+        light, transparency = phases.light, phases.transparency
         # By phase: both, how both change when the needle moves on, and what its transparency is held to.
         held = np.maximum(transparency[:, 0], np.float32(MIN_COVER))
         self._drawn = np.stack([light[:, 0], transparency[:, 0], light[:, 1], transparency[:, 1], held], axis=1)
@@ -163,13 +171,13 @@ class JointFitter:
         """The places nearest to where the upper needles seem to be."""
         last = len(strips.face) - self._axis - 1
         window = limited(np.rint(upper), self._axis, last).astype(np.intp)
-        phase = limited(np.rint((upper - window) * PHASES_PER_ROW), -self._reach, self._reach).astype(np.intp)
+        phase = limited(np.rint((upper - window) * PHASES_PER_ROW), -PHASE_REACH, PHASE_REACH).astype(np.intp)
         return _Places(window, phase, window + phase / PHASES_PER_ROW, *strips.windows(window, self._axis))
 
     def _layers(self, at: _Places, lower: Floats) -> Floats:
         """(M, 6, H * C): what the sums are made of, with the lower needles on rows (M,) of the gauge."""
         count = len(lower)
-        drawn = self._drawn[at.phase + self._reach]
+        drawn = self._drawn[at.phase + PHASE_REACH]
         light, over, more_light, more_over, held = (drawn[:, number] for number in range(drawn.shape[1]))
         face = at.face.reshape(count, *self._shape)
         rows = lower - at.window + self._axis + BESIDE_ROWS

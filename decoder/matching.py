@@ -199,11 +199,11 @@ class Matcher:
         return scores
 
 
-def _bare(face: Floats, _: NeedleTemplate) -> Floats:
+def _bare(face: Floats, _: Floats) -> Floats:
     return face
 
 
-def _with_lower(face: Floats, below: NeedleTemplate, below_row: float, upper: NeedleTemplate) -> Floats:
-    light, part = LowerNeedle(below, upper.rows).at(np.array([below_row])).behind(upper.transparency)
+def _with_lower(face: Floats, below: NeedleTemplate, below_row: float, transparency: Floats) -> Floats:
+    light, part = LowerNeedle(below, len(transparency)).at(np.array([below_row])).behind(transparency)
     behind: Floats = light[0] + part[0] * face
     return behind

@@ -48,12 +48,19 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     pixels = median_of(cuts).astype(np.float32)
     # A mark behind one of the two is not the needle's.
     expected = np.maximum(_expected_transparency(pixels, plain), _expected_transparency(before, plain))
-    weights = np.ones_like(cuts)
-    for _ in range(2):
-        light, transparency = _lines(cuts, faces, weights, expected)
-        unexplained = cuts - (light + transparency * faces)
-        spread = MAD_TO_SIGMA * median_of(np.abs(unexplained))
-        weights = (np.abs(unexplained) <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
+    mean_cut, mean_face = cuts.mean(axis=0), faces.mean(axis=0)
+    cut, face = cuts - mean_cut, faces - mean_face
+    unexplained = np.abs(cut - _slopes(cut, face, face, expected) * face)
+    spread = MAD_TO_SIGMA * median_of(unexplained)
+    # once more, without outliers
+    weights = (unexplained <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
+    total = np.maximum(weights.sum(axis=0), 1e-6)
+    off_cut, off_face = (_summed(weights, own) / total for own in (cut, face))
+    cut -= off_cut
+    face -= off_face
+    transparency = _slopes(cut, face, weights * face, expected)
+    light = mean_cut + off_cut - transparency * (mean_face + off_face)
+    spread = MAD_TO_SIGMA * median_of(np.abs(cut - transparency * face))
     shown = _columns_with_edges(expected)
     # Beside the needle there is nothing but the face: a fit can only pick up accidents there.
     covered = _with_edges(expected)
@@ -91,29 +98,34 @@ def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplat
 
 def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
     """Cuts brought to the light of what the template expects there; (K, H, C). Light falls unevenly on a dial."""
-    expected = template.light + template.transparency * behind
-    weights, inner = template.trust, (1, 2)
+    flat = cuts.reshape(len(cuts), -1)
+    weights = template.trust.ravel()
     total = weights.sum()
-    seen = cuts - ((weights * cuts).sum(axis=inner, keepdims=True) / total)
-    expected_mean = (weights * expected).sum(axis=inner, keepdims=True) / total
-    wanted = weights * (expected - expected_mean)
-    energy = (wanted * (expected - expected_mean)).sum(axis=inner, keepdims=True)
-    gain = (seen * wanted).sum(axis=inner, keepdims=True) / np.maximum(energy, 1e-6)
-    like: Floats = (seen / np.maximum(gain, MIN_GAIN) + expected_mean).astype(np.float32)
-    return like
+    expected = (template.light + template.transparency * behind).reshape(flat.shape)
+    mean, expected_mean = ((image @ weights / total)[:, None] for image in (flat, expected))
+    wanted = np.subtract(expected, expected_mean, out=expected)
+    weighted = wanted * weights
+    energy = np.einsum("kx,kx->k", weighted, wanted)[:, None]
+    gain = np.einsum("kx,kx->k", flat - mean, weighted)[:, None] / np.maximum(energy, 1e-6)
+    like: Floats = ((flat - mean) / np.maximum(gain, MIN_GAIN) + expected_mean).astype(np.float32)
+    return like.reshape(cuts.shape)
 
 
-def _lines(cuts: Floats, faces: Floats, weights: Floats, expected: Floats) -> tuple[Floats, Floats]:
-    """Weighted ridge regression of each pixel's cuts on its faces: light and transparency, (H, C) each."""
-    total = np.maximum(weights.sum(axis=0), 1e-6)
-    mean_face, mean_cut = (weights * faces).sum(axis=0) / total, (weights * cuts).sum(axis=0) / total
-    face = faces - mean_face
+def _slopes(cut: Floats, face: Floats, weighted: Floats, expected: Floats) -> Floats:
+    """(H, C) float32: the transparency of each pixel by ridge regression of its cuts on its faces, (K, H, C) each.
+
+    Both are counted from their means; `weighted` are the faces by their weights.
+    """
     hold = NOISE_LEVELS**2 / PRIOR_SPREAD**2
-    slope = ((weights * face * (cuts - mean_cut)).sum(axis=0) + hold * expected) / (
-        (weights * face * face).sum(axis=0) + hold
-    )
-    transparency = np.clip(slope, 0.0, 1.0).astype(np.float32)
-    return (mean_cut - transparency * mean_face).astype(np.float32), transparency
+    slopes = (_summed(weighted, cut) + hold * expected) / (_summed(weighted, face) + hold)
+    within: Floats = np.clip(slopes, 0.0, 1.0).astype(np.float32)
+    return within
+
+
+def _summed(one: Floats, other: Floats) -> Floats:
+    """(H, C): the sums of products over K views."""
+    summed: Floats = np.einsum("khc,khc->hc", one, other)
+    return summed
 
 
 def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:

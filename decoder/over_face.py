@@ -52,23 +52,25 @@ class FaceMoments:
 def face_moments(face: Floats, template: NeedleTemplate, mask: Floats | None = None) -> FaceMoments:
     """The moments for a face (R, C), of the pixels that `mask` (R, C) leaves."""
     weights, light, cover = template.trust, template.light, template.transparency - 1
-    seen = np.ones_like(face) if mask is None else mask
-    face_seen, face_square = face * seen, face * face * seen
-    total = np.maximum(sliding_sums(seen, weights), 1e-6)
-    face_mean = sliding_sums(face_seen, weights) / total
-    needle_mean = (sliding_sums(seen, weights * light) + sliding_sums(face_seen, weights * cover)) / total
-    face_variance = sliding_sums(face_square, weights) / total - face_mean**2
-    needle_face = (sliding_sums(face_seen, weights * light) + sliding_sums(face_square, weights * cover)) / total
-    needle_square = (
-        sliding_sums(seen, weights * light * light)
-        + 2 * sliding_sums(face_seen, weights * light * cover)
-        + sliding_sums(face_square, weights * cover * cover)
-    ) / total
-    face_variance = np.maximum(face_variance, 0.0) + FACE_NOISE_LEVELS**2
+    by_light, by_cover = weights * light, weights * cover
+    alone = np.stack([weights, by_light, by_light * light])
+    with_face = np.stack([weights, by_light, by_cover, by_light * cover])
+    with_square = np.stack([weights, by_cover, by_cover * cover])
+    face_seen = face if mask is None else face * mask
+    # Where all pixels are seen, what no face enters is the same on every row.
+    seen_sums = alone.sum(axis=(1, 2))[:, None] if mask is None else sliding_sums_of(mask, alone)
+    face_one, face_light, face_cover, face_both = sliding_sums_of(face_seen, with_face)
+    square_one, square_cover, square_both = sliding_sums_of(face * face_seen, with_square)
+    total = np.maximum(np.broadcast_to(seen_sums[0], face_one.shape), np.float32(1e-6))
+    face_mean = face_one / total
+    needle_mean = (seen_sums[1] + face_cover) / total
+    needle_face = (face_light + square_cover) / total
+    needle_square = (seen_sums[2] + 2 * face_both + square_both) / total
+    face_variance = np.maximum(square_one / total - face_mean**2, 0.0) + FACE_NOISE_LEVELS**2
     needle_per_face = (needle_face - needle_mean * face_mean) / face_variance
     needle_variance = np.maximum(needle_square - needle_mean**2, 0.0)
     return FaceMoments(
-        kernels=np.stack([weights, weights * light, weights * cover]),
+        kernels=np.stack([weights, by_light, by_cover]),
         total=total,
         face_mean=face_mean,
         face_variance=face_variance,

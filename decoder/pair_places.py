@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from decoder.arrays import Floats, Indices, Mask
-from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, SEEN, SLOPE, phases_of
+from decoder.fitting import MAX_FRACTION_ROWS, MIDDLE_GREY, NEEDLE, ONE, PHASE_REACH, SEEN, SLOPE, phases_of
 from decoder.lower_layer import LowerNeedle
 from decoder.matching import MAX_STEPS
 from decoder.needle_template import NeedleTemplate
@@ -58,7 +58,8 @@ class PairPlaces:
         self._upper, self._lower = upper, lower
         self._axis = (upper.rows - 1) // 2
         self._pixels_per_sample = pixels_per_sample
-        self._own = phases_of(upper)[0]
+        phases = phases_of(upper)
+        self._own_light, self._own_part = phases.light[PHASE_REACH], phases.transparency[PHASE_REACH]
         self._apart = np.arange(-reach_rows, reach_rows + 1)
         places = self._axis + self._apart
         self._light, self._part = self._drawn_on(places)
@@ -149,9 +150,8 @@ class PairPlaces:
 
     def _drawn_on(self, lower_rows: Indices) -> tuple[Floats, Floats]:
         layer = self._lower.at(lower_rows.astype(np.float64))
-        light, part = layer.behind(self._own.transparency[0])
-        own_light, own_part = self._own.light, self._own.transparency
-        both = (own_light + own_part * light[:, None]), own_part * part[:, None]
+        light, part = layer.behind(self._own_part[0])
+        both = (self._own_light + self._own_part * light[:, None]), self._own_part * part[:, None]
         one, other = (each.reshape(len(lower_rows), 2, -1).astype(np.float32) for each in both)
         return one, other
 

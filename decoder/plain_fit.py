@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from decoder.arrays import Floats, Indices, limited
-from decoder.fitting import FACE, MIDDLE_GREY, NEEDLE, ONE, PHASES_PER_ROW, SEEN, SLOPE, phases_of
+from decoder.fitting import FACE, MIDDLE_GREY, NEEDLE, ONE, PHASE_REACH, PHASES_PER_ROW, SEEN, SLOPE, phases_of
 from decoder.needle_template import NeedleTemplate
 from decoder.quick_fit import Fits, nearest_phases, solved
 
@@ -55,7 +55,8 @@ class PlainFitter:
         self._with_seen = _with_seen(light, transparency, trust)
         self._with_square = trust[:, None]
         self._alike, self._with_face = _of_face(light, transparency, trust)
-        self._known = np.full((len(rows), PHASES, len(_OF_PHASE) + len(_OF_ALL)), np.nan)
+        self._known = np.empty((len(rows), PHASES, len(_OF_PHASE) + len(_OF_ALL)))
+        self._is_known = np.zeros(len(rows), bool)
 
     def fit(self, windows: Floats, top_rows: Indices, guess_rows: Floats) -> Fits:
         """Each needle in F frames, (F, K) each.
@@ -93,7 +94,7 @@ class PlainFitter:
 
     def _learn(self, rows: Indices) -> None:
         """Works out the sums for those rows that no frame had its needle on so far."""
-        unknown = np.unique(rows[np.isnan(self._known[rows, 0, 0])])
+        unknown = np.unique(rows[~self._is_known[rows]])
         if not unknown.size:
             return
         faces = self._windows[unknown]
@@ -110,13 +111,14 @@ class PlainFitter:
         known[..., : len(_OF_PHASE)] = of_phase.reshape(-1, PHASES, len(_OF_PHASE))
         known[..., len(_OF_PHASE) :] = of_all[:, None]
         self._known[unknown] = known
+        self._is_known[unknown] = True
 
 
 def _layers(templates: Sequence[NeedleTemplate], name: str) -> Floats:
     """(K, phases, 2, H * C) float32."""
-    phases = range(-REACH, REACH + 1)
-    layers = [[getattr(phases_of(template)[step], name) for step in phases] for template in templates]
-    return np.array(layers, np.float32).reshape(len(templates), PHASES, 2, -1)
+    phases = slice(PHASE_REACH - REACH, PHASE_REACH + REACH + 1)
+    layers = np.stack([getattr(phases_of(template), name)[phases] for template in templates])
+    return layers.reshape(len(templates), PHASES, 2, -1)
 
 
 def _of_face(light: Floats, transparency: Floats, trust: Floats) -> tuple[Floats, Floats]:

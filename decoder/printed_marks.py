@@ -16,6 +16,7 @@ from decoder.alignment import Alignment
 from decoder.arrays import Floats, Mask
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap
+from decoder.sorting import median_of, middle_of
 from decoder.unwrapping import PolarGrid
 
 # Marks lie on the needle's way or just outside of it, by parts of the gauge's outer radius.
@@ -73,7 +74,7 @@ def drawn_to_deg(off_deg: Floats, outer_px: float) -> float | None:
     found = off_deg[np.isfinite(off_deg)]
     if len(found) < max(MIN_MARKS, FOUND_PART * len(off_deg)):
         return None
-    sigma_deg = MAD_TO_SIGMA * float(np.median(np.abs(found)))
+    sigma_deg = MAD_TO_SIGMA * float(middle_of(np.abs(found)))
     return sigma_deg if sigma_deg <= math.degrees(MAX_OFF_PX / outer_px) else None
 
 
@@ -84,14 +85,14 @@ def _rings_of_marks(seen: Floats, away_px: Floats) -> Mask:
     before = at - seen[:, (away_px <= -first) & (away_px >= -last)].mean(axis=1)
     behind = at - seen[:, (away_px >= first) & (away_px <= last)].mean(axis=1)
     stands_out = np.where(before * behind > 0, np.minimum(np.abs(before), np.abs(behind)), 0.0)
-    strength = np.median(stands_out, axis=0)
+    strength = median_of(stands_out)
     chosen: Mask = strength > max(MIN_CONTRAST_LEVELS, RING_PART * float(strength.max()))
     return chosen
 
 
 def _middles_px(light: Floats, away_px: Floats) -> Floats:
     """(N,): the middle of each mark's outline, by its light, (N, samples); NaN without a mark."""
-    contrast = np.abs(light - np.median(light, axis=1, keepdims=True))
+    contrast = np.abs(light - median_of(light.T)[:, None])
     best = np.where(np.abs(away_px) <= REACH_PX, contrast, 0.0).argmax(axis=1)
     clearest = np.take_along_axis(contrast, best[:, None], axis=1)
     outline = np.abs(away_px - away_px[best][:, None]) <= OUTLINE_PX

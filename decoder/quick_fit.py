@@ -20,6 +20,7 @@ from decoder.fitting import (
     MIN_GAIN,
     NEEDLE,
     ONE,
+    PHASE_REACH,
     PHASES_PER_ROW,
     SEEN,
     SLOPE,
@@ -66,11 +67,9 @@ class QuickFitter:
     def __init__(self, template: NeedleTemplate, pixels_per_sample: float) -> None:
         self._pixels_per_sample = pixels_per_sample
         phases = phases_of(template)
-        self._reach = max(phases)
         # (phases, 2, H * C): light and transparency, and how they change when the needle moves on
         self._light, self._transparency = (
-            np.stack([getattr(phases[step], name).reshape(2, -1) for step in sorted(phases)])
-            for name in ("light", "transparency")
+            layers.reshape(*layers.shape[:2], -1) for layers in (phases.light, phases.transparency)
         )
         self._trust = template.trust.ravel()
 
@@ -98,9 +97,9 @@ class QuickFitter:
         weights = np.broadcast_to(self._trust, windows.shape) if masks is None else self._trust * masks
 
         def moments_at(chosen: Indices | slice, phase: Indices) -> Floats:
-            transparency = self._transparency[phase + self._reach]
+            transparency = self._transparency[phase + PHASE_REACH]
             back = faces[chosen] if behind is None else behind(chosen, transparency[:, 0])
-            return _moments(self._light[phase + self._reach], transparency, back, windows[chosen], weights[chosen])
+            return _moments(self._light[phase + PHASE_REACH], transparency, back, windows[chosen], weights[chosen])
 
         guess = np.rint(guess_rows * PHASES_PER_ROW).astype(np.intp)
         moments = moments_at(slice(None), guess)
@@ -112,7 +111,7 @@ class QuickFitter:
 
     def unexplained(self, fits: Fits, windows: Floats, backs: Floats) -> Floats:
         """(M, H * C): what fits leave of each pixel, over what they were made over."""
-        phase = fits.phase + self._reach
+        phase = fits.phase + PHASE_REACH
         layers = self._transparency[phase] * backs[:, None] + self._light[phase]
         gain, offset, shift = (each.astype(np.float32)[:, None] for each in (fits.gain, fits.offset, fits.shift))
         left: Floats = windows - (np.float32(MIDDLE_GREY) + offset) - gain * layers[:, 0] - shift * layers[:, 1]

@@ -47,7 +47,7 @@ class PointMap:
     @classmethod
     def of(cls, parts: Sequence[Floats]) -> PointMap:
         """The map of parts that are (2, N) each: x and y in the panel picture."""
-        flat = np.concatenate(parts, axis=1).astype(np.float32)
+        flat = np.concatenate(parts, axis=1).astype(np.float32, order="C")  # by rows, whichever way the parts lie
         size = flat.shape[1]
         folded = np.empty((math.ceil(size / _WIDTH), _WIDTH, 2), np.float32)
         folded.reshape(-1, 2)[:size] = flat.T

@@ -257,7 +257,7 @@ def _fitted(layer: _Layer, gauge: Floats, behind: Floats, mask: Floats, start: i
     return None, float(start)
 
 
-def _as_it_is(behind: Floats, _: NeedleTemplate) -> Floats:
+def _as_it_is(behind: Floats, _: Floats) -> Floats:
     return behind
 
 

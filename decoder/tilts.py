@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.arrays import Floats
+from decoder.fitting import PHASE_REACH, phases_of
 from decoder.gauge import Gauge
 from decoder.needle_template import NeedleTemplate
 from decoder.reading import Reading, Status
@@ -118,12 +119,19 @@ def _tilts(
     `cuts` are (M, H, C), from the gauge's fractional rows `windows`, (M, H).
     """
     behind = rows_of_each([face] * len(cuts), windows)
-    needle = template.light + template.transparency * behind
-    slope = -(np.gradient(template.light, axis=0) + np.gradient(template.transparency, axis=0) * behind)
-    turned = slope * (math.degrees(1.0) / grid.step_deg / grid.radii_px)
+    phases = phases_of(template)
+    (light, light_slope), (transparency, transparency_slope) = (
+        phases.light[PHASE_REACH],
+        phases.transparency[PHASE_REACH],
+    )
+    rows = np.empty((len(cuts), 5, *template.pixels.shape))
+    rows[:, 0] = light + transparency * behind
+    rows[:, 1] = 1.0
+    rows[:, 2] = light_slope + transparency_slope * behind
+    np.multiply(rows[:, 2], math.degrees(1.0) / grid.step_deg / grid.radii_px, out=rows[:, 3])
+    rows[:, 4] = cuts
     weights = template.trust.ravel().astype(np.float64)
-    rows = np.stack([needle, np.ones_like(needle), slope, turned, cuts], axis=1)
-    flat = rows.reshape(len(cuts), 5, -1).astype(np.float64)
+    flat = rows.reshape(len(cuts), 5, -1)
     moments = (flat * weights) @ flat.transpose(0, 2, 1)
     return _solved(moments, float(weights.sum()), grid.pixels_per_sample)
 

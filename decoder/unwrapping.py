@@ -80,9 +80,10 @@ class PolarGrid:
         if self.plane is not None:
             square_on = np.stack([np.cos(angles) * radii, np.sin(angles) * radii])
             return self.plane.to_panel(square_on.reshape(2, -1)).reshape(square_on.shape).astype(np.float32)
-        x = self.centre[0] + np.cos(angles) * radii
-        y = self.centre[1] + np.sin(angles) * radii
-        return np.stack([x, y]).astype(np.float32)
+        points = np.empty((2, len(angles_deg), len(radii_px)), np.float32)
+        for part, middle, across in zip(points, self.centre, (np.cos(angles), np.sin(angles)), strict=True):
+            np.add(middle, across * radii, out=part, casting="same_kind")
+        return points
 
     def rim(self) -> Floats:
         """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
@@ -101,8 +102,9 @@ class PolarGrid:
     @property
     def pixels_per_sample(self) -> float:
         """How much of a frame's pixel one sample stands for at the mean radius, at most 1."""
-        arc_px = math.radians(self.step_deg) * float(np.abs(self.radii_px).mean())
-        return min(1.0, arc_px * self.column_px)
+        sides = (self.columns - self.tail_columns, self.tail_columns)
+        mean_px = self.inner_px + self.column_px * sum(count * (count - 1) / 2 for count in sides) / self.columns
+        return min(1.0, math.radians(self.step_deg) * mean_px * self.column_px)
 
 
 def polar_grid(
@@ -194,13 +196,15 @@ def rows_of_each(strips: Sequence[UnwrappedGauge], rows: Floats) -> Floats:
     follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
     if not follow.all():
         return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
-    ends = zip(strips, (first - 1).tolist(), strict=True)
-    parts = np.stack([strip[start : start + rows.shape[1] + 3] for strip, start in ends])
-    weights = [weight.astype(np.float32)[:, None, None] for weight in cubic_weights(rows[:, 0] - first)]
-    found: Floats = weights[0] * parts[:, : rows.shape[1]]
-    for tap in (1, 2, 3):
-        found += weights[tap] * parts[:, tap : tap + rows.shape[1]]
-    return found
+    count, height, columns = *rows.shape, strips[0].shape[1]
+    parts = np.empty((count, height + 3, columns), np.float32)
+    for part, strip, start in zip(parts, strips, (first - 1).tolist(), strict=True):
+        part[:] = strip[start : start + height + 3]
+    one, row, column = parts.strides
+    taps = np.ndarray((count, 4, height * columns), parts.dtype, parts, strides=(one, row, column))
+    weights = np.array([cubic_weights(behind) for behind in (rows[:, 0] - first).tolist()], np.float32)
+    found: Floats = np.einsum("kt,ktx->kx", weights, taps)
+    return found.reshape(count, height, columns)
 
 
 def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
