@@ -25,8 +25,8 @@ main()
 
 @pytest.fixture
 def flight(make_flight: MakeFlight, pictures: list[bytes]) -> Path:
-    """A flight of 240 frames, eight batches."""
-    return make_flight(pictures * 12)
+    """A flight of 480 frames, eight batches."""
+    return make_flight(pictures * 24)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -103,5 +103,5 @@ def test_what_was_read_outlives_a_truth_that_does_not_fit(flight: Path, tmp_path
         _, said = running.communicate(timeout=60)
 
     assert running.returncode == 1
-    assert "flight.decode-journal keeps 240 frames; --resume goes on from there" in said
+    assert "flight.decode-journal keeps 480 frames; --resume goes on from there" in said
     assert contents(tmp_path / "out").keys() == {"flight.decode-journal"}
