@@ -16,7 +16,7 @@ from decoder.picture_block import TopOfFrame, top_of
 from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
-MAX_BATCH_FRAMES = 64
+MAX_BATCH_FRAMES = 96
 # The camera's largest pictures come four at a time: a batch of them takes 72 MB.
 MAX_BATCH_PIXELS = 4 * 4896 * 3672
 
@@ -83,6 +83,7 @@ def batches(
 
 def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
     """What is read of each frame, in their order; keeps nothing from batch to batch."""
+    reader.block.reserve(len(frames))
     pictures = (_picture(reader, frame, slot) for slot, frame in enumerate(frames))
     return [_unread(one) if isinstance(one, PictureError) else one for one in reader.read_many(pictures)]
 

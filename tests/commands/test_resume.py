@@ -14,9 +14,11 @@ import pytest
 Run = Callable[..., subprocess.CompletedProcess[str]]
 MakeFlight = Callable[..., Path]
 
-# As the program, but it notes every batch from the first on: a flight of some seconds is too long for a test.
+# As the program, but its batches are smaller and noted from the first on: flights of some seconds are too long for tests.
 EAGER = """
+from decoder import frame_batch
 from decoder.decode_journal import DecodeJournal
+frame_batch.MAX_BATCH_FRAMES = 30
 DecodeJournal.__init__.__kwdefaults__["begin_after"] = 1
 from decoder.start import main
 main()
@@ -25,8 +27,8 @@ main()
 
 @pytest.fixture
 def flight(make_flight: MakeFlight, pictures: list[bytes]) -> Path:
-    """A flight of 480 frames, eight batches."""
-    return make_flight(pictures * 24)
+    """A flight of 240 frames, eight small batches."""
+    return make_flight(pictures * 12)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -103,5 +105,5 @@ def test_what_was_read_outlives_a_truth_that_does_not_fit(flight: Path, tmp_path
         _, said = running.communicate(timeout=60)
 
     assert running.returncode == 1
-    assert "flight.decode-journal keeps 480 frames; --resume goes on from there" in said
+    assert "flight.decode-journal keeps 240 frames; --resume goes on from there" in said
     assert contents(tmp_path / "out").keys() == {"flight.decode-journal"}

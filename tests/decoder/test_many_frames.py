@@ -268,7 +268,7 @@ def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPict
     for decompress in (grey_picture, partial(block.grey_picture, slot=0)):
         with pytest.raises(PictureError, match=said):
             decompress(jpeg)
-    assert block._slots == {}
+    assert block._memory.size == 0
 
 
 @pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}], ids=str)
