@@ -17,7 +17,8 @@ OpenCV (`benchmarks/plain_way.py`): find the knob in the frame, `warpPolar` each
 cross-correlation; `match_template` is the same with scikit-image's function. `ppf.angauge` is that package on the dials
 with one needle; it aligns nothing. These three were given a few of the frames. Larger pictures are the same frames
 enlarged, with a sensor's noise; 24 needles are the same dials listed again under other names. `two workers` is how much
-sooner two processes have read the frames than one; wall clock, the best of the rounds, which a busy machine spoils.
+sooner two processes have read the frames than one; wall clock, medians. `two bare` is the same of two processes that
+merely decompress, and share nothing: what two of the machine's processors have to give beside one.
 """
 MEMORY_LEGEND = """\
 The most that any of two workers held, seven needles.
@@ -29,7 +30,7 @@ Until the first line of output, the least of several runs.
 
 def comparison_section(compared: Sequence[Compared]) -> str:
     """The table of all ways."""
-    header = ["pictures", "needles", "frames", "decompress ms", *compared[0].ratios, "two workers"]
+    header = ["pictures", "needles", "frames", "decompress ms", *compared[0].ratios, "two workers", "two bare"]
     rows = [
         [
             each.size.name,
@@ -38,6 +39,7 @@ def comparison_section(compared: Sequence[Compared]) -> str:
             f"{each.decompress_ms:.2f}",
             *(f"{ratio:.2f}" for ratio in each.ratios.values()),
             f"{each.two_by_one:.2f}",
+            f"{each.bare_two_by_one:.2f}",
         ]
         for each in compared
     ]

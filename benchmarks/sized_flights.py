@@ -51,7 +51,7 @@ class Size:
         return f"{self.width_px}x{self.height_px}"
 
 
-SIZES = (Size(1024, 768, 400, 6, 5), Size(1616, 1212, 400, 4, 5), Size(4896, 3672, 400, 2, 3))
+SIZES = (Size(1024, 768, 400, 6, 9), Size(1616, 1212, 400, 4, 5), Size(4896, 3672, 400, 2, 3))
 
 
 class Repeated(Flight):

@@ -14,7 +14,7 @@ import pytest
 Run = Callable[..., subprocess.CompletedProcess[str]]
 MakeFlight = Callable[..., Path]
 
-# As the program, but its batches are smaller and noted from the first on: flights of some seconds are too long for tests.
+# As the program, but its batches are smaller, and noted from the first on: flights of seconds are too long for a test.
 EAGER = """
 from decoder import frame_batch
 from decoder.decode_journal import DecodeJournal
