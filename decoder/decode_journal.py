@@ -20,7 +20,7 @@ from decoder.panel_reader import PanelReader
 
 SUFFIX = ".decode-journal"
 # About so many batches are read in two seconds: what is done again sooner than thought about leaves no file behind.
-BEGIN_AFTER = 12
+BEGIN_AFTER = 32
 
 Identity = Mapping[str, object]
 """All that readings depend on, by what it is called."""
