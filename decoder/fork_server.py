@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from multiprocessing import forkserver, get_context, resource_tracker
 from multiprocessing.context import ForkServerContext
 
-from decoder.library_threads import ONE_EACH
+from decoder.thread_limits import ONE_EACH
 
 PRELOADED = ["decoder.worker"]
 # Of the 107 bytes that a socket's path may have, multiprocessing takes some thirty for names below this folder.

@@ -16,6 +16,8 @@ from decoder.jpeg_header import jpeg_header
 from decoder.pictures import FramePicture, GreyPicture, grey_picture
 
 ROWS_OF_BLOCKS = 16
+# As much lies side by side at most; a picture that claims to be larger than others gets memory of its own.
+MOST_BYTES = 2**27
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +60,9 @@ class PictureBlock:
 
     def reserve(self, slots: int) -> None:
         """Makes room for so many pictures at once, which it would make one by one."""
-        self._make_room(slots, 0)
+        if slots > len(self._memory):
+            room = self._memory.shape[1]
+            self._memory = np.empty((slots, room if slots * room <= MOST_BYTES else 0), np.uint8)
 
     def grey_picture(self, encoded: bytes, slot: int) -> GreyPicture:
         """As `pictures.grey_picture`, bit for bit.
@@ -114,11 +118,10 @@ class PictureBlock:
         return cut
 
     def _slot(self, slot: int, size: int) -> GreyPicture:
-        self._make_room(slot + 1, size)
+        self.reserve(slot + 1)
+        slots, room = self._memory.shape
+        if size > room:
+            if slots > 1 and slots * size > MOST_BYTES:
+                return np.empty(size, np.uint8)
+            self._memory = np.empty((slots, size), np.uint8)  # pictures that lie in the old memory keep it
         return self._memory[slot, :size]
-
-    def _make_room(self, slots: int, size: int) -> None:
-        """For so many pictures of so many bytes; those that lie in the old memory keep it."""
-        had, room = self._memory.shape
-        if slots > had or size > room:
-            self._memory = np.empty((max(slots, had), max(size, room)), np.uint8)

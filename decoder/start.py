@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from decoder.interrupts import ends_at_once
-from decoder.library_threads import ONE_EACH
+from decoder.thread_limits import ONE_EACH
 
 
 def main() -> None:

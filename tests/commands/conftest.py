@@ -16,7 +16,7 @@ import pytest
 import yaml
 from PIL import Image, ImageDraw
 
-from decoder.library_threads import ONE_EACH
+from decoder.thread_limits import ONE_EACH
 from flight_file.reader import open_flight
 from recorder.clock import SimulatedClock
 from recorder.config import parse_config

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from decoder.library_threads import ONE_EACH
+from decoder.thread_limits import ONE_EACH
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 HEAVY = {"cv2", "mcap", "numpy", "pydantic", "requests", "yaml"}

@@ -271,6 +271,19 @@ def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPict
     assert block._memory.size == 0
 
 
+def test_one_large_picture_is_no_reason_for_room_for_many(pictures: list[GreyPicture]) -> None:
+    """It has memory of its own; those beside it lie where they would."""
+    stream = io.BytesIO()
+    Image.new("L", (4000, 3000)).save(stream, "JPEG")
+    block, small = PictureBlock(), encoded(pictures[0])
+    block.reserve(32)
+    first, large, last = (block.grey_picture(jpeg, slot) for slot, jpeg in enumerate([small, stream.getvalue(), small]))
+
+    assert large.shape == (3000, 4000)
+    assert np.array_equal(first, last)
+    assert block._memory.shape == (32, first.size)
+
+
 @pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}], ids=str)
 def test_plain_pictures_may_be_as_small_as_jpegs_can_be(options: dict[str, object]) -> None:
     """Nothing but black, in the fewest bytes that there are for it, is believed."""
