@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -17,35 +16,26 @@ from threadpoolctl import threadpool_limits
 from benchmarks.angauge import values_by_needle
 from benchmarks.plain_way import Correlate, PlainWay, with_opencv, with_skimage
 from benchmarks.sized_flights import PICTURES, SIZES, Size, sized_flight
-from benchmarks.two_at_once import decompressing
+from benchmarks.two_workers import LOOPS, TwoByOne, two_by_one
 from decoder.flight_decoder import decode_flight
-from decoder.frame_batch import Batch, ReadBatches, batch_frames, batches, read_here
 from decoder.method import Method
 from decoder.panel_pictures import PanelPictures, panel_from_attachments
 from decoder.panel_reader import PanelReader
 from decoder.pictures import grey_picture
-from decoder.worker_pool import WorkerPool
 from flight_file.reader import Flight
 
 NEEDLES = (7, 24)
-# Of the pictures of a flight, so that there is something to measure.
-LOOPS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Processor milliseconds a frame (medians of rounds), and medians of the rounds' ratios to decompression.
-
-    `two_by_one` is how much sooner two workers have read the frames than one has; wall clock, the median of the rounds.
-    `bare_two_by_one` is the same of processes that merely decompress: what the machine has to give.
-    """
+    """Processor milliseconds a frame (medians of rounds), and medians of the rounds' ratios to decompression."""
 
     size: Size
     needles: int
     decompress_ms: float
     ratios: dict[str, float]
-    two_by_one: float
-    bare_two_by_one: float
+    two_by_one: TwoByOne
 
 
 def compare(sizes: Sequence[Size] = SIZES) -> list[Compared]:
@@ -71,14 +61,12 @@ def _compared(folder: Path, size: Size, needles: int) -> Compared:
         bare.append(_decompressed_ms(flight))
         for name, (frames, way) in ways.items():
             ratios[name].append(1000 * _processor_s(way) / frames / bare[-1])
-    two_by_one, bare_two_by_one = _two_by_one(flight, source, size)
     return Compared(
         size=size,
         needles=needles,
         decompress_ms=statistics.median(bare),
         ratios={name: statistics.median(own) for name, own in ratios.items()},
-        two_by_one=two_by_one,
-        bare_two_by_one=bare_two_by_one,
+        two_by_one=two_by_one(flight, source, size),
     )
 
 
@@ -98,39 +86,3 @@ def _processor_s(work: Callable[[], object]) -> float:
     start = time.process_time()
     work()
     return time.process_time() - start
-
-
-def _two_by_one(flight: Flight, source: PanelPictures, size: Size) -> tuple[float, float]:
-    reader = PanelReader.from_panel(source, Method.NORMXCORR)
-    ours: list[float] = []
-    bare: list[float] = []
-    with decompressing(flight.paths[0], PICTURES, PICTURES * LOOPS) as bare_by_one:
-        for _ in range(size.rounds):
-            bare.append(bare_by_one())
-            ours.append(_read_s(1, reader, flight) / _read_s(2, reader, flight))
-    return statistics.median(ours), statistics.median(bare)
-
-
-def _read_s(jobs: int, reader: PanelReader, flight: Flight) -> float:
-    """By the clock, until so many workers have read the flight."""
-    with _ready(jobs, reader, flight) as read:
-        start = time.perf_counter()
-        for _ in read(reader, _cut(reader, flight)):
-            pass
-        return time.perf_counter() - start
-
-
-@contextmanager
-def _ready(jobs: int, reader: PanelReader, flight: Flight) -> Iterator[ReadBatches]:
-    """Reading by so many workers that have started already; one is this process itself."""
-    if jobs == 1:
-        yield read_here
-        return
-    with WorkerPool(jobs) as pool:
-        list(pool.read(reader, islice(_cut(reader, flight), 2 * jobs)))
-        yield pool.read
-
-
-def _cut(reader: PanelReader, flight: Flight) -> Iterator[Batch]:
-    height, width = reader.source.picture.shape
-    return batches(flight.frames(), batch_frames((width, height)))

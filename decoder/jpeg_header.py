@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 
 _START = b"\xff\xd8\xff"
@@ -13,7 +14,9 @@ _SCAN = 0xDA
 MOST_PIXELS_A_BYTE = 512
 MOST_PIXELS = 2**27  # the largest sensors have no more
 FEW_PIXELS = 2**22  # are tried in any case: four megabytes
-_HEIGHT_AT = 5  # from the segment's marker: marker, length, precision, then height and width
+# A segment's start, as far as it is one of sizes: marker, kind, length, precision, height, width.
+_SEGMENT = struct.Struct(">BBHBHH")
+_HEIGHT_AT = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +41,13 @@ def jpeg_header(encoded: bytes) -> JpegHeader | None:
     """The header of a JPEG; None if it is none, or not one of the usual kinds."""
     if not encoded.startswith(_START):
         return None
-    at, end = 2, len(encoded)
-    while at + _HEIGHT_AT + 4 < end and encoded[at] == _START[0]:
-        kind = encoded[at + 1]
+    at, last = 2, len(encoded) - _SEGMENT.size
+    while at < last:
+        marker, kind, length, _, height, width = _SEGMENT.unpack_from(encoded, at)
+        if marker != _START[0] or kind == _SCAN:
+            return None
         if kind in _SIZES:
-            height = int.from_bytes(encoded[at + _HEIGHT_AT : at + _HEIGHT_AT + 2])
-            width = int.from_bytes(encoded[at + _HEIGHT_AT + 2 : at + _HEIGHT_AT + 4])
             whole = kind in _SEQUENTIAL and encoded.endswith(_END)
             return JpegHeader(height, width, at + _HEIGHT_AT, whole) if height and width else None
-        if kind == _SCAN:
-            return None
-        at += 2 + int.from_bytes(encoded[at + 2 : at + 4])
+        at += 2 + length
     return None

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
+from isal.isal_zlib import crc32
 
 from flight_file.records import (
     RECORD_HEADER,
@@ -92,7 +92,7 @@ def read_chunk(source: ByteSource, place: ChunkPlace, *, needs_crc: bool) -> mem
     records = _uncompressed(head, content[head.data_offset :])
     if head.crc == 0 and needs_crc:
         raise DamagedRecordError("a chunk has no CRC and the file is not finished")
-    if head.crc != 0 and zlib.crc32(records) != head.crc:
+    if head.crc != 0 and crc32(records) != head.crc:
         raise DamagedRecordError("a chunk does not fit its CRC")
     return records
 

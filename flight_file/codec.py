@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
+import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
@@ -14,8 +15,6 @@ from flight_file import moments
 from flight_file.frame import ClockReading, Exif, Frame
 from flight_file.reports import CameraStatus, Health, LogLine
 from flight_file.topics import FRAME_ID, IMAGE_FORMAT
-
-T = TypeVar("T")
 
 _EXIF_FIELDS = ("focal_length_mm", "exposure_s", "f_number", "iso", "datetime")
 
@@ -77,61 +76,57 @@ def encode_frame(frame: Frame) -> bytes:
     )
 
 
+class _FrameRecord(msgspec.Struct, frozen=True):
+    """What `encode_frame` writes, as far as it is asked for again."""
+
+    sequence: int
+    captured: moments.Moment
+    sha256: str
+    times: moments.HostClocks
+    exif: Exif
+    width_px: int | None = None
+    height_px: int | None = None
+    zoom_position: float | None = None
+    captured_sigma: moments.Moment | None = None
+
+
+class _Report(msgspec.Struct, frozen=True):
+    """Of a camera status or a health report."""
+
+    dropped: int
+
+
+_FRAME_RECORD = msgspec.json.Decoder(_FrameRecord)
+_REPORT = msgspec.json.Decoder(_Report)
+
+
 def decode_frame(data: memoryview) -> Frame:
     """Inverse of `encode_frame`, with an empty `jpeg`; raises MalformedMessageError."""
     try:
-        document = json.loads(bytes(data))
-        return _frame(document)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        record = _FRAME_RECORD.decode(data)
+    except (ValueError, RecursionError) as error:
         raise MalformedMessageError("a frame's record is not what /camera/frame promises") from error
+    sigma = record.captured_sigma
+    return Frame(
+        sequence=record.sequence,
+        captured_ns=record.captured.time_ns,
+        jpeg=b"",
+        sha256=record.sha256,
+        times=record.times.times,
+        exif=record.exif,
+        width_px=record.width_px,
+        height_px=record.height_px,
+        zoom_position=record.zoom_position,
+        captured_sigma_ns=None if sigma is None else sigma.time_ns,
+    )
 
 
 def decode_dropped(data: memoryview) -> int:
     """How many frames a camera status or health report says were not stored so far; raises MalformedMessageError."""
     try:
-        return _typed(json.loads(bytes(data))["dropped"], int)
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        return _REPORT.decode(data).dropped
+    except (ValueError, RecursionError) as error:
         raise MalformedMessageError("a report is not what its topic promises") from error
-
-
-def _frame(document: dict[str, Any]) -> Frame:
-    exif = document["exif"]
-    return Frame(
-        sequence=_typed(document["sequence"], int),
-        captured_ns=moments.from_json(document["captured"]),
-        jpeg=b"",
-        sha256=_typed(document["sha256"], str),
-        times=moments.host_times_from_json(document["times"]),
-        exif=Exif(
-            focal_length_mm=_real(exif.get("focal_length_mm")),
-            exposure_s=_real(exif.get("exposure_s")),
-            f_number=_real(exif.get("f_number")),
-            iso=_optional(exif.get("iso"), int),
-            datetime=_optional(exif.get("datetime"), str),
-        ),
-        width_px=_optional(document.get("width_px"), int),
-        height_px=_optional(document.get("height_px"), int),
-        zoom_position=_real(document.get("zoom_position")),
-        captured_sigma_ns=_optional_time(document.get("captured_sigma")),
-    )
-
-
-def _typed(value: object, kind: type[T]) -> T:
-    if not isinstance(value, kind) or isinstance(value, bool):
-        raise TypeError(f"expected {kind.__name__}")
-    return value
-
-
-def _optional(value: object, kind: type[T]) -> T | None:
-    return None if value is None else _typed(value, kind)
-
-
-def _optional_time(value: object) -> int | None:
-    return None if value is None else moments.from_json(value)
-
-
-def _real(value: object) -> float | None:
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else _optional(value, float)
 
 
 def encode_status(status: CameraStatus, at: ClockReading) -> bytes:

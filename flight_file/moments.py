@@ -1,8 +1,11 @@
-"""Time as JSON: `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles."""
+"""Time as JSON: `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles.
+
+The classes are what msgspec makes of it, checked.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import msgspec
 
 from flight_file.frame import ClockReading, HostTimes
 
@@ -16,12 +19,16 @@ def to_json(time_ns: int) -> dict[str, int]:
     return {"sec": seconds, "nsec": nanoseconds}
 
 
-def from_json(value: Any) -> int:  # noqa: ANN401 - it comes out of a file and is checked here
-    """Nanoseconds of `{"sec", "nsec"}`; raises KeyError, TypeError or ValueError if it is something else."""
-    seconds, nanoseconds = value["sec"], value["nsec"]
-    if type(seconds) is not int or type(nanoseconds) is not int:
-        raise TypeError("a time is not in whole seconds and nanoseconds")
-    return seconds * NS_PER_S + nanoseconds
+class Moment(msgspec.Struct, frozen=True):
+    """Inverse of `to_json`."""
+
+    sec: int
+    nsec: int
+
+    @property
+    def time_ns(self) -> int:
+        """Nanoseconds."""
+        return self.sec * NS_PER_S + self.nsec
 
 
 def reading_to_json(reading: ClockReading) -> dict[str, dict[str, int]]:
@@ -29,9 +36,16 @@ def reading_to_json(reading: ClockReading) -> dict[str, dict[str, int]]:
     return {"realtime": to_json(reading.realtime_ns), "monotonic": to_json(reading.monotonic_ns)}
 
 
-def reading_from_json(value: Any) -> ClockReading:  # noqa: ANN401 - as above
-    """Inverse of `reading_to_json`; raises as `from_json` does."""
-    return ClockReading(realtime_ns=from_json(value["realtime"]), monotonic_ns=from_json(value["monotonic"]))
+class Clocks(msgspec.Struct, frozen=True):
+    """Inverse of `reading_to_json`."""
+
+    realtime: Moment
+    monotonic: Moment
+
+    @property
+    def reading(self) -> ClockReading:
+        """What both said."""
+        return ClockReading(self.realtime.time_ns, self.monotonic.time_ns)
 
 
 def host_times_to_json(times: HostTimes) -> dict[str, dict[str, dict[str, int]]]:
@@ -43,13 +57,17 @@ def host_times_to_json(times: HostTimes) -> dict[str, dict[str, dict[str, int]]]
     }
 
 
-def host_times_from_json(value: Any) -> HostTimes:  # noqa: ANN401 - as above
-    """Inverse of `host_times_to_json`; raises as `from_json` does."""
-    return HostTimes(
-        before_request=reading_from_json(value["before_request"]),
-        after_answer=reading_from_json(value["after_answer"]),
-        downloaded=reading_from_json(value["downloaded"]),
-    )
+class HostClocks(msgspec.Struct, frozen=True):
+    """Inverse of `host_times_to_json`."""
+
+    before_request: Clocks
+    after_answer: Clocks
+    downloaded: Clocks
+
+    @property
+    def times(self) -> HostTimes:
+        """The three readings of a frame."""
+        return HostTimes(self.before_request.reading, self.after_answer.reading, self.downloaded.reading)
 
 
 def storable(time_ns: int) -> int:

@@ -9,9 +9,10 @@ CRC proves.
 from __future__ import annotations
 
 import re
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from isal.isal_zlib import crc32
 
 from flight_file.chunks import MAX_RECORD_BYTES, ByteSource, ChunkPlace, read_chunk
 from flight_file.errors import NotAFlightError
@@ -136,7 +137,7 @@ class _Walk:
     def take_attachment(self, start: int, length: int) -> None:
         content = self._content(start, length)
         attachment = parse_attachment(content)
-        proved = attachment.crc == zlib.crc32(content[: attachment.crc_bytes])
+        proved = attachment.crc == crc32(content[: attachment.crc_bytes])
         if not proved and (attachment.crc or not self._found.finished):
             self._lose(
                 start, start + length, f"the attachment {attachment.name!r} does not fit its CRC", LossKind.DAMAGED

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-import zlib
+
+from isal.isal_zlib import crc32
 
 from flight_file.chunks import ByteSource
 from flight_file.records import FOOTER_BYTES, MAGIC, RECORD_HEADER, Opcode
@@ -41,5 +42,5 @@ def unfitting_section(source: ByteSource) -> str | None:
 def _crc(source: ByteSource, start: int, end: int) -> int:
     crc = 0
     for offset in range(start, end, _BLOCK_BYTES):
-        crc = zlib.crc32(source.read_at(offset, min(_BLOCK_BYTES, end - offset)), crc)
+        crc = crc32(source.read_at(offset, min(_BLOCK_BYTES, end - offset)), crc)
     return crc
