@@ -9,10 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from flight_file.errors import NotAFlightError
 from flight_file.reader import open_flight
 
 WriteConfig = Callable[..., Path]
@@ -61,8 +63,9 @@ def start_realtime(config: Path, frames: int) -> tuple[subprocess.Popen[str], Pa
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
         for path in directory.glob("*.part"):
-            if len(list(open_flight([path]).frames())) >= frames:
-                return process, path
+            with suppress(NotAFlightError):  # looked at between its making and its first bytes
+                if len(list(open_flight([path]).frames())) >= frames:
+                    return process, path
         time.sleep(0.05)
     process.kill()
     pytest.fail("nothing was recorded in time")
