@@ -20,6 +20,9 @@ from decoder.resampling import PointMap, levels_at
 from decoder.searching import dealt
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
+# As many of a frame's pixels stay in the processor's cache until they are sampled.
+AT_HAND_PX = 1 << 18
+
 Levels = NDArray[Any]
 """Grey levels, whole ones where a frame is sampled."""
 
@@ -51,6 +54,7 @@ class QuickGrids:
         searched = [dealt(own) for own in numbers]
         self.searched_shapes = [own.shape for own in searched]
         self._map = PointMap.of([self._points[own.ravel()].T for own in searched])
+        self._bands = _bands(points)
 
     @property
     def searched_parts(self) -> tuple[slice, ...]:
@@ -59,6 +63,8 @@ class QuickGrids:
 
     def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Pixels:
         """Of a frame, straight from its own pixels; those for the search at once, while the frame is at hand."""
+        if self._bands is not None:
+            _fetch(frame, alignment.places(self._bands))
         return _FramePixels(self._points, frame, alignment, self._map.levels(frame, alignment))
 
     def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Pixels:
@@ -90,6 +96,32 @@ class _UnwrappedPixels:
             start = number - self._first[index]
             run[:] = self._gauges[index][start : start + size]
         return runs
+
+
+def _fetch(frame: GreyPicture, boxes: Floats) -> None:
+    """Reads boxes of a frame, by their first and last corners, (N, 2, 2), row by row: so the processor reads ahead.
+
+    Points around a dial lie scattered in memory; each by itself would be waited for.
+    """
+    for (left, top), (right, bottom) in boxes.tolist():
+        frame[int(top) : int(bottom) + 2, int(left) : int(right) + 2].copy()
+
+
+def _bands(gauges: Sequence[Floats]) -> Floats | None:
+    """(N, 2, 2) float32: first and last corners of boxes around gauges, by their points (2, ...); one if side by side.
+
+    None where so much does not stay at hand.
+    """
+    bands: list[tuple[Floats, Floats]] = []
+    boxes = ((own.min(axis=(1, 2)), own.max(axis=(1, 2))) for own in gauges)
+    for first, last in sorted(boxes, key=lambda box: float(box[0][1])):
+        if bands and first[1] <= bands[-1][1][1]:
+            bands[-1] = np.minimum(bands[-1][0], first), np.maximum(bands[-1][1], last)
+        else:
+            bands.append((first, last))
+    corners = np.array(bands, np.float32)
+    size_px = (corners[:, 1] - corners[:, 0]).prod(axis=1).sum()
+    return corners if size_px <= AT_HAND_PX else None
 
 
 def _runs(values: Levels, size: int) -> Levels:
