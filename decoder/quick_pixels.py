@@ -54,7 +54,7 @@ class QuickGrids:
         searched = [dealt(own) for own in numbers]
         self.searched_shapes = [own.shape for own in searched]
         self._map = PointMap.of([self._points[own.ravel()].T for own in searched])
-        self._bands = _bands(points)
+        self._ends = _ends(self._map.folded.reshape(-1, 2), self._map.slices)
 
     @property
     def searched_parts(self) -> tuple[slice, ...]:
@@ -63,9 +63,12 @@ class QuickGrids:
 
     def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Pixels:
         """Of a frame, straight from its own pixels; those for the search at once, while the frame is at hand."""
-        if self._bands is not None:
-            _fetch(frame, alignment.places(self._bands))
-        return _FramePixels(self._points, frame, alignment, self._map.levels(frame, alignment))
+        places = self._map.places(alignment)
+        for left, top, right, bottom in places.reshape(-1)[self._ends].tolist():
+            # Points around a dial lie scattered in memory, each to be waited for: row by row the processor reads ahead.
+            frame[int(top) : int(bottom) + 2, int(left) : int(right) + 2].copy()
+        searched = levels_at(frame, places)[: self._map.slices[-1].stop]
+        return _FramePixels(self._points, frame, alignment, searched)
 
     def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Pixels:
         """Of all unwrapped gauges of the panel."""
@@ -98,30 +101,23 @@ class _UnwrappedPixels:
         return runs
 
 
-def _fetch(frame: GreyPicture, boxes: Floats) -> None:
-    """Reads boxes of a frame, by their first and last corners, (N, 2, 2), row by row: so the processor reads ahead.
+def _ends(points: Floats, parts: Sequence[slice]) -> Indices:
+    """(N, 4): of boxes around points (M, 2), which of their numbers are the left, top, right and bottom ends.
 
-    Points around a dial lie scattered in memory; each by itself would be waited for.
+    Parts side by side share a box; there are none where they hold more pixels than stay at hand.
     """
-    for (left, top), (right, bottom) in boxes.tolist():
-        frame[int(top) : int(bottom) + 2, int(left) : int(right) + 2].copy()
-
-
-def _bands(gauges: Sequence[Floats]) -> Floats | None:
-    """(N, 2, 2) float32: first and last corners of boxes around gauges, by their points (2, ...); one if side by side.
-
-    None where so much does not stay at hand.
-    """
-    bands: list[tuple[Floats, Floats]] = []
-    boxes = ((own.min(axis=(1, 2)), own.max(axis=(1, 2))) for own in gauges)
-    for first, last in sorted(boxes, key=lambda box: float(box[0][1])):
-        if bands and first[1] <= bands[-1][1][1]:
-            bands[-1] = np.minimum(bands[-1][0], first), np.maximum(bands[-1][1], last)
+    boxes: list[Indices] = []
+    for part in sorted(parts, key=lambda part: float(points[part, 1].min())):
+        own = np.arange(part.start, part.stop)
+        if boxes and points[own, 1].min() <= points[boxes[-1], 1].max():
+            boxes[-1] = np.concatenate([boxes[-1], own])
         else:
-            bands.append((first, last))
-    corners = np.array(bands, np.float32)
-    size_px = (corners[:, 1] - corners[:, 0]).prod(axis=1).sum()
-    return corners if size_px <= AT_HAND_PX else None
+            boxes.append(own)
+    first = [own[points[own].argmin(axis=0)] for own in boxes]
+    last = [own[points[own].argmax(axis=0)] for own in boxes]
+    ends = 2 * np.hstack([first, last]) + [0, 1, 0, 1]
+    left, top, right, bottom = points.reshape(-1)[ends].T
+    return ends if ((right - left) * (bottom - top)).sum() <= AT_HAND_PX else ends[:0]
 
 
 def _runs(values: Levels, size: int) -> Levels:
