@@ -64,9 +64,9 @@ class QuickGrids:
     def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Pixels:
         """Of a frame, straight from its own pixels; those for the search at once, while the frame is at hand."""
         places = self._map.places(alignment)
-        for left, top, right, bottom in places.reshape(-1)[self._ends].tolist():
+        for left, top, right, bottom in places.reshape(-1)[self._ends].astype(np.intp).tolist():
             # Points around a dial lie scattered in memory, each to be waited for: row by row the processor reads ahead.
-            frame[int(top) : int(bottom) + 2, int(left) : int(right) + 2].copy()
+            frame[top : bottom + 2, left : right + 2].copy()
         searched = levels_at(frame, places)[: self._map.slices[-1].stop]
         return _FramePixels(self._points, frame, alignment, searched)
 
