@@ -112,9 +112,9 @@ class JointFitter:
         self._pixels_per_sample = pixels_per_sample
         phases = phases_of(upper)
         light, transparency = phases.light, phases.transparency
-        # By phase: both, how both change when the needle moves on, and what its transparency is held to.
+        # Both by phase, how both change when the needle moves on, and what its transparency is held to.
         held = np.maximum(transparency[:, 0], np.float32(MIN_COVER))
-        self._drawn = np.stack([light[:, 0], transparency[:, 0], light[:, 1], transparency[:, 1], held], axis=1)
+        self._drawn = np.stack([light[:, 0], transparency[:, 0], light[:, 1], transparency[:, 1], held])
         self._trust = upper.trust.ravel()
 
     def fit(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Joint:
@@ -177,8 +177,7 @@ class JointFitter:
     def _layers(self, at: _Places, lower: Floats) -> Floats:
         """(M, 6, H * C): what the sums are made of, with the lower needles on rows (M,) of the gauge."""
         count = len(lower)
-        drawn = self._drawn[at.phase + PHASE_REACH]
-        light, over, more_light, more_over, held = (drawn[:, number] for number in range(drawn.shape[1]))
+        light, over, more_light, more_over, held = self._drawn.take(at.phase + PHASE_REACH, axis=1)
         face = at.face.reshape(count, *self._shape)
         rows = lower - at.window + self._axis + BESIDE_ROWS
         through, before, after = self._lower.at(rows).through(over, face)

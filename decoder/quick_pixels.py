@@ -20,6 +20,9 @@ from decoder.resampling import PointMap, levels_at
 from decoder.searching import dealt
 from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
+# As many of a frame's pixels stay in the processor's cache until they are sampled.
+AT_HAND_PX = 1 << 18
+
 Levels = NDArray[Any]
 """Grey levels, whole ones where a frame is sampled."""
 
@@ -51,6 +54,7 @@ class QuickGrids:
         searched = [dealt(own) for own in numbers]
         self.searched_shapes = [own.shape for own in searched]
         self._map = PointMap.of([self._points[own.ravel()].T for own in searched])
+        self._ends = _ends(self._map.folded.reshape(-1, 2), self._map.slices)
 
     @property
     def searched_parts(self) -> tuple[slice, ...]:
@@ -59,7 +63,12 @@ class QuickGrids:
 
     def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Pixels:
         """Of a frame, straight from its own pixels; those for the search at once, while the frame is at hand."""
-        return _FramePixels(self._points, frame, alignment, self._map.levels(frame, alignment))
+        places = self._map.places(alignment)
+        for left, top, right, bottom in places.reshape(-1)[self._ends].astype(np.intp).tolist():
+            # Points around a dial lie scattered in memory, each to be waited for: row by row the processor reads ahead.
+            frame[top : bottom + 2, left : right + 2].copy()
+        searched = levels_at(frame, places)[: self._map.slices[-1].stop]
+        return _FramePixels(self._points, frame, alignment, searched)
 
     def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Pixels:
         """Of all unwrapped gauges of the panel."""
@@ -90,6 +99,25 @@ class _UnwrappedPixels:
             start = number - self._first[index]
             run[:] = self._gauges[index][start : start + size]
         return runs
+
+
+def _ends(points: Floats, parts: Sequence[slice]) -> Indices:
+    """(N, 4): of boxes around points (M, 2), which of their numbers are the left, top, right and bottom ends.
+
+    Parts side by side share a box; there are none where they hold more pixels than stay at hand.
+    """
+    boxes: list[Indices] = []
+    for part in sorted(parts, key=lambda part: float(points[part, 1].min())):
+        own = np.arange(part.start, part.stop)
+        if boxes and points[own, 1].min() <= points[boxes[-1], 1].max():
+            boxes[-1] = np.concatenate([boxes[-1], own])
+        else:
+            boxes.append(own)
+    first = [own[points[own].argmin(axis=0)] for own in boxes]
+    last = [own[points[own].argmax(axis=0)] for own in boxes]
+    ends = 2 * np.hstack([first, last]) + [0, 1, 0, 1]
+    left, top, right, bottom = points.reshape(-1)[ends].T
+    return ends if ((right - left) * (bottom - top)).sum() <= AT_HAND_PX else ends[:0]
 
 
 def _runs(values: Levels, size: int) -> Levels:

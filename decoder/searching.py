@@ -26,8 +26,10 @@ from decoder.over_face import face_moments
 COARSE_STEP = 3
 # More lanes make fewer, longer sums, and more products with nothing.
 LANES = 5
+# A library's products take as many rows of a kernel at a time; what is left over costs it as much again.
+ROWS_AT_ONCE = 4
 # Numbers whose sums are made together: more of them do not stay in the processor's cache.
-AT_ONCE = 3 << 18
+AT_ONCE = 7 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,15 +129,18 @@ class _Batch:
         self._runs = -(-max(place.count for place in self.places) // LANES)
         self.count = LANES * self._runs
         size = faces[0].shape[0] * faces[0].shape[1]
-        needles, rows = len(sought), self._parts * LANES
+        needles, rows = len(sought), -(-self._parts * LANES // ROWS_AT_ONCE) * ROWS_AT_ONCE
         self._faces = np.zeros((needles, size, self._runs + self._parts - 1), np.float32)
-        at_once = max(1, AT_ONCE // (3 * self._faces.size))
-        # By frame and needle the gauge, that by its face, and that by itself.
-        self._images = np.zeros((3, at_once, *self._faces.shape), np.float32)
+        at_once = max(1, AT_ONCE // (2 * self._faces.size))
+        # By frame and needle the gauge, in the end by itself, and that by its face.
+        self._images = np.zeros((2, at_once, *self._faces.shape), np.float32)
+        # By image: for gauge and gauge times face the weights and the needle's own layer; for its square the weights.
+        self._kernels = np.zeros((2, 1, needles, 2, rows, size), np.float32)
         self._weights = np.zeros((needles, rows, size), np.float32)
-        self._needles = np.zeros((2, 1, needles, rows, size), np.float32)
+        # Lanes follow each other in the images: so do their sums, with a few between them that are no scores.
+        self._width = LANES * self._faces.shape[-1] - self._parts + 1
         # Of `over_face.FaceMoments` what scores take, two of them as what they divide.
-        self._known = np.zeros((5, needles, LANES, self._runs), np.float32)
+        self._known = np.zeros((5, needles, self._width), np.float32)
         for index, (template, face) in enumerate(zip(coarse, faces, strict=True)):
             self._prepare(index, template, face)
 
@@ -145,8 +150,8 @@ class _Batch:
         count = self.places[index].count
         own = face_moments(np.ascontiguousarray(collected(face)[: count + template.rows - 1]), template)
         weights, light, cover = own.kernels / own.total[0]  # all pixels are seen, so the same on every row
-        self._weights[index] = self._by_lane(weights)
-        self._needles[:, 0, index] = self._by_lane(light), self._by_lane(cover)
+        self._weights[index] = self._kernels[:, 0, index, 0] = self._by_lane(weights)
+        self._kernels[:, 0, index, 1] = self._by_lane(light), self._by_lane(cover)
         shows = own.needle_left > MIN_SPREAD_LEVELS**2
         known = np.zeros((len(self._known), self.count), np.float32)
         known[:, :count] = (
@@ -156,15 +161,17 @@ class _Batch:
             own.needle_per_face,
             shows / np.sqrt(np.where(shows, own.needle_left, 1.0)),
         )
-        self._known[:, index] = known.reshape(-1, self._runs, LANES).swapaxes(1, 2)
+        self._lanes(self._known)[:, index] = known.reshape(-1, self._runs, LANES).swapaxes(1, 2)
 
     def _by_lane(self, kernel: Floats) -> Floats:
-        """A kernel (H, C) beginning on each lane: (parts * lanes, lanes * C)."""
+        """A kernel (H, C) beginning on each lane: (parts * lanes, lanes * C), then rows of nothing."""
         rows = np.zeros((LANES, self._parts * LANES, kernel.shape[1]), np.float32)
         for lane in range(LANES):
             rows[lane, lane : lane + len(kernel)] = kernel
         by_part = rows.reshape(LANES, self._parts, -1).swapaxes(0, 1)
-        return by_part.reshape(self._parts * LANES, -1)
+        kernels = np.zeros(self._weights.shape[1:], np.float32)
+        kernels[: self._parts * LANES] = by_part.reshape(self._parts * LANES, -1)
+        return kernels
 
     def scores(self, gauges: Sequence[Floats]) -> Floats:
         """(F, K, N): as `Search.coarse`."""
@@ -181,16 +188,18 @@ class _Batch:
             gauge = gauges[place.gauge]
             images[0, :, index, :, : gauge.shape[-1]] = gauge.reshape(len(gauge), -1, gauge.shape[-1])
         np.multiply(images[0], self._faces, out=images[1])
-        np.multiply(images[0], images[0], out=images[2])
         by_lane = scores.reshape(*scores.shape[:2], self._runs, LANES).swapaxes(2, 3)
-        self._partial(images, by_lane)
+        np.clip(self._lanes(self._partial(images)), -1.0, 1.0, out=by_lane)
 
-    def _partial(self, images: Floats, scores: Floats) -> None:
-        """As `over_face.partial_normxcorr`, (F, K, lanes, runs)."""
+    def _partial(self, images: Floats) -> Floats:
+        """As `over_face.partial_normxcorr`, (F, K, width)."""
         face_mean, needle_mean, per_face_variance, needle_per_face, per_needle_spread = self._known
-        mean, with_face, square = self._sums(self._weights, images)
-        with_needle, with_cover = self._sums(self._needles, images[:2])
-        with_needle += with_cover
+        size = images.shape[-2]
+        both = self._kernels.reshape(*self._kernels.shape[:3], -1, size) @ images
+        both = both.reshape(*both.shape[:3], 2, -1, images.shape[-1])
+        mean, with_face = self._sums(both[..., 0, :, :])
+        square = self._sums(self._weights @ np.square(images[0], out=images[0]))
+        with_needle = self._sums(both[0, ..., 1, :, :] + both[1, ..., 1, :, :])
         with_face -= mean * face_mean
         with_needle -= mean * needle_mean
         with_needle -= with_face * needle_per_face
@@ -202,20 +211,23 @@ class _Batch:
         square -= with_face
         spread = np.where(square > MIN_SPREAD_LEVELS**2, square, np.inf)
         with_needle /= np.sqrt(spread, out=spread)
-        np.clip(with_needle, -1.0, 1.0, out=scores)
+        return with_needle
 
-    def _sums(self, kernels: Floats, images: Floats) -> Floats:
-        """`correlation.sliding_sums` of images (..., lanes * C, M) with kernels as `_by_lane`: (..., lanes, runs).
-
-        One product for each image, always of one shape: so frames do not change each other's rounding.
-        """
-        products = kernels @ images
-        by_part = products.reshape(*products.shape[:-2], self._parts, LANES, -1)
-        first, second, *others = (by_part[..., part, :, part : part + self._runs] for part in range(self._parts))
+    def _sums(self, products: Floats) -> Floats:
+        """`correlation.sliding_sums` by products of images with kernels as of `_by_lane`: (..., width)."""
+        rows = products[..., : self._parts * LANES, :]
+        by_part = rows.reshape(*rows.shape[:-2], self._parts, -1)
+        first, second, *others = (by_part[..., part, part : part + self._width] for part in range(self._parts))
         sums: Floats = first + second
         for other in others:
             sums += other
         return sums
+
+    def _lanes(self, sums: Floats) -> Floats:
+        """(A, B, lanes, runs): a view on contiguous sums (A, B, width)."""
+        *outer, number = sums.strides
+        shape, strides = (*sums.shape[:2], LANES, self._runs), (*outer, number * self._faces.shape[-1], number)
+        return np.ndarray(shape, sums.dtype, sums, strides=strides)
 
 
 def _spread(coarse: Floats, place: SearchedRows) -> Floats:
