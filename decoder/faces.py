@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decoder.arrays import Floats
-from decoder.sorting import middle_level, middle_views
+from decoder.sorting import middle_of, middle_views
 
 MIN_VIEWS = 3
 # Two views will do where they show the same.
@@ -25,16 +25,27 @@ LitViews = Sequence[Sequence[Floats | None]]
 """By gauge and frame the unwrapped gauge in the panel picture's light; None where it cannot be had."""
 
 
-def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
-    """An unwrapped gauge in the light of a reference picture of it; None if they have nothing in common.
+def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
+    """Unwrapped gauges, each in the light of a reference picture of it; None if they have nothing in common.
 
     Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
     differ.
     """
-    grey = np.float32(MIDDLE_GREY)  # keeps sums small enough for float32
-    wanted, seen = reference.ravel()[::LIGHT_STRIDE] - grey, strip.ravel()[::LIGHT_STRIDE] - grey
+    wanted = _thinned(reference)
+    return [_lit(wanted, strip) for strip in strips]
+
+
+def _thinned(strip: Floats) -> Floats:
+    """(N,): some of a gauge's pixels, counted from the middle grey: that keeps sums small enough for float32."""
+    thinned: Floats = strip.ravel()[::LIGHT_STRIDE] - np.float32(MIDDLE_GREY)
+    return thinned
+
+
+def _lit(wanted: Floats, strip: Floats) -> Floats | None:
+    """One gauge in the light of such pixels."""
+    seen = _thinned(strip)
     off = wanted - seen
-    gain, offset = 1.0, middle_level(off)
+    gain, offset = 1.0, float(middle_of(off))
     off -= np.float32(offset)
     for step in range(LIGHT_PASSES):
         if step:
@@ -97,10 +108,10 @@ def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
     """A dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
     columns = np.where(place, np.inf, strip).T.copy()
     columns.sort(axis=1)
-    count = (~place).sum(axis=0)
+    count = len(place) - place.sum(axis=0)
     middle = np.maximum(count - 1, 0)[:, None]
     low, high = (np.take_along_axis(columns, which, axis=1)[:, 0] for which in (middle // 2, (middle + 1) // 2))
-    plain = np.where(count > 0, (low + high) / 2, np.median(strip))
+    plain = (low + high) / 2 if count.all() else np.where(count > 0, (low + high) / 2, np.median(strip))
     face: Floats = np.where(place, plain, strip).astype(np.float32)
     return face
 

@@ -28,6 +28,7 @@ from decoder.reading import Reading, Status
 from decoder.seen_faces import with_seen_faces
 from decoder.tuning import Tuning
 from decoder.uncertainty import QuantityUncertainty, quantity_uncertainties
+from decoder.unwrapped_panel import UnwrappedPanel
 
 ROUNDS = 8
 SETTLED_LIFT = 0.01
@@ -148,14 +149,15 @@ def _with_pivots_moved(learned: _Learned, paths: Sequence[PivotPath]) -> PanelRe
     gauges = tuple(gauge if step is None else _around(gauge, plane, own, step) for gauge, plane, step in of_gauges)
     planes = tuple(plane if plane is None or step is None else plane.around(step) for _, plane, step in of_gauges)
     moved = replace(source, panel=source.panel.model_copy(update={"gauges": gauges}), planes=planes)
+    drawn = UnwrappedPanel(moved)
     first = replace(
-        tuning_from_panel(moved),
+        tuning_from_panel(drawn),
         usual=learned.reader.tuning.usual,
         dials_move=tuning.dials_move,
         anchors_agree=tuning.anchors_agree,
         lifts=lifts,
     )
-    return PanelReader(moved, learned.before.method, first)
+    return PanelReader(moved, learned.before.method, first, drawn)
 
 
 def _completed(learned: _Learned, sample: Sample, pivots: Sequence[Pivot]) -> PanelReader:

@@ -53,7 +53,7 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> P
 def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitViews:
     """All gauges of the samples as in the panel picture's light."""
     return [
-        [in_light_of(picture, sample.gauges[index]) for sample in samples]
+        in_light_of(picture, (sample.gauges[index] for sample in samples))
         for index, picture in enumerate(reader.own_gauges)
     ]
 

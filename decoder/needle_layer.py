@@ -69,15 +69,13 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     return NeedleTemplate(pixels, light, transparency, shown * _trust(spread), step_deg)
 
 
-def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
-    """A needle of which one picture is known.
+def first_layer(pixels: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
+    """A needle of which one picture is known, as if it were all light.
 
     Parameters
     ----------
     pixels
         (H, C) float32: the picture, the needle's axis in the middle row.
-    behind
-        (H, C) float32: the dial's face there, as far as it is known.
     plain
         (C,) float32: what the dial mostly shows at each radius.
     step_deg
@@ -85,7 +83,13 @@ def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) 
     """
     transparency = _expected_transparency(pixels, np.broadcast_to(plain, pixels.shape))
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
-    return NeedleTemplate(pixels, pixels - transparency * behind, transparency, trust, step_deg)
+    return NeedleTemplate(pixels, pixels, transparency, trust, step_deg)
+
+
+def cut_over(layer: NeedleTemplate, behind: Floats) -> NeedleTemplate:
+    """A first layer without what shines through it: the dial's face there, (H, C) float32, as far as it is known."""
+    light = layer.pixels - layer.transparency * behind
+    return NeedleTemplate(layer.pixels, light, layer.transparency, layer.trust, layer.step_deg)
 
 
 def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplate:

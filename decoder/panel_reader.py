@@ -26,7 +26,8 @@ from decoder.place_uncertainty import PlaceUncertainty
 from decoder.quick_pixels import QuickGrids
 from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
+from decoder.unwrapped_panel import UnwrappedPanel
+from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # A needle that was found in few frames must match like one that was learned.
 DOUBTED_SCORE = 0.95
@@ -50,9 +51,11 @@ class FrameReadings:
 class PanelReader:
     """Reads frames with one panel, one tuning and one method; keeps nothing from frame to frame."""
 
-    def __init__(self, source: PanelPictures, method: Method, tuning: Tuning) -> None:
-        source = source.with_planes()
-        self.source = source
+    def __init__(
+        self, source: PanelPictures, method: Method, tuning: Tuning, drawn: UnwrappedPanel | None = None
+    ) -> None:
+        self._drawn = drawn or UnwrappedPanel(source)
+        self.source = source = self._drawn.source
         self.method = method
         self.tuning = tuning
         self.block = PictureBlock()
@@ -68,14 +71,15 @@ class PanelReader:
         PanelError
             If a template, an anchor or the level edge does not fit the panel picture.
         """
-        reader = cls(source, method, tuning_from_panel(source))
+        drawn = UnwrappedPanel(source)
+        reader = cls(source, method, tuning_from_panel(drawn), drawn)
         reader.placer  # noqa: B018 - anchors are looked at now, not when the first frame comes
         return reader
 
     def tuned(self, tuning: Tuning) -> PanelReader:
         """The same reader with another tuning; what was worked out and does not change with it serves again."""
-        reader = PanelReader(self.source, self.method, tuning)
-        lasting = ["grids", "unwrapper", "own_gauges", "_quick_grids"]
+        reader = PanelReader(self.source, self.method, tuning, self._drawn)
+        lasting = ["_quick_grids"]
         if tuning.places_as(self.tuning):
             lasting.append("placer")
         if tuning.reads_as(self.tuning):
@@ -83,25 +87,20 @@ class PanelReader:
         vars(reader).update({name: part for name, part in vars(self).items() if name in lasting})
         return reader
 
-    @cached_property
+    @property
     def grids(self) -> list[PolarGrid]:
         """By gauge."""
-        return [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
+        return self._drawn.grids
 
-    @cached_property
-    def unwrapper(self) -> Unwrapper:
-        """Of all gauges."""
-        return Unwrapper(self.grids)
-
-    @cached_property
+    @property
     def own_gauges(self) -> list[UnwrappedGauge]:
         """The gauges of the panel picture, unwrapped."""
-        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own)
+        return self._drawn.gauges
 
     @cached_property
     def placer(self) -> FramePlacer:
         """Tells where the panel lies in frames."""
-        return FramePlacer(self.source, self.tuning, self.grids, self.unwrapper)
+        return FramePlacer(self.source, self.tuning, self.grids, self._drawn.unwrapper)
 
     @property
     def aligner(self) -> Aligner:

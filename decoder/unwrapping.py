@@ -87,7 +87,8 @@ class PolarGrid:
 
     def rim(self) -> Floats:
         """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
-        points = self._points(np.unique(np.linspace(0, self.rows - 1, RIM_POINTS).round().astype(np.intp)))
+        rows = np.linspace(0, self.rows - 1, RIM_POINTS).round().astype(np.intp)
+        points = self._points(rows[np.diff(rows, prepend=-1) > 0])
         return np.concatenate([points[:, :, -1], points[:, :, 0]], axis=1)
 
     def at(self, angle_deg: float, rows: int) -> PolarGrid:

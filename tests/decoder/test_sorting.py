@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from decoder.arrays import Floats
-from decoder.sorting import median_of, middle_level, middle_of, middle_views
+from decoder.sorting import median_of, middle_of, middle_views
 
 LEVELS = st.floats(-300, 300, width=32)
 
@@ -30,13 +30,6 @@ def test_the_middle_is_the_median(values: Floats) -> None:
 
     assert middle == np.median(values)
     assert middle.dtype == np.float32
-
-
-@given(st.integers(1, 60).flatmap(lambda count: arrays(np.float32, count, elements=LEVELS)))
-def test_the_middle_level_is_the_median(levels: Floats) -> None:
-    """Whether all of them are whole or not."""
-    for own in (levels, np.round(levels)):
-        assert middle_level(own) == np.median(own)
 
 
 @given(st.integers(1, 20).flatmap(lambda count: arrays(np.float32, (count, 2, 3), elements=LEVELS)))
