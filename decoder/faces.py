@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decoder.arrays import Floats
+from decoder.arrays import Floats, Indices, Mask
 from decoder.sorting import middle_of, middle_views
 
 MIN_VIEWS = 3
@@ -69,7 +68,7 @@ def _lit(wanted: Floats, strip: Floats) -> Floats | None:
     return lit
 
 
-def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], fallback: Floats) -> Floats:
+def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: Floats) -> Floats:
     """The dial's face: the median of each pixel over the frames in which no needle lies on it.
 
     Parameters
@@ -77,7 +76,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     strips
         (R, C) each, in one light.
     without
-        (R, C) each: where a needle lies.
+        Of each the pixels, numbered through, on which a needle lies; some may be there twice.
     fallback
         (R, C): stands where fewer than three frames show a pixel without a needle, or two differ.
 
@@ -89,8 +88,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     count = np.full(fallback.size, len(views), np.uint16)
     # As much lies far below as far above: what is seen of a pixel stays around the middle.
     far = np.full(fallback.size, -np.inf, np.float32)
-    for view, place in zip(views.reshape(len(views), -1), without, strict=True):
-        covered = np.flatnonzero(place)
+    for view, covered in zip(views.reshape(len(views), -1), without, strict=True):
         view[covered] = far[covered]
         far[covered] *= -1
         count[covered] -= 1
@@ -104,7 +102,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     return face
 
 
-def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
+def bare_face(strip: Floats, place: Mask) -> Floats:
     """A dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
     columns = np.where(place, np.inf, strip).T.copy()
     columns.sort(axis=1)
@@ -116,13 +114,20 @@ def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
     return face
 
 
-def needle_place(shape: tuple[int, int], touched: NDArray[np.bool_], axis_row: float) -> NDArray[np.bool_]:
-    """(R, C): all pixels that a needle with its axis on a row touches; `touched` (H, C) are those of its template."""
-    place = np.zeros(shape, bool)
-    rows = len(touched)
+def needle_pixels(shape: tuple[int, int], touched: Mask, axis_row: float) -> Indices:
+    """(N,): all pixels, numbered through, that a needle with its axis on a row touches on a gauge of R by C of them.
+
+    `touched` (H, C) are those of its template.
+    """
+    rows, columns = touched.shape
     top = axis_row - (rows - 1) / 2
-    for start in {math.floor(top), math.ceil(top)}:
-        first, last = max(start, 0), min(start + rows, shape[0])
-        if first < last:
-            place[first:last] |= touched[first - start : last - start]
-    return place
+    start = math.floor(top)
+    place = np.zeros((rows + 1, columns), bool)
+    place[:rows] = touched
+    if top > start:  # between two rows it touches what it would on either
+        place[1:] |= touched
+    first, last = max(start, 0), min(start + rows + 1, shape[0])
+    if first >= last:
+        return np.empty(0, np.intp)
+    pixels: Indices = np.flatnonzero(place[first - start : last - start]) + first * columns
+    return pixels

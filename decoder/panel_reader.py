@@ -183,7 +183,7 @@ class PanelReader:
 
     @cached_property
     def _quick_grids(self) -> QuickGrids | None:
-        return quick_grids_of(self.source.panel.gauges, self.grids)
+        return quick_grids_of(self.source.panel.gauges, self._drawn.unwrapper)
 
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""
@@ -196,8 +196,12 @@ class PanelReader:
 
     def found_in(self, frames: Sequence[UnwrappedFrame]) -> list[Mapping[str, Reading]]:
         """By frame what its gauges' readers find by needle; what dials' places add to it is left out."""
+        return self.found_on([UnwrappedGauges(frame.gauges, frame.whole) for frame in frames])
+
+    def found_on(self, frames: Sequence[UnwrappedGauges]) -> list[Mapping[str, Reading]]:
+        """The same of frames that several readers read."""
         surely = np.zeros((len(frames), len(self.grids)))
-        own = self._many_frames.read([UnwrappedGauges(frame.gauges, frame.whole) for frame in frames], surely)
+        own = self._many_frames.read(frames, surely)
         return [{name: reading for gauge in gauges for name, reading in gauge.items()} for gauges in own]
 
     def _composed(self, frames: Sequence[UnwrappedFrame], gauges: Sequence[GaugesOfFrame]) -> list[FrameReadings]:

@@ -151,6 +151,15 @@ class Unwrapper:
             if grid.raised is not None
         }
 
+    def points(self, flat: Sequence[int]) -> Floats:
+        """(N, 2) float32: x and y of every sample of some grids, none of them raised, one after the other."""
+        if self._map is None:
+            return np.empty((0, 2), np.float32)
+        pairs = self._map.folded.reshape(-1, 2)
+        parts = iter(self._map.slices)
+        slices = [None if grid.raised is not None else next(parts) for grid in self.grids]
+        return np.concatenate([pairs[slices[index]] for index in flat])
+
     def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
         """One (rows, columns) float32 array for each grid, in their order.
 
