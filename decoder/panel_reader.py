@@ -100,7 +100,7 @@ class PanelReader:
     @cached_property
     def placer(self) -> FramePlacer:
         """Tells where the panel lies in frames."""
-        return FramePlacer(self.source, self.tuning, self.grids, self._drawn.unwrapper)
+        return FramePlacer(self._drawn, self.tuning)
 
     @property
     def aligner(self) -> Aligner:

@@ -45,8 +45,9 @@ def tuning_from_panel(drawn: UnwrappedPanel) -> Tuning:
     templates: dict[str, NeedleTemplate] = {}
     faces, cards = [], {}
     source = drawn.source
-    parts = zip(source.panel.gauges, drawn.grids, drawn.gauges, strict=True)
-    for index, (gauge, grid, strip) in enumerate(parts):
+    parts = zip(source.panel.gauges, drawn.grids, drawn.rims, drawn.gauges, strict=True)
+    for index, (gauge, grid, rim, strip) in enumerate(parts):
+        _check_inside(rim, source.picture, source.optics.own, f"gauges[{index}]")
         own, face = _gauge_tuning(source, gauge, grid, strip, f"gauges[{index}]")
         templates |= own
         faces.append(face)
@@ -58,7 +59,6 @@ def tuning_from_panel(drawn: UnwrappedPanel) -> Tuning:
 def _gauge_tuning(
     source: PanelPictures, gauge: Gauge, grid: PolarGrid, strip: UnwrappedGauge, path: str
 ) -> tuple[dict[str, NeedleTemplate], Floats]:
-    _check_inside(grid, source.picture, source.optics.own, path)
     plain = median_of(strip)
     layers = {}
     for index, needle in enumerate(gauge.needles):
@@ -112,7 +112,7 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, grid:
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
         own = source.optics.own
-        _check_inside(window, picture, own, path)
+        _check_inside(window.rim(), picture, own, path)
         pixels = Unwrapper([window]).unwrap(picture, own)[0]
     if float(pixels.std()) < MIN_CONTRAST_LEVELS:
         raise PanelError(
@@ -121,7 +121,7 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, grid:
     return pixels
 
 
-def _check_inside(grid: PolarGrid, picture: GreyPicture, own: Alignment, path: str) -> None:
+def _check_inside(rim: Floats, picture: GreyPicture, own: Alignment, path: str) -> None:
     height, width = picture.shape
-    if not inside(grid.rim(), own, width, height):
+    if not inside(rim, own, width, height):
         raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from decoder.arrays import Floats
 from decoder.panel_pictures import PanelPictures
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
@@ -21,6 +22,11 @@ class UnwrappedPanel:
         self.source = source.with_planes()
         self.grids = [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
         self.unwrapper = Unwrapper(self.grids)
+
+    @cached_property
+    def rims(self) -> list[Floats]:
+        """By gauge, as `PolarGrid.rim`."""
+        return [grid.rim() for grid in self.grids]
 
     @cached_property
     def gauges(self) -> list[UnwrappedGauge]:
