@@ -92,7 +92,7 @@ class FramePlacer:
     def __init__(self, drawn: UnwrappedPanel, tuning: Tuning) -> None:
         source, grids = drawn.source, drawn.grids
         self.unwrapper = drawn.unwrapper
-        self.aligner = source.aligner(tuning.usual)
+        self.aligner = drawn.aligner.at(tuning.usual)
         self._tuning, self._grids, self._own = tuning, grids, source.optics.own
         self._placers = [
             None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, source.optics.own)

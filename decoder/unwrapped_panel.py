@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from decoder.aligner import Aligner
 from decoder.arrays import Floats
 from decoder.panel_pictures import PanelPictures
 from decoder.unwrapping import UnwrappedGauge, Unwrapper
@@ -22,6 +23,17 @@ class UnwrappedPanel:
         self.source = source.with_planes()
         self.grids = [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
         self.unwrapper = Unwrapper(self.grids)
+
+    @cached_property
+    def aligner(self) -> Aligner:
+        """Finds the panel in frames, whose camera may be anywhere.
+
+        Raises
+        ------
+        PanelError
+            If an anchor or the level edge does not fit the panel picture.
+        """
+        return self.source.aligner()
 
     @cached_property
     def rims(self) -> list[Floats]:
