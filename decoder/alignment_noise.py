@@ -87,5 +87,9 @@ def noise_beside_claim(pairs: Iterable[tuple[MotionCovariance, MotionCovariance]
 def _blocks(points: Floats) -> Indices:
     """(N,) whole numbers from 0: the block in which each of (2, N) points lies."""
     across, down = np.floor(points / BLOCK_PX).astype(np.int64)
-    _, number = np.unique(across * (int(np.abs(down).max()) * 2 + 1) + down, return_inverse=True)
-    return np.asarray(number, np.intp)
+    place = across * (int(np.abs(down).max()) * 2 + 1) + down
+    place -= place.min()
+    there = np.zeros(int(place.max()) + 1, bool)
+    there[place] = True
+    numbers: Indices = np.cumsum(there)[place] - 1
+    return numbers

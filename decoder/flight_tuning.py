@@ -33,6 +33,7 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.scale_marks import FULL_CIRCLE_DEG
+from decoder.sorting import median_of, middle_of
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_of_each
 
 SAMPLE_FRAMES = 16
@@ -235,10 +236,10 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture |
 
 def _usual(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix]) -> Alignment:
     """The median alignment, each at the panel picture's zoom; where all are mere shifts and rolls, it is one too."""
-    usual = np.median(matrices, axis=0)
+    usual = median_of(np.array(matrices))
     if all(is_rigid(matrix) for matrix in matrices):
         usual[:2, :2] /= np.hypot(usual[0, 0], usual[1, 0])
-    return Alignment.of(usual, float(np.median([sample.alignment.score for sample in samples])))
+    return Alignment.of(usual, float(middle_of(np.array([sample.alignment.score for sample in samples]))))
 
 
 def _motions(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix], usual: Alignment) -> tuple[Matrix, ...]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from decoder.arrays import Floats
-from decoder.sorting import median_of, middle_of, middle_views
+from decoder.sorting import median_of, middle_of, middle_views, quantile_of
 
 LEVELS = st.floats(-300, 300, width=32)
 
@@ -30,6 +30,12 @@ def test_the_middle_is_the_median(values: Floats) -> None:
 
     assert middle == np.median(values)
     assert middle.dtype == np.float32
+
+
+@given(arrays(np.float64, st.integers(1, 60), elements=st.floats(-300, 300)), st.floats(0.0, 1.0))
+def test_a_quantile_is_numpys(values: Floats, part: float) -> None:
+    """Between two values too."""
+    assert quantile_of(values, part) == np.quantile(values, part)
 
 
 @given(st.integers(1, 20).flatmap(lambda count: arrays(np.float32, (count, 2, 3), elements=LEVELS)))
