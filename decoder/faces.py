@@ -107,8 +107,8 @@ def bare_face(strip: Floats, place: Mask) -> Floats:
     columns = np.where(place, np.inf, strip).T.copy()
     columns.sort(axis=1)
     count = len(place) - place.sum(axis=0)
-    middle = np.maximum(count - 1, 0)[:, None]
-    low, high = (np.take_along_axis(columns, which, axis=1)[:, 0] for which in (middle // 2, (middle + 1) // 2))
+    middle, every = np.maximum(count - 1, 0), np.arange(len(columns))
+    low, high = columns[every, middle // 2], columns[every, (middle + 1) // 2]
     plain = (low + high) / 2 if count.all() else np.where(count > 0, (low + high) / 2, np.median(strip))
     face: Floats = np.where(place, plain, strip).astype(np.float32)
     return face

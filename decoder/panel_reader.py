@@ -55,12 +55,10 @@ class PanelReader:
         self, source: PanelPictures, method: Method, tuning: Tuning, drawn: UnwrappedPanel | None = None
     ) -> None:
         self._drawn = drawn or UnwrappedPanel(source)
-        self.source = source = self._drawn.source
+        self.source = self._drawn.source
         self.method = method
         self.tuning = tuning
         self.block = PictureBlock()
-        self._places = PlaceUncertainty(source, tuning)
-        self._radii_px = np.array([sum(gauge.radius) / 2 for gauge in source.panel.gauges])
 
     @classmethod
     def from_panel(cls, source: PanelPictures, method: Method) -> Self:
@@ -101,6 +99,10 @@ class PanelReader:
     def placer(self) -> FramePlacer:
         """Tells where the panel lies in frames."""
         return FramePlacer(self._drawn, self.tuning)
+
+    @cached_property
+    def _places(self) -> PlaceUncertainty:
+        return PlaceUncertainty(self.source, self.tuning)
 
     @property
     def aligner(self) -> Aligner:
@@ -210,7 +212,8 @@ class PanelReader:
         for sigma_px, frame in zip(sigmas_px, frames, strict=True):
             if frame.dial_sigmas_px:
                 sigma_px[:] = frame.dial_sigmas_px
-        readings = self._many_frames.read(gauges, np.degrees(sigmas_px / self._radii_px))
+        radii_px = np.array([sum(gauge.radius) / 2 for gauge in self.source.panel.gauges])
+        readings = self._many_frames.read(gauges, np.degrees(sigmas_px / radii_px))
         return [
             FrameReadings(frame.alignment, self._checked(frame, own), tuple(sigma_px), self._needle_shifts_px(frame))
             for frame, own, sigma_px in zip(frames, readings, sigmas_px.tolist(), strict=True)
