@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,12 @@ class Aligner:
         self._picture = picture
         self.optics = optics or Optics((width, height), panel.focal_length_mm)
         self._seen: OrderedDict[tuple[float | None, int, int], SeenPanel] = OrderedDict()
+
+    def at(self, usual: Alignment) -> Aligner:
+        """The same for a camera that mostly was there."""
+        other = copy(self)
+        vars(other).update(usual=usual, _seen=OrderedDict())
+        return other
 
     @property
     def shortcoming(self) -> str | None:

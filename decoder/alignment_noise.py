@@ -17,7 +17,7 @@ import numpy as np
 from decoder.alignment import Alignment
 from decoder.arrays import Floats, Indices
 from decoder.features import Feature
-from decoder.motion import MotionCovariance
+from decoder.motion import Frame2D, Model, MotionCovariance
 from decoder.pictures import GreyPicture
 
 BLOCK_PX = 8
@@ -78,14 +78,26 @@ class BlockPulls:
 def noise_beside_claim(pairs: Iterable[tuple[MotionCovariance, MotionCovariance]], places: Floats) -> float:
     """How many times as uncertain as they claim (2, N) places are, from (claimed, found) pairs of some frames."""
     claimed_px2 = found_px2 = 0.0
+    jacobians: dict[tuple[Frame2D, Model], Floats] = {}  # mostly all have the same
+
+    def summed_px2(one: MotionCovariance) -> float:
+        key = (one.axes, one.model)
+        if key not in jacobians:
+            jacobians[key] = one.axes.jacobian(places, one.model)
+        return float(np.square(one.sigma_by(jacobians[key])).sum())
+
     for claimed, found in pairs:
-        claimed_px2 += float(np.square(claimed.sigma_px(places)).sum())
-        found_px2 += float(np.square(found.sigma_px(places)).sum())
+        claimed_px2 += summed_px2(claimed)
+        found_px2 += summed_px2(found)
     return math.sqrt(found_px2 / claimed_px2) if claimed_px2 > 0.0 else 1.0
 
 
 def _blocks(points: Floats) -> Indices:
     """(N,) whole numbers from 0: the block in which each of (2, N) points lies."""
     across, down = np.floor(points / BLOCK_PX).astype(np.int64)
-    _, number = np.unique(across * (int(np.abs(down).max()) * 2 + 1) + down, return_inverse=True)
-    return np.asarray(number, np.intp)
+    place = across * (int(np.abs(down).max()) * 2 + 1) + down
+    place -= place.min()
+    there = np.zeros(int(place.max()) + 1, bool)
+    there[place] = True
+    numbers: Indices = np.cumsum(there)[place] - 1
+    return numbers

@@ -15,6 +15,7 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.fitting import MAX_FRACTION_ROWS, Fit
 from decoder.matching import MAX_PEAK_ROWS, Match, Matcher
+from decoder.sorting import middle_of
 
 # Clutter must leave this much of a needle's contrast to place it by.
 MIN_VISIBLE = 0.7
@@ -62,7 +63,7 @@ def _bare(face: Floats, _: Floats) -> Floats:
 def _explained(matcher: Matcher, fit: Fit) -> Floats:
     """(H, C): 1 where needle and face explain the pixel, 0 elsewhere."""
     off = np.abs(fit.unexplained)
-    spread = MAD_TO_SIGMA * float(np.median(off[matcher.template.trust > 0]))
+    spread = MAD_TO_SIGMA * float(middle_of(off[matcher.template.trust > 0]))
     return (off <= OUTLIER_SPREADS * max(spread, MIN_SPREAD_LEVELS)).astype(np.float32)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from decoder.alignment import Alignment, Point
 from decoder.gauge_places import GaugePlace, GaugePlacer
 from decoder.pictures import GreyPicture
+from decoder.sorting import median_of
 
 MIN_OTHERS = 4
 # No dial's place is surer than this.
@@ -53,7 +54,7 @@ def _looked_for_again(
     if common is None:
         return list(places)
     where_others_are = alignment.after(np.vstack([common, [0.0, 0.0, 1.0]]))
-    bend = np.median([place.motion[:2, :2] for _, place in found], axis=0)
+    bend = median_of(np.array([place.motion[:2, :2] for _, place in found]))
     return [
         place
         if placer is None or (place is not None and np.abs(place.motion[:2, :2] - bend).max() < ODD_BEND_PART)

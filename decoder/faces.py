@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decoder.arrays import Floats
-from decoder.sorting import middle_level, middle_views
+from decoder.arrays import Floats, Indices, Mask
+from decoder.sorting import middle_of, middle_views
 
 MIN_VIEWS = 3
 # Two views will do where they show the same.
@@ -25,16 +24,27 @@ LitViews = Sequence[Sequence[Floats | None]]
 """By gauge and frame the unwrapped gauge in the panel picture's light; None where it cannot be had."""
 
 
-def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
-    """An unwrapped gauge in the light of a reference picture of it; None if they have nothing in common.
+def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
+    """Unwrapped gauges, each in the light of a reference picture of it; None if they have nothing in common.
 
     Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
     differ.
     """
-    grey = np.float32(MIDDLE_GREY)  # keeps sums small enough for float32
-    wanted, seen = reference.ravel()[::LIGHT_STRIDE] - grey, strip.ravel()[::LIGHT_STRIDE] - grey
+    wanted = _thinned(reference)
+    return [_lit(wanted, strip) for strip in strips]
+
+
+def _thinned(strip: Floats) -> Floats:
+    """(N,): some of a gauge's pixels, counted from the middle grey: that keeps sums small enough for float32."""
+    thinned: Floats = strip.ravel()[::LIGHT_STRIDE] - np.float32(MIDDLE_GREY)
+    return thinned
+
+
+def _lit(wanted: Floats, strip: Floats) -> Floats | None:
+    """One gauge in the light of such pixels."""
+    seen = _thinned(strip)
     off = wanted - seen
-    gain, offset = 1.0, middle_level(off)
+    gain, offset = 1.0, float(middle_of(off))
     off -= np.float32(offset)
     for step in range(LIGHT_PASSES):
         if step:
@@ -58,7 +68,7 @@ def in_light_of(reference: Floats, strip: Floats) -> Floats | None:
     return lit
 
 
-def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], fallback: Floats) -> Floats:
+def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: Floats) -> Floats:
     """The dial's face: the median of each pixel over the frames in which no needle lies on it.
 
     Parameters
@@ -66,7 +76,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     strips
         (R, C) each, in one light.
     without
-        (R, C) each: where a needle lies.
+        Of each the pixels, numbered through, on which a needle lies; some may be there twice.
     fallback
         (R, C): stands where fewer than three frames show a pixel without a needle, or two differ.
 
@@ -78,8 +88,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     count = np.full(fallback.size, len(views), np.uint16)
     # As much lies far below as far above: what is seen of a pixel stays around the middle.
     far = np.full(fallback.size, -np.inf, np.float32)
-    for view, place in zip(views.reshape(len(views), -1), without, strict=True):
-        covered = np.flatnonzero(place)
+    for view, covered in zip(views.reshape(len(views), -1), without, strict=True):
         view[covered] = far[covered]
         far[covered] *= -1
         count[covered] -= 1
@@ -93,25 +102,32 @@ def learn_face(strips: Sequence[Floats], without: Sequence[NDArray[np.bool_]], f
     return face
 
 
-def bare_face(strip: Floats, place: NDArray[np.bool_]) -> Floats:
+def bare_face(strip: Floats, place: Mask) -> Floats:
     """A dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
     columns = np.where(place, np.inf, strip).T.copy()
     columns.sort(axis=1)
-    count = (~place).sum(axis=0)
-    middle = np.maximum(count - 1, 0)[:, None]
-    low, high = (np.take_along_axis(columns, which, axis=1)[:, 0] for which in (middle // 2, (middle + 1) // 2))
-    plain = np.where(count > 0, (low + high) / 2, np.median(strip))
+    count = len(place) - place.sum(axis=0)
+    middle, every = np.maximum(count - 1, 0), np.arange(len(columns))
+    low, high = columns[every, middle // 2], columns[every, (middle + 1) // 2]
+    plain = (low + high) / 2 if count.all() else np.where(count > 0, (low + high) / 2, np.median(strip))
     face: Floats = np.where(place, plain, strip).astype(np.float32)
     return face
 
 
-def needle_place(shape: tuple[int, int], touched: NDArray[np.bool_], axis_row: float) -> NDArray[np.bool_]:
-    """(R, C): all pixels that a needle with its axis on a row touches; `touched` (H, C) are those of its template."""
-    place = np.zeros(shape, bool)
-    rows = len(touched)
+def needle_pixels(shape: tuple[int, int], touched: Mask, axis_row: float) -> Indices:
+    """(N,): all pixels, numbered through, that a needle with its axis on a row touches on a gauge of R by C of them.
+
+    `touched` (H, C) are those of its template.
+    """
+    rows, columns = touched.shape
     top = axis_row - (rows - 1) / 2
-    for start in {math.floor(top), math.ceil(top)}:
-        first, last = max(start, 0), min(start + rows, shape[0])
-        if first < last:
-            place[first:last] |= touched[first - start : last - start]
-    return place
+    start = math.floor(top)
+    place = np.zeros((rows + 1, columns), bool)
+    place[:rows] = touched
+    if top > start:  # between two rows it touches what it would on either
+        place[1:] |= touched
+    first, last = max(start, 0), min(start + rows + 1, shape[0])
+    if first >= last:
+        return np.empty(0, np.intp)
+    pixels: Indices = np.flatnonzero(place[first - start : last - start]) + first * columns
+    return pixels

@@ -192,19 +192,30 @@ def _phases(template: NeedleTemplate) -> Phases:
     padded = np.stack([template.light[within], template.transparency[within]])
     # the template, then how it changes, of light and transparency: (2, phases, 2, H, C)
     layers = np.empty((2, 2 * PHASE_REACH + 1, 2, rows, columns), np.float32)
+    between: dict[float, Floats] = {}  # by part of a row: phases a whole row apart are rows of the same
     for phase in range(-PHASE_REACH, PHASE_REACH + 1):
         before, part = divmod(-phase / PHASES_PER_ROW, 1.0)
-        first = margin + int(before)
-        moved = layers[:, PHASE_REACH + phase, 0]
-        moved[:] = 0.0
-        for tap, weight in zip((-1, 0, 1, 2), cubic_weights(part), strict=True):
-            if weight:
-                moved += np.float32(weight) * padded[:, first + tap : first + tap + rows]
+        if part not in between:
+            between[part] = _between(padded, part)
+        first = margin + int(before) - 1
+        layers[:, PHASE_REACH + phase, 0] = between[part][:, first : first + rows]
     own, change = layers[:, :, 0], layers[:, :, 1]
     np.subtract(own[:, :, :-2], own[:, :, 2:], out=change[:, :, 1:-1])
     change[:, :, 1:-1] *= np.float32(0.5)
     change[:, :, 0], change[:, :, -1] = own[:, :, 0] - own[:, :, 1], own[:, :, -2] - own[:, :, -1]
     return Phases(*layers)
+
+
+def _between(layers: Floats, part: float) -> Floats:
+    """(2, R - 3, C): layers (2, R, C) a part of a row below each of their rows but the first and the last two."""
+    count = layers.shape[1] - 3
+    first, *others = (
+        np.float32(weight) * layers[:, tap : tap + count] for tap, weight in enumerate(cubic_weights(part)) if weight
+    )
+    found: Floats = first
+    for other in others:
+        found += other
+    return found
 
 
 _NO_MOMENTS: Moments = [[0.0] * 5] * 5

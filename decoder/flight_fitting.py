@@ -17,6 +17,7 @@ from decoder.flight_placing import LOOKED_AT, Sample, frames_wanted, placed_for
 from decoder.flight_tuning import MIN_CUTS, lit_views, taken, tune_on, unwrapped
 from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
+from decoder.many_frames import UnwrappedGauges
 from decoder.panel_needles import DrawnGauge, drawn_gauges
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import tuning_from_panel
@@ -28,6 +29,7 @@ from decoder.reading import Reading, Status
 from decoder.seen_faces import with_seen_faces
 from decoder.tuning import Tuning
 from decoder.uncertainty import QuantityUncertainty, quantity_uncertainties
+from decoder.unwrapped_panel import UnwrappedPanel
 
 ROUNDS = 8
 SETTLED_LIFT = 0.01
@@ -124,13 +126,14 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) 
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Learned:
     """The reader tuned on a sample, and what the sample tells with it."""
     views = lit_views(reader, samples)
-    found = reader.found_in(samples)
+    gauges = [UnwrappedGauges(sample.gauges, sample.whole) for sample in samples]
+    found = reader.found_on(gauges)
     seen = with_seen_faces(reader, views, found)
     if seen is not reader:
-        reader, found = seen, seen.found_in(samples)
+        reader, found = seen, seen.found_on(gauges)
     tuned = tune_on(reader, samples, views, found)
     if tuned.tuning.dials_move or _any_missing(found):  # then each tilt counts; else its fit needs no better guess
-        found = tuned.found_in(samples)
+        found = tuned.found_on(gauges)
     drawn = () if tuned.tuning.dials_move else drawn_gauges(tuned)
     pivots = pooled(_pivots(tuned, samples, found, drawn), [path.moved_px for path in paths])
     return _Learned(reader, tuned, found, drawn, pivots)
@@ -148,14 +151,15 @@ def _with_pivots_moved(learned: _Learned, paths: Sequence[PivotPath]) -> PanelRe
     gauges = tuple(gauge if step is None else _around(gauge, plane, own, step) for gauge, plane, step in of_gauges)
     planes = tuple(plane if plane is None or step is None else plane.around(step) for _, plane, step in of_gauges)
     moved = replace(source, panel=source.panel.model_copy(update={"gauges": gauges}), planes=planes)
+    drawn = UnwrappedPanel(moved)
     first = replace(
-        tuning_from_panel(moved),
+        tuning_from_panel(drawn),
         usual=learned.reader.tuning.usual,
         dials_move=tuning.dials_move,
         anchors_agree=tuning.anchors_agree,
         lifts=lifts,
     )
-    return PanelReader(moved, learned.before.method, first)
+    return PanelReader(moved, learned.before.method, first, drawn)
 
 
 def _completed(learned: _Learned, sample: Sample, pivots: Sequence[Pivot]) -> PanelReader:

@@ -23,7 +23,7 @@ from decoder.fitting import Fitter
 from decoder.frame_batch import batch_frames
 from decoder.frame_placer import UnwrappedFrame
 from decoder.gauge import Gauge
-from decoder.gauge_grid import needle_places, turn_rows
+from decoder.gauge_grid import touched_pixels, turn_rows
 from decoder.needle_layer import in_local_light, layered
 from decoder.needle_template import NeedleTemplate
 from decoder.panel_reader import PanelReader
@@ -33,6 +33,7 @@ from decoder.pictures import FramePicture, GreyPicture
 from decoder.reading import Reading, Status
 from decoder.scale import shortest
 from decoder.scale_marks import FULL_CIRCLE_DEG
+from decoder.sorting import median_of, middle_of
 from decoder.unwrapping import PolarGrid, UnwrappedGauge, rows_of_each
 
 SAMPLE_FRAMES = 16
@@ -53,7 +54,7 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> P
 def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitViews:
     """All gauges of the samples as in the panel picture's light."""
     return [
-        [in_light_of(picture, sample.gauges[index]) for sample in samples]
+        in_light_of(picture, (sample.gauges[index] for sample in samples))
         for index, picture in enumerate(reader.own_gauges)
     ]
 
@@ -67,7 +68,8 @@ def tune_on(
     """The same for frames that the reader has unwrapped, and `found` what it reads in them, if that is known."""
     if len(samples) < MIN_CUTS:
         return reader
-    usual = _usual(reader, samples)
+    matrices = _at_panels_zoom(reader, samples)
+    usual = _usual(samples, matrices)
     tuners = [
         _GaugeTuner(gauge, grid, seen, first, reader.tuning.templates)
         for gauge, grid, seen, first in zip(
@@ -95,7 +97,7 @@ def tune_on(
         templates=templates,
         faces=tuple(faces),
         usual=usual,
-        motions=_motions(reader, samples, usual),
+        motions=_motions(samples, matrices, usual),
         evenly_lit_score=EVENLY_LIT_SCORE,
         cards=cards,
         rows=reader.placer.rows_wanted([sample.alignment for sample in samples]),
@@ -132,11 +134,12 @@ class _GaugeTuner:
         for strip, readings in zip(self._strips, found, strict=True):
             if strip is None or any(readings[name].status is Status.MISSING for name in self._needles):
                 continue
-            place = np.zeros(strip.shape, bool)
-            for name in self._needles:
-                place |= needle_places(self._grid, touched[name], self._row(readings[name]), self._turn_rows)
+            covered = [
+                touched_pixels(self._grid, own, self._row(readings[name]), self._turn_rows)
+                for name, own in touched.items()
+            ]
             views.append(strip)
-            places.append(place)
+            places.append(np.concatenate(covered) if covered else np.empty(0, np.intp))
         return learn_face(views, places, self._first) if len(views) >= MIN_CUTS else self._first
 
     def templates(
@@ -231,30 +234,26 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture |
     return samples
 
 
-def _usual(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Alignment:
+def _usual(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix]) -> Alignment:
     """The median alignment, each at the panel picture's zoom; where all are mere shifts and rolls, it is one too."""
-    matrices = [_at_panels_zoom(reader, sample) for sample in samples]
-    usual = np.median(matrices, axis=0)
+    usual = median_of(np.array(matrices))
     if all(is_rigid(matrix) for matrix in matrices):
         usual[:2, :2] /= np.hypot(usual[0, 0], usual[1, 0])
-    return Alignment.of(usual, float(np.median([sample.alignment.score for sample in samples])))
+    return Alignment.of(usual, float(middle_of(np.array([sample.alignment.score for sample in samples]))))
 
 
-def _motions(reader: PanelReader, samples: Sequence[UnwrappedFrame], usual: Alignment) -> tuple[Matrix, ...]:
+def _motions(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix], usual: Alignment) -> tuple[Matrix, ...]:
     """How those samples moved that show most of the panel."""
     models = [0 if each.alignment.covariance is None else each.alignment.covariance.model for each in samples]
     there = np.linalg.inv(usual.matrix)
-    return tuple(
-        _at_panels_zoom(reader, sample) @ there
-        for sample, model in zip(samples, models, strict=True)
-        if model == max(models)
-    )
+    most = max(models)
+    return tuple(matrix @ there for matrix, model in zip(matrices, models, strict=True) if model == most)
 
 
-def _at_panels_zoom(reader: PanelReader, sample: UnwrappedFrame) -> Matrix:
-    """(3, 3): a frame's alignment, had it been taken at the panel picture's zoom and size."""
+def _at_panels_zoom(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Matrix]:
+    """(3, 3) each: frames' alignments, had they been taken at the panel picture's zoom and size."""
     optics = reader.aligner.optics
-    zoom = optics.zoom(sample.focal_length_mm, sample.size_px or optics.size_px)
-    matrix = np.linalg.inv(zoom) @ sample.alignment.matrix
-    scaled: Matrix = matrix / matrix[2, 2]
-    return scaled
+    kinds = [(sample.focal_length_mm, sample.size_px or optics.size_px) for sample in samples]
+    back = {kind: np.linalg.inv(optics.zoom(*kind)) for kind in dict.fromkeys(kinds)}
+    matrices = [back[kind] @ sample.alignment.matrix for kind, sample in zip(kinds, samples, strict=True)]
+    return [matrix / matrix[2, 2] for matrix in matrices]

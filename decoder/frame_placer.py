@@ -14,12 +14,12 @@ from decoder.alignment import Alignment, Matrix, Point
 from decoder.dials_together import place_all
 from decoder.errors import AlignmentLost, PictureError
 from decoder.gauge_places import GaugePlacer
-from decoder.panel_pictures import PanelPictures
 from decoder.picture_block import ROWS_OF_BLOCKS, TopOfFrame
 from decoder.pictures import FramePicture, GreyPicture
 from decoder.resampling import all_inside, as_places, each_inside, inside
 from decoder.tuning import Tuning
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
+from decoder.unwrapped_panel import UnwrappedPanel
+from decoder.unwrapping import UnwrappedGauge, Unwrapper
 from decoder.usual_place import Look, UsualPlace
 
 # Rims are looked at in some points only; between these they bulge by less.
@@ -87,21 +87,19 @@ class _FirstLook:
 
 
 class FramePlacer:
-    """Places frames of one panel with one tuning; `source` with its dials' planes, `grids` by gauge.
+    """Places frames of one panel with one tuning, of which it asks what `Tuning.places_as` compares."""
 
-    Of the tuning it asks what `Tuning.places_as` compares.
-    """
-
-    def __init__(self, source: PanelPictures, tuning: Tuning, grids: Sequence[PolarGrid], unwrapper: Unwrapper) -> None:
-        self.unwrapper = unwrapper
-        self.aligner = source.aligner(tuning.usual)
+    def __init__(self, drawn: UnwrappedPanel, tuning: Tuning) -> None:
+        source, grids = drawn.source, drawn.grids
+        self.unwrapper = drawn.unwrapper
+        self.aligner = drawn.aligner.at(tuning.usual)
         self._tuning, self._grids, self._own = tuning, grids, source.optics.own
         self._placers = [
             None if gauge.card is not None else GaugePlacer(gauge, grid.plane, source.picture, source.optics.own)
             for gauge, grid in zip(source.panel.gauges if tuning.dials_move else (), grids, strict=False)
         ]
         self._unwrappers = [Unwrapper([grid]) for grid in grids if tuning.dials_move]
-        self._rims = [grid.rim() for grid in grids]
+        self._rims = drawn.rims
         self._all_rims = as_places(np.concatenate(self._rims, axis=1))
 
     def unwrap_many(self, frames: Iterable[Taken]) -> list[UnwrappedFrame | PictureError]:

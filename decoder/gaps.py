@@ -17,6 +17,7 @@ from decoder.combined import combine
 from decoder.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.reading import Status
 from decoder.scale import in_turn
+from decoder.sorting import quantile_of
 
 # From a place where it is seen whole, a needle is soon under another one: about two needles' width.
 COVERED_REACH_DEG = 6.0
@@ -76,7 +77,7 @@ def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:
     before, after = slice(None, -1), slice(1, None)
     steps = [np.abs(one.angles_apart_deg(after, before))[_in_sequence(one)] for one in (series, cover)]
     together = np.concatenate(steps)
-    return float(np.quantile(together, 0.95)) if together.size else 0.0
+    return quantile_of(together, 0.95) if together.size else 0.0
 
 
 def _in_sequence(series: NeedleSeries) -> Mask:

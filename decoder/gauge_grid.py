@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.arrays import Mask
+from decoder.arrays import Indices, Mask
 from decoder.dial_plane import DialPlane
-from decoder.faces import needle_place
+from decoder.faces import needle_pixels
 from decoder.gauge import Gauge
 from decoder.scale_marks import FULL_CIRCLE_DEG
 from decoder.unwrapping import PolarGrid, polar_grid
@@ -75,13 +75,18 @@ def opposite_rows(row: float, grid: PolarGrid) -> tuple[float, ...]:
 
 def needle_places(grid: PolarGrid, touched: Mask, axis_row: float, turn: float | None) -> Mask:
     """(R, C): all pixels of the grid that a needle with its axis on a row touches; `touched` (H, C) of its template."""
-    shape = (grid.rows, grid.columns)
-    place = np.zeros(shape, bool)
-    for row in same_rows(axis_row, turn):
-        place |= needle_place(shape, touched, row)
-    for row in opposite_rows(axis_row, grid):
-        place |= needle_place(shape, touched[:, ::-1], row)
+    place = np.zeros((grid.rows, grid.columns), bool)
+    place.reshape(-1)[touched_pixels(grid, touched, axis_row, turn)] = True
     return place
+
+
+def touched_pixels(grid: PolarGrid, touched: Mask, axis_row: float, turn: float | None) -> Indices:
+    """(N,): the same pixels, numbered through; some may be there twice."""
+    shape = (grid.rows, grid.columns)
+    return np.concatenate(
+        [needle_pixels(shape, touched, row) for row in same_rows(axis_row, turn)]
+        + [needle_pixels(shape, touched[:, ::-1], row) for row in opposite_rows(axis_row, grid)]
+    )
 
 
 def _beyond_deg(gauge: Gauge) -> float:

@@ -22,6 +22,7 @@ from decoder.gauge import Gauge
 from decoder.motion import Frame2D, Model
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap
+from decoder.sorting import middle_of
 
 SEARCH_PX = 24
 MIN_FIRST_SCORE = 0.45
@@ -181,8 +182,8 @@ class GaugePlacer:
             centred = weights * (wanted - mean)
             gain = float(centred @ (seen - seen_mean)) / max(float(centred @ (wanted - mean)), 1e-9)
             off = seen - seen_mean - gain * (wanted - mean)
-            off -= np.median(off)
-            spread = max(MAD_TO_SIGMA * float(np.median(np.abs(off))), spread_levels)
+            off -= middle_of(off)
+            spread = max(MAD_TO_SIGMA * float(middle_of(np.abs(off))), spread_levels)
             weights = np.maximum(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
         return weights
 

@@ -71,10 +71,13 @@ class UnwrappedGauges:
 
     def __init__(self, gauges: Sequence[UnwrappedGauge], whole: Sequence[bool]) -> None:
         self._gauges, self.whole = gauges, whole
+        self._quick: tuple[QuickGrids, Pixels] | None = None
 
     def quick(self, grids: QuickGrids) -> Pixels:
-        """The pixels that the quick reader asks for."""
-        return grids.of_unwrapped(self._gauges)
+        """The pixels that the quick reader asks for; kept for the next that asks on the same grids."""
+        if self._quick is None or self._quick[0] is not grids:
+            self._quick = grids, grids.of_unwrapped(self._gauges)
+        return self._quick[1]
 
     def unwrapped(self, index: int, _: Callable[[], Unwrapper]) -> UnwrappedGauge:
         """One gauge, unwrapped."""
@@ -121,11 +124,11 @@ def _is_quick(gauge: Gauge, grid: PolarGrid) -> bool:
     return _is_searched(gauge) and grid.raised is None
 
 
-def quick_grids_of(gauges: Sequence[Gauge], grids: Sequence[PolarGrid]) -> QuickGrids | None:
+def quick_grids_of(gauges: Sequence[Gauge], unwrapper: Unwrapper) -> QuickGrids | None:
     """The grids of those gauges that may be read in many frames at once; None if there are none."""
-    parts = zip(gauges, grids, strict=True)
-    quick = {index: grid for index, (gauge, grid) in enumerate(parts) if _is_quick(gauge, grid)}
-    return QuickGrids(list(quick), list(quick.values())) if quick else None
+    parts = zip(gauges, unwrapper.grids, strict=True)
+    quick = [index for index, (gauge, grid) in enumerate(parts) if _is_quick(gauge, grid)]
+    return QuickGrids(quick, unwrapper) if quick else None
 
 
 class ManyFrames:
@@ -150,7 +153,7 @@ class ManyFrames:
         needles = [
             needle for index, gauge in enumerate(self._gauges) if is_quick for needle in gauge.quick_needles(index)
         ]
-        seen = quick_grids or quick_grids_of(gauges, grids) if needles else None
+        seen = quick_grids or quick_grids_of(gauges, Unwrapper(grids)) if needles else None
         known = [reader.pairs for reader in readers if isinstance(reader, GaugeReader)]
         pairs = {name: pair for own in known for name, pair in own.items()}
         self._quick = None if seen is None else QuickReader(needles, seen, tuning.evenly_lit_score, pairs)

@@ -69,8 +69,12 @@ class Matcher:
         self._moments: dict[int, FaceMoments] = {}
         self.fitter = Fitter(template, pixels_per_sample)
         self.pixels_per_sample = pixels_per_sample
-        self.touched = template.touched
         self.half_width_rows = template.half_width_deg / template.step_deg
+
+    @property
+    def touched(self) -> Mask:
+        """The template's."""
+        return self.template.touched
 
     def uncovered(
         self, gauge: Floats, mask: Floats, scores: Floats, cover_rows: Sequence[float], cover_axis: int

@@ -103,7 +103,10 @@ class MotionCovariance:
 
     def sigma_px(self, points: Floats) -> Floats:
         """(N,): one number for each of (2, N) points, the root mean square of the uncertainty along x and y."""
-        jacobian = self.axes.jacobian(points, self.model)
+        return self.sigma_by(self.axes.jacobian(points, self.model))
+
+    def sigma_by(self, jacobian: Floats) -> Floats:
+        """The same of points that move so with each parameter, (2, N, k)."""
         variance = ((jacobian @ self.covariance) * jacobian).sum(axis=(0, 2)) / 2
         sigma: Floats = np.sqrt(np.maximum(variance, 0.0))
         return sigma

@@ -44,7 +44,7 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     step_deg
         Degrees from row to row.
     """
-    plain = np.broadcast_to(median_of(faces.reshape(-1, faces.shape[2])), cuts.shape[1:])
+    plain = median_of(faces.reshape(-1, faces.shape[2]))
     pixels = median_of(cuts).astype(np.float32)
     # A mark behind one of the two is not the needle's.
     expected = np.maximum(_expected_transparency(pixels, plain), _expected_transparency(before, plain))
@@ -69,23 +69,27 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     return NeedleTemplate(pixels, light, transparency, shown * _trust(spread), step_deg)
 
 
-def first_layer(pixels: Floats, behind: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
-    """A needle of which one picture is known.
+def first_layer(pixels: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
+    """A needle of which one picture is known, as if it were all light.
 
     Parameters
     ----------
     pixels
         (H, C) float32: the picture, the needle's axis in the middle row.
-    behind
-        (H, C) float32: the dial's face there, as far as it is known.
     plain
         (C,) float32: what the dial mostly shows at each radius.
     step_deg
         Degrees from row to row.
     """
-    transparency = _expected_transparency(pixels, np.broadcast_to(plain, pixels.shape))
+    transparency = _expected_transparency(pixels, plain)
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
-    return NeedleTemplate(pixels, pixels - transparency * behind, transparency, trust, step_deg)
+    return NeedleTemplate(pixels, pixels, transparency, trust, step_deg)
+
+
+def cut_over(layer: NeedleTemplate, behind: Floats) -> NeedleTemplate:
+    """A first layer without what shines through it: the dial's face there, (H, C) float32, as far as it is known."""
+    light = layer.pixels - layer.transparency * behind
+    return NeedleTemplate(layer.pixels, light, layer.transparency, layer.trust, layer.step_deg)
 
 
 def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplate:
@@ -129,7 +133,10 @@ def _summed(one: Floats, other: Floats) -> Floats:
 
 
 def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
-    """(H, C): 1 where the needle's picture is like the plain dial, 0 where it has the contrast of that half of it."""
+    """(H, C): 1 where the needle's picture is like the plain dial, 0 where it has the contrast of that half of it.
+
+    The dial is told pixel by pixel, or by column, (C,).
+    """
     difference = np.abs(pixels - plain)
     axis = len(difference) // 2
     halves = [difference[: axis + 1].max(axis=0), difference[axis:].max(axis=0)]
@@ -145,10 +152,11 @@ def _with_edges(transparency: Floats) -> Mask:
     covered = transparency < 1.0 - COVERED_PART
     fading = transparency < 1.0 - EDGE_PART
     for _ in range(MAX_EDGE_ROWS):
-        beside = np.zeros_like(covered)
-        beside[1:] |= covered[:-1]
-        beside[:-1] |= covered[1:]
-        covered = covered | (beside & fading)
+        grown = covered.copy()
+        grown[1:] |= covered[:-1]
+        grown[:-1] |= covered[1:]
+        grown &= fading
+        covered = grown
     return covered
 
 

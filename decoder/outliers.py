@@ -17,6 +17,7 @@ from decoder.arrays import Floats, Mask
 from decoder.flight_data import FlightData, NeedleSeries, spans
 from decoder.reading import Status
 from decoder.scale import shortest
+from decoder.sorting import middle_of
 
 SEEN = (Status.READ, Status.EDGE)
 # A value that stays away for longer than this has gone somewhere else.
@@ -91,7 +92,7 @@ def _away_and_back(values: Floats, sigma: Floats, seconds: Floats, series: Needl
             off.append(gone - across * np.clip(part, 0.0, 1.0))
             limit.append(SPREADS * np.sqrt(sigma[before + inside] ** 2 + sigma[before] ** 2 + sigma[after] ** 2))
         distance = np.array(off)
-        usual = MAD_TO_SIGMA * float(np.median(np.abs(distance)))
+        usual = MAD_TO_SIGMA * float(middle_of(np.abs(distance).ravel()))
         threshold = np.maximum(np.array(limit), max(SPREADS * usual, SMALLEST_PART * series.quantity.full_scale))
         one_way = np.abs(np.sign(distance).sum(axis=0)) == frames
         apart = (np.abs(distance) > threshold).all(axis=0) & one_way

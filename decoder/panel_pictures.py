@@ -8,7 +8,6 @@ from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
 from decoder.aligner import Aligner
-from decoder.alignment import IDENTITY, Alignment
 from decoder.attachments import PANEL_FILE
 from decoder.camera import Camera
 from decoder.dial_plane import DialPlane, dial_plane, inches_to_picture
@@ -69,15 +68,15 @@ class PanelPictures:
         ]
         return replace(self, planes=tuple(planes))
 
-    def aligner(self, usual: Alignment = IDENTITY) -> Aligner:
-        """What finds the panel in frames; `usual` is where the camera mostly was, as far as that is known.
+    def aligner(self) -> Aligner:
+        """What finds the panel in frames, as long as nothing is known of where the camera mostly was.
 
         Raises
         ------
         PanelError
             If an anchor or the level edge does not fit the panel picture.
         """
-        return Aligner(self.panel, self.picture, usual, self.optics)
+        return Aligner(self.panel, self.picture, optics=self.optics)
 
     def grid(self, index: int) -> PolarGrid:
         """The sample points of the gauge at this place in the panel."""

@@ -26,7 +26,8 @@ from decoder.place_uncertainty import PlaceUncertainty
 from decoder.quick_pixels import QuickGrids
 from decoder.reading import Reading, Status
 from decoder.tuning import Tuning
-from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper
+from decoder.unwrapped_panel import UnwrappedPanel
+from decoder.unwrapping import PolarGrid, UnwrappedGauge
 
 # A needle that was found in few frames must match like one that was learned.
 DOUBTED_SCORE = 0.95
@@ -50,14 +51,14 @@ class FrameReadings:
 class PanelReader:
     """Reads frames with one panel, one tuning and one method; keeps nothing from frame to frame."""
 
-    def __init__(self, source: PanelPictures, method: Method, tuning: Tuning) -> None:
-        source = source.with_planes()
-        self.source = source
+    def __init__(
+        self, source: PanelPictures, method: Method, tuning: Tuning, drawn: UnwrappedPanel | None = None
+    ) -> None:
+        self._drawn = drawn or UnwrappedPanel(source)
+        self.source = self._drawn.source
         self.method = method
         self.tuning = tuning
         self.block = PictureBlock()
-        self._places = PlaceUncertainty(source, tuning)
-        self._radii_px = np.array([sum(gauge.radius) / 2 for gauge in source.panel.gauges])
 
     @classmethod
     def from_panel(cls, source: PanelPictures, method: Method) -> Self:
@@ -68,14 +69,15 @@ class PanelReader:
         PanelError
             If a template, an anchor or the level edge does not fit the panel picture.
         """
-        reader = cls(source, method, tuning_from_panel(source))
+        drawn = UnwrappedPanel(source)
+        reader = cls(source, method, tuning_from_panel(drawn), drawn)
         reader.placer  # noqa: B018 - anchors are looked at now, not when the first frame comes
         return reader
 
     def tuned(self, tuning: Tuning) -> PanelReader:
         """The same reader with another tuning; what was worked out and does not change with it serves again."""
-        reader = PanelReader(self.source, self.method, tuning)
-        lasting = ["grids", "unwrapper", "own_gauges", "_quick_grids"]
+        reader = PanelReader(self.source, self.method, tuning, self._drawn)
+        lasting = ["_quick_grids"]
         if tuning.places_as(self.tuning):
             lasting.append("placer")
         if tuning.reads_as(self.tuning):
@@ -83,25 +85,24 @@ class PanelReader:
         vars(reader).update({name: part for name, part in vars(self).items() if name in lasting})
         return reader
 
-    @cached_property
+    @property
     def grids(self) -> list[PolarGrid]:
         """By gauge."""
-        return [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
+        return self._drawn.grids
 
-    @cached_property
-    def unwrapper(self) -> Unwrapper:
-        """Of all gauges."""
-        return Unwrapper(self.grids)
-
-    @cached_property
+    @property
     def own_gauges(self) -> list[UnwrappedGauge]:
         """The gauges of the panel picture, unwrapped."""
-        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own)
+        return self._drawn.gauges
 
     @cached_property
     def placer(self) -> FramePlacer:
         """Tells where the panel lies in frames."""
-        return FramePlacer(self.source, self.tuning, self.grids, self.unwrapper)
+        return FramePlacer(self._drawn, self.tuning)
+
+    @cached_property
+    def _places(self) -> PlaceUncertainty:
+        return PlaceUncertainty(self.source, self.tuning)
 
     @property
     def aligner(self) -> Aligner:
@@ -184,7 +185,7 @@ class PanelReader:
 
     @cached_property
     def _quick_grids(self) -> QuickGrids | None:
-        return quick_grids_of(self.source.panel.gauges, self.grids)
+        return quick_grids_of(self.source.panel.gauges, self._drawn.unwrapper)
 
     def read_unwrapped(self, unwrapped: UnwrappedFrame) -> FrameReadings:
         """The readings of a frame that is unwrapped already."""
@@ -197,8 +198,12 @@ class PanelReader:
 
     def found_in(self, frames: Sequence[UnwrappedFrame]) -> list[Mapping[str, Reading]]:
         """By frame what its gauges' readers find by needle; what dials' places add to it is left out."""
+        return self.found_on([UnwrappedGauges(frame.gauges, frame.whole) for frame in frames])
+
+    def found_on(self, frames: Sequence[UnwrappedGauges]) -> list[Mapping[str, Reading]]:
+        """The same of frames that several readers read."""
         surely = np.zeros((len(frames), len(self.grids)))
-        own = self._many_frames.read([UnwrappedGauges(frame.gauges, frame.whole) for frame in frames], surely)
+        own = self._many_frames.read(frames, surely)
         return [{name: reading for gauge in gauges for name, reading in gauge.items()} for gauges in own]
 
     def _composed(self, frames: Sequence[UnwrappedFrame], gauges: Sequence[GaugesOfFrame]) -> list[FrameReadings]:
@@ -207,7 +212,8 @@ class PanelReader:
         for sigma_px, frame in zip(sigmas_px, frames, strict=True):
             if frame.dial_sigmas_px:
                 sigma_px[:] = frame.dial_sigmas_px
-        readings = self._many_frames.read(gauges, np.degrees(sigmas_px / self._radii_px))
+        radii_px = np.array([sum(gauge.radius) / 2 for gauge in self.source.panel.gauges])
+        readings = self._many_frames.read(gauges, np.degrees(sigmas_px / radii_px))
         return [
             FrameReadings(frame.alignment, self._checked(frame, own), tuple(sigma_px), self._needle_shifts_px(frame))
             for frame, own, sigma_px in zip(frames, readings, sigmas_px.tolist(), strict=True)

@@ -18,21 +18,23 @@ from decoder.errors import PanelError
 from decoder.faces import bare_face
 from decoder.gauge import Gauge
 from decoder.gauge_grid import PICTURE_SPAN_DEG, needle_places, row_of_angle, rows_in_sweep, turn_rows
-from decoder.needle_layer import first_layer
+from decoder.needle_layer import cut_over, first_layer
 from decoder.needle_template import NeedleTemplate, odd_rows
 from decoder.panel_pictures import PanelPictures
 from decoder.pictures import GreyPicture
 from decoder.pointers import Needle
 from decoder.resampling import inside
+from decoder.sorting import median_of
 from decoder.tuning import Tuning
-from decoder.unwrapping import PolarGrid, Unwrapper, rows_at
+from decoder.unwrapped_panel import UnwrappedPanel
+from decoder.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_at
 
 MIN_CONTRAST_LEVELS = 4.0
 # A needle cut from one picture need not match others better than this, whatever the light.
 FOUND_SCORE = 0.8
 
 
-def tuning_from_panel(source: PanelPictures) -> Tuning:
+def tuning_from_panel(drawn: UnwrappedPanel) -> Tuning:
     """The tuning that the panel's own pictures give.
 
     Raises
@@ -42,10 +44,11 @@ def tuning_from_panel(source: PanelPictures) -> Tuning:
     """
     templates: dict[str, NeedleTemplate] = {}
     faces, cards = [], {}
-    source = source.with_planes()
-    for index, gauge in enumerate(source.panel.gauges):
-        grid = source.grid(index)
-        own, face = _gauge_tuning(source, gauge, grid, f"gauges[{index}]")
+    source = drawn.source
+    parts = zip(source.panel.gauges, drawn.grids, drawn.rims, drawn.gauges, strict=True)
+    for index, (gauge, grid, rim, strip) in enumerate(parts):
+        _check_inside(rim, source.picture, source.optics.own, f"gauges[{index}]")
+        own, face = _gauge_tuning(source, gauge, grid, strip, f"gauges[{index}]")
         templates |= own
         faces.append(face)
         if gauge.card is not None:
@@ -54,34 +57,31 @@ def tuning_from_panel(source: PanelPictures) -> Tuning:
 
 
 def _gauge_tuning(
-    source: PanelPictures, gauge: Gauge, grid: PolarGrid, path: str
+    source: PanelPictures, gauge: Gauge, grid: PolarGrid, strip: UnwrappedGauge, path: str
 ) -> tuple[dict[str, NeedleTemplate], Floats]:
-    own = source.optics.own
-    _check_inside(grid, source.picture, own, path)
-    strip = Unwrapper([grid]).unwrap(source.picture, own)[0]
-    pictures = {
-        needle.name: _template_picture(source, gauge, needle, grid, f"{path}.needles[{index}].template")
-        for index, needle in enumerate(gauge.needles)
-    }
-    plain = np.median(strip, axis=0)
+    plain = median_of(strip)
+    layers = {}
+    for index, needle in enumerate(gauge.needles):
+        pixels = _template_picture(source, gauge, needle, grid, f"{path}.needles[{index}].template")
+        layers[needle.name] = first_layer(pixels, plain, grid.step_deg)
     place = np.zeros(strip.shape, bool)
     for needle in gauge.needles:
-        row = _row_in_panel_picture(gauge, needle, grid, strip, pictures[needle.name])
+        layer = layers[needle.name]
+        row = _row_in_panel_picture(gauge, needle, grid, strip, layer.pixels)
         if row is not None:
-            layer = first_layer(pictures[needle.name], np.zeros_like(pictures[needle.name]), plain, grid.step_deg)
             place |= needle_places(grid, layer.touched, row, turn_rows(gauge, grid))
     face = bare_face(strip, place)
-    templates = {}
-    for needle in gauge.needles:
-        pixels = pictures[needle.name]
-        templates[needle.name] = first_layer(pixels, face_behind(face, grid, needle, len(pixels)), plain, grid.step_deg)
+    templates = {
+        needle.name: cut_over(layers[needle.name], face_behind(face, grid, needle, layers[needle.name].rows))
+        for needle in gauge.needles
+    }
     return templates, face
 
 
 def face_behind(face: Floats, grid: PolarGrid, needle: Needle, rows: int) -> Floats:
     """(rows, C): the face where a needle's template was cut; for a cropped picture, what the dial mostly shows."""
     if needle.template.at is None:
-        return np.broadcast_to(np.median(face, axis=0), (rows, face.shape[1])).astype(np.float32)
+        return np.broadcast_to(median_of(face), (rows, face.shape[1])).astype(np.float32)
     return rows_at(face, row_of_angle(grid, needle.template.at) + np.arange(rows) - (rows - 1) / 2)
 
 
@@ -112,7 +112,7 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, grid:
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
         own = source.optics.own
-        _check_inside(window, picture, own, path)
+        _check_inside(window.rim(), picture, own, path)
         pixels = Unwrapper([window]).unwrap(picture, own)[0]
     if float(pixels.std()) < MIN_CONTRAST_LEVELS:
         raise PanelError(
@@ -121,7 +121,7 @@ def _template_picture(source: PanelPictures, gauge: Gauge, needle: Needle, grid:
     return pixels
 
 
-def _check_inside(grid: PolarGrid, picture: GreyPicture, own: Alignment, path: str) -> None:
+def _check_inside(rim: Floats, picture: GreyPicture, own: Alignment, path: str) -> None:
     height, width = picture.shape
-    if not inside(grid.rim(), own, width, height):
+    if not inside(rim, own, width, height):
         raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")

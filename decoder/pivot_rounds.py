@@ -13,6 +13,7 @@ import numpy as np
 from decoder.arrays import Floats
 from decoder.pivot_path import PivotPath
 from decoder.pivots import Pivot
+from decoder.sorting import median_of
 from decoder.uncertainty import DRAWN_PX
 
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
@@ -30,7 +31,7 @@ def further(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> list[PivotPa
 
 def _middle(places_px: Floats) -> tuple[float, float]:
     """The median of places (N, 2); where they are drawn, if there are none."""
-    x, y = np.median(places_px, axis=0).tolist() if len(places_px) else (0.0, 0.0)
+    x, y = median_of(places_px).tolist() if len(places_px) else (0.0, 0.0)
     return x, y
 
 

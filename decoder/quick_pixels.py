@@ -18,7 +18,7 @@ from decoder.arrays import Floats, Indices
 from decoder.pictures import GreyPicture
 from decoder.resampling import PointMap, levels_at
 from decoder.searching import dealt
-from decoder.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.unwrapping import UnwrappedGauge, Unwrapper
 
 # As many of a frame's pixels stay in the processor's cache until they are sampled.
 AT_HAND_PX = 1 << 18
@@ -39,17 +39,16 @@ class Pixels(Protocol):
 
 
 class QuickGrids:
-    """The grids of some gauges; `gauges` are their places in the panel."""
+    """The grids of some gauges; `gauges` are their places in the panel, whose gauges the unwrapper has."""
 
-    def __init__(self, gauges: Sequence[int], grids: Sequence[PolarGrid]) -> None:
+    def __init__(self, gauges: Sequence[int], unwrapper: Unwrapper) -> None:
         self.gauges = tuple(gauges)
-        points = [grid.points() for grid in grids]
-        sizes = [own[0].size for own in points]
-        self.first = dict(zip(gauges, np.cumsum([0, *sizes]).tolist(), strict=False))
-        self._points = np.ascontiguousarray(np.concatenate([own.reshape(2, -1) for own in points], axis=1).T)
+        shapes = [(grid.rows, grid.columns) for grid in (unwrapper.grids[index] for index in gauges)]
+        ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)]).tolist()
+        self.first = dict(zip(gauges, ends, strict=False))
+        self._points = unwrapper.points(gauges)
         numbers = [
-            first + np.arange(size).reshape(own.shape[1:])
-            for first, size, own in zip(self.first.values(), sizes, points, strict=True)
+            np.arange(first, end).reshape(shape) for first, end, shape in zip(ends[:-1], ends[1:], shapes, strict=True)
         ]
         searched = [dealt(own) for own in numbers]
         self.searched_shapes = [own.shape for own in searched]

@@ -50,8 +50,10 @@ class PointMap:
         flat = np.concatenate(parts, axis=1).astype(np.float32, order="C")  # by rows, whichever way the parts lie
         size = flat.shape[1]
         folded = np.empty((math.ceil(size / _WIDTH), _WIDTH, 2), np.float32)
-        folded.reshape(-1, 2)[:size] = flat.T
-        folded.reshape(-1, 2)[size:] = flat[:, -1]
+        pairs = folded.reshape(-1, 2)
+        for axis, values in enumerate(flat):  # NumPy takes six times as long for both at once
+            pairs[:size, axis] = values
+        pairs[size:] = flat[:, -1]
         (left, top), (right, bottom) = flat.min(axis=1), flat.max(axis=1)
         corners = np.array([[[left, top], [right, top], [left, bottom], [right, bottom]]], np.float32)
         return cls(_consecutive([part.shape[1] for part in parts]), folded, corners)

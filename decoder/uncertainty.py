@@ -79,11 +79,13 @@ def quantity_uncertainties(
     for index, (gauge, pivot, found, place_px) in enumerate(parts):
         radius_px, grid = sum(gauge.radius) / 2, drawn.grid(index)
         zeros_deg = {needle.name: needle.template.at for needle in gauge.needles}
+        scales_deg: dict[tuple[float, ...], float | None] = {}  # needles of one gauge mostly have one scale
         for quantity in gauge.quantities:
-            off_deg = marks_off_deg(
-                [angle for angle, _ in quantity.marks], gauge.radius[1], grid, drawn.picture, drawn.optics.own
-            )
-            scale_deg = drawn_to_deg(off_deg, gauge.radius[1])
+            angles_deg = tuple(angle for angle, _ in quantity.marks)
+            if angles_deg not in scales_deg:
+                off_deg = marks_off_deg(angles_deg, gauge.radius[1], grid, drawn.picture, drawn.optics.own)
+                scales_deg[angles_deg] = drawn_to_deg(off_deg, gauge.radius[1])
+            scale_deg = scales_deg[angles_deg]
             drawn_deg = _drawn_deg(scale_deg, found.get(quantity.name), radius_px)
             zero_deg = zeros_deg.get(quantity.name)
             uncertainties[quantity.name] = QuantityUncertainty(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from decoder.alignment import Alignment
-from decoder.arrays import Floats, Indices
+from decoder.arrays import Floats
 from decoder.dial_plane import DialPlane
 from decoder.parallax import Raised
 from decoder.pictures import GreyPicture
@@ -68,11 +68,7 @@ class PolarGrid:
 
     def points(self) -> Floats:
         """(2, rows, columns) float32: x and y of every sample in the panel picture."""
-        return self._points(np.arange(self.rows))
-
-    def _points(self, rows: Indices) -> Floats:
-        """(2, len(rows), columns) float32: of some rows."""
-        return self.points_at(self.start_deg + self.step_deg * rows, self.radii_px)
+        return self.points_at(self.start_deg + self.step_deg * np.arange(self.rows), self.radii_px)
 
     def points_at(self, angles_deg: Floats, radii_px: Floats) -> Floats:
         """(2, len(angles_deg), len(radii_px)) float32: any points around the dial's centre, in its plane."""
@@ -87,8 +83,9 @@ class PolarGrid:
 
     def rim(self) -> Floats:
         """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
-        points = self._points(np.unique(np.linspace(0, self.rows - 1, RIM_POINTS).round().astype(np.intp)))
-        return np.concatenate([points[:, :, -1], points[:, :, 0]], axis=1)
+        rows = (np.arange(RIM_POINTS) * ((self.rows - 1) / (RIM_POINTS - 1))).round()
+        points = self.points_at(self.start_deg + self.step_deg * rows, self.radii_px[[-1, 0]])
+        return np.concatenate([points[:, :, 0], points[:, :, 1]], axis=1)
 
     def at(self, angle_deg: float, rows: int) -> PolarGrid:
         """The same dial around one angle: an odd number of rows with `angle_deg` in the middle one."""
@@ -149,6 +146,15 @@ class Unwrapper:
             for index, grid in enumerate(self.grids)
             if grid.raised is not None
         }
+
+    def points(self, flat: Sequence[int]) -> Floats:
+        """(N, 2) float32: x and y of every sample of some grids, none of them raised, one after the other."""
+        if self._map is None:
+            return np.empty((0, 2), np.float32)
+        pairs = self._map.folded.reshape(-1, 2)
+        parts = iter(self._map.slices)
+        slices = [None if grid.raised is not None else next(parts) for grid in self.grids]
+        return np.concatenate([pairs[slices[index]] for index in flat])
 
     def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
         """One (rows, columns) float32 array for each grid, in their order.

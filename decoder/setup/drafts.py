@@ -17,6 +17,7 @@ from decoder.panel_pictures import PanelPictures
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pictures import GreyPicture
 from decoder.setup.placing import field_of
+from decoder.unwrapped_panel import UnwrappedPanel
 
 Document = Mapping[str, Any]
 
@@ -64,7 +65,7 @@ def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera |
     for index, gauge in enumerate(panel.gauges):
         one = panel.model_copy(update={"gauges": (gauge,)})
         try:
-            tuning_from_panel(PanelPictures(one, pictures, "", camera))
+            tuning_from_panel(UnwrappedPanel(PanelPictures(one, pictures, "", camera)))
         except PanelError as error:
             found.append(Problem(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem))
     return found

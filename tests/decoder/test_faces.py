@@ -19,7 +19,7 @@ def test_the_face_is_the_median_of_what_no_needle_covers(frames: int, covered: f
     places = rng.random((frames, *SHAPE)) < covered
     fallback = np.full(SHAPE, 200.0, np.float32)
 
-    face = learn_face(list(strips), list(places), fallback)
+    face = learn_face(list(strips), [np.flatnonzero(place) for place in places], fallback)
 
     for at in np.ndindex(*SHAPE):
         seen = strips[:, *at][~places[:, *at]]

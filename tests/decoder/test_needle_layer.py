@@ -49,7 +49,7 @@ def test_columns_without_an_edge_are_not_trusted() -> None:
     pixels[:, 0] = 200.0  # filled
     pixels[:12, 1] = 200.0  # reaches over one end
     pixels[8:13, 2] = 200.0  # stands free
-    layer = first_layer(pixels, np.full_like(pixels, 40.0), plain, 0.5)
+    layer = first_layer(pixels, plain, 0.5)
 
     assert layer.trust.max(axis=0).tolist() == [0.0, 1.0, 1.0]
 
@@ -57,6 +57,6 @@ def test_columns_without_an_edge_are_not_trusted() -> None:
 def test_needle_that_fills_all_columns_keeps_them() -> None:
     """A template with no edge anywhere is as good as it gets."""
     pixels = np.full((21, 3), 200.0, np.float32)
-    layer = first_layer(pixels, np.full_like(pixels, 40.0), np.full(3, 40.0, np.float32), 0.5)
+    layer = first_layer(pixels, np.full(3, 40.0, np.float32), 0.5)
 
     assert layer.trust.min() == 1.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from decoder.arrays import Floats
-from decoder.sorting import median_of, middle_level, middle_of, middle_views
+from decoder.sorting import median_of, middle_of, middle_views, quantile_of
 
 LEVELS = st.floats(-300, 300, width=32)
 
@@ -32,11 +32,10 @@ def test_the_middle_is_the_median(values: Floats) -> None:
     assert middle.dtype == np.float32
 
 
-@given(st.integers(1, 60).flatmap(lambda count: arrays(np.float32, count, elements=LEVELS)))
-def test_the_middle_level_is_the_median(levels: Floats) -> None:
-    """Whether all of them are whole or not."""
-    for own in (levels, np.round(levels)):
-        assert middle_level(own) == np.median(own)
+@given(arrays(np.float64, st.integers(1, 60), elements=st.floats(-300, 300)), st.floats(0.0, 1.0))
+def test_a_quantile_is_numpys(values: Floats, part: float) -> None:
+    """Between two values too."""
+    assert quantile_of(values, part) == np.quantile(values, part)
 
 
 @given(st.integers(1, 20).flatmap(lambda count: arrays(np.float32, (count, 2, 3), elements=LEVELS)))
