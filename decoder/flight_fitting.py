@@ -22,17 +22,15 @@ from decoder.panel_needles import DrawnGauge, drawn_gauges
 from decoder.panel_reader import PanelReader
 from decoder.panel_tuning import tuning_from_panel
 from decoder.pivot_path import PivotPath
-from decoder.pivot_rounds import ended, further, is_off
+from decoder.pivot_rounds import any_lift_is_off, ended, further, is_off, lifts_missing
 from decoder.pivots import Pivot, pivot_of
 from decoder.pivots_together import pooled
 from decoder.reading import Reading, Status
 from decoder.seen_faces import with_seen_faces
-from decoder.tuning import Tuning
 from decoder.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.unwrapped_panel import UnwrappedPanel
 
 ROUNDS = 8
-SETTLED_LIFT = 0.01
 # A needle that is missing in more of the sampled frames than this is not known as it is.
 MISSING_PART = 0.5
 
@@ -142,9 +140,10 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
 def _with_pivots_moved(learned: _Learned, paths: Sequence[PivotPath]) -> PanelReader | None:
     """A reader, not tuned yet, with pivots and lifts as they were learned; None where they are right already."""
     source, tuning = learned.before.source, learned.before.tuning
-    lifts = _lifts(tuning, learned.pivots)
+    lifts = tuning.lifts or (0.0,) * len(paths)
+    missing = lifts_missing(lifts, learned.pivots) if tuning.dials_move else ()  # then none has a lift
     steps = [path.step_px for path in paths]
-    if not any(steps) and lifts == tuning.lifts:
+    if not any(steps) and not any_lift_is_off(missing):
         return None
     own = source.optics.own
     of_gauges = list(zip(source.panel.gauges, _planes(learned.reader), steps, strict=True))
@@ -157,7 +156,7 @@ def _with_pivots_moved(learned: _Learned, paths: Sequence[PivotPath]) -> PanelRe
         usual=learned.reader.tuning.usual,
         dials_move=tuning.dials_move,
         anchors_agree=tuning.anchors_agree,
-        lifts=lifts,
+        lifts=tuple(lift + more for lift, more in zip(lifts, missing, strict=False)),
     )
     return PanelReader(moved, learned.before.method, first, drawn)
 
@@ -229,15 +228,6 @@ def _pivots(
 
 def _planes(reader: PanelReader) -> Sequence[DialPlane | None]:
     return reader.source.planes or (None,) * len(reader.grids)
-
-
-def _lifts(tuning: Tuning, pivots: Sequence[Pivot]) -> tuple[float, ...]:
-    """How far needles go beyond their dials, with what was found to be missing; none where dials do not move."""
-    if not tuning.dials_move:
-        return ()
-    so_far = tuning.lifts or (0.0,) * len(pivots)
-    missing = [pivot.lift if abs(pivot.lift) > SETTLED_LIFT else 0.0 for pivot in pivots]
-    return tuple(lift + more for lift, more in zip(so_far, missing, strict=True))
 
 
 def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, step_px: tuple[float, float]) -> Gauge:

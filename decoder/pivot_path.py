@@ -2,7 +2,7 @@
 
 A needle that is learned around a wrong pivot takes in a part of what its tilts tell, so a step to where they point
 falls short; where the needle hardly turns it may go too far instead, and the next one further. Two places tell by how
-much.
+much, as far as they tell more than their doubt.
 """
 
 from __future__ import annotations
@@ -11,6 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
+from decoder.arrays import Floats
+from decoder.pivots import Pivot
 
 Vector = tuple[float, float]
 # No step goes further than so many times what is left, and none further back than the last one came: two places that
@@ -48,35 +51,38 @@ class PivotPath:
         step_px = (there_px[0] - self.moved_px[0], there_px[1] - self.moved_px[1])
         return PivotPath(there_px, step_px, step_px, was_moved=True)
 
-    def on(self, left_px: Vector, others_px: Vector = (0.0, 0.0)) -> PivotPath:
-        """A step on.
+    def on(self, pivot: Pivot, others_px: Vector = (0.0, 0.0)) -> PivotPath:
+        """A step on, as far as the tilts tell it.
 
         The first goes where the tilts point, the next ones along the secant through the last two places (D. G.
         Anderson, J. ACM 12, 1965, with a depth of one). It may lead back, away from where the tilts point: not if that
         is away from the other gauges, too. Then nearer needles are found better, and tell more.
 
+        Where the tilts hardly tell, no step is taken: what they seem to tell there changes from place to place by as
+        much as they doubt it, and to follow that makes last bits into tenths of a pixel.
+
         Parameters
         ----------
-        left_px
-            Where the tilts point to from here.
+        pivot
+            Where the tilts point to from here, and how surely.
         others_px
             How far the panel's gauges are to be moved as a rule.
         """
-        step_px = left_px
+        left = np.array(pivot.offset_px)
+        step = left
         if self.step_px is not None:
-            secant_px = _secant_px(left_px, self.step_px, self.left_px)
+            secant = _secant(pivot, self.step_px, self.left_px)
             to_others_px = np.subtract(others_px, self.moved_px)
-            if np.dot(secant_px, left_px) > 0 or np.dot(to_others_px, left_px) <= 0:
-                step_px = secant_px
-        moved_px = (self.moved_px[0] + step_px[0], self.moved_px[1] + step_px[1])
-        return PivotPath(moved_px, step_px, left_px, was_moved=True)
+            if np.dot(secant, left) > 0 or np.dot(to_others_px, left) <= 0:
+                step = secant
+        x, y = (pivot.told_part @ step).tolist()
+        return PivotPath((self.moved_px[0] + x, self.moved_px[1] + y), (x, y), pivot.offset_px, was_moved=True)
 
 
-def _secant_px(left_px: Vector, last_step_px: Vector, last_left_px: Vector) -> Vector:
-    left, changed = np.array(left_px), np.subtract(left_px, last_left_px)
-    if not changed.any():
-        return left_px
-    step = left - (left @ changed) / (changed @ changed) * (changed + last_step_px)
-    farthest_px = FARTHEST * math.hypot(*left_px) if step @ left > 0 else math.hypot(*last_step_px)
-    x, y = (step * min(1.0, farthest_px / max(math.hypot(*step), 1e-12))).tolist()
-    return x, y
+def _secant(pivot: Pivot, last_step_px: Vector, last_left_px: Vector) -> Floats:
+    """(2,): the step along the secant; what changed since the last place counts beside what is in doubt (a ridge)."""
+    left, changed = np.array(pivot.offset_px), np.subtract(pivot.offset_px, last_left_px)
+    in_spreads = np.linalg.solve(pivot.covariance_px2, changed)
+    step: Floats = left - (left @ in_spreads) / (changed @ in_spreads + 1.0) * (changed + last_step_px)
+    farthest_px = FARTHEST * math.hypot(*left) if step @ left > 0 else math.hypot(*last_step_px)
+    return step * min(1.0, farthest_px / max(math.hypot(*step), 1e-12))

@@ -1,4 +1,4 @@
-"""What a round of the fit says of pivots: which are moved on, which are right, and how surely they end.
+"""What a round of the fit says of pivots and lifts: which are moved on, which are right, and how surely they end.
 
 A round reads the sample around the pivots as they are, and so tells how far they still are from where needles turn.
 """
@@ -18,6 +18,7 @@ from decoder.uncertainty import DRAWN_PX
 
 # A pivot that had to be moved is moved again until it is right to this: the first step falls a little short.
 SETTLED_PX = 0.03
+SETTLED_LIFT = 0.01
 
 
 def further(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> list[PivotPath]:
@@ -38,7 +39,7 @@ def _middle(places_px: Floats) -> tuple[float, float]:
 def _stepped(path: PivotPath, pivot: Pivot, others_px: tuple[float, float]) -> PivotPath:
     if not is_off(pivot, was_moved=path.was_moved):
         return path.stay()
-    return path.on(pivot.offset_px, others_px) if pivot.tilts else path.to(others_px)
+    return path.on(pivot, others_px) if pivot.tilts else path.to(others_px)
 
 
 def ended(pivot: Pivot, first_px: tuple[float, float], path: PivotPath) -> Pivot:
@@ -49,5 +50,16 @@ def ended(pivot: Pivot, first_px: tuple[float, float], path: PivotPath) -> Pivot
 
 def is_off(pivot: Pivot, *, was_moved: bool) -> bool:
     """Whether needles turn elsewhere: surely, and further off than is drawn; after a step, than it settles to."""
-    distance_px = math.hypot(*pivot.offset_px)
-    return distance_px > SETTLED_PX if was_moved else distance_px > DRAWN_PX and pivot.is_certain
+    if was_moved:  # needles that were lost on the way tell nothing, and are off all the same
+        return math.hypot(*(pivot.told_px if pivot.tilts else pivot.offset_px)) > SETTLED_PX
+    return math.hypot(*pivot.offset_px) > DRAWN_PX and pivot.is_certain
+
+
+def lifts_missing(lifts: Sequence[float], pivots: Sequence[Pivot]) -> list[float]:
+    """What needles go beyond their dials besides; of one that goes with its dial so far nothing unless surely."""
+    return [pivot.told_lift if lift or pivot.is_lifted else 0.0 for lift, pivot in zip(lifts, pivots, strict=True)]
+
+
+def any_lift_is_off(missing: Sequence[float]) -> bool:
+    """Whether some needle goes another way than it was thought to, by more than lifts settle to."""
+    return any(abs(lift) > SETTLED_LIFT for lift in missing)

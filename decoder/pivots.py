@@ -55,9 +55,9 @@ class Pivot:
         (x, y).
     covariance_px2
         (2, 2) of the offset.
-    lift
+    lift, lift_sigma
         How far the needle goes beyond its dial, for each pixel that the dial moves against the anchors: it stands
-        nearer to the camera.
+        nearer to the camera; and how uncertain that is.
     scatter_px2, tilts
         The variance of the needles' tilts beyond their own noise, which may come out below nothing, and how many
         tilts tell it: by so much the dial is not where it was unwrapped, another way in each frame.
@@ -70,6 +70,7 @@ class Pivot:
     offset_px: tuple[float, float]
     covariance_px2: Floats
     lift: float = 0.0
+    lift_sigma: float = PRIOR_LIFT
     scatter_px2: float = 0.0
     tilts: int = 0
     own_px: Mapping[str, float] = field(default_factory=dict)
@@ -80,6 +81,32 @@ class Pivot:
         """Whether the needles turn elsewhere beyond doubt."""
         offset = np.array(self.offset_px)
         return float(offset @ np.linalg.solve(self.covariance_px2, offset)) > SIGNIFICANT_SPREADS**2
+
+    @property
+    def is_lifted(self) -> bool:
+        """Whether the needle goes another way than its dial beyond doubt."""
+        return abs(self.lift) > SIGNIFICANT_SPREADS * self.lift_sigma
+
+    @property
+    def told_lift(self) -> float:
+        """The lift as far as needles tell it."""
+        return self.lift**3 / (self.lift**2 + self.lift_sigma**2)
+
+    @property
+    def told_px(self) -> Floats:
+        """(2,): the offset as far as needles tell it."""
+        told: Floats = self.told_part @ np.array(self.offset_px)
+        return told
+
+    @property
+    def told_part(self) -> Floats:
+        """(2, 2): how much of what is left needles tell, the less the more they doubt it in some direction.
+
+        It is what to think of an offset that is about as long as it seems and may lie in any direction (a ridge).
+        """
+        size_px2 = float(np.square(self.offset_px).sum())
+        part: Floats = size_px2 * np.linalg.inv(self.covariance_px2 + size_px2 * np.eye(2))
+        return part
 
     def settled(self, first_px: tuple[float, float], moved_px: tuple[float, float]) -> Pivot:
         """The pivot as uncertain as it is after it was moved in steps, of which `first_px` was the first.
@@ -154,7 +181,8 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         spreads = np.abs(seen - rows @ solution) / sigma
         scale = _scale(spreads, len(seen) - len(solution), least=PLACED_SCALE if shifts.any() else 0.0)
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
-    covariance = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)[:2, :2]
+    covariances = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)
+    covariance = covariances[:2, :2]
     if _places(tilts) < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
         covariance = covariance + np.outer(solution[:2], solution[:2])
     left = seen - rows @ solution
@@ -164,6 +192,7 @@ def pivot_from(tilts: Sequence[Tilt]) -> Pivot:
         offset_px=(float(solution[0]), float(solution[1])),
         covariance_px2=covariance,
         lift=float(solution[-1]),
+        lift_sigma=math.sqrt(float(covariances[-1, -1])),
         scatter_px2=scatter_px2 - own_px2,
         tilts=len(left),
         own_px=dict(zip(names, solution[2:-1].tolist(), strict=True)),
