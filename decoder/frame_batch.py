@@ -16,7 +16,7 @@ from decoder.picture_block import TopOfFrame, top_of
 from decoder.pictures import FramePicture
 from flight_file.frame import Frame
 
-MAX_BATCH_FRAMES = 32
+MAX_BATCH_FRAMES = 40
 # The camera's largest pictures come four at a time: a batch of them takes 72 MB.
 MAX_BATCH_PIXELS = 4 * 4896 * 3672
 

@@ -29,7 +29,7 @@ LANES = 5
 # A library's products take as many rows of a kernel at a time; what is left over costs it as much again.
 ROWS_AT_ONCE = 4
 # Numbers whose sums are made together: more of them do not stay in the processor's cache.
-AT_ONCE = 7 << 16
+AT_ONCE = 6 << 16
 
 
 @dataclass(frozen=True, slots=True)

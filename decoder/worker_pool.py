@@ -7,6 +7,7 @@ frame that kills whoever reads it is left out.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -23,6 +24,8 @@ from decoder.panel_reader import PanelReader
 from decoder.worker import recipe
 from decoder.worker_process import WorkerProcess
 
+# In the end a worker takes one of so many parts of its share of what is left.
+PARTS_AT_END = 2
 # Frames that have taken two workers with them are read one by one; one that takes two more is left out.
 DEATHS = 2
 # So many workers one after the other, and nothing read between them: then it is not the frames.
@@ -108,10 +111,11 @@ class WorkerPool:
             self._told = told
         while True:
             self._hand_out(jobs, told)
-            while not is_all_taken and len(jobs) < self._jobs and len(row) < BATCHES_AHEAD * self._jobs:
+            if not is_all_taken and len(jobs) < self._jobs and len(row) < BATCHES_AHEAD * self._jobs:
                 batch = next(coming, None)
                 is_all_taken = batch is None
-                jobs.extend(self._evenly(jobs) if batch is None else [row.begin(batch)])
+                jobs.extend(self._evenly(jobs) if batch is None else self._begun(row.begin(batch)))
+                continue
             if jobs and self._has_room:
                 continue
             if not self._busy:
@@ -130,11 +134,22 @@ class WorkerPool:
     def _has_room(self) -> bool:
         return len(self._workers) < self._jobs or any(worker.has_room for worker in self._workers)
 
+    def _begun(self, job: Job) -> list[Job]:
+        """A new job; in parts as long as no worker has anything to do, so that all begin with the first."""
+        return [job] if self._busy else job.in_parts(self._jobs)
+
     def _evenly(self, jobs: deque[Job]) -> list[Job]:
-        """Takes from the end of the last jobs what would leave workers with nothing to do, and gives it in parts."""
-        odd = (len(jobs) + sum(len(worker.jobs) for worker in self._workers)) % self._jobs
-        last = [jobs.pop() for _ in range(min(odd, len(jobs)))]
-        return [part for job in reversed(last) for part in job.in_parts(self._jobs // odd)]
+        """Takes the last jobs, and gives them in parts, ever smaller ones: so all workers end at about the same time.
+
+        Guided self-scheduling (Polychronopoulos and Kuck, IEEE Trans. Computers 36, 1987).
+        """
+        parts: list[Job] = []
+        left = sum(len(job.frames) for job in jobs)
+        while jobs:
+            job = jobs.popleft()
+            parts += job.in_parts(math.ceil(len(job.frames) * PARTS_AT_END * self._jobs / left))
+            left -= len(job.frames)
+        return parts
 
     def _answering(self) -> list[WorkerProcess]:
         begun_s = time.monotonic()

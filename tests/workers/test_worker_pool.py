@@ -13,11 +13,13 @@ from typing import Any
 
 import pytest
 
+from decoder.batch_row import Job
 from decoder.errors import WorkersLost
 from decoder.frame_batch import Batch, LeftOut, read_here
 from decoder.method import Method
 from decoder.panel_reader import PanelReader
 from decoder.worker_pool import BATCHES_AHEAD, WorkerPool
+from decoder.worker_process import WorkerProcess
 
 SUICIDE = "__import__('os').kill(__import__('os').getpid(), 9)"
 SLEEP = "__import__('time').sleep(3600)"
@@ -158,11 +160,29 @@ def test_batch_that_waited_in_a_killed_worker_is_read_by_another(fitted: Fitted)
 
 @pytest.mark.parametrize("batches", [1, 4, 5])
 def test_last_frames_are_shared_by_all(fitted: Fitted, batches: int) -> None:
-    """Where batches do not go into the number of workers the last is read in parts, and given back as it was."""
+    """Wherever batches end, the last is read in parts, and given back as it was."""
     some = fitted.batches[:batches]
     with WorkerPool(3) as pool:
         assert list(pool.read(fitted.reader, some)) == list(read_here(fitted.reader, some))
         assert len(multiprocessing.active_children()) == 3
+
+
+def test_first_and_last_batches_are_taken_in_parts(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first by all workers, so that none waits; the last one frame by frame, so that all end together."""
+    sizes: list[int] = []
+    take = WorkerProcess.take
+
+    def noted(self: WorkerProcess, job: Job, told: bytes) -> None:
+        sizes.append(len(job.frames))
+        take(self, job, told)
+
+    monkeypatch.setattr(WorkerProcess, "take", noted)
+    with WorkerPool(2) as pool:
+        assert list(pool.read(fitted.reader, fitted.batches[:8])) == list(read_here(fitted.reader, fitted.batches[:8]))
+
+    assert sizes[:2] == [2, 2]
+    assert set(sizes[2:-4]) == {4}
+    assert sizes[-4:] == [1, 1, 1, 1]
 
 
 def test_pool_gives_up_when_it_is_not_the_frames(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
