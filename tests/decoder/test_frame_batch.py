@@ -37,10 +37,10 @@ def reader(flight: Flight) -> PanelReader:
 
 @pytest.mark.parametrize(
     ("size_px", "frames"),
-    [((1024, 768), 32), ((640, 480), 32), ((1616, 1212), 32), ((4896, 3672), 4), ((20000, 10000), 1)],
+    [((1024, 768), 40), ((640, 480), 40), ((1616, 1212), 36), ((4896, 3672), 4), ((20000, 10000), 1)],
 )
 def test_larger_pictures_come_in_smaller_batches(size_px: tuple[int, int], frames: int) -> None:
-    """A batch holds at most 32 frames, and no more pixels than four of 18 megapixels."""
+    """A batch holds at most 40 frames, and no more pixels than four of 18 megapixels."""
     assert batch_frames(size_px) == frames
 
 
