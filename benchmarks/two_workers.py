@@ -1,21 +1,18 @@
 """How much sooner two workers have read a flight than one process, where the machine has two processors to give.
 
 On a shared machine two processes that share nothing gain from nearly nothing to twice as much, from one minute to the
-next. So that is measured before and after each round, and rounds count in which it was given.
+next. So that is measured right before and after two workers read, and rounds count in which it was given.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
 
 from benchmarks.sized_flights import PICTURES, Size
 from benchmarks.two_at_once import decompressing
-from decoder.frame_batch import Batch, ReadBatches, batch_frames, batches, read_here
+from decoder.frame_batch import ReadBatches, batch_frames, batches, read_here
 from decoder.method import Method
 from decoder.panel_pictures import PanelPictures
 from decoder.panel_reader import PanelReader
@@ -55,13 +52,13 @@ def two_by_one(flight: Flight, source: PanelPictures, size: Size) -> TwoByOne:
     """Measured in rounds until enough of them count, or the machine does not give two processors often enough."""
     reader = PanelReader.from_panel(source, Method.NORMXCORR)
     measured: list[tuple[float, float]] = []
-    with decompressing(flight.paths[0], PICTURES, PICTURES * LOOPS) as bare_by_one:
-        before = bare_by_one()
+    with decompressing(flight.paths[0], PICTURES, PICTURES * LOOPS) as bare_by_one, WorkerPool(2) as pool:
+        for read in (read_here, pool.read):  # so that each has its memory
+            _took_s(read, reader, flight)
         while len(measured) < TRIES * size.rounds and len(_given(measured)) < size.rounds:
-            ours = _read_s(1, reader, flight) / _read_s(2, reader, flight)
-            after = bare_by_one()
-            measured.append((ours, min(before, after)))
-            before = after
+            one_s = _took_s(read_here, reader, flight)
+            before, two_s, after = bare_by_one(), _took_s(pool.read, reader, flight), bare_by_one()
+            measured.append((one_s / two_s, min(before, after)))
     given = _given(measured)
     counted = given if len(given) >= FEW_ROUNDS else measured
     ours, bare = (statistics.median(numbers) for numbers in zip(*counted, strict=True))
@@ -72,26 +69,10 @@ def _given(measured: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return [(ours, bare) for ours, bare in measured if bare >= GIVEN]
 
 
-def _read_s(jobs: int, reader: PanelReader, flight: Flight) -> float:
-    """By the clock, until so many workers have read the flight."""
-    with _ready(jobs, reader, flight) as read:
-        start = time.perf_counter()
-        for _ in read(reader, _cut(reader, flight)):
-            pass
-        return time.perf_counter() - start
-
-
-@contextmanager
-def _ready(jobs: int, reader: PanelReader, flight: Flight) -> Iterator[ReadBatches]:
-    """Reading by so many workers that have started already; one is this process itself."""
-    if jobs == 1:
-        yield read_here
-        return
-    with WorkerPool(jobs) as pool:
-        list(pool.read(reader, islice(_cut(reader, flight), 2 * jobs)))
-        yield pool.read
-
-
-def _cut(reader: PanelReader, flight: Flight) -> Iterator[Batch]:
+def _took_s(read: ReadBatches, reader: PanelReader, flight: Flight) -> float:
+    """By the clock, until the flight is read."""
     height, width = reader.source.picture.shape
-    return batches(flight.frames(), batch_frames((width, height)))
+    start = time.perf_counter()
+    for _ in read(reader, batches(flight.frames(), batch_frames((width, height)))):
+        pass
+    return time.perf_counter() - start
