@@ -86,6 +86,7 @@ def test_what_is_no_number_is_drawn_nowhere(opened: Running, open_page: OpenPage
     fields = 0
     for item in ("knob", "level", "n1"):
         page.locator("#outline li button", has_text=item).first.click()
+        expect(page.locator("#inspector h2")).to_have_text(re.compile(f"^{item}", re.IGNORECASE))
         for field in page.locator("#inspector input[inputmode=decimal]:visible").all():
             field.fill("wide")
             field.press("Tab")
