@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.acceptance import accuracy_lines, box_lines, cost_lines, covered_lines, reading_lines
 from benchmarks.accuracy import RUNS, measure, oblique_tracks, table_3_2
-from benchmarks.box import day, sustained
+from benchmarks.box import called, day, sustained
 from benchmarks.cockpit import cockpit_page
 from benchmarks.comparison import compare
 from benchmarks.comparison_page import comparison_section, memory_section, start_section
 from benchmarks.cost import memory, speed
 from benchmarks.pages import PICTURES, Page, accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
-from benchmarks.real_pictures import available, measure_source
+from benchmarks.real_pictures import BORROWED, available, measure_source
 from benchmarks.report_page import report_page
 from benchmarks.setup_page import setup_page
 from benchmarks.sized_flights import SIZES, Size
@@ -32,11 +32,14 @@ DOCS = Path(__file__).parents[1] / "docs"
 
 
 def render_what_is_absent() -> None:
-    """Renders and records the long flights, unless they are there."""
+    """Renders the long flights and those over borrowed instruments, unless they are there."""
     if not all((RENDERED / f"{flight.name}{end}").exists() for flight in FLIGHTS for end in (".mcap", "_truth.csv")):
         sys.stderr.write("rendering the 400-frame flights ...\n")
         make_fixtures(["frames"])
         make_fixtures(["flights"])
+    if not all(source in available() for source in BORROWED):
+        sys.stderr.write("rendering the flights over borrowed instruments ...\n")
+        make_fixtures(["borrowed"])
 
 
 def measured_accuracy() -> Page:
@@ -53,12 +56,12 @@ def measured_accuracy() -> Page:
 
 def measured_cost(sizes: Sequence[Size]) -> Page:
     """The page on speed and memory."""
-    took, peak, work = speed(), memory(), sustained()
+    took, peak, work, calls = speed(), memory(), sustained(), called()
     with TemporaryDirectory() as name:
         a_day = day(Path(name), Path(name) / "flights", keep_hours=1, max_hours=2, keep_free_gib=0)
     compared, held, begun = compare(sizes), worker_memory(), starts()
-    lines = [*cost_lines(took, peak), *reading_lines(compared, held, begun), *box_lines(work, a_day)]
-    page = cost_page(took, peak, work, a_day, lines)
+    lines = [*cost_lines(took, peak), *reading_lines(compared, held, begun), *box_lines(work, a_day, calls)]
+    page = cost_page(took, peak, work=work, day=a_day, calls=calls, lines=lines)
     return Page("\n".join([page, comparison_section(compared), memory_section(held), start_section(begun)]))
 
 
@@ -85,7 +88,8 @@ def main(words: list[str]) -> None:
     render_what_is_absent()
     for name in asked.pages or PAGES:
         page = PAGES[name](sizes)
-        text = f"# {name.capitalize()}\n\nWritten by `python -m benchmarks --write`. {machine()}\n\n{page.text}"
+        lead = f"{page.lead}\n" if page.lead else ""
+        text = f"# {name.capitalize()}\n\n{lead}Written by `python -m benchmarks --write`. {machine()}\n\n{page.text}"
         sys.stdout.write(text + "\n")
         if asked.write:
             (DOCS / f"{name}.md").write_text(text, encoding="utf-8")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from benchmarks.error_plot import Track, tracks
 from benchmarks.programs import FIXTURES, RENDERED, decode
-from decoder.accuracy import ALL_VALUED, NeedleAccuracy, compare
-from decoder.tables import Table, read_table
+from decoder.timeseries.accuracy import ALL_VALUED, NeedleAccuracy, compare
+from decoder.timeseries.tables import Table, flight_table, read_table
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 REALLY_COVERED = 0.8
@@ -56,7 +56,7 @@ def measure(run: Run, folder: Path) -> Measured:
     """Decodes a run's flight and compares it with its truth."""
     decode(run.flight, folder, "--method", run.method)
     flight, truth = read_table(folder / f"{run.flight.stem}.csv"), read_table(run.truth)
-    needles = compare(flight, truth)
+    needles = compare(flight_table(flight), truth)
     names = [needle.needle for needle in needles]
     return Measured(
         run,

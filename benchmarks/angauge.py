@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from ppf.angauge import read_single_gauge
 
-from decoder.gauge import Gauge
-from decoder.panel_pictures import PanelPictures
-from decoder.pictures import GreyPicture
-from decoder.scale import Scale
-from decoder.scale_marks import FULL_CIRCLE_DEG
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG, Scale
 
 Floats = NDArray[np.float64]
 

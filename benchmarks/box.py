@@ -1,4 +1,4 @@
-"""The box at work: `recorder run` as a process of its own, with large pictures, and over a day that takes a minute."""
+"""The box at work: `recorder run` as a process of its own, with large pictures, over a day, and over many calls."""
 
 from __future__ import annotations
 
@@ -17,28 +17,36 @@ from typing import Any
 
 import yaml
 
+from benchmarks.recorders import RECORDER
+from camera_drivers.qx10.simulator.behaviour import Behaviour
+from camera_drivers.qx10.simulator.simulator import SimulatedQx10
+from recorder.host import SystemClock
+
 RATE_HZ = 4.0
 PICTURE_BYTES = 5_000_000  # what a QX10 makes of 18 megapixels
 PICTURES = 100
 SETTLED_S = 3.0  # what starting costs is not what recording costs
 
+STILLS = 5000
+FIRST_STILLS = 200  # until then what is used for the first time is loaded
+
 DAY_S = 86_400
 DAY_RATE_HZ = 0.5
 SAMPLE_S = 0.1
 
-_RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
 # Start and end of image; an application segment of comment would do, but no camera sends one of five megabytes.
 _JPEG = (b"\xff\xd8\xff\xda", b"\xff\xd9")
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A process at one moment: resident memory and its peak so far (MiB), open files, processor time (s)."""
+    """A process at one moment: resident memory and its peak so far (MiB), open files, threads, processor time (s)."""
 
     at_s: float
     resident_mib: float
     peak_mib: float
     files: int
+    threads: int
     processor_s: float
     loads_opencv: bool
 
@@ -90,6 +98,74 @@ class Day:
     def most_files(self) -> int:
         """Open files."""
         return max(each.files for each in self.samples)
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """A camera that was called over HTTP for so many stills.
+
+    Attributes
+    ----------
+    samples
+        Of the recorder, in order, each with the stills that the camera had delivered by then.
+    """
+
+    samples: tuple[tuple[int, Sample], ...]
+
+    @property
+    def settled(self) -> tuple[tuple[int, Sample], ...]:
+        """After the first stills."""
+        return tuple((stills, each) for stills, each in self.samples if stills >= FIRST_STILLS)
+
+    def growth_mib(self) -> float:
+        """By how much the largest memory after the first stills exceeds that right after them, MiB."""
+        (_, first), *later = self.settled
+        return max(each.resident_mib for _, each in later) - first.resident_mib
+
+    def at(self, stills: int) -> Sample:
+        """The first sample with so many stills."""
+        return next(each for delivered, each in self.samples if delivered >= stills)
+
+
+def called(count: int = STILLS) -> Called:
+    """Record so many stills, and the first ones before, from the simulated camera, as fast as both can."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        ledger, config = folder / "ledger", folder / "recorder.yaml"
+        command = [sys.executable, "-c", f"from benchmarks.box import be_camera; be_camera({str(ledger)!r})"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.PIPE, text=True) as simulated:
+            url = (simulated.stdout or sys.stdin).readline().strip()
+            camera = {"driver": "qx10", "url": url, "interval_s": 0}
+            storage = {"directory": str(folder / "flights"), "keep_free_gib": 0}
+            config.write_text(yaml.safe_dump({"camera": camera, "storage": storage}), encoding="utf-8")
+            samples = tuple(_until(FIRST_STILLS + count, config, ledger))
+            simulated.communicate()
+    return Called(samples)
+
+
+def be_camera(ledger: str) -> None:
+    """Be a camera that takes no time, until standard input ends; its address is printed."""
+    with Path(ledger).open("w", encoding="utf-8", buffering=1) as file:
+        camera = SimulatedQx10(SystemClock(), behaviour=Behaviour(shot_s=0.0, save_s=0.0), ledger_file=file)
+        with camera:
+            sys.stdout.write(camera.url + "\n")
+            sys.stdout.flush()
+            sys.stdin.read()
+
+
+def _until(stills: int, config: Path, ledger: Path) -> Iterator[tuple[int, Sample]]:
+    command = [*RECORDER, "run", "--config", str(config)]
+    log, delivered = config.with_name("log"), 0
+    with log.open("wb") as stream, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stream) as process:
+        with ledger.open("rb") as lines:
+            for sample in _samples(process):
+                delivered += lines.read().count(b"\n")
+                yield delivered, sample
+                if delivered >= stills:
+                    break
+        process.terminate()
+    if process.returncode != 0:
+        raise SystemExit(f"the recorder ended with {process.returncode}: {log.read_text(encoding='utf-8')[-500:]}")
 
 
 def sustained(count: int = PICTURES, *, pace: str = "realtime") -> Sustained:
@@ -159,7 +235,7 @@ def _link_pictures(folder: Path, contents: list[bytes], count: int) -> None:
 def _run(folder: Path, document: dict[str, Any]) -> tuple[list[Sample], dict[str, Any]]:
     config, log = folder / "recorder.yaml", folder / "log"
     config.write_text(yaml.safe_dump(document), encoding="utf-8")
-    command = [*_RECORDER, "run", "--config", str(config)]
+    command = [*RECORDER, "run", "--config", str(config)]
     with log.open("wb") as stream, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stream) as process:
         samples = list(_samples(process))
     lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
@@ -179,6 +255,7 @@ def _samples(process: subprocess.Popen[bytes]) -> Iterator[Sample]:
                 resident_mib=int(status["VmRSS"].split()[0]) / 1024,
                 peak_mib=int(status["VmHWM"].split()[0]) / 1024,
                 files=len(list((own / "fd").iterdir())),
+                threads=int(status["Threads"]),
                 processor_s=sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK"),
                 loads_opencv="cv2" in (own / "maps").read_text("utf-8", "replace"),
             )

@@ -13,10 +13,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.programs import FIXTURES, RENDERED
-from decoder.accuracy import compare
-from decoder.reading import Status
-from decoder.tables import read_table
-from decoder.text_table import text_table
+from decoder.instruments.reading import Status
+from decoder.outputs.csv_output import text_table
+from decoder.timeseries.accuracy import compare
+from decoder.timeseries.tables import flight_table, read_table
 from fixtures.cockpit.flights import COMMITTED, FLIGHTS, make_flight
 
 READ = Status.READ.value
@@ -93,7 +93,7 @@ def measure(name: str, folder: Path) -> FlightResult:
         return FlightResult(name, (), done.stderr.strip() or f"exit code {done.returncode}")
     flight, truth = read_table(folder / f"{name}.csv"), read_table(home / f"{name}_truth.csv")
     results = []
-    for accuracy in compare(flight, truth):
+    for accuracy in compare(flight_table(flight), truth):
         needle = accuracy.needle
         statuses = flight.columns[f"{needle}_status"]
         covered = truth.numbers(f"{needle}_covered") if f"{needle}_covered" in truth.columns else [0.0] * len(statuses)

@@ -17,11 +17,11 @@ from benchmarks.angauge import values_by_needle
 from benchmarks.plain_way import Correlate, PlainWay, with_opencv, with_skimage
 from benchmarks.sized_flights import PICTURES, SIZES, Size, sized_flight
 from benchmarks.two_workers import LOOPS, TwoByOne, two_by_one
-from decoder.flight_decoder import decode_flight
-from decoder.method import Method
-from decoder.panel_pictures import PanelPictures, panel_from_attachments
-from decoder.panel_reader import PanelReader
-from decoder.pictures import grey_picture
+from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments
+from decoder.imaging.pictures import grey_picture
+from decoder.instruments.method import Method
+from decoder.learning.fit import reader_from_panel
+from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.reader import Flight
 
 NEEDLES = (7, 24)
@@ -50,7 +50,7 @@ def _compared(folder: Path, size: Size, needles: int) -> Compared:
     source = panel_from_attachments(flight.attachments, flight=size.name)
     few = [frame.jpeg for frame in islice(flight.frames(), size.slow_frames)]
     ways: dict[str, tuple[int, Callable[[], object]]] = {
-        "decode": (size.frames, lambda: decode_flight(flight, PanelReader.from_panel(source, Method.NORMXCORR), iter)),
+        "decode": (size.frames, lambda: decode_flight(flight, reader_from_panel(source, Method.NORMXCORR), iter)),
         "matchTemplate": (size.slow_frames, lambda: _plainly(source, few, with_opencv)),
         "match_template": (size.slow_frames, lambda: _plainly(source, few, with_skimage)),
         "ppf.angauge": (size.slow_frames, lambda: values_by_needle(source, few)),

@@ -10,23 +10,25 @@ from benchmarks.starting import Start
 from benchmarks.worker_memory import Held
 
 COMPARED_LEGEND = """\
-Processor time for a frame, as a multiple of merely decompressing it in grey in the same round; medians of the rounds'
-ratios, one thread. `decode` is all that decoding a flight of so many frames takes in a running process: reading its
-chunks, fitting the reader to it, reading the frames. `matchTemplate` is the thesis's way as one writes it down with
-OpenCV (`benchmarks/plain_way.py`): find the knob in the frame, `warpPolar` each gauge, find each needle by normalized
-cross-correlation; `match_template` is the same with scikit-image's function. `ppf.angauge` is that package on the dials
-with one needle; it aligns nothing. These three were given a few of the frames. Larger pictures are the same frames
-enlarged, with a sensor's noise; 24 needles are the same dials listed again under other names. `two workers` is how much
-sooner two processes have read the frames than one; wall clock, medians. `two bare` is the same of two processes that
-merely decompress, and share nothing: what two of the machine's processors have to give beside one, the lesser of before
-and after. This machine's host gives that from one minute to the next or not; `rounds` count in which it was 1.85 and
-more, if there were three of them.
+Processor time per frame, as a multiple of decompressing the frame in grey in the same round; medians of the rounds'
+ratios, one thread. `decode` is everything that decoding a flight of that many frames takes in a running process:
+reading its chunks, fitting the reader to it, reading the frames. `matchTemplate` is the thesis's method written
+directly with OpenCV (`benchmarks/plain_way.py`): find the knob in the frame, `warpPolar` each gauge, find each needle
+by normalized cross-correlation. `match_template` is the same with scikit-image's function. `ppf.angauge` is that
+package on the dials with one needle, without any alignment. These three were given only a few of the frames. Larger
+pictures are the same frames enlarged, with a sensor's noise added; 24 needles are the same dials listed again under
+other names.
+
+`two workers` is how much sooner two processes finish than one (wall clock, medians). `two bare` is the same for two
+processes that only decompress and share nothing, the lower of the measurements before and after: it is what two of the
+machine's processors can give. On a shared host this varies from minute to minute, so only `rounds` in which it was at
+least 1.85 count, if there were three of them.
 """
 MEMORY_LEGEND = """\
-The most that any of two workers held, seven needles.
+The larger of two workers, seven needles.
 """
 START_LEGEND = """\
-Until the first line of output, the least of several runs.
+Time until the first line of output, the shortest of several runs.
 """
 
 

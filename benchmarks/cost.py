@@ -16,17 +16,16 @@ import cv2
 from threadpoolctl import threadpool_limits
 
 from benchmarks.programs import RENDERED, decode, decompressed_alone, peak_memory_mib, read_alone
-from decoder.flight_decoder import decode_flight
-from decoder.method import Method
-from decoder.panel_pictures import panel_from_attachments
-from decoder.panel_reader import PanelReader
-from decoder.pictures import grey_picture
+from decoder.imaging.panel_pictures import panel_from_attachments
+from decoder.imaging.pictures import grey_picture
+from decoder.instruments.method import Method
+from decoder.learning.fit import reader_from_panel
+from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.reader import open_flight
-from recorder.clock import SimulatedClock
 from recorder.config import parse_config
+from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from recorder.testing import fixed_host
 
 ROUNDS = 7
 # A sample spread over so many finds no picture twice, as in a flight that is really so long.
@@ -85,7 +84,7 @@ def speed() -> Speed:
             for jpeg in jpegs:
                 grey_picture(jpeg)
             middle = time.process_time()
-            decode_flight(flight, PanelReader.from_panel(panel, Method.NORMXCORR), iter)
+            decode_flight(flight, reader_from_panel(panel, Method.NORMXCORR), iter)
             bare.append(middle - start)
             read.append(time.process_time() - middle)
             program.append(decode(path, Path(folder)))

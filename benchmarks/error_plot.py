@@ -11,10 +11,11 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from decoder.accuracy import CONFIDENCE_SIGMAS, truth_at
-from decoder.arrays import Floats
-from decoder.scale import shortest
-from decoder.tables import Table, flight_table
+from decoder.panel.arrays import Floats
+from decoder.panel.scale import shortest
+from decoder.timeseries.accuracy import truth_at
+from decoder.timeseries.tables import Table, flight_table
+from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 
 WIDTH, STRIP, TOP, BOTTOM = 800, 64, 34, 34
 LEFT, RIGHT = 166, 700
@@ -57,7 +58,7 @@ def tracks(flight: Table, truth: Table) -> list[Track]:
     """Of every needle that both tables have."""
     described = flight_table(flight)
     found = []
-    for name in (name for name in described.needles if name in truth.columns):
+    for name in (name for name in described.names if name in truth.columns):
         known = described.described(name)
         error = shortest(flight.numbers(name) - truth_at(flight, truth, name, known.wraps), known.wraps)
         percent = 100.0 / (known.full_scale or 1.0)

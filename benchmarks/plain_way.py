@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.feature import match_template
 
-from decoder.gauge import Gauge
-from decoder.panel_pictures import PanelPictures
-from decoder.pictures import GreyPicture
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.gauge import Gauge
 
 ROWS_PER_DEG = 2
 FULL_CIRCLE_DEG = 360

@@ -7,11 +7,10 @@ from collections import Counter
 
 import numpy as np
 
-from decoder.calibration.pose import PoseSolution, pose_from_points
-from decoder.calibration.solution import difference_of
-from decoder.calibration.view import Pose
-from decoder.errors import PoseError
-from decoder.lens import Lens
+from decoder.imaging.camera_pose import Pose, PoseSolution, difference_of
+from decoder.imaging.pose import pose_from_points
+from decoder.panel.errors import PoseError
+from decoder.panel.lens import Lens
 from fixtures.calibration.views import PIXELS_PER_RADIAN, PRINCIPAL_POINT_PX, SIZE_PX, View, random_view
 
 VIEWS = 10_000

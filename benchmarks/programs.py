@@ -13,7 +13,8 @@ RENDERED = FIXTURES / "rendered"
 
 # What the system reports of a child includes the parent that started it, so the child says itself what it held.
 _DECODE_AND_SAY = """
-from decoder.cli import main
+from decoder.learning.fit import reader_from_panel
+from decoder.commands.cli import main
 try:
     main()
 except SystemExit as done:
@@ -45,10 +46,11 @@ import sys, time
 from pathlib import Path
 import cv2
 from threadpoolctl import threadpool_limits
-from decoder.flight_decoder import decode_flight
-from decoder.method import Method
-from decoder.panel_pictures import panel_from_attachments
-from decoder.panel_reader import PanelReader
+from decoder.learning.fit import reader_from_panel
+from decoder.timeseries.flight_decoder import decode_flight
+from decoder.instruments.method import Method
+from decoder.imaging.panel_pictures import panel_from_attachments
+from decoder.instruments.panel_reader import PanelReader
 from flight_file.reader import open_flight
 
 cv2.setNumThreads(1)
@@ -56,7 +58,7 @@ with threadpool_limits(1):
     flight = open_flight([Path(sys.argv[1])])
     panel = panel_from_attachments(flight.attachments, flight=sys.argv[1])
     start = time.process_time()
-    decode_flight(flight, PanelReader.from_panel(panel, Method.NORMXCORR), iter)
+    decode_flight(flight, reader_from_panel(panel, Method.NORMXCORR), iter)
     print(time.process_time() - start)
 """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,16 +13,17 @@ import numpy as np
 
 from benchmarks.pages import markdown
 from benchmarks.setup_page import FIXTURES, chromium
-from decoder.alignment import IDENTITY
-from decoder.alignment_series import AlignmentSeries
-from decoder.flight_data import CODE, FlightData, NeedleSeries
-from decoder.json_output import Provenance, SourceFile
-from decoder.panel_pictures import PanelPictures, panel_from_file
-from decoder.reading import Status
-from decoder.report.integrity import NOT_CHECKED
-from decoder.report.report import Report, write_report
+from decoder.imaging.alignment import IDENTITY
+from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
+from decoder.instruments.reading import Status
+from decoder.outputs.formats import Decoded
+from decoder.outputs.json_output import Provenance, SourceFile
+from decoder.outputs.report import write_report
+from decoder.timeseries.flight_data import CODE, AlignmentSeries, FlightData, NeedleSeries
 from flight_file.frame import ClockReading, Exif, Frame, HostTimes
 from flight_file.reader import open_flight
+from flight_file.session import Session
+from flight_file.verification import verify
 
 ROWS = 2 * 3600 * 4
 FLAG_EVERY, FLAG_ROWS = 144, 5
@@ -30,8 +32,8 @@ ROUNDS = 5
 MOST_MB, MOST_S = 25, 5
 BYTES_PER_MB = 1e6
 LEGEND = """\
-Two hours at 4 Hz with the demo panel's seven needles and 1400 flagged spans, made of arrays; frames' pictures are
-the demo's. Opened from disk in Chromium on the same machine, until all that is in view is drawn; the best of five.
+A synthetic flight of two hours at 4 Hz: the demo panel's seven needles, 1400 flagged spans, and the demo's pictures.
+Opened from disk in Chromium on the same machine, until everything in view is drawn; the best of five.
 """
 
 
@@ -39,7 +41,7 @@ def flight_data(source: PanelPictures) -> FlightData:
     """Two hours of slow swings with noise, a needle interpolated now and then."""
     chance, alignments = np.random.default_rng(1), AlignmentSeries()
     for _ in range(ROWS):
-        alignments.add(IDENTITY, ())
+        alignments.add(IDENTITY)
     series = []
     for place, quantity in enumerate(source.panel.quantities):
         low, high = quantity.range
@@ -57,7 +59,7 @@ def flight_data(source: PanelPictures) -> FlightData:
     )
 
 
-def two_hours() -> Report:
+def two_hours() -> Decoded:
     """The report of the flight."""
     source = panel_from_file(FIXTURES / "panel.yaml")
     data, zero = flight_data(source), ClockReading(0, 0)
@@ -70,7 +72,15 @@ def two_hours() -> Report:
     provenance = Provenance(
         "two hours", "benchmark", "normxcorr", (SourceFile("-", "0" * 64),), SourceFile("-", "0" * 64), None, ()
     )
-    return Report(data, source, None, provenance, frames, NOT_CHECKED, (), "", "flight")
+    return Decoded(
+        data=data,
+        source=source,
+        camera=None,
+        provenance=provenance,
+        frames=frames,
+        check=partial(verify, [FIXTURES / "thesis_a1.mcap"]),
+        session=Session("two hours"),
+    )
 
 
 def opened_s(browser_path: str, page_file: Path) -> tuple[float, float]:

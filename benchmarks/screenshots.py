@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from contextlib import chdir
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,10 +14,9 @@ from playwright.sync_api import Browser, expect, sync_playwright
 
 from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
-from decoder.commands.decoding import decoded_flight
-from decoder.method import Method
-from decoder.report.of_flight import report_of
-from decoder.report.report import write_report
+from decoder.instruments.method import Method
+from decoder.outputs.report import write_report
+from decoder.parallel.decoding import decoded_flight
 from decoder.setup.sources import open_source
 from flight_file.reader import open_flight
 
@@ -39,17 +40,21 @@ def main() -> int:
     PICTURES.mkdir(exist_ok=True)
     with sync_playwright() as playwright, TemporaryDirectory() as name:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        target = Path(name) / "panel.yaml"
-        for flight, gauge, stem in SETUPS:
-            with served(open_source([FIXTURES / flight]), None, target) as url:
-                for scheme in ("dark", "light"):
-                    setup_picture(browser, url, scheme, gauge, PICTURES / f"{stem}_{scheme}.png")
+        setup_pictures(browser, Path(name))
         report = Path(name) / "flight.html"
         written_report(report)
         for scheme in ("dark", "light"):
             report_picture(browser, report, scheme, PICTURES / f"report_{scheme}.png")
         browser.close()
     return 0
+
+
+def setup_pictures(browser: Browser, folder: Path) -> None:
+    """The set-up pages, served from a folder of their own: they show where they save, as it was given."""
+    for flight, gauge, stem in SETUPS:
+        with chdir(folder), served(open_source([FIXTURES / flight]), None, Path("panel.yaml")) as url:
+            for scheme in ("dark", "light"):
+                setup_picture(browser, url, scheme, gauge, PICTURES / f"{stem}_{scheme}.png")
 
 
 def setup_picture(browser: Browser, url: str, scheme: str, gauge: str, path: Path) -> None:
@@ -61,6 +66,7 @@ def setup_picture(browser: Browser, url: str, scheme: str, gauge: str, path: Pat
     page.locator("#picture").press("f")
     page.locator("#film .cell").nth(19).wait_for(timeout=SLOW_MS)
     expect(page.locator("#outline .count").filter(has_text="…")).to_have_count(0, timeout=SLOW_MS)
+    expect(page.locator("#subtitle")).to_have_text(re.compile("saves to panel.yaml$"))
     page.wait_for_timeout(500)
     save_small(page.screenshot(), path)
     page.close()
@@ -71,7 +77,7 @@ def written_report(path: Path) -> None:
     long = RENDERED / "reflections.mcap"
     flight = open_flight([long if long.exists() else FIXTURES / "thesis_a2.mcap"])
     with path.open("wb") as stream:
-        write_report(report_of(decoded_flight(flight, None, Method.NORMXCORR.value)), stream)
+        write_report(decoded_flight(flight, None, Method.NORMXCORR.value), stream)
 
 
 def report_picture(browser: Browser, report: Path, scheme: str, path: Path) -> None:

@@ -15,7 +15,7 @@ import cv2
 
 from benchmarks.pages import markdown
 from benchmarks.sized_flights import SIZES, sized_flight
-from decoder.setup.server import setup_server
+from decoder.setup.app import setup_server
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import FlightSource, PictureSource
 from flight_file.reader import Flight
@@ -29,10 +29,10 @@ REQUIRED_MS = 150
 FIRST_MS = 120_000
 CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 LEGEND = """\
-A flight of the demo's cockpit in pictures of 4896 x 3672, opened in Chromium on the same machine. A change is a press
-of an arrow key; it is answered when the unwrapped gauge of the changed drawing is on the screen, or the picture's own
-pixels after a zoom. Keys are pressed 0 to 1.6 s after the answer before, so that many come while twenty frames of the
-flight are being read for the change before them.
+A flight of the demo's cockpit in pictures of 4896 x 3672, opened in Chromium on the same machine. A change is one press
+of an arrow key; it is answered when the screen shows the gauge unwrapped as now drawn, or, after a zoom, the picture's
+own pixels. Keys are pressed 0 to 1.6 s after the previous answer, so that many arrive while twenty frames of the flight
+are still being read for the previous change.
 """
 
 # Runs an action on the page and resolves with the milliseconds until an element's attribute changes and is painted.

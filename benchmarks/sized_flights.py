@@ -19,11 +19,10 @@ import yaml
 from benchmarks.programs import FIXTURES, RENDERED
 from flight_file.frame import Frame
 from flight_file.reader import Flight, open_flight
-from recorder.clock import SimulatedClock
 from recorder.config import parse_config
+from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from recorder.testing import fixed_host
 
 WIDTH_PX, HEIGHT_PX = 1024, 768
 PICTURES = 25

@@ -15,7 +15,7 @@ _DECOMPRESS_WHEN_TOLD = """
 import sys
 from itertools import islice
 from pathlib import Path
-from decoder.picture_block import PictureBlock
+from decoder.imaging.picture_block import PictureBlock
 from flight_file.reader import open_flight
 
 jpegs = [frame.jpeg for frame in islice(open_flight([Path(sys.argv[1])]).frames(), int(sys.argv[2]))]

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 from benchmarks.sized_flights import PICTURES, Size
 from benchmarks.two_at_once import decompressing
-from decoder.frame_batch import ReadBatches, batch_frames, batches, read_here
-from decoder.method import Method
-from decoder.panel_pictures import PanelPictures
-from decoder.panel_reader import PanelReader
-from decoder.worker_pool import WorkerPool
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.picture_block import batch_frames
+from decoder.instruments.frame_batch import ReadBatches, batches, read_here
+from decoder.instruments.method import Method
+from decoder.instruments.panel_reader import PanelReader
+from decoder.learning.fit import reader_from_panel
+from decoder.parallel.worker_pool import WorkerPool
 from flight_file.reader import Flight
 
 # Pictures are decompressed so often, so that there is something to measure.
@@ -50,7 +52,7 @@ class TwoByOne:
 
 def two_by_one(flight: Flight, source: PanelPictures, size: Size) -> TwoByOne:
     """Measured in rounds until enough of them count, or the machine does not give two processors often enough."""
-    reader = PanelReader.from_panel(source, Method.NORMXCORR)
+    reader = reader_from_panel(source, Method.NORMXCORR)
     measured: list[tuple[float, float]] = []
     with decompressing(flight.paths[0], PICTURES, PICTURES * LOOPS) as bare_by_one, WorkerPool(2) as pool:
         for read in (read_here, pool.read):  # so that each has its memory

@@ -8,11 +8,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.sized_flights import SIZES, Repeated, Size, sized_flight
-from decoder.frame_batch import batch_frames, batches
-from decoder.method import Method
-from decoder.panel_pictures import panel_from_attachments
-from decoder.panel_reader import PanelReader
-from decoder.worker_pool import WorkerPool
+from decoder.imaging.panel_pictures import panel_from_attachments
+from decoder.imaging.picture_block import batch_frames
+from decoder.instruments.frame_batch import batches
+from decoder.instruments.method import Method
+from decoder.learning.fit import reader_from_panel
+from decoder.parallel.worker_pool import WorkerPool
 from flight_file.reader import Flight
 
 JOBS = 2
@@ -46,7 +47,7 @@ def _peak_mib(flight: Flight) -> float:
     height, width = source.picture.shape
     cut = batches(flight.frames(), batch_frames((width, height)))
     with WorkerPool(JOBS) as pool:
-        for _ in pool.read(PanelReader.from_panel(source, Method.NORMXCORR), cut):
+        for _ in pool.read(reader_from_panel(source, Method.NORMXCORR), cut):
             pass
         return max(_high_water_mib(child.pid or 0) for child in multiprocessing.active_children())
 

@@ -1,1 +1,5 @@
-"""Camera drivers: each turns a camera, or what stands in for one, into frames."""
+"""Camera drivers behind one protocol, `Camera`: the replay of earlier pictures, the QX10, and the simulator of one.
+
+In come a driver's options, a clock, and a reporter for what is no picture.
+Out go frames, each a picture as the camera sent it with its times and EXIF, or one sentence that says what to do.
+"""

@@ -49,7 +49,7 @@ class Camera(Protocol):
         ...
 
     def next_frame(self, stop: threading.Event) -> Frame | None:
-        """The next picture; None if there are no more, or soon after `stop` is set.
+        """Wait for the next picture; return None if there are no more, or soon after `stop` is set.
 
         Raises
         ------

@@ -12,9 +12,9 @@ class Clock(Protocol):
     """A source of time that is passed in; tests and fast replays bring their own."""
 
     def read(self) -> ClockReading:
-        """Both clocks, now."""
+        """Read both clocks."""
         ...
 
     def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:
-        """Come back when the monotonic clock has reached this time (ns), or as soon as `stop` is set."""
+        """Wait until the monotonic clock has reached this time (ns), or `stop` is set."""
         ...

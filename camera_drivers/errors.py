@@ -48,7 +48,7 @@ class CameraRefusedError(CameraError):
 
 
 class CameraUnusableError(CameraError):
-    """Trying again does not help."""
+    """The camera or its configuration needs a person; trying again does not help."""
 
 
 class ReplayError(CameraUnusableError):

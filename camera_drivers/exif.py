@@ -24,10 +24,9 @@ from typing import Any
 
 from PIL import Image
 
-from flight_file.frame import Exif
+from flight_file.frame import NS_PER_S, Exif, is_focal_length_mm
 
 _EXIF_IFD = 0x8769
-_NS_PER_S = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)")
@@ -49,7 +48,7 @@ _DAMAGE = (
 
 
 def read_exif(block: bytes) -> Exif:
-    """The tags in an EXIF block (with its `Exif` prefix); any bytes may be given, nothing is raised."""
+    """Read the tags of an EXIF block (with its `Exif` prefix); never raises, whatever the bytes."""
     if not block:
         return Exif()
     try:
@@ -57,7 +56,7 @@ def read_exif(block: bytes) -> Exif:
     except _DAMAGE:
         return Exif()
     return Exif(
-        focal_length_mm=_positive(tags.get(0x920A)),
+        focal_length_mm=_focal_length_mm(tags.get(0x920A)),
         exposure_s=_positive(tags.get(0x829A)),
         f_number=_positive(tags.get(0x829D)),
         iso=_iso(tags.get(0x8827)),
@@ -66,7 +65,7 @@ def read_exif(block: bytes) -> Exif:
 
 
 def exif_time_ns(text: str | None) -> int | None:
-    """UTC ns since 1970 of an `Exif.datetime`; a time without offset is taken as UTC; None if it is no time."""
+    """Convert an `Exif.datetime` to UTC ns since 1970, taking a time without offset as UTC; None if it is no time."""
     match = _ISO_TIME.fullmatch(text or "")
     if match is None:
         return None
@@ -75,7 +74,7 @@ def exif_time_ns(text: str | None) -> int | None:
     except ValueError:
         return None
     whole = (moment - _EPOCH) // timedelta(seconds=1)
-    return whole * _NS_PER_S + int((match[2] or "0")[:9].ljust(9, "0"))
+    return whole * NS_PER_S + int((match[2] or "0")[:9].ljust(9, "0"))
 
 
 def _tags(block: bytes) -> dict[int, Any]:
@@ -92,6 +91,11 @@ def _positive(value: object) -> float | None:
     except _DAMAGE:
         return None
     return number if math.isfinite(number) and number > 0 else None
+
+
+def _focal_length_mm(value: object) -> float | None:
+    length_mm = _positive(value)
+    return length_mm if length_mm is not None and is_focal_length_mm(length_mm) else None
 
 
 def _iso(value: object) -> int | None:

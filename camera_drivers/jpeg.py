@@ -6,26 +6,21 @@ segment, EXIF in an APP1 segment that begins with `Exif`. Source: ITU-T T.81 ann
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator
+import re
 from dataclasses import dataclass
 
-SOI = b"\xff\xd8"
-EOI = b"\xff\xd9"
+from flight_file.documents import EOI, SOI, SOS, jpeg_segments, picture_header
+
 EXIF_PREFIX = b"Exif\x00\x00"
 
-_SOS = 0xDA
 _APP1 = 0xE1
-_SOF = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # these three are DHT, JPG and DAC
-_ALONE = frozenset(range(0xD0, 0xD9)) | {0x01}  # RSTn, SOI, TEM: no length follows
-_RESTARTS = range(0xD0, 0xD8)
-_SIZE = struct.Struct(">BHH")  # bits per sample, height, width
-_MAX_SEGMENTS = 1000  # no camera writes more before the picture; garbage might
+_ALONE = range(0xD0, 0xD9)  # RSTn, SOI: no length follows
+_SCAN_END = re.compile(rb"\xff[^\x00\xd0-\xd7]", re.DOTALL)  # in coded data FF is followed by 00 or by a restart
 
 
 @dataclass(frozen=True, slots=True)
 class JpegFacts:
-    """What the markers say.
+    """Facts from a JPEG's markers.
 
     Attributes
     ----------
@@ -45,20 +40,17 @@ class JpegFacts:
 
 def jpeg_facts(data: bytes) -> JpegFacts:
     """Read the markers of a JPEG; any bytes may be given, nothing is raised."""
-    size: tuple[int, int] | None = None
-    exif = b""
-    for marker, content in _segments(data):
-        if marker in _SOF and len(content) >= _SIZE.size:
-            _, height, width = _SIZE.unpack_from(content)
-            size = (width, height) if width and height else None
-        elif marker == _APP1 and content.startswith(EXIF_PREFIX) and not exif:
-            exif = content
-    width_px, height_px = size or (None, None)
+    if not data.startswith(SOI):
+        return JpegFacts(None, None, b"", whole=False)
+    header = picture_header(data)
+    width_px, height_px = (None, None) if header is None else (header.width_px, header.height_px)
+    blocks = (data[start:end] for marker, start, end in jpeg_segments(data) if marker == _APP1)
+    exif = next((block for block in blocks if block.startswith(EXIF_PREFIX)), b"")
     return JpegFacts(width_px=width_px, height_px=height_px, exif=exif, whole=_is_whole(data))
 
 
 def jpeg_end(data: bytes, start: int = 0) -> int | None:
-    """Where the JPEG that begins at `start` ends, just after its EOI; None if what is there is no whole JPEG.
+    """Find the end of the JPEG that begins at `start`, just after its EOI; None if no whole JPEG is there.
 
     The markers are followed from the beginning, so the end of a thumbnail is not taken for the end of the picture, nor
     junk after the end for a part of it.
@@ -80,50 +72,13 @@ def jpeg_end(data: bytes, start: int = 0) -> int | None:
         else:
             length = int.from_bytes(data[position + 2 : position + 4], "big")
             position += 2 + length
-            if marker == _SOS:
+            if marker == SOS:
                 scanned = True
-                position = _scan_end(data, position)
+                end_of_scan = _SCAN_END.search(data, position)
+                position = None if end_of_scan is None else end_of_scan.start()
     return None
 
 
-def _scan_end(data: bytes, position: int) -> int | None:
-    """Where the next marker after a scan's coded data stands; in those, FF is followed by 00 or by a restart."""
-    while True:
-        position = data.find(b"\xff", position)
-        if position < 0 or position + 1 >= len(data):
-            return None
-        following = data[position + 1]
-        if following and following not in _RESTARTS:
-            return position
-        position += 2
-
-
 def _is_whole(data: bytes) -> bool:
-    end = len(data)
-    while end and data[end - 1] == 0:
-        end -= 1
-    return data.startswith(SOI) and end >= len(SOI) + len(EOI) and data[end - 2 : end] == EOI
-
-
-def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Marker and content of each segment before the picture itself; stops where the markers make no sense."""
-    if not data.startswith(SOI):
-        return
-    position = len(SOI)
-    for _ in range(_MAX_SEGMENTS):
-        while data[position : position + 2] == b"\xff\xff":  # fill bytes
-            position += 1
-        if len(data) < position + 4 or data[position] != 0xFF:  # noqa: PLR2004 - the first byte of every marker
-            return
-        marker = data[position + 1]
-        if marker == _SOS:
-            return
-        if marker in _ALONE:
-            position += 2
-            continue
-        length = int.from_bytes(data[position + 2 : position + 4], "big")
-        content = data[position + 4 : position + 2 + length]
-        if length < 2 or len(content) != length - 2:  # noqa: PLR2004 - the length counts its own two bytes
-            return
-        yield marker, content
-        position += 2 + length
+    picture = data.rstrip(b"\x00")
+    return picture.startswith(SOI) and len(picture) >= len(SOI) + len(EOI) and picture.endswith(EOI)

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from flight_file.reports import CameraStatus
+from flight_file.frame import CameraStatus
 
 
 class Reporter(Protocol):
-    """Takes a driver's reports; made to be called from the driver's thread, and never blocks or raises.
+    """Takes a driver's reports; called from the driver's thread, it never blocks or raises.
 
     A driver calls it at least every few seconds as long as it makes progress or waits with good reason. Silence means
     that it hangs.
     """
 
     def report(self, status: CameraStatus) -> None:
-        """The camera's state has changed, or something is worth a line in the flight; `dropped` is ignored."""
+        """Record a change of the camera's state or an event in the flight; `dropped` is ignored."""
         ...
 
     def lost(self, reason: str) -> None:
-        """A picture was taken, or may have been, but cannot be had; `reason` is short and has no numbers in it."""
+        """Count a picture, perhaps taken, that cannot be fetched; `reason` is short, without numbers."""
         ...
 
     def waiting(self, reason: str) -> None:
-        """Nothing comes, and that is in order: the next picture is not due yet, or a call runs within its limit."""
+        """Report a wait that is in order: the next picture is not due yet, or a call runs within its limit."""
         ...

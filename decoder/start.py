@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 
-from decoder.interrupts import ends_at_once
-from decoder.thread_limits import ONE_EACH
+from decoder.commands.interrupts import ends_at_once
+from decoder.parallel.processes import ONE_EACH
 
 
 def main() -> None:
-    """Runs `decode`; expected failures are one sentence on stderr and exit code 1."""
+    """Run `decode`; expected failures are one sentence on stderr and exit code 1."""
     os.environ.update(ONE_EACH)
     with ends_at_once():
-        from decoder.cli import main as run  # noqa: PLC0415 - click alone takes longer than a finger
+        from decoder.commands.cli import main as run  # noqa: PLC0415 - click alone takes longer than a finger
     run()

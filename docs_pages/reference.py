@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from decoder.camera import Camera
-from decoder.cli import cli as decode
-from decoder.panel import Panel
+from decoder.commands.cli import cli as decode
+from decoder.panel.camera import Camera
+from decoder.panel.panel import Panel
 from docs_pages.commands import command_pages
 from docs_pages.fields import field_sections
 from recorder.cli import main as recorder
-from recorder.settings import RecorderConfig
+from recorder.config import RecorderConfig
 
 MADE = "<!-- Made from the code by `make reference`; change it there. -->"
 

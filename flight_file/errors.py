@@ -1,4 +1,4 @@
-"""Everything that can be expected to go wrong with a flight file.
+"""What can be wrong with a flight file: errors, the losses that a reader reports, what a verification finds.
 
     FlightFileError
     ├── FlightNotReadableError     no such file, a directory, no permission, a read error
@@ -6,7 +6,8 @@
     ├── MixedFlightsError          the files given are not the segments of one recording
     ├── FlightNotWrittenError      no permission, disk full, or the name is taken
     ├── NothingToRecoverError      a damaged file in which no recorded byte is left
-    └── KeyFileError               a file that should hold a key does not, or cannot be made
+    ├── KeyFileError               a file that should hold a key does not, or cannot be made
+    └── NotYamlError               a text is no YAML, or none that we take
 
 Each message is one sentence that says what to do. Damage *inside* a file is no error: it is a `Loss` that the reader
 reports.
@@ -14,6 +15,8 @@ reports.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 
@@ -52,3 +55,124 @@ class NothingToRecoverError(_PathError):
 
 class KeyFileError(_PathError):
     """A key cannot be read from its file, or not be written to it."""
+
+
+class NotYamlError(FlightFileError):
+    """A text is no YAML, or none that we take; its message is to follow the text's name.
+
+    Attributes
+    ----------
+    where
+        The line, counted from 1; empty where there is none.
+    problem
+        What is wrong, and what to do.
+    """
+
+    def __init__(self, problem: str, *, line: int | None = None) -> None:
+        self.where = "" if line is None else f"line {line}"
+        self.problem = problem
+        super().__init__(f"{self.where} {problem}".lstrip())
+
+
+class LossKind(Enum):
+    """The kind of a loss."""
+
+    DAMAGED = "damaged"
+    """Bytes are there but are not what was written."""
+    TRUNCATED = "truncated"
+    """The file ends early."""
+    NO_END = "no end record"
+    """The recording was not closed: power cut, kill, or still running."""
+    MISSING_SEGMENT = "missing segment"
+    """A segment between two given ones was not given."""
+    GAP = "gap"
+    """Sequence numbers are missing: taken but not stored, or lost with a damaged chunk."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """One loss.
+
+    Attributes
+    ----------
+    path
+        The file it was noticed in.
+    offset, length
+        Bytes of that file which are lost; length 0 where nothing in the file itself is damaged.
+    reason
+        One sentence without its full stop.
+    """
+
+    path: Path
+    offset: int
+    length: int
+    reason: str
+    kind: LossKind
+
+
+class FindingKind(Enum):
+    """The kind of a finding: first what does not fit, then what is lost, then remarks."""
+
+    CHANGED_PICTURE = "changed picture"
+    CHANGED_RECORD = "changed record"
+    REMOVED = "removed frame"
+    REORDERED = "reordered frame"
+    DAMAGED = "damaged"
+    CHANGED_SEGMENT = "changed segment"
+    OTHER_RECORDING = "segment of another recording"
+    WRONG_SIGNATURE = "wrong signature"
+    OTHER_KEY = "signed with another key"
+    NOT_SIGNED = "not signed"
+
+    MISSING_SEGMENT = "missing segment"
+    CUT = "cut off"
+    RECOVERED = "recovered with loss"
+    UNPROVEN = "not proven"
+    NO_CHAIN = "no chain"
+
+    DROPPED = "dropped by the recorder"
+
+
+LOSSES = frozenset(
+    {
+        FindingKind.MISSING_SEGMENT,
+        FindingKind.CUT,
+        FindingKind.RECOVERED,
+        FindingKind.UNPROVEN,
+        FindingKind.NO_CHAIN,
+    }
+)
+
+
+REMARKS = frozenset({FindingKind.DROPPED})
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One finding.
+
+    Attributes
+    ----------
+    path
+        The file it was found in.
+    reason
+        One sentence without its full stop.
+    sequence, captured_ns
+        The frame it is about; None where it is about no frame, or where the frame cannot be read any more.
+    """
+
+    kind: FindingKind
+    path: Path
+    reason: str
+    sequence: int | None = None
+    captured_ns: int | None = None
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether something does not fit."""
+        return self.kind not in LOSSES | REMARKS
+
+    @property
+    def is_loss(self) -> bool:
+        """Whether something is not there, so that nobody can say whether it would fit."""
+        return self.kind in LOSSES

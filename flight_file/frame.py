@@ -1,12 +1,32 @@
-"""A frame: one picture as the camera sent it, with everything known about when and how it was taken.
+"""What is recorded, and when: frames as the camera sent them, reports beside them, and the times of both.
 
 Time is integer nanoseconds. `realtime` is UTC since the Unix epoch and may jump; `monotonic` never runs back but means
 nothing outside one boot of the box.
+
+Log times follow the monotonic clock and never run back. Each segment is anchored to the wall clock when it begins, so
+a clock that is set right during a recording counts from the next segment on. Only a clock that is set back is not
+followed. Every message carries what the clocks themselves said.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from flight_file.thresholds import FOCAL_LENGTHS_MM
+
+NS_PER_S = 1_000_000_000
+MAX_TIME_NS = 2**63 - 1  # in the year 2262: times in files and arrays are signed 64-bit nanoseconds
+MAX_LOG_TIME_NS = 2**64 - 1  # MCAP stores unsigned 64-bit nanoseconds
+CONNECTION_STATES = frozenset({"connecting", "connected", "capturing", "lost", "finished"})
+"""What is true of the camera until it says the next of these; any other state is something that happened meanwhile."""
+
+
+def is_focal_length_mm(value: float) -> bool:
+    """Whether a lens can have this focal length, in mm."""
+    least, most = FOCAL_LENGTHS_MM
+    return least <= value <= most
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +39,7 @@ class ClockReading:
 
 @dataclass(frozen=True, slots=True)
 class HostTimes:
-    """What the host's clocks said while it got one picture."""
+    """Readings of the host's clocks while it fetched one picture."""
 
     before_request: ClockReading
     after_answer: ClockReading
@@ -39,6 +59,12 @@ class Exif:
     f_number: float | None = None
     iso: int | None = None
     datetime: str | None = None
+
+    @property
+    def lens_mm(self) -> float | None:
+        """The focal length, mm, if it is one that a lens can have."""
+        known = self.focal_length_mm is not None and is_focal_length_mm(self.focal_length_mm)
+        return self.focal_length_mm if known else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +101,7 @@ class Frame:
     captured_sigma_ns: int | None = None
 
     def with_jpeg(self, jpeg: bytes) -> Frame:
-        """The same with its picture."""
+        """Copy the frame with this picture."""
         return Frame(  # `replace` costs four times that, for each frame that is read
             self.sequence,
             self.captured_ns,
@@ -88,3 +114,110 @@ class Frame:
             self.zoom_position,
             self.captured_sigma_ns,
         )
+
+
+def storable(time_ns: int) -> int:
+    """Clip a time to what an MCAP record can hold: 0 to 2**64 - 1 ns."""
+    return min(max(time_ns, 0), MAX_LOG_TIME_NS)
+
+
+class LogLevel(Enum):
+    """The levels that are mirrored into a flight; the numbers are Foxglove's."""
+
+    WARNING = 3
+    ERROR = 4
+    FATAL = 5
+
+
+@dataclass(frozen=True, slots=True)
+class CameraStatus:
+    """A change in the camera's state, or something that happened to its pictures.
+
+    Attributes
+    ----------
+    state
+        What the camera does now, e.g. `connected`, `lost`, `finished`.
+    reason
+        Why it changed, in words; empty where the state says it all.
+    dropped
+        Frames that were taken but not stored since the recording began.
+    sequence
+        The frame this is about, if it is about one.
+    camera_clock_offset_ns, camera_clock_sigma_ns
+        By how much the camera's clock, as it stands in EXIF, is ahead of UTC, and its standard deviation; None where
+        this is not about the clock.
+    """
+
+    state: str
+    reason: str = ""
+    dropped: int = 0
+    sequence: int | None = None
+    camera_clock_offset_ns: int | None = None
+    camera_clock_sigma_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """The recorder's health.
+
+    Attributes
+    ----------
+    free_bytes
+        Room left where the recordings lie; None if the system does not say.
+    frame_rate_hz
+        Frames stored per second since the health message before.
+    stored, dropped
+        Frames since the recording began.
+    queued
+        Frames that wait to be written; None where that means nothing (a replay that waits for the disk).
+    drops_by_reason
+        `dropped`, split by reason.
+    temperatures_c
+        By sensor, degrees Celsius, where the kernel shows them.
+    clock
+        `system` or `simulated`.
+    clock_offset_ns
+        Realtime minus monotonic clock: it is constant unless somebody sets the clock.
+    """
+
+    free_bytes: int | None
+    frame_rate_hz: float
+    stored: int
+    dropped: int
+    queued: int | None
+    clock: str
+    clock_offset_ns: int
+    drops_by_reason: Mapping[str, int] = field(default_factory=dict)
+    temperatures_c: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """A line of the recorder's log that is worth keeping with the flight."""
+
+    level: LogLevel
+    message: str
+    name: str = "recorder"
+
+
+class LogClock:
+    """The log times of one recording, over all its segments."""
+
+    def __init__(self) -> None:
+        self._anchor: ClockReading | None = None
+        self._last_ns = 0
+
+    def begin_segment(self, at: ClockReading) -> None:
+        """Follow the wall clock from here on, unless it has been set back."""
+        ahead_ns = at.realtime_ns if self._anchor is None else max(at.realtime_ns, self._unbounded(self._anchor, at))
+        self._anchor = ClockReading(realtime_ns=ahead_ns, monotonic_ns=at.monotonic_ns)
+
+    def time_ns(self, at: ClockReading) -> int:
+        """Return the log time of this reading; never less than the one before."""
+        anchor = self._anchor or at
+        self._last_ns = max(self._last_ns, storable(self._unbounded(anchor, at)))
+        return self._last_ns
+
+    @staticmethod
+    def _unbounded(anchor: ClockReading, at: ClockReading) -> int:
+        return anchor.realtime_ns + at.monotonic_ns - anchor.monotonic_ns

@@ -2,32 +2,176 @@
 
 A frame is delivered only if its chunk fits its CRC and its JPEG fits its SHA-256; whatever else is in the files is a
 `Loss`. Memory holds one chunk at a time.
+Some frames are picked by reading only the chunks they are in.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from types import MappingProxyType
 
-from flight_file.chunks import ChunkPlace
-from flight_file.errors import FlightFileError, MixedFlightsError
+from flight_file.errors import FlightFileError, Loss, LossKind, MixedFlightsError
 from flight_file.frame import Frame
-from flight_file.losses import Loss, LossKind
-from flight_file.sampling import ImageCounts, captured_ns, count_images, picked, spread
+from flight_file.messages import CHANNEL_TOPICS, IMAGE_TOPIC, Image
+from flight_file.records import ByteSource, ChunkPlace
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
-from flight_file.walk import walk
+from flight_file.walk import UNREADABLE, Records, items_of, walk
 
 _Found = tuple[ChunkPlace, Frame] | Loss
 
 
+def spread(total: int, count: int) -> set[int]:
+    """Spread at most `count` integers evenly over 0 to total - 1; with two or more, both ends are included."""
+    if count >= total:
+        return set(range(total))
+    if count == 1:
+        return {total // 2}
+    return {step * (total - 1) // (count - 1) for step in range(count)}
+
+
+@dataclass(frozen=True, slots=True)
+class ImageCounts:
+    """Images in each chunk of a segment, and the segment's topics by channel id."""
+
+    per_chunk: tuple[int, ...]
+    channels: Mapping[int, str]
+
+    @property
+    def total(self) -> int:
+        """Images in the segment."""
+        return sum(self.per_chunk)
+
+
+def count_images(segment: Segment) -> ImageCounts:
+    """Count images by the message indexes; chunks without one, and those up to the first whole image, are read.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the disk fails.
+    """
+    channels = dict(CHANNEL_TOPICS)
+    learnt = False
+    read: dict[int, int] = {}
+    with opened(segment.path) as source:
+        for index, place in enumerate(segment.chunks):
+            if learnt and place.messages:
+                continue
+            items, damage = _readable(segment, source, place, channels)
+            if damage and place.messages:
+                continue
+            read[index] = sum(isinstance(item, Image) for item in items)
+            learnt = learnt or read[index] > 0
+    counts = (read.get(index, _indexed(place, channels)) for index, place in enumerate(segment.chunks))
+    return ImageCounts(tuple(counts), channels)
+
+
+def picked(segment: Segment, counts: ImageCounts, wanted: Container[int]) -> Iterator[tuple[ChunkPlace, Frame] | Loss]:
+    """Read the wanted frames of a segment, by image rank, each with its chunk; or the loss in its place.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the disk fails.
+    """
+    first = 0
+    with opened(segment.path) as source:
+        for index, images in enumerate(counts.per_chunk):
+            ranks = [rank for rank in range(images) if first + rank in wanted]
+            first += images
+            if ranks:
+                yield from _frames_in_chunk(segment, source, index, ranks, counts.channels)
+
+
+def sampled(segment: Segment, counts: ImageCounts, wanted: Container[int]) -> Iterator[Frame]:
+    """Read the wanted frames and leave out the losses.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the disk fails.
+    """
+    for found in picked(segment, counts, wanted):
+        if not isinstance(found, Loss):
+            yield found[1]
+
+
+class CaptureTimes:
+    """Capture times of a segment's images; caches those of the chunk that was read last."""
+
+    def __init__(self, segment: Segment, counts: ImageCounts) -> None:
+        self._segment = segment
+        self._counts = counts
+        self._ends = list(accumulate(counts.per_chunk))
+        self._chunk = -1
+        self._times_ns: list[int] = []
+
+    def captured_ns(self, rank: int) -> int | None:
+        """Return the capture time of the image of this rank in the segment; None if its chunk is damaged.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails.
+        """
+        index = bisect_right(self._ends, rank)
+        if index == len(self._ends):
+            return None
+        if index != self._chunk:
+            segment = self._segment
+            with opened(segment.path) as source:
+                items, _ = _readable(segment, source, segment.chunks[index], dict(self._counts.channels))
+            self._chunk, self._times_ns = index, [item.captured_ns for item in items if isinstance(item, Image)]
+        place = rank - (self._ends[index] - self._counts.per_chunk[index])
+        return self._times_ns[place] if place < len(self._times_ns) else None
+
+
+def _indexed(place: ChunkPlace, channels: dict[int, str]) -> int:
+    return sum(count for channel, count in place.messages.items() if channels.get(channel) == IMAGE_TOPIC)
+
+
+def _readable(
+    segment: Segment, source: ByteSource, place: ChunkPlace, channels: dict[int, str]
+) -> tuple[list[Frame | Image], str]:
+    """Read a chunk's items; none, and the reason, if it is damaged."""
+    try:
+        return list(items_of(segment, source, place, channels)), ""
+    except UNREADABLE as error:
+        return [], str(error)
+
+
+def _frames_in_chunk(
+    segment: Segment, source: ByteSource, index: int, ranks: Sequence[int], channels: Mapping[int, str]
+) -> Iterator[tuple[ChunkPlace, Frame] | Loss]:
+    place = segment.chunks[index]
+    own, damage = _readable(segment, source, place, dict(channels))
+    if damage:
+        yield Loss(segment.path, place.offset, place.length, damage, LossKind.DAMAGED)
+    images = [item for item in own if isinstance(item, Image)]
+    records = [item for item in own if isinstance(item, Frame)]
+    if len(records) < len(images):
+        # Another writer may have put a record into the chunk before or after its image.
+        beside = [segment.chunks[other] for other in (index - 1, index + 1) if 0 <= other < len(segment.chunks)]
+        around = [item for other in beside for item in _readable(segment, source, other, dict(channels))[0]]
+        records += [item for item in around if isinstance(item, Frame)]
+    known = Records(records)
+    for image in (images[rank] for rank in ranks if rank < len(images)):
+        found = known.paired(image)
+        if isinstance(found, Frame):
+            yield place, found
+        else:
+            yield Loss(segment.path, place.offset, place.length, found, LossKind.DAMAGED)
+
+
 @dataclass(frozen=True, slots=True)
 class _From:
-    """What a container holds, counted from some number on."""
+    """A container of ranks, shifted by the rank of a segment's first frame."""
 
     wanted: Container[int]
     first: int
@@ -63,11 +207,11 @@ class Flight:
 
     @property
     def losses(self) -> list[Loss]:
-        """What could not be delivered so far; complete after `frames` has been read to its end."""
+        """Losses found so far; complete after `frames` has been read to its end."""
         return list(self._losses)
 
     def frames(self, part: range | None = None) -> Iterator[Frame]:
-        """Every whole frame, in the order it was recorded; of a part only these.
+        """Iterate over the whole frames in the order they were recorded, or over those of a part.
 
         Parameters
         ----------
@@ -103,7 +247,7 @@ class Flight:
             first += counts.total
 
     def count(self) -> int:
-        """How many frames the file's own index names; those that are damaged are among them.
+        """Count the frames that the files' own indexes list, damaged ones included.
 
         Raises
         ------
@@ -113,7 +257,7 @@ class Flight:
         return sum(counts.total for counts in self._counts)
 
     def sample_frames(self, count: int) -> Iterator[Frame]:
-        """At most `count` frames spread evenly from the first to the last, in order; always the same ones.
+        """Iterate over at most `count` frames spread evenly from first to last; always the same ones.
 
         Reads only the chunks they are in. A chosen frame that is damaged is left out; `frames` is what reports it.
 
@@ -127,25 +271,29 @@ class Flight:
                 yield found[1]
 
     def captured_ns(self, rank: int) -> int | None:
-        """When the frame of that rank in `range(count())` was taken; None if it is damaged.
+        """Return the capture time of a frame by its rank in `range(count())`; None if it is damaged.
 
         Raises
         ------
         FlightNotReadableError
             If the disk fails.
         """
-        for segment, counts in zip(self.segments, self._counts, strict=True):
+        for counts, times in zip(self._counts, self._capture_times, strict=True):
             if rank < counts.total:
-                return captured_ns(segment, counts, rank)
+                return times.captured_ns(rank)
             rank -= counts.total
         return None
+
+    @cached_property
+    def _capture_times(self) -> list[CaptureTimes]:
+        return [CaptureTimes(segment, counts) for segment, counts in zip(self.segments, self._counts, strict=True)]
 
     @cached_property
     def _counts(self) -> list[ImageCounts]:
         return [count_images(segment) for segment in self.segments]
 
     def sha256_of_files(self) -> dict[Path, str]:
-        """SHA-256 of each file's bytes when it was first asked for, hexadecimal.
+        """Return the SHA-256 of each file's bytes as of the first call, hexadecimal.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The MCAP records that a flight is read from, parsed without trusting a single length.
+"""The MCAP records and chunks that a flight is read from, parsed without trusting a single length.
 
 A record is: opcode u8, length u64, content; all little-endian. What is read here and how damage shows in it:
 
@@ -7,6 +7,7 @@ A record is: opcode u8, length u64, content; all little-endian. What is read her
 | Chunk      | 0x06   | its two lengths agree; CRC of the uncompressed records            |
 | MsgIndex   | 0x07   | its two lengths agree; only counts are taken from it              |
 | Attachment | 0x09   | its lengths agree; its own CRC                                    |
+| Statistics | 0x0B   | its lengths agree; only what is plausible is taken from it        |
 | Metadata   | 0x0C   | its lengths agree; our digest inside (see `session`)              |
 
 Source: https://mcap.dev/spec. The `mcap` package checks no attachment CRC and stops at the first damaged chunk, hence
@@ -15,9 +16,18 @@ this module.
 
 from __future__ import annotations
 
+import os
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Protocol
+
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+from isal.isal_zlib import crc32
+
+from flight_file.thresholds import FREE_GROWTH_BYTES, GROWTH, MAX_CHUNK_BYTES
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")
@@ -25,7 +35,6 @@ CHUNK_FIXED = struct.Struct("<QQQII")  # start time, end time, uncompressed size
 CHUNK_HEAD_BYTES = CHUNK_FIXED.size + 4 + 8  # with the longest name, and the length of the data
 COMPRESSIONS = ("", "lz4", "zstd")
 FOOTER_BYTES = RECORD_HEADER.size + 20
-
 _MESSAGE = struct.Struct("<HIQQ")
 _U16 = struct.Struct("<H")
 _U32 = struct.Struct("<I")
@@ -33,7 +42,7 @@ _U64 = struct.Struct("<Q")
 
 
 class Opcode(IntEnum):
-    """Opcodes of the records that may stand in the data section of a flight, and of the footer."""
+    """Opcodes of the records that may stand in a flight."""
 
     HEADER = 0x01
     FOOTER = 0x02
@@ -42,8 +51,13 @@ class Opcode(IntEnum):
     MESSAGE = 0x05
     CHUNK = 0x06
     MESSAGE_INDEX = 0x07
+    CHUNK_INDEX = 0x08
     ATTACHMENT = 0x09
+    ATTACHMENT_INDEX = 0x0A
+    STATISTICS = 0x0B
     METADATA = 0x0C
+    METADATA_INDEX = 0x0D
+    SUMMARY_OFFSET = 0x0E
     DATA_END = 0x0F
 
 
@@ -51,9 +65,13 @@ class DamagedRecordError(ValueError):
     """A record that is not what was written; the reader turns it into a loss."""
 
 
+class MisplacedRecordError(ValueError):
+    """A record that is whole but does not belong where it stands; the reader turns it into a loss."""
+
+
 @dataclass(frozen=True, slots=True)
 class ChunkHead:
-    """A chunk's fixed fields. `data_offset` counts from the start of the record's content."""
+    """The fixed fields of a chunk. `data_offset` counts from the start of the record's content."""
 
     start_ns: int
     end_ns: int
@@ -104,12 +122,12 @@ class Fields:
         return len(self._content)
 
     def number(self, layout: struct.Struct) -> int:
-        """A fixed number."""
+        """Read a number."""
         (value,) = layout.unpack(self.take(layout.size))
         return int(value)
 
     def take(self, length: int) -> memoryview:
-        """So many bytes."""
+        """Read this many bytes."""
         end = self.position + length
         if end > len(self._content):
             raise DamagedRecordError("a record is shorter than its fields")
@@ -118,20 +136,20 @@ class Fields:
         return piece
 
     def text(self) -> str:
-        """A string with its length."""
+        """Read a string that begins with its length."""
         try:
             return str(self.take(self.number(_U32)), "utf-8")
         except UnicodeDecodeError as error:
             raise DamagedRecordError("a text in a record is not UTF-8") from error
 
     def expect_end(self) -> None:
-        """Nothing may be left over."""
+        """Raise if anything is left over."""
         if self.position != len(self._content):
             raise DamagedRecordError("a record is longer than its fields")
 
 
 def parse_chunk_head(head: memoryview, record_bytes: int) -> ChunkHead:
-    """Fixed fields of a chunk whose content has `record_bytes`; `head` is its first CHUNK_HEAD_BYTES, or all of it."""
+    """Parse the head of a chunk record of `record_bytes`, from its first CHUNK_HEAD_BYTES or all of it."""
     fields = Fields(head)
     start_ns, end_ns, uncompressed, crc, name_bytes = CHUNK_FIXED.unpack(fields.take(CHUNK_FIXED.size))
     if name_bytes > max(map(len, COMPRESSIONS)):
@@ -146,7 +164,7 @@ def parse_chunk_head(head: memoryview, record_bytes: int) -> ChunkHead:
 
 
 def parse_channel(content: memoryview) -> Channel:
-    """A channel record."""
+    """Parse a channel record."""
     fields = Fields(content)
     number = fields.number(_U16)
     fields.take(2)
@@ -154,14 +172,14 @@ def parse_channel(content: memoryview) -> Channel:
 
 
 def parse_message(content: memoryview) -> Message:
-    """A message record."""
+    """Parse a message record."""
     fields = Fields(content)
     channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack(fields.take(_MESSAGE.size))
     return Message(channel_id, sequence, log_ns, publish_ns, content[fields.position :])
 
 
 def parse_message_index(content: memoryview) -> tuple[int, int]:
-    """Channel id, and the number of its messages in the chunk before."""
+    """Parse a message index: channel id, and the number of its messages in the chunk before."""
     fields = Fields(content)
     channel_id = fields.number(_U16)
     entries_bytes = fields.number(_U32)
@@ -171,7 +189,7 @@ def parse_message_index(content: memoryview) -> tuple[int, int]:
 
 
 def parse_attachment(content: memoryview) -> Attachment:
-    """An attachment record."""
+    """Parse an attachment record."""
     fields = Fields(content)
     fields.take(16)  # two times
     name = fields.text()
@@ -184,7 +202,7 @@ def parse_attachment(content: memoryview) -> Attachment:
 
 
 def parse_metadata(content: memoryview) -> tuple[str, dict[str, str]]:
-    """Name and items of a metadata record."""
+    """Parse a metadata record: its name and items."""
     fields = Fields(content)
     name = fields.text()
     inner = Fields(fields.take(fields.number(_U32)))
@@ -192,14 +210,180 @@ def parse_metadata(content: memoryview) -> tuple[str, dict[str, str]]:
     items = {}
     while inner.position < len(inner):
         key = inner.text()
+        if key in items:
+            raise DamagedRecordError("a metadata record has an item twice")
         items[key] = inner.text()
     return name, items
 
 
 def parse_header(content: memoryview) -> tuple[str, str]:
-    """Profile and library."""
+    """Parse the header: profile and library."""
     fields = Fields(content)
     profile = fields.text()
     library = fields.text()
     fields.expect_end()
     return profile, library
+
+
+def most_unpacked(file_bytes: int) -> int:
+    """Limit the uncompressed size of all chunks of a file together, bytes."""
+    return FREE_GROWTH_BYTES + round(GROWTH * file_bytes)
+
+
+class ByteSource(Protocol):
+    """A source of bytes at absolute positions; fewer bytes than asked for means the end of the file."""
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file when it was opened."""
+        ...
+
+    def read_at(self, offset: int, length: int) -> bytes:
+        """Read up to `length` bytes from `offset`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkPlace:
+    """Position of a chunk: `offset` of its record, `length` of the whole record with its opcode and length, bytes.
+
+    `messages` counts by channel id, as far as the indexes after the chunk tell; it is empty if they do not.
+    """
+
+    offset: int
+    length: int
+    start_ns: int
+    messages: dict[int, int]
+
+
+class FileSource:
+    """A `ByteSource` on an open file descriptor."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self.size = os.fstat(descriptor).st_size
+
+    def read_at(self, offset: int, length: int) -> bytes:
+        """Read up to `length` bytes from `offset`."""
+        data = os.pread(self._descriptor, length, offset)
+        if len(data) == length or not data:
+            return data
+        return data + self.read_at(offset + len(data), length - len(data))
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """A `ByteSource` that ends early: the first `size` bytes of another."""
+
+    source: ByteSource
+    size: int
+
+    def read_at(self, offset: int, length: int) -> bytes:
+        """Read up to `length` bytes from `offset`."""
+        return self.source.read_at(offset, max(0, min(length, self.size - offset)))
+
+
+def read_chunk(source: ByteSource, place: ChunkPlace, *, needs_crc: bool) -> memoryview:
+    """Read a chunk's records, uncompressed and checked.
+
+    Parameters
+    ----------
+    needs_crc
+        Whether a chunk without a CRC is refused. A finished file of another writer may have none; in an unfinished one,
+        a CRC of zero is what a power cut leaves behind.
+
+    Raises
+    ------
+    DamagedRecordError
+        If a single bit is not as it was written.
+    """
+    records, crc = unchecked_chunk(source, place)
+    if crc == 0 and needs_crc:
+        raise DamagedRecordError("a chunk has no CRC and the file is not finished")
+    if crc != 0 and crc32(records) != crc:
+        raise DamagedRecordError("a chunk does not fit its CRC")
+    return records
+
+
+def unchecked_chunk(source: ByteSource, place: ChunkPlace) -> tuple[memoryview, int]:
+    """Read a chunk's records, uncompressed, and the CRC that it states; 0 for none.
+
+    Raises
+    ------
+    DamagedRecordError
+        If they cannot be got at.
+    """
+    record = memoryview(source.read_at(place.offset, place.length))
+    if len(record) != place.length:
+        raise DamagedRecordError("a chunk is cut")
+    opcode, content_bytes = RECORD_HEADER.unpack_from(record)
+    content = record[RECORD_HEADER.size :]
+    if opcode != Opcode.CHUNK or content_bytes != len(content):
+        raise DamagedRecordError("a chunk's head is damaged")
+    head = parse_chunk_head(content, len(content))
+    return _uncompressed(head, content[head.data_offset :]), head.crc
+
+
+def _uncompressed(head: ChunkHead, data: memoryview) -> memoryview:
+    if head.uncompressed_bytes > MAX_CHUNK_BYTES:
+        raise DamagedRecordError(f"a chunk claims to hold more than {MAX_CHUNK_BYTES >> 20} MiB")
+    try:
+        plain = _DECOMPRESS[head.compression](data, head.uncompressed_bytes)
+    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
+        raise DamagedRecordError("a chunk cannot be decompressed") from error
+    if len(plain) != head.uncompressed_bytes:
+        raise DamagedRecordError("a chunk does not have the size it claims")
+    return plain
+
+
+def _stored(data: memoryview, _size: int) -> memoryview:
+    return data
+
+
+def _lz4(data: memoryview, size: int) -> memoryview:
+    # One byte more than promised is enough to see that the promise is wrong; a bomb is never unpacked.
+    return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+
+
+def _zstd(data: memoryview, size: int) -> memoryview:
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        return memoryview(reader.read(size + 1))
+
+
+_DECOMPRESS = {"": _stored, "lz4": _lz4, "zstd": _zstd}
+
+
+def split_chunk(records: memoryview) -> Iterator[Channel | Message]:
+    """Iterate over the channels and messages of a chunk; other records are skipped.
+
+    Raises
+    ------
+    DamagedRecordError
+        If the records do not fill the chunk.
+    """
+    for opcode, content, _ in raw_records(records):
+        if opcode == Opcode.CHANNEL:
+            yield parse_channel(content)
+        elif opcode == Opcode.MESSAGE:
+            yield parse_message(content)
+
+
+def raw_records(records: memoryview) -> Iterator[tuple[int, memoryview, int]]:
+    """Iterate over opcode, content and start of each record in these bytes.
+
+    Raises
+    ------
+    DamagedRecordError
+        If the records do not fill the bytes.
+    """
+    position = 0
+    while position < len(records):
+        if len(records) - position < RECORD_HEADER.size:
+            raise DamagedRecordError("a chunk ends inside a record")
+        opcode, length = RECORD_HEADER.unpack_from(records, position)
+        start = position + RECORD_HEADER.size
+        content = records[start : start + length]
+        if len(content) != length:
+            raise DamagedRecordError("a chunk ends inside a record")
+        yield opcode, content, position
+        position = start + length

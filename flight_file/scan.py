@@ -4,35 +4,44 @@ Works on finished, unfinished and damaged files alike: it never uses the summary
 walk goes on at the next chunk whose CRC fits; what lies between is a loss. So a damaged length cannot lead it astray:
 a jump lands either on a record whose lengths agree with each other, or is undone by the search for a chunk that its
 CRC proves.
+
+What our writer never writes is a loss, however sound it is: a second record of a name that stands in a segment once, a
+second attachment of a name, or a chunk behind the end record. Another reader might believe it.
 """
 
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from isal.isal_zlib import crc32
 
-from flight_file.chunks import MAX_RECORD_BYTES, ByteSource, ChunkPlace, read_chunk
-from flight_file.errors import NotAFlightError
-from flight_file.losses import Loss, LossKind
+from flight_file.errors import Loss, LossKind, NotAFlightError
 from flight_file.records import (
     CHUNK_HEAD_BYTES,
     FOOTER_BYTES,
     MAGIC,
     RECORD_HEADER,
     Attachment,
+    ByteSource,
+    ChunkPlace,
     DamagedRecordError,
+    MisplacedRecordError,
     Opcode,
+    most_unpacked,
     parse_attachment,
     parse_chunk_head,
     parse_header,
     parse_message_index,
     parse_metadata,
+    read_chunk,
 )
+from flight_file.session import ATTACHMENTS_RECORD, CHECKPOINT_RECORD, END_RECORD, SESSION_RECORD
+from flight_file.thresholds import BLOCK_BYTES, MAX_RECORD_BYTES
 
-_WINDOW_BYTES = 1 << 20
+_ONCE = frozenset({SESSION_RECORD, ATTACHMENTS_RECORD, END_RECORD})
 
 # A chunk record: lengths below 2**40, a known compression; everything else about it is proved by its CRC.
 _CHUNK_START = re.compile(
@@ -42,18 +51,31 @@ _CHUNK_START = re.compile(
 _CHUNK_START_BYTES = RECORD_HEADER.size + CHUNK_HEAD_BYTES
 
 
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """A metadata record `checkpoint`: where it begins and ends in the file, and its items."""
+
+    offset: int
+    end: int
+    record: dict[str, str]
+
+
 @dataclass(slots=True)
 class FileScan:
-    """What a walk over one file found.
+    """The findings of a walk over one file.
 
     Attributes
     ----------
     finished
         Whether the file ends as MCAP asks: footer and magic.
     metadata
-        The last record of each name.
+        The records by name, but for the checkpoints; the first where there are several.
     attachments
         Those whose CRC fits (or which have none, in a finished file).
+    places
+        Offsets and lengths of the chunks, attachments and metadata records, bytes: what an index must say.
+    end_of_data
+        Where the data section ends; None if it has no end.
     """
 
     path: Path
@@ -63,7 +85,10 @@ class FileScan:
     finished: bool = False
     chunks: list[ChunkPlace] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    checkpoints: list[Checkpoint] = field(default_factory=list)
     attachments: dict[str, Attachment] = field(default_factory=dict)
+    places: dict[int, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
+    end_of_data: int | None = None
     losses: list[Loss] = field(default_factory=list)
 
 
@@ -83,13 +108,15 @@ def scan_file(path: Path, source: ByteSource) -> FileScan:
 
 
 class _Walk:
-    """The state of one walk: where it is, and what it found so far."""
+    """The state of a walk: its position and findings so far."""
 
     def __init__(self, path: Path, source: ByteSource) -> None:
         self._source = source
         self._position = len(MAGIC)
         self._at_end = False
         self._found = FileScan(path=path, size_bytes=source.size, finished=_is_finished(source))
+        self._unpacked_left = most_unpacked(source.size)
+        self._search = _ChunkSearch(source)
 
     def run(self) -> FileScan:
         """Walk to the end of the data."""
@@ -111,7 +138,11 @@ class _Walk:
         start = self._position + RECORD_HEADER.size
         if length > min(self._source.size - start, MAX_RECORD_BYTES):
             raise DamagedRecordError("the file ends inside a record")
-        take(self, start, length)
+        try:
+            take(self, start, length)
+        except MisplacedRecordError as error:
+            self._lose(self._position, start + length, str(error), LossKind.DAMAGED)
+        self._found.places[opcode].append((self._position, RECORD_HEADER.size + length))
         self._position = start + length
 
     def _content(self, start: int, length: int) -> memoryview:
@@ -121,10 +152,19 @@ class _Walk:
         return memoryview(content)
 
     def take_header(self, start: int, length: int) -> None:
+        if start != len(MAGIC) + RECORD_HEADER.size:
+            raise MisplacedRecordError("a second header")
         self._found.profile, self._found.library = parse_header(self._content(start, length))
 
     def take_chunk(self, start: int, length: int) -> None:
         head = parse_chunk_head(self._content(start, min(length, CHUNK_HEAD_BYTES)), length)
+        if END_RECORD in self._found.metadata:
+            raise MisplacedRecordError("a chunk behind the end record")
+        if head.uncompressed_bytes > self._unpacked_left:
+            reason = f"a chunk of {length} bytes claims to hold {head.uncompressed_bytes}: more than a flight can"
+            self._lose(start - RECORD_HEADER.size, start + length, reason, LossKind.DAMAGED)
+            return
+        self._unpacked_left -= head.uncompressed_bytes
         self._found.chunks.append(
             ChunkPlace(start - RECORD_HEADER.size, RECORD_HEADER.size + length, head.start_ns, {})
         )
@@ -143,19 +183,27 @@ class _Walk:
                 start, start + length, f"the attachment {attachment.name!r} does not fit its CRC", LossKind.DAMAGED
             )
             return
+        if attachment.name in self._found.attachments:
+            raise MisplacedRecordError(f"a second attachment {attachment.name!r}")
         self._found.attachments[attachment.name] = attachment
 
     def take_metadata(self, start: int, length: int) -> None:
         name, items = parse_metadata(self._content(start, length))
-        self._found.metadata[name] = items
+        if name == CHECKPOINT_RECORD:
+            self._found.checkpoints.append(Checkpoint(start - RECORD_HEADER.size, start + length, items))
+        elif name in _ONCE and name in self._found.metadata:
+            raise MisplacedRecordError(f"a second record {name!r}")
+        else:
+            self._found.metadata[name] = items
 
-    def take_data_end(self, _start: int, length: int) -> None:
+    def take_data_end(self, start: int, length: int) -> None:
         if length != _DATA_END_BYTES:
             raise DamagedRecordError("the end of the data is damaged")
+        self._found.end_of_data = start - RECORD_HEADER.size
         self._at_end = True
 
     def _go_on_behind_damage(self, reason: str) -> None:
-        found = find_chunk(self._source, self._position + 1)
+        found = self._search.first_from(self._position + 1)
         if found is None:
             kind = LossKind.DAMAGED if self._found.finished else LossKind.TRUNCATED
             self._lose(self._position, self._source.size, reason, kind)
@@ -187,27 +235,37 @@ def _is_finished(source: ByteSource) -> bool:
     return len(tail) == FOOTER_BYTES + len(MAGIC) and tail.endswith(MAGIC) and tail[0] == Opcode.FOOTER
 
 
-def find_chunk(source: ByteSource, start: int) -> int | None:
-    """Offset of the first chunk at or behind `start` that its CRC proves to be one; None if there is none."""
-    position = start
-    while position < source.size:
-        window = source.read_at(position, _WINDOW_BYTES + _CHUNK_START_BYTES)
-        for match in _CHUNK_START.finditer(window, 0):
-            if match.start() < _WINDOW_BYTES and _is_chunk(source, position + match.start()):
-                return position + match.start()
-        position += _WINDOW_BYTES
-    return None
+class _ChunkSearch:
+    """Searches for chunks behind damage; gives up on a file full of what only looks like chunks."""
 
+    def __init__(self, source: ByteSource) -> None:
+        self._source = source
+        self._left_bytes = most_unpacked(source.size)  # to be spent on what turns out to be no chunk
 
-def _is_chunk(source: ByteSource, offset: int) -> bool:
-    _, length = RECORD_HEADER.unpack(source.read_at(offset, RECORD_HEADER.size))
-    end = offset + RECORD_HEADER.size + length
-    if end > source.size or length > MAX_RECORD_BYTES:
-        return False
-    try:
-        head = source.read_at(offset + RECORD_HEADER.size, min(length, CHUNK_HEAD_BYTES))
-        parse_chunk_head(memoryview(head), length)
-        read_chunk(source, ChunkPlace(offset, RECORD_HEADER.size + length, 0, {}), needs_crc=True)
-    except DamagedRecordError:
-        return False
-    return True
+    def first_from(self, start: int) -> int | None:
+        """Offset of the first chunk at or behind `start` that its CRC proves to be one; None if none is found."""
+        position = start
+        while position < self._source.size:
+            window = self._source.read_at(position, BLOCK_BYTES + _CHUNK_START_BYTES)
+            for match in _CHUNK_START.finditer(window, 0):
+                if match.start() < BLOCK_BYTES and self._is_chunk(position + match.start()):
+                    return position + match.start()
+                if self._left_bytes < 0:
+                    return None
+            position += BLOCK_BYTES
+        return None
+
+    def _is_chunk(self, offset: int) -> bool:
+        _, length = RECORD_HEADER.unpack(self._source.read_at(offset, RECORD_HEADER.size))
+        end = offset + RECORD_HEADER.size + length
+        if end > self._source.size or length > MAX_RECORD_BYTES:
+            return False
+        try:
+            start = self._source.read_at(offset + RECORD_HEADER.size, min(length, CHUNK_HEAD_BYTES))
+            head = parse_chunk_head(memoryview(start), length)
+            self._left_bytes -= length + head.uncompressed_bytes
+            read_chunk(self._source, ChunkPlace(offset, RECORD_HEADER.size + length, 0, {}), needs_crc=True)
+        except DamagedRecordError:
+            return False
+        self._left_bytes += length + head.uncompressed_bytes
+        return True

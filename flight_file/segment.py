@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from flight_file.chain import start_of_segment
-from flight_file.chunks import ByteSource, ChunkPlace, FileSource
-from flight_file.errors import FlightNotReadableError
-from flight_file.losses import Loss, LossKind
-from flight_file.scan import FileScan, scan_file
-from flight_file.segments import parse_segment_name
+from flight_file.errors import FlightNotReadableError, Loss, LossKind
+from flight_file.messages import PROFILE
+from flight_file.records import ByteSource, ChunkPlace, FileSource
+from flight_file.scan import Checkpoint, FileScan, scan_file
 from flight_file.session import (
     ATTACHMENTS_RECORD,
     DIGEST_KEY,
@@ -22,14 +20,15 @@ from flight_file.session import (
     SESSION_RECORD,
     EndRecord,
     Session,
+    claimed_place,
     end_from_metadata,
     is_sound,
     sealed,
     session_from_metadata,
+    start_of_segment,
 )
-from flight_file.topics import PROFILE
-
-_BLOCK_BYTES = 1 << 20
+from flight_file.thresholds import BLOCK_BYTES
+from flight_file.untrusted import open_regular
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +49,14 @@ class Segment:
         What was lost outside of the chunks.
     start_of_chain
         Value of the chain before the first frame; empty where there is no chain, or a record it starts from is lost.
+    checkpoints
+        Those that stand in it, genuine or not (see `verification`).
+    is_ours
+        Whether it says that a recorder wrote it: profile `flight`.
+    places
+        Offset and length of each record in the data section by opcode, bytes: what an index must list.
+    end_of_data
+        Where the data section ends; None if it has no end.
     """
 
     path: Path
@@ -60,6 +67,10 @@ class Segment:
     chunks: tuple[ChunkPlace, ...]
     losses: tuple[Loss, ...]
     start_of_chain: str = ""
+    checkpoints: tuple[Checkpoint, ...] = ()
+    is_ours: bool = True
+    places: Mapping[int, Sequence[tuple[int, int]]] = field(default_factory=dict)
+    end_of_data: int | None = None
 
 
 @contextmanager
@@ -69,15 +80,13 @@ def opened(path: Path) -> Iterator[ByteSource]:
     Raises
     ------
     FlightNotReadableError
-        If it cannot be opened, is a directory, or fails while it is read inside the `with` block.
+        If it cannot be opened, is no regular file, or fails while it is read inside the `with` block.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = open_regular(path)
     except OSError as error:
         raise FlightNotReadableError(path, reason=_advice(error)) from error
     try:
-        if path.is_dir():
-            raise FlightNotReadableError(path, reason="is a directory; give the flight files in it")
         yield FileSource(descriptor)
     except OSError as error:
         raise FlightNotReadableError(path, reason=_advice(error)) from error
@@ -86,7 +95,7 @@ def opened(path: Path) -> Iterator[ByteSource]:
 
 
 def open_segment(path: Path) -> tuple[Segment, dict[str, bytes]]:
-    """The segment in a file, and its attachments that are whole.
+    """Open a file and return its segment and the attachments that are whole.
 
     Raises
     ------
@@ -94,11 +103,11 @@ def open_segment(path: Path) -> tuple[Segment, dict[str, bytes]]:
         If the file cannot be read, or is no MCAP.
     """
     with opened(path) as source:
-        return understood(scan_file(path, source))
+        return segment_of(scan_file(path, source))
 
 
-def understood(scan: FileScan) -> tuple[Segment, dict[str, bytes]]:
-    """The segment that a walk over its file found, and its attachments that are whole."""
+def segment_of(scan: FileScan) -> tuple[Segment, dict[str, bytes]]:
+    """Interpret a scan as a segment and the attachments that are whole."""
     losses = list(scan.losses)
     session = _session(scan, losses)
     end = _end(scan, losses)
@@ -112,6 +121,10 @@ def understood(scan: FileScan) -> tuple[Segment, dict[str, bytes]]:
         chunks=tuple(scan.chunks),
         losses=tuple(losses),
         start_of_chain=_start_of_chain(scan, session),
+        checkpoints=tuple(scan.checkpoints),
+        is_ours=scan.profile == PROFILE,
+        places=scan.places,
+        end_of_data=scan.end_of_data,
     )
     return segment, attachments
 
@@ -124,7 +137,7 @@ def _start_of_chain(scan: FileScan, session: Session) -> str:
 
 
 def attachment_digests(scan: FileScan, attachments: Mapping[str, bytes]) -> dict[str, str]:
-    """The record that lists the attachments: as it stands in the file or, where it is damaged, as it must be now."""
+    """Return the record that lists the attachments: as in the file or, where that is damaged, made anew."""
     stated = scan.metadata.get(ATTACHMENTS_RECORD, {})
     if is_sound(stated):
         return stated
@@ -132,21 +145,23 @@ def attachment_digests(scan: FileScan, attachments: Mapping[str, bytes]) -> dict
 
 
 def digest_of(source: ByteSource) -> str:
-    """SHA-256 of all bytes, hexadecimal."""
+    """Compute the SHA-256 of all bytes, hexadecimal."""
     digest = hashlib.sha256()
-    for offset in range(0, source.size, _BLOCK_BYTES):
-        digest.update(source.read_at(offset, min(_BLOCK_BYTES, source.size - offset)))
+    for offset in range(0, source.size, BLOCK_BYTES):
+        digest.update(source.read_at(offset, min(BLOCK_BYTES, source.size - offset)))
     return digest.hexdigest()
 
 
 def _advice(error: OSError) -> str:
     if isinstance(error, FileNotFoundError):
         return "there is no such file; check the name"
+    if isinstance(error, IsADirectoryError):
+        return "is a directory; give the flight files in it"
     return f"cannot be read ({error.strerror}); check the file and its permissions"
 
 
 def _by_name(path: Path) -> Session:
-    recording, segment = parse_segment_name(path) or (path.name.removesuffix(".part").removesuffix(".mcap"), 0)
+    recording, segment = claimed_place(path) or (path.name.removesuffix(".part").removesuffix(".mcap"), 0)
     return Session(recording=recording, segment=segment)
 
 
@@ -197,6 +212,10 @@ def _attachments(scan: FileScan, losses: list[Loss]) -> dict[str, bytes]:
     for name in _unfitting(promised, whole):
         whole.pop(name, None)
         losses.append(Loss(scan.path, 0, 0, f"the attachment {name!r} is lost", LossKind.DAMAGED))
+    for name in sorted(whole.keys() - promised):
+        del whole[name]
+        reason = f"the attachment {name!r} is not in the list of attachments"
+        losses.append(Loss(scan.path, 0, 0, reason, LossKind.DAMAGED))
     return whole
 
 

@@ -1,31 +1,74 @@
-"""The metadata records of a segment: `session` at its start, `attachments`, and `end` at its end.
+"""What a segment says about itself: its name, its metadata records, and the chain that ties its frames together.
 
-MCAP gives metadata no CRC. Each of our records therefore carries the SHA-256 of its own items, and a reader believes
-only a record that fits its digest.
+| name                       | what                                                                              |
+| -------------------------- | --------------------------------------------------------------------------------- |
+| `NAME_0001.mcap`           | a finished segment                                                                |
+| `NAME_0001.mcap.part`      | one in work                                                                       |
+| `NAME_0001.mcap.begun`     | one whose head is being written; what a power cut leaves of it is removed         |
+| `NAME_0001.recovered.mcap` | what is whole of a damaged finished one; `.recovered-2` and so on for another     |
+| `NAME_0001.mcap.unproven`  | frames that a recovery did not sign; `.unproven-2` and so on. No `*.mcap` finds it |
+
+Four digits sort by name for ten thousand segments, almost a week of one-minute ones; readers sort by number in any
+case.
+
+The records are `session` at its start, `attachments`, and `end`. MCAP gives metadata no CRC. Each of our records
+therefore carries the SHA-256 of its own items, and a reader believes only a record that fits its digest.
+
+The chain is one value that depends on every frame recorded so far, and on the order they came in.
+
+A value is a SHA-256, written as 64 hexadecimal digits. Each comes from the one before and from something that was
+recorded:
+
+    link(before, content) = SHA-256(the digits of `before` as ASCII, then `content`)
+
+| value                | before                    | content                                                         |
+| -------------------- | ------------------------- | --------------------------------------------------------------- |
+| first of a recording | nothing                   | `flight chain 1` and the recording's identity: `first_value`    |
+| start of a segment   | end of the segment before | digits of the digests of its `session`, `attachments` records   |
+| after a frame        | after the frame before    | the frame's record up to its last member, `chain`               |
+
+The content of a frame is the bytes that stand in the file: nobody has to agree on how JSON is written. It holds the
+SHA-256 of the picture, the sequence number, all times and the EXIF, so all of these are chained.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
 
+from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading
+
+SEGMENT_SUFFIX = ".mcap"
+UNPROVEN_SUFFIX = ".unproven"
+_NAME = re.compile(
+    r"(?P<recording>.+)_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap(?P<state>\.part|\.unproven(-\d+)?)?",
+    re.ASCII,
+)
+
+PART_SUFFIX = ".part"
+BEGUN_SUFFIX = ".begun"
 
 SESSION_RECORD = "session"
 ATTACHMENTS_RECORD = "attachments"
 END_RECORD = "end"
-
+CHECKPOINT_RECORD = "checkpoint"  # the only one that may stand in a segment more than once; see `signature`
 DIGEST_KEY = "sha256"
 _VERSION_PREFIX = "version."
 _LOST_BEFORE_KEY = "recovered_lost_before"
 UNKNOWN_TIME = ClockReading(realtime_ns=0, monotonic_ns=0)
+_MEMBER = b',"chain":"%s"}'
+_SEALED = re.compile(rb'(?P<content>\{.*),"chain":"(?P<value>[0-9a-f]{64})"\}', re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What stands at the start of every segment.
+    """The record at the start of every segment.
 
     Attributes
     ----------
@@ -44,7 +87,7 @@ class Session:
     versions
         Version by name of software.
     chain
-        Value that the chain goes on from (see `chain`); empty in a file without a chain.
+        Value that the chain goes on from; empty in a file without a chain.
     """
 
     recording: str
@@ -62,7 +105,7 @@ class Session:
 
 @dataclass(frozen=True, slots=True)
 class EndRecord:
-    """What stands at the end of every finished segment.
+    """The record at the end of every finished segment.
 
     Attributes
     ----------
@@ -92,7 +135,7 @@ class EndRecord:
 
 
 def sealed(items: Mapping[str, str]) -> dict[str, str]:
-    """The items with the digest of all of them."""
+    """Add the digest of all items."""
     return {**items, DIGEST_KEY: _digest(items)}
 
 
@@ -106,8 +149,15 @@ def _digest(items: Mapping[str, str]) -> str:
     return hashlib.sha256(json.dumps(dict(items), sort_keys=True).encode()).hexdigest()
 
 
+def _number(text: str) -> int:
+    number = int(text)
+    if abs(number) >= 2**63:
+        raise ValueError("no count and no time of ours has more than 64 bits")
+    return number
+
+
 def session_to_metadata(session: Session) -> dict[str, str]:
-    """The `session` record."""
+    """Encode the `session` record."""
     items = {
         "recording": session.recording,
         "segment": str(session.segment),
@@ -126,11 +176,11 @@ def session_to_metadata(session: Session) -> dict[str, str]:
 
 
 def session_from_metadata(record: Mapping[str, str]) -> Session:
-    """Inverse of `session_to_metadata`; raises KeyError or ValueError if it is no session record of ours."""
+    """Decode the `session` record; raises KeyError or ValueError if it is none of ours."""
     return Session(
         recording=record["recording"],
-        segment=int(record["segment"]),
-        started=ClockReading(int(record["started_realtime_ns"]), int(record["started_monotonic_ns"])),
+        segment=_number(record["segment"]),
+        started=ClockReading(_number(record["started_realtime_ns"]), _number(record["started_monotonic_ns"])),
         clock=record.get("clock", ""),
         boot_id=record.get("boot_id", ""),
         host=record.get("host", ""),
@@ -145,7 +195,7 @@ def session_from_metadata(record: Mapping[str, str]) -> Session:
 
 
 def end_to_metadata(end: EndRecord) -> dict[str, str]:
-    """The `end` record."""
+    """Encode the `end` record."""
     items = {
         "reason": end.reason,
         "frames": str(end.frames),
@@ -159,13 +209,107 @@ def end_to_metadata(end: EndRecord) -> dict[str, str]:
 
 
 def end_from_metadata(record: Mapping[str, str]) -> EndRecord:
-    """Inverse of `end_to_metadata`; raises KeyError or ValueError if it is no end record of ours."""
+    """Decode the `end` record; raises KeyError or ValueError if it is none of ours."""
     return EndRecord(
         reason=record["reason"],
-        frames=int(record["frames"]),
-        dropped=int(record["dropped"]),
-        ended=ClockReading(int(record["ended_realtime_ns"]), int(record["ended_monotonic_ns"])),
+        frames=_number(record["frames"]),
+        dropped=_number(record["dropped"]),
+        ended=ClockReading(_number(record["ended_realtime_ns"]), _number(record["ended_monotonic_ns"])),
         chain=record.get("chain", ""),
         recovered=_LOST_BEFORE_KEY in record,
-        lost_before=tuple(int(number) for number in record.get(_LOST_BEFORE_KEY, "").split(",") if number),
+        lost_before=tuple(_number(number) for number in record.get(_LOST_BEFORE_KEY, "").split(",") if number),
     )
+
+
+def link(before: str, content: bytes) -> str:
+    """Compute the value that follows `before` when `content` is recorded."""
+    return hashlib.sha256(before.encode() + content).hexdigest()
+
+
+def first_value(session: Session) -> str:
+    """Compute a recording's first value: the SHA-256 of six lines, each ended by a line feed.
+
+    Parameters
+    ----------
+    session
+        Of the recording's first segment.
+    """
+    started = session.started
+    identity = (session.recording, started.realtime_ns, started.monotonic_ns, session.boot_id, session.host)
+    return link("", "".join(f"{line}\n" for line in ("flight chain 1", *identity)).encode())
+
+
+def start_of_segment(before: str, session_digest: str, attachments_digest: str) -> str:
+    """Compute the value before a segment's first frame.
+
+    Parameters
+    ----------
+    before
+        The value that the segment before ended with; `first_value` for the first segment.
+    session_digest, attachments_digest
+        What the two metadata records say their items' digests are, hexadecimal.
+    """
+    return link(before, (session_digest + attachments_digest).encode("ascii"))
+
+
+def sealed_frame(record: bytes, before: str) -> tuple[bytes, str]:
+    """Add to a frame's record its value in the chain; return both.
+
+    Parameters
+    ----------
+    record
+        A JSON object that has members.
+    """
+    content = record[:-1]
+    value = link(before, content)
+    return content + _MEMBER % value.encode("ascii"), value
+
+
+def opened_frame(record: bytes) -> tuple[bytes, str]:
+    """Split a frame's record into its content and the chain value that it states; empty if it states none."""
+    match = _SEALED.fullmatch(record)
+    return (match["content"], match["value"].decode("ascii")) if match else (record, "")
+
+
+def segment_path(directory: Path, recording: str, segment: int) -> Path:
+    """Return the path of a finished segment."""
+    return directory / f"{recording}_{segment:04d}{SEGMENT_SUFFIX}"
+
+
+def parse_segment_name(path: Path) -> tuple[str, int] | None:
+    """Parse the name of a finished segment or one in work: recording and number; None for another name."""
+    match = _NAME.fullmatch(path.name)
+    return _place(match) if match and not match["recovered"] and match["state"] in (None, PART_SUFFIX) else None
+
+
+def claimed_place(path: Path) -> tuple[str, int] | None:
+    """Parse any name of the table above: the recording and number that it claims; None if it claims none."""
+    match = _NAME.fullmatch(path.name)
+    return _place(match) if match else None
+
+
+def unproven_names(segment: Path) -> Iterator[Path]:
+    """Iterate over the names for a segment's unproven frames; the first free one is to be taken."""
+    yield segment.with_name(segment.name + UNPROVEN_SUFFIX)
+    yield from (segment.with_name(f"{segment.name}{UNPROVEN_SUFFIX}-{number}") for number in count(2))
+
+
+def is_unproven(path: Path) -> bool:
+    """Whether the file says by its name that nothing proves it."""
+    return path.suffix.startswith(UNPROVEN_SUFFIX)
+
+
+def _place(match: re.Match[str]) -> tuple[str, int]:
+    return match["recording"], int(match["segment"])
+
+
+def free_recording_name(directory: Path, wanted: str) -> str:
+    """Return the wanted name, or the first of `wanted-2`, `wanted-3`, ... that no segment in the directory has."""
+    try:
+        taken = {parsed[0] for path in directory.iterdir() if (parsed := parse_segment_name(path))}
+    except OSError as error:
+        raise FlightNotWrittenError(
+            directory, reason=f"cannot be listed ({error.strerror}); check the directory"
+        ) from error
+    names = (wanted if number == 1 else f"{wanted}-{number}" for number in range(1, len(taken) + 2))
+    return next(name for name in names if name not in taken)

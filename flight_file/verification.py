@@ -1,24 +1,143 @@
-"""Whether a recording fits: CRCs, digests, chain, signatures; and if not, which frame is the first that does not."""
+"""Whether a recording fits: names, CRCs, digests, chain, proof; and if not, which frame is the first that does not.
+
+A genuine signature beside a segment proves every byte; a genuine checkpoint inside proves every byte before it, and
+nothing of what follows. docs/evidence.md has the model behind this, and what each check shows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import pairwise
 from pathlib import Path
+from typing import Self
 
-from flight_file.chain_check import ChainCheck
-from flight_file.errors import MixedFlightsError
-from flight_file.findings import Finding, FindingKind
-from flight_file.section_crcs import unfitting_section
+from flight_file.chain_check import ChainCheck, Counted
+from flight_file.errors import Finding, FindingKind, MixedFlightsError
+from flight_file.records import ByteSource
+from flight_file.scan import Checkpoint
 from flight_file.segment import Segment, open_segment, opened
-from flight_file.segments import parse_segment_name
-from flight_file.signature_check import check_signature
+from flight_file.session import PART_SUFFIX, claimed_place, is_unproven
+from flight_file.signature import MalformedSignatureError, Signature, is_genuine, read_checkpoint, read_signature
+from flight_file.summary import Contents, unfitting_index
+from flight_file.thresholds import BLOCK_BYTES
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What is known about who wrote a file.
+
+    Attributes
+    ----------
+    signed_by
+        Public key of a genuine signature over all bytes, 32 bytes; None if there is none.
+    checkpointed_by
+        Public key of the last genuine checkpoint, 32 bytes; None if there is none.
+    proven_bytes
+        How many bytes, from the start of the file, are proven.
+    finding
+        What is wrong with signature or checkpoints.
+    """
+
+    signed_by: bytes | None = None
+    checkpointed_by: bytes | None = None
+    proven_bytes: int = 0
+    finding: Finding | None = None
+
+    @property
+    def key(self) -> bytes | None:
+        """Who vouches for the file, or for its beginning; None if nobody does."""
+        return self.signed_by or self.checkpointed_by
+
+
+def prove(segment: Segment, public_key: bytes | None) -> Proof:
+    """Find what proves a segment.
+
+    Parameters
+    ----------
+    public_key
+        Whose signature and checkpoints count, 32 bytes; None: anybody's.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If a file cannot be read.
+    """
+    with opened(segment.path) as source:
+        return prove_file(segment.path, source, segment.checkpoints, public_key)
+
+
+def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint], public_key: bytes | None) -> Proof:
+    """Find what proves an open file.
+
+    What lies beside a file in work may sign it, if only its final name is missing; or it signs what a recovery made of
+    it that was cut off itself. So there it counts only if it fits.
+    """
+    in_work = path.name.endswith(PART_SUFFIX)
+    try:
+        signature = read_signature(path.with_name(path.name.removesuffix(PART_SUFFIX)))
+    except MalformedSignatureError as error:
+        if not in_work:
+            return Proof(finding=Finding(FindingKind.WRONG_SIGNATURE, path, str(error)))
+        signature = None
+    if signature is None and not checkpoints:
+        return Proof()
+    digests = _digests(source, {source.size, *(point.offset for point in checkpoints)})
+    misfit = _misfit(signature, digests[source.size], public_key) if signature is not None else None
+    if in_work and misfit is not None:
+        signature = misfit = None
+    seals = [(point, _parsed(point)) for point in checkpoints]
+    keys = {seal.public_key for seal in (signature, *(seal for _, seal in seals)) if seal is not None}
+    if misfit is None and len(keys) > 1:
+        misfit = (FindingKind.OTHER_KEY, "its signature and checkpoints were not made with one key")
+    if misfit is None and signature is not None:
+        return Proof(signature.public_key, None, source.size)
+    by, proven_bytes, unfitting = None, 0, None
+    for point, seal in reversed(seals):
+        found = _misfit(seal, digests[point.offset], public_key, point.offset)
+        if found is None and seal is not None:
+            by, proven_bytes = seal.public_key, point.end
+            break
+        unfitting = found
+    misfit = misfit or unfitting
+    return Proof(None, by, proven_bytes, Finding(misfit[0], path, misfit[1]) if misfit is not None else None)
+
+
+def _misfit(
+    seal: Signature | None, sha256: str, public_key: bytes | None, covered_bytes: int | None = None
+) -> tuple[FindingKind, str] | None:
+    """Why a signature, or the checkpoint at this byte, proves nothing; None if it does."""
+    what = "its signature" if covered_bytes is None else f"its checkpoint at byte {covered_bytes}"
+    if seal is None or not is_genuine(seal):
+        return FindingKind.WRONG_SIGNATURE, f"{what} was not made with the key that it names"
+    if public_key is not None and seal.public_key != public_key:
+        return FindingKind.OTHER_KEY, f"{what} was made with another key than the one given"
+    if (seal.covered_bytes, seal.sha256) != (covered_bytes, sha256):
+        which = "its bytes" if covered_bytes is None else f"the bytes before {what}"
+        return FindingKind.WRONG_SIGNATURE, f"{which} are not those that were signed"
+    return None
+
+
+def _parsed(point: Checkpoint) -> Signature | None:
+    try:
+        return read_checkpoint(point.record)
+    except MalformedSignatureError:
+        return None
+
+
+def _digests(source: ByteSource, ends: Iterable[int]) -> dict[int, str]:
+    """SHA-256, hexadecimal, of the bytes before each of these places."""
+    digest, position, found = hashlib.sha256(), 0, {}
+    for end in sorted(ends):
+        for offset in range(position, end, BLOCK_BYTES):
+            digest.update(source.read_at(offset, min(BLOCK_BYTES, end - offset)))
+        position, found[end] = end, digest.hexdigest()
+    return found
 
 
 class Verdict(Enum):
-    """What a verification comes to."""
+    """The result of a verification."""
 
     FITS = "fits"
     LOSS = "fits as far as it goes"
@@ -39,6 +158,10 @@ class SegmentCheck:
         Public key of a signature that fits, 32 bytes; None if there is none.
     findings
         What was found in it, in its order.
+    checkpointed_by
+        Public key of the last genuine checkpoint, where no signature fits, 32 bytes; None if there is none.
+    proven_frames
+        How many of its frames the signature or that checkpoint proves.
     """
 
     segment: Segment
@@ -46,6 +169,21 @@ class SegmentCheck:
     chain_end: str
     signed_by: bytes | None
     findings: tuple[Finding, ...]
+    checkpointed_by: bytes | None = None
+    proven_frames: int = 0
+
+    @classmethod
+    def of(cls, segment: Segment, counted: Counted, proof: Proof, findings: Sequence[Finding]) -> Self:
+        """Combine what was found of a segment."""
+        return cls(
+            segment=segment,
+            frames=counted.frames,
+            chain_end=segment.end.chain if segment.end is not None else "",
+            signed_by=proof.signed_by,
+            findings=tuple(findings),
+            checkpointed_by=proof.checkpointed_by,
+            proven_frames=counted.frames - counted.behind if proof.key is not None else 0,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +206,12 @@ class RecordingCheck:
 
     @property
     def verdict(self) -> Verdict:
-        """What it comes to."""
+        """The verdict over all findings."""
         return verdict_of(self.findings)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
-    """What findings come to."""
+    """Judge findings by the worst of them."""
     if any(finding.is_fault for finding in findings):
         return Verdict.FAULT
     return Verdict.LOSS if any(finding.is_loss for finding in findings) else Verdict.FITS
@@ -82,13 +220,14 @@ def verdict_of(findings: Sequence[Finding]) -> Verdict:
 def verify(paths: Sequence[Path], *, public_key: bytes | None = None) -> list[RecordingCheck]:
     """Verify flight files; those of one recording are checked together.
 
-    Which files belong together is told by their names, `RECORDING_0000.mcap`, so that a segment of another recording
-    under such a name is noticed. A file with any other name belongs where its own session says.
+    Which files belong together is told by their names, `RECORDING_0000.mcap`, and each name is held against what the
+    file says inside. A file whose name claims nothing belongs where its own session says.
 
     Parameters
     ----------
     public_key
-        Who must have signed, 32 bytes; None if nobody must.
+        Who must have signed, 32 bytes. None: nobody must; but if anybody vouches for a part of a recording, the same
+        key must vouch for all of it.
 
     Raises
     ------
@@ -100,55 +239,107 @@ def verify(paths: Sequence[Path], *, public_key: bytes | None = None) -> list[Re
     groups: dict[str, list[Segment]] = {}
     for path in sorted(paths):
         segment, _ = open_segment(path)
-        recording, _ = parse_segment_name(path) or (segment.session.recording, 0)
+        recording, _ = claimed_place(path) or (segment.session.recording, 0)
         groups.setdefault(recording, []).append(segment)
-    return [_verify_recording(segments, public_key) for _, segments in sorted(groups.items())]
+    return [_verify_recording(name, segments, public_key) for name, segments in sorted(groups.items())]
 
 
-def _verify_recording(segments: list[Segment], public_key: bytes | None) -> RecordingCheck:
-    names = [segment.session.recording for segment in segments]
-    recording = max(names, key=names.count)  # the first of the most frequent
-    own = sorted(
-        (segment for segment in segments if segment.session.recording == recording),
-        key=lambda segment: segment.session.segment,
-    )
-    for before, after in pairwise(own):
-        if before.session.segment == after.session.segment:
-            number = after.session.segment
-            raise MixedFlightsError(f"{before.path} and {after.path} are both segment {number}; give one of them.")
+def _verify_recording(recording: str, segments: list[Segment], public_key: bytes | None) -> RecordingCheck:
+    own = _in_their_places(recording, segments)
+    proofs = [prove(segment, public_key) for segment in own]
+    key = public_key or next((proof.key for proof in proofs if proof.key is not None), None)
     chain = ChainCheck()
-    checks = [_verify_segment(segment, chain, public_key) for segment in own]
+    checks = [_verify_segment(segment, chain, proof, key) for segment, proof in zip(own, proofs, strict=True)]
     done = len(chain.findings)
     chain.finish()
-    checks[-1] = _with(checks[-1], chain.findings[done:])
-    foreign = [segment for segment in segments if segment.session.recording != recording]
-    return RecordingCheck(recording, (*checks, *(_foreign(segment, recording) for segment in foreign)))
+    if checks:
+        checks[-1] = replace(checks[-1], findings=(*checks[-1].findings, *chain.findings[done:]))
+    return RecordingCheck(recording, (*checks, *(_set_apart(segment) for segment in segments if segment not in own)))
 
 
-def _verify_segment(segment: Segment, chain: ChainCheck, public_key: bytes | None) -> SegmentCheck:
+def _in_their_places(recording: str, segments: Sequence[Segment]) -> list[Segment]:
+    """Order the segments of a recording, leaving out those that cannot belong to it."""
+    places: dict[int, Segment] = {}
+    for segment in segments:
+        if segment.session.recording != recording or is_unproven(segment.path):
+            continue
+        number = segment.session.segment
+        other = places.setdefault(number, segment)
+        if other is segment or _misnamed(segment) is not None:
+            continue
+        if _misnamed(other) is None:
+            raise MixedFlightsError(f"{other.path} and {segment.path} are both segment {number}; give one of them.")
+        places[number] = segment
+    return [segment for _, segment in sorted(places.items())]
+
+
+def _misnamed(segment: Segment) -> Finding | None:
+    """Find what a segment's name claims wrongly."""
+    claimed, session = claimed_place(segment.path), segment.session
+    if claimed is None or claimed == (session.recording, session.segment):
+        return None
+    if claimed[0] != session.recording:
+        reason = f"it is a segment of the recording {session.recording}, not of {claimed[0]}"
+        return Finding(FindingKind.OTHER_RECORDING, segment.path, reason)
+    reason = f"it is segment {session.segment} under the name of segment {claimed[1]}"
+    return Finding(FindingKind.CHANGED_SEGMENT, segment.path, reason)
+
+
+def _set_apart(segment: Segment) -> SegmentCheck:
+    misnamed = _misnamed(segment)
+    reason = "by its own name nothing proves it: a recovery found it where no signature or checkpoint vouches for it"
+    finding = misnamed or Finding(FindingKind.UNPROVEN, segment.path, reason)
+    counted = ChainCheck().check(segment, Contents(), proven_bytes=0)
+    return SegmentCheck.of(segment, counted, Proof(), [finding])
+
+
+def _verify_segment(segment: Segment, chain: ChainCheck, proof: Proof, key: bytes | None) -> SegmentCheck:
     done = len(chain.findings)
-    frames = chain.check(segment)
-    findings = chain.findings[done:]
-    named = parse_segment_name(segment.path)
-    if named is not None and named[1] != segment.session.segment:
-        reason = f"it is segment {segment.session.segment} under the name of segment {named[1]}"
-        findings.insert(0, Finding(FindingKind.CHANGED_SEGMENT, segment.path, reason))
-    if segment.finished and not any(finding.is_fault for finding in findings):
+    contents = Contents()
+    counted = chain.check(segment, contents, proven_bytes=proof.proven_bytes)
+    misnamed = _misnamed(segment)
+    findings = [*([misnamed] if misnamed is not None else []), *chain.findings[done:]]
+    if not any(finding.is_fault for finding in findings):
+        findings += _findings_outside(segment, contents)
+    findings += _findings_of_proof(segment, proof, counted, key)
+    return SegmentCheck.of(segment, counted, proof, findings)
+
+
+def _findings_outside(segment: Segment, contents: Contents) -> Iterator[Finding]:
+    if contents.misfit and segment.is_ours:
+        yield Finding(FindingKind.CHANGED_SEGMENT, segment.path, contents.misfit)
+    if segment.finished:
         with opened(segment.path) as source:
-            unfitting = unfitting_section(source)
+            unfitting = unfitting_index(segment, source, contents)
         if unfitting is not None:
-            findings.append(Finding(FindingKind.DAMAGED, segment.path, unfitting))
-    signature = check_signature(segment, public_key)
-    if signature.finding is not None:
-        findings.append(signature.finding)
-    chain_end = segment.end.chain if segment.end is not None else ""
-    return SegmentCheck(segment, frames, chain_end, signature.signed_by, tuple(findings))
+            yield Finding(unfitting[0], segment.path, unfitting[1])
 
 
-def _foreign(segment: Segment, recording: str) -> SegmentCheck:
-    reason = f"it is a segment of the recording {segment.session.recording}, not of {recording}"
-    return SegmentCheck(segment, 0, "", None, (Finding(FindingKind.OTHER_RECORDING, segment.path, reason),))
+def _findings_of_proof(segment: Segment, proof: Proof, counted: Counted, key: bytes | None) -> Iterator[Finding]:
+    """Find what a segment's proof lacks; `key` must vouch for it, None if nobody must."""
+    path = segment.path
+    if proof.finding is not None:
+        yield proof.finding
+    elif key is None and not segment.finished:
+        yield Finding(FindingKind.UNPROVEN, path, "it is neither finished nor signed: it proves nothing")
+    elif key is not None and proof.key is None:
+        yield Finding(FindingKind.NOT_SIGNED, path, "it has neither a signature nor a checkpoint: it proves nothing")
+    elif key is not None and proof.key != key:
+        yield Finding(FindingKind.OTHER_KEY, path, "it was signed with another key than the segments before it")
+    elif proof.key is not None and proof.signed_by is None:
+        yield from _findings_of_checkpoints(segment, counted)
 
 
-def _with(check: SegmentCheck, findings: Sequence[Finding]) -> SegmentCheck:
-    return SegmentCheck(check.segment, check.frames, check.chain_end, check.signed_by, (*check.findings, *findings))
+def _findings_of_checkpoints(segment: Segment, counted: Counted) -> Iterator[Finding]:
+    if segment.finished and not segment.path.name.endswith(PART_SUFFIX):
+        reason = (
+            f"it is finished but has no signature; its checkpoints prove {counted.frames - counted.behind} frame(s)"
+        )
+        yield Finding(FindingKind.NOT_SIGNED, segment.path, reason)
+    elif counted.behind:
+        which = f"its last {counted.behind} frame(s), from frame {counted.first_behind} on"
+        reason = f"{which}, stand behind its last checkpoint: nothing proves them"
+        yield Finding(FindingKind.UNPROVEN, segment.path, reason)
+    elif segment.end is not None:
+        reason = "it was cut off before it was signed: nothing proves its end record"
+        yield Finding(FindingKind.UNPROVEN, segment.path, reason)

@@ -1,16 +1,21 @@
 """Write one segment of a flight.
 
-While it is in work the file is `NAME.mcap.part`. Its layout:
+While it is in work the file is `NAME.mcap.part`. It gets that name when its head is on the disk, with the first
+checkpoint; before, it is `NAME.mcap.begun`, which holds no picture and which the next start removes. So a power cut
+leaves no file in work that lacks what says where it belongs and who wrote it. Its layout:
 
     header        profile `flight`, our library string
     metadata      `session`, then `attachments` (name to SHA-256)
     attachments   panel.yaml, its pictures, camera.yaml, recorder.yaml
-    chunk         all schemas and channels, and the camera's status          <- synced before the first picture
+    chunk         all schemas and channels, and the camera's status
+    metadata      `checkpoint`, if the box has a key                         <- synced before it is named
     chunk ...     whole pictures: the record and the image of a frame are always in one chunk
+    metadata ...  `checkpoint` behind each chunk
     metadata      `end` with the reason
     summary
 
-Chunks are closed by us, not by the MCAP library, which would close one between a frame's two messages.
+Chunks are closed by us, not by the MCAP library, which would close one between a frame's two messages. A chunk and its
+checkpoint are written one right after the other and synced together: what was said to be stored is also proven.
 """
 
 from __future__ import annotations
@@ -18,33 +23,106 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
+from typing import IO, cast
 
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
-from flight_file import codec, moments
-from flight_file.chain import first_value, sealed_frame, start_of_segment
-from flight_file.durable_file import DurableFile, refuse_existing, rename_durably, sync_directory
-from flight_file.frame import ClockReading, Frame
-from flight_file.log_clock import LogClock
-from flight_file.packing import packed_head, registered_topics
-from flight_file.reports import CameraStatus, Health, LogLine
+from flight_file.files import DurableFile, refuse_existing, rename_durably
+from flight_file.frame import CameraStatus, ClockReading, Frame, Health, LogClock, LogLine, storable
+from flight_file.messages import (
+    FRAME_TOPIC,
+    HEALTH_TOPIC,
+    IMAGE_TOPIC,
+    LOG_TOPIC,
+    PROFILE,
+    STATUS_TOPIC,
+    TOPICS,
+    encode_frame,
+    encode_health,
+    encode_image,
+    encode_log,
+    encode_status,
+)
 from flight_file.session import (
+    ATTACHMENTS_RECORD,
+    BEGUN_SUFFIX,
+    CHECKPOINT_RECORD,
     DIGEST_KEY,
     END_RECORD,
+    PART_SUFFIX,
+    SESSION_RECORD,
     EndRecord,
     Session,
     end_to_metadata,
+    first_value,
     sealed,
+    sealed_frame,
     session_to_metadata,
+    start_of_segment,
 )
-from flight_file.signature import Signer, write_signature
-from flight_file.topics import FRAME_TOPIC, HEALTH_TOPIC, IMAGE_TOPIC, LOG_TOPIC, STATUS_TOPIC
+from flight_file.signature import Signer, checkpoint, write_signature
+from flight_file.thresholds import CHUNK_BYTES, SYNC_BYTES, SYNC_NS
 
-PART_SUFFIX = ".part"
-CHUNK_BYTES = 64 * 1024
-SYNC_NS = 1 * moments.NS_PER_S
-SYNC_BYTES = 8 * 1024 * 1024  # at most this much is lost to a power cut, or has to be kept to be written again
+LIBRARY = f"image-flight-recorder/{version('image-flight-recorder')}"
+_NEVER_CLOSE_A_CHUNK = 2**62
+_MEDIA_TYPES = {
+    ".yaml": "application/yaml",
+    ".yml": "application/yaml",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".png": "image/png",
+}
+
+
+def packed_head(
+    file: DurableFile,
+    *,
+    session: Mapping[str, str],
+    attachment_digests: Mapping[str, str],
+    attachments: Mapping[str, bytes],
+    log_ns: int,
+) -> Writer:
+    """Write all that stands before the chunks; gives the writer for the rest.
+
+    Parameters
+    ----------
+    session, attachment_digests
+        The two metadata records, sealed.
+    attachments
+        Content by name.
+    log_ns
+        What the attachments say they were recorded at.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        If the disk fails.
+    """
+    writer = Writer(
+        cast("IO[bytes]", file),
+        chunk_size=_NEVER_CLOSE_A_CHUNK,
+        compression=CompressionType.NONE,
+        enable_crcs=True,
+        enable_data_crcs=True,
+    )
+    writer.start(profile=PROFILE, library=LIBRARY)
+    writer.add_metadata(SESSION_RECORD, dict(session))
+    writer.add_metadata(ATTACHMENTS_RECORD, dict(attachment_digests))
+    for name, content in attachments.items():
+        media_type = _MEDIA_TYPES.get(Path(name).suffix.lower(), "application/octet-stream")
+        writer.add_attachment(create_time=0, log_time=log_ns, name=name, media_type=media_type, data=content)
+    return writer
+
+
+def registered_topics(writer: Writer) -> dict[str, int]:
+    """Put all schemas and channels into the chunk that is open; gives channel ids by topic."""
+    channels = {}
+    for topic in TOPICS:
+        schema_id = writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema)
+        channels[topic.name] = writer.register_channel(topic.name, topic.message_encoding, schema_id)
+    return channels
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +139,18 @@ class Remains:
         Number of the next segment.
     chain
         What the next segment goes on from.
+    frames
+        How many are in what is on the disk for certain.
+    gone
+        The file, still open, if somebody took its name away from it; close it.
     """
 
     path: Path | None
     synced_bytes: int
     segment: int
     chain: str
+    frames: int = 0
+    gone: DurableFile | None = None
 
 
 class SegmentWriter:
@@ -84,7 +168,8 @@ class SegmentWriter:
     attachments
         Content by name.
     signer
-        Signs the finished file, into a file of its own beside it; None for no signature.
+        Signs each chunk with all before it, into the file, and the finished file, into one of its own beside it; None
+        for no signatures.
     log_clock
         Of the recording; None for the first segment of one.
 
@@ -117,6 +202,7 @@ class SegmentWriter:
         self.frames = 0
         self.unsynced = 0
         self._synced = 0
+        self._synced_frames = 0
         self._synced_chain = self.chain
         self._given_chain = session.chain
         self._log_clock = log_clock or LogClock()
@@ -124,14 +210,14 @@ class SegmentWriter:
         self._chunk_bytes = 0
         self._synced_at_ns = session.started.monotonic_ns
         self._signer = signer
-        self._file = DurableFile(path.with_name(path.name + PART_SUFFIX), digested=signer is not None)
+        self._file = DurableFile(path.with_name(path.name + BEGUN_SUFFIX), digested=signer is not None)
         try:
             self._writer = self._start(attachments)
             self._channels = registered_topics(self._writer)
             self.write_status(status, session.started)
             self.sync(session.started)
             self._synced = 0
-            sync_directory(path.parent)
+            self._file.rename(path.with_name(path.name + PART_SUFFIX))
         except BaseException:
             self._file.discard()  # nothing is in it yet, and whoever tries again shall not litter the disk
             raise
@@ -145,7 +231,7 @@ class SegmentWriter:
             session=session,
             attachment_digests=digests,
             attachments=attachments,
-            log_ns=moments.storable(self.session.started.realtime_ns),
+            log_ns=storable(self.session.started.realtime_ns),
         )
 
     @property
@@ -161,15 +247,15 @@ class SegmentWriter:
         frame
             Its host times may be of another boot (a replayed flight): they are stored, not used.
         at
-            The recorder's clocks; a frame's log time follows the monotonic one and never runs back (see `log_clock`).
+            The recorder's clocks; a frame's log time follows the monotonic one and never runs back (see `LogClock`).
         """
         self.unsynced += 1
         log_ns = self._log_clock.time_ns(at)
-        publish_ns = moments.storable(frame.captured_ns)
+        publish_ns = storable(frame.captured_ns)
         number = frame.sequence & 0xFFFFFFFF
-        record, self.chain = sealed_frame(codec.encode_frame(frame), self.chain)
+        record, self.chain = sealed_frame(encode_frame(frame), self.chain)
         self._add(FRAME_TOPIC, record, log_ns, publish_ns, number)
-        self._add(IMAGE_TOPIC, codec.encode_image(frame), log_ns, publish_ns, number)
+        self._add(IMAGE_TOPIC, encode_image(frame), log_ns, publish_ns, number)
         self.frames += 1
         if self._chunk_bytes >= CHUNK_BYTES:
             self._close_chunk()
@@ -177,15 +263,15 @@ class SegmentWriter:
 
     def write_status(self, status: CameraStatus, at: ClockReading) -> None:
         """Store a change of the camera's state."""
-        self._report(STATUS_TOPIC, codec.encode_status(status, at), at)
+        self._report(STATUS_TOPIC, encode_status(status, at), at)
 
     def write_health(self, health: Health, at: ClockReading) -> None:
         """Store a health report."""
-        self._report(HEALTH_TOPIC, codec.encode_health(health, at), at)
+        self._report(HEALTH_TOPIC, encode_health(health, at), at)
 
     def write_log(self, line: LogLine, at: ClockReading) -> None:
         """Store a log line."""
-        self._report(LOG_TOPIC, codec.encode_log(line, at), at)
+        self._report(LOG_TOPIC, encode_log(line, at), at)
 
     def tick(self, at: ClockReading) -> None:
         """Sync if it is time; call it about each second while no frames come."""
@@ -222,6 +308,7 @@ class SegmentWriter:
         if self._signer is not None:
             refuse_existing(self.path)
             write_signature(self.path, self._file.sha256, self._signer)
+        self._file.refuse_gone()
         rename_durably(self._file.path, self.path)
         self._file.close()  # only now: closing gives up the lock that keeps others from recovering the file in work
         return self.path
@@ -235,11 +322,24 @@ class SegmentWriter:
         if not self._synced:
             self._file.discard()
             return Remains(None, 0, self.session.segment, self._given_chain)
-        self._file.close()
-        return Remains(self._file.path, self._file.synced_bytes, self.session.segment + 1, self._synced_chain)
+        gone = self._file if self._file.is_gone else None
+        if gone is None:
+            self._file.close()
+        file, segment = self._file, self.session.segment + 1
+        return Remains(file.path, file.synced_bytes, segment, self._synced_chain, self._synced_frames, gone)
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether somebody deleted, renamed or replaced the file in work."""
+        return self._file.is_gone
+
+    def refuse_gone(self) -> None:
+        """Raise FlightNotWrittenError if it is gone."""
+        self._file.refuse_gone()
 
     def _note_synced(self) -> None:
         self._synced += self.unsynced
+        self._synced_frames = self.frames
         self.unsynced = 0
         self._synced_chain = self.chain
 
@@ -256,8 +356,12 @@ class SegmentWriter:
         self._chunk_bytes += len(data)
 
     def _close_chunk(self) -> None:
+        written = self._file.tell()
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._chunk_bytes = 0
+        if self._signer is not None and self._file.tell() > written:
+            record = checkpoint(self._file.tell(), self._file.sha256, self._signer)
+            self._writer.add_metadata(CHECKPOINT_RECORD, record)
 
     def _sync_if_due(self, at: ClockReading) -> None:
         waiting = self.written_bytes - self._file.synced_bytes

@@ -4,28 +4,126 @@
                       └──> no more pictures, or stop        CameraUnusableError: seldom, for nobody is there to help
                       └──> the end with an error            ReplayError: whoever started the replay is there
 
-The recorder goes on without a camera: what became of it stands in the flight.
+The recorder goes on without a camera; the flight says what became of it. `wire` makes the camera that a configuration
+asks for, and `CameraReports` is where its driver reports what is no picture.
 """
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
+from camera_drivers.camera import Camera
+from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraUnusableError, ReplayError
-from flight_file.reports import CameraStatus
-from recorder.back_off import BackOff, Pace
-from recorder.drivers import Wiring
-from recorder.drops import STOPPED, Drops
-from recorder.frame_queue import Arrival, Ended, FrameQueue, Notice
-from recorder.signs_of_life import SignsOfLife
-from recorder.stop import Stop
+from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.replay.camera import ReplayCamera, open_source
+from camera_drivers.reporter import Reporter
+from flight_file.frame import NS_PER_S, CameraStatus
+from recorder.config import Qx10Settings, RecorderConfig, ReplaySettings
+from recorder.errors import ConfigurationError
+from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
+from recorder.host import Host, ReportingClock, SimulatedClock
+from recorder.supervision import BackOff, Heartbeats, Stop
+from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
 NO_MORE_PICTURES = "no more pictures"
 
-SOON = Pace(first_s=1.0, longest_s=30.0)  # a camera needs about 30 s from its switch to its first picture
-SELDOM = Pace(first_s=30.0, longest_s=120.0)
 
-_SAY_NS = 2_000_000_000  # how often a rest is a sign of life
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """A camera and what belongs to it.
+
+    Attributes
+    ----------
+    clock
+        The clock of the recording.
+    live
+        The camera cannot wait: when the queue is full, the oldest frame in it is dropped and counted; the recorder
+        looks at its clock while no frame comes, and keeps trying when the camera or the disk fails. Otherwise the
+        camera is made to wait, and time passes with its frames alone.
+    attachments
+        What the source brings along, for a recording that attaches no panel of its own.
+    """
+
+    camera: Camera
+    clock: Clock
+    live: bool
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def wire(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    """Make the camera that the configuration asks for; what it says beside its pictures goes to `reporter`.
+
+    Raises
+    ------
+    ConfigurationError
+        There is nothing to replay.
+    """
+    return _DRIVERS[config.camera.driver](config, host, reporter)
+
+
+def _replay(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    settings = config.camera
+    if not isinstance(settings, ReplaySettings):
+        raise TypeError(settings)
+    try:
+        source = open_source(settings.paths, rate_hz=settings.rate_hz, clock=host.clock)
+    except ReplayError as error:
+        raise ConfigurationError(f"camera.path: {error}") from error
+    live = settings.pace == "realtime"
+    clock = host.clock if live else SimulatedClock(source.start_ns)
+    # Nobody waits with a simulated clock, and a century is no more steps to it than a second.
+    heard = ReportingClock(clock, reporter) if live else clock
+    return Wiring(
+        camera=ReplayCamera(source, heard),
+        clock=clock,
+        live=live,
+        attachments=source.attachments,
+    )
+
+
+def _qx10(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    from camera_drivers.qx10.camera import Qx10Camera  # noqa: PLC0415 - a replay does without HTTP
+
+    settings = config.camera
+    if not isinstance(settings, Qx10Settings):
+        raise TypeError(settings)
+    return Wiring(camera=Qx10Camera(_qx10_options(settings), host.clock, reporter), clock=host.clock, live=True)
+
+
+def _qx10_options(settings: Qx10Settings) -> Options:
+    same = settings.model_dump(exclude={"driver", "limits"})
+    limits = settings.limits.model_dump(exclude={"picture_mib"})
+    return Options(**same, limits=Limits(**limits, picture_bytes=settings.limits.picture_mib * 2**20))
+
+
+_DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {"replay": _replay, "qx10": _qx10}
+
+
+class CameraReports:
+    """Hands the reports to the writer's thread, in order with the frames; see `camera_drivers.reporter.Reporter`."""
+
+    def __init__(self, *, queue: FrameQueue, drops: Drops, heartbeats: Heartbeats, clock: Clock) -> None:
+        self._queue = queue
+        self._drops = drops
+        self._heartbeats = heartbeats
+        self._clock = clock
+
+    def report(self, status: CameraStatus) -> None:
+        """Store the report in the flight."""
+        self._heartbeats.camera()
+        self._queue.notify(Notice(status, self._clock.read()))
+
+    def lost(self, reason: str) -> None:
+        """Count a drop with this reason."""
+        self._heartbeats.camera()
+        self._drops.add(reason)
+
+    def waiting(self, reason: str) -> None:  # noqa: ARG002 - the watchdog does not care why
+        """Feed the watchdog."""
+        self._heartbeats.camera()
 
 
 class Capture(threading.Thread):
@@ -34,12 +132,12 @@ class Capture(threading.Thread):
     It is a daemon thread: a camera that hangs must not keep the process from ending.
     """
 
-    def __init__(self, wiring: Wiring, *, queue: FrameQueue, drops: Drops, signs: SignsOfLife, stop: Stop) -> None:
+    def __init__(self, wiring: Wiring, *, queue: FrameQueue, drops: Drops, heartbeats: Heartbeats, stop: Stop) -> None:
         super().__init__(name="capture", daemon=True)
         self._wiring = wiring
         self._queue = queue
         self._drops = drops
-        self._signs = signs
+        self._heartbeats = heartbeats
         self._stop_request = stop
         self._back_off = BackOff()
         self._trouble = ""
@@ -62,17 +160,21 @@ class Capture(threading.Thread):
                 raise
             except CameraError as failure:
                 self._say_lost(failure)
-                self._rest(self._back_off.next_ns(SELDOM if isinstance(failure, CameraUnusableError) else SOON))
+                self._rest(
+                    self._back_off.next_ns(
+                        UNUSABLE_AGAIN_S if isinstance(failure, CameraUnusableError) else CAMERA_AGAIN_S
+                    )
+                )
             else:
                 return self._stop_request.reason or NO_MORE_PICTURES
         return self._stop_request.reason
 
     def _use_camera(self) -> None:
-        self._signs.camera()
+        self._heartbeats.camera()
         with self._wiring.camera as camera:
             self._say_capturing()
             while (frame := camera.next_frame(self._stop_request.event)) is not None:
-                self._signs.camera()
+                self._heartbeats.camera()
                 self._back_off.reset()
                 self._hand_over(Arrival(frame, self._wiring.clock.read()))
 
@@ -104,5 +206,5 @@ class Capture(threading.Thread):
         clock, stop = self._wiring.clock, self._stop_request.event
         until_ns = clock.read().monotonic_ns + duration_ns
         while not stop.is_set() and (now_ns := clock.read().monotonic_ns) < until_ns:
-            self._signs.camera()
-            clock.wait_until(min(until_ns, now_ns + _SAY_NS), stop)
+            self._heartbeats.camera()
+            clock.wait_until(min(until_ns, now_ns + round(SAY_S * NS_PER_S)), stop)

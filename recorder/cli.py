@@ -1,27 +1,57 @@
-"""The command `recorder`.
+"""The command `recorder`, and the one place where expected failures become one sentence and an exit code.
 
-Each subcommand is loaded when it is asked for, so that `recorder --help` is quick on a small board.
+Each subcommand is loaded when it is asked for, so that `recorder --help` is quick on a small board. Any other exception
+is a bug and keeps its traceback.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import cast
 
 import click
 
+from camera_drivers.errors import CameraError
+from flight_file.errors import FlightFileError
+from flight_file.untrusted import printable
+from recorder.errors import ConfigurationError, RecorderError
+
+FAILED = 1
+DONE_WITH_LOSS = 3
+WRONG_CONFIGURATION = 78  # EX_CONFIG of sysexits.h; systemd is told not to start again after it
+_EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
+    (ConfigurationError, WRONG_CONFIGURATION),
+    (RecorderError, FAILED),
+    (CameraError, FAILED),
+    (FlightFileError, FAILED),
+)
 # Name: module that has the click command under the same name, and the line for `recorder --help`.
 COMMANDS = {
-    "run": ("recorder.command_run", "Record until told to stop, or until a replay is over."),
+    "run": ("recorder.run", "Record until told to stop, or until a replay is over."),
     "replay": ("recorder.command_replay", "Make one flight file of a folder of photographs."),
     "simulate": ("recorder.command_simulate", "Be a camera on this machine, for trying things without one."),
     "info": ("recorder.command_info", "Say what is in a flight, and whether all of it is there."),
-    "extract": ("recorder.command_extract", "Take the pictures out of a flight, byte for byte."),
+    "extract": ("recorder.command_recover", "Take the pictures out of a flight, byte for byte."),
     "recover": ("recorder.command_recover", "Repair what a power cut left behind."),
-    "verify": ("recorder.command_verify", "Check CRCs, digests, chain and signatures; name the first misfit."),
-    "mark": ("recorder.command_mark", "Keep the newest segment, and the one before, whatever the disk has room for."),
-    "keygen": ("recorder.command_keygen", "Make a key to sign recordings with."),
+    "verify": ("recorder.evidence", "Check CRCs, digests, chain and signatures; name the first misfit."),
+    "mark": ("recorder.marks", "Keep the newest segment, and the one before, whatever the disk has room for."),
+    "keygen": ("recorder.evidence", "Make a key to sign recordings with."),
 }
+
+
+@contextmanager
+def failures_as_sentences() -> Iterator[None]:
+    """Turn our own errors into click's, with their exit codes."""
+    try:
+        yield
+    except tuple(kind for kind, _ in _EXIT_CODES) as error:
+        failure = click.ClickException(printable(str(error)))
+        failure.exit_code = next(  # type: ignore[misc]  # click reads it from the instance
+            code for kind, code in _EXIT_CODES if isinstance(error, kind)
+        )
+        raise failure from error
 
 
 class _LazyGroup(click.Group):

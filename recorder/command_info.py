@@ -1,16 +1,205 @@
-"""`recorder info`."""
+"""`recorder info`: the facts of a flight, as a page for people and as JSON for scripts."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import click
 
-from flight_file.reader import open_flight
-from recorder.failures import DONE_WITH_LOSS, FAILED, failures_as_sentences
-from recorder.info import inspect
-from recorder.info_text import as_json, as_text
+from flight_file.errors import Loss, LossKind
+from flight_file.frame import Frame
+from flight_file.reader import Flight, open_flight
+from flight_file.signature import signature_path
+from flight_file.untrusted import say, say_json
+from recorder.cli import DONE_WITH_LOSS, FAILED, failures_as_sentences
+from recorder.host import utc_text
+from recorder.marks import is_marked
+
+
+@dataclass(slots=True)
+class Range:
+    """Smallest and largest of what was seen; both None if nothing was."""
+
+    least: float | None = None
+    most: float | None = None
+
+    def add(self, value: float | None) -> None:
+        """Include one more value; None is ignored."""
+        if value is not None:
+            self.least = value if self.least is None else min(self.least, value)
+            self.most = value if self.most is None else max(self.most, value)
+
+
+@dataclass(slots=True)
+class FrameFacts:
+    """Facts of all frames together."""
+
+    frames: int = 0
+    missing: int = 0
+    captured_ns: Range = field(default_factory=Range)
+    focal_length_mm: Range = field(default_factory=Range)
+    jpeg_bytes: Range = field(default_factory=Range)
+    sizes_px: set[tuple[int, int]] = field(default_factory=set)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first picture to the last, s."""
+        if self.captured_ns.least is None or self.captured_ns.most is None:
+            return 0.0
+        return (self.captured_ns.most - self.captured_ns.least) / 1e9
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Mean rate, Hz; None with fewer than two pictures."""
+        return (self.frames - 1) / self.duration_s if self.frames > 1 and self.duration_s > 0 else None
+
+
+@dataclass(frozen=True, slots=True)
+class FlightInfo:
+    """A flight, the facts of its frames, and what was lost."""
+
+    flight: Flight
+    facts: FrameFacts
+    losses: tuple[Loss, ...]
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the recorder took but did not store, by the last end record there is."""
+        return max((segment.end.dropped for segment in self.flight.segments if segment.end is not None), default=0)
+
+
+def inspect(flight: Flight) -> FlightInfo:
+    """Read the whole flight once.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the disk fails.
+    """
+    facts = summarize(flight.frames())
+    return FlightInfo(flight=flight, facts=facts, losses=tuple(flight.losses))
+
+
+def summarize(frames: Iterable[Frame]) -> FrameFacts:
+    """Collect the facts of these frames."""
+    facts = FrameFacts()
+    expected: int | None = None
+    for frame in frames:
+        facts.frames += 1
+        facts.missing += max(0, frame.sequence - expected) if expected is not None else 0
+        expected = frame.sequence + 1
+        facts.captured_ns.add(frame.captured_ns)
+        facts.focal_length_mm.add(frame.exif.focal_length_mm)
+        facts.jpeg_bytes.add(len(frame.jpeg))
+        if frame.width_px is not None and frame.height_px is not None:
+            facts.sizes_px.add((frame.width_px, frame.height_px))
+    return facts
+
+
+def gaps(losses: Iterable[Loss]) -> int:
+    """Count the runs of missing frames."""
+    return sum(loss.kind is LossKind.GAP for loss in losses)
+
+
+def as_json(info: FlightInfo) -> dict[str, Any]:
+    """Convert everything to plain values; None where unknown."""
+    flight, facts = info.flight, info.facts
+    return {
+        "recording": flight.recording,
+        "files": [
+            {
+                "path": str(segment.path),
+                "segment": segment.session.segment,
+                "size_bytes": segment.size_bytes,
+                "finished": segment.finished,
+                "end_reason": segment.end.reason if segment.end else None,
+                "chained": bool(segment.session.chain),
+                "signed": signature_path(segment.path).exists(),
+                "marked": is_marked(segment.path),
+            }
+            for segment in flight.segments
+        ],
+        "start_utc": utc_text(facts.captured_ns.least),
+        "end_utc": utc_text(facts.captured_ns.most),
+        "duration_s": facts.duration_s,
+        "frames": facts.frames,
+        "rate_hz": facts.rate_hz,
+        "gaps": gaps(info.losses),
+        "frames_missing": facts.missing,
+        "frames_dropped": info.dropped,
+        "camera": {
+            "driver": flight.session.camera_driver or None,
+            "model": flight.session.camera_model or None,
+            "serial": flight.session.camera_serial or None,
+        },
+        "focal_length_mm": _pair(facts.focal_length_mm),
+        "jpeg_bytes": _pair(facts.jpeg_bytes),
+        "picture_sizes_px": [list(size) for size in sorted(facts.sizes_px)],
+        "attachments": {name: len(content) for name, content in sorted(flight.attachments.items())},
+        "losses": [
+            {
+                "path": str(loss.path),
+                "offset": loss.offset,
+                "length_bytes": loss.length,
+                "kind": loss.kind.value,
+                "reason": loss.reason,
+            }
+            for loss in info.losses
+        ],
+    }
+
+
+def as_text(info: FlightInfo) -> list[str]:
+    """Format a page, one fact a line."""
+    facts = as_json(info)
+    size_bytes = sum(file["size_bytes"] for file in facts["files"])
+    camera = " ".join(value for value in facts["camera"].values() if value)
+    rows = [
+        ("recording", facts["recording"]),
+        ("files", f"{len(facts['files'])}, {size_bytes / 1e6:.1f} MB"),
+        ("start", facts["start_utc"]),
+        ("end", facts["end_utc"]),
+        ("duration", f"{facts['duration_s']:.1f} s"),
+        ("frames", f"{facts['frames']}{_rate(facts['rate_hz'])}"),
+        ("gaps", f"{facts['gaps']} ({facts['frames_missing']} frames missing, {facts['frames_dropped']} dropped)"),
+        ("camera", camera),
+        ("zoom", _span(facts["focal_length_mm"], "mm")),
+        ("pictures", ", ".join(f"{width}x{height}" for width, height in facts["picture_sizes_px"])),
+        ("JPEG size", _span(facts["jpeg_bytes"], "bytes")),
+        ("attachments", ", ".join(facts["attachments"]) or "none"),
+        ("evidence", ", ".join(_evidence(facts["files"]))),
+    ]
+    lines = [f"{name + ':':<13}{value or 'not known'}" for name, value in rows]
+    return lines + _loss_lines(info)
+
+
+def _evidence(files: list[dict[str, Any]]) -> list[str]:
+    # Whether chain and signatures fit is what `recorder verify` says.
+    return [f"{word} {sum(file[word] for file in files)} of {len(files)}" for word in ("chained", "signed", "marked")]
+
+
+def _loss_lines(info: FlightInfo) -> list[str]:
+    if not info.losses:
+        return [f"{'losses:':<13}none"]
+    return ["losses:", *(f"  {loss.path.name} at byte {loss.offset}: {loss.reason}" for loss in info.losses)]
+
+
+def _rate(rate_hz: float | None) -> str:
+    return "" if rate_hz is None else f", {rate_hz:.2f} Hz"
+
+
+def _pair(values: Range) -> list[float] | None:
+    return None if values.least is None or values.most is None else [values.least, values.most]
+
+
+def _span(pair: list[float] | None, unit: str) -> str:
+    if pair is None:
+        return ""
+    least, most = pair
+    return f"{least:g} {unit}" if least == most else f"{least:g} to {most:g} {unit}"
 
 
 @click.command(
@@ -32,8 +221,11 @@ def info(context: click.Context, files: tuple[Path, ...], *, as_document: bool) 
     """
     with failures_as_sentences():
         found = inspect(open_flight(files))
-    click.echo(json.dumps(as_json(found), indent=2) if as_document else as_text(found))
+    if as_document:
+        say_json(as_json(found))
+    else:
+        say(*as_text(found))
     if not found.facts.frames:
-        click.echo("Error: no picture in it can be read.", err=True)
+        say("Error: no picture in it can be read.", err=True)
         context.exit(FAILED)
     context.exit(DONE_WITH_LOSS if found.losses else 0)

@@ -1,19 +1,24 @@
-"""`recorder recover`."""
+"""`recorder recover` and `recorder extract`: get recordings out of damaged files, and pictures out of recordings."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
 from flight_file.errors import FlightFileError
+from flight_file.reader import Flight, open_flight
 from flight_file.salvage import Outcome, Recovery, recover_segment
-from recorder.clock import SystemClock
-from recorder.evidence import configured_signer
-from recorder.failures import DONE_WITH_LOSS, FAILED, failures_as_sentences
-from recorder.settings import EvidenceSettings
+from flight_file.signature import Signer
+from flight_file.untrusted import file_name, read_beside, say, say_json
+from recorder.cli import DONE_WITH_LOSS, FAILED, failures_as_sentences
+from recorder.config import EvidenceSettings
+from recorder.errors import FileNotWrittenError, ReplayNotPossibleError
+from recorder.host import SystemClock
+from recorder.plan import configured_signer
 
 _SENTENCES = {
     Outcome.RECOVERED: "{source}: {frames} frames recovered into {path}",
@@ -33,7 +38,7 @@ Examples:
 Exit codes: 0 done, 1 a file could not be recovered, 2 wrong usage, 3 done with loss.""",
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--key", type=click.Path(path_type=Path), help="Sign what is recovered with this private key.")
+@click.option("--key", type=click.Path(path_type=Path), help="Sign what the file proves to be this private key's work.")
 @click.option("--json", "as_document", is_flag=True, help="Print a JSON document instead of lines.")
 @click.pass_context
 def recover(context: click.Context, files: tuple[Path, ...], key: Path | None, *, as_document: bool) -> None:
@@ -41,32 +46,46 @@ def recover(context: click.Context, files: tuple[Path, ...], key: Path | None, *
 
     NAME.mcap.part becomes NAME.mcap, unless a recorder is writing it at this moment. A damaged NAME.mcap is kept, and
     what is whole of it goes into NAME.recovered.mcap.
+
+    With --key, frames that no checkpoint of that key proves are not signed: they go into NAME.mcap.unproven, or, if
+    nothing is proven, the whole file stays unsigned.
     """
     with failures_as_sentences():
         signer = configured_signer(EvidenceSettings(key=key))
     done: list[dict[str, Any]] = []
-    failed = False
+    failed = with_loss = False
     for file in files:
         try:
             recovery = recover_segment(file, at=SystemClock().read(), signer=signer)
         except FlightFileError as error:
             failed = True
-            click.echo(f"Error: {error}", err=True)
+            say(f"Error: {error}", err=True)
             continue
         done.append(_as_json(recovery))
+        with_loss = with_loss or bool(recovery.losses or recovery.unproven) or _stays_unsigned(recovery, signer)
         if not as_document:
-            click.echo("\n".join(_lines(recovery)))
+            say(*_lines(recovery, signer))
     if as_document:
-        click.echo(json.dumps(done, indent=2))
-    with_loss = any(entry["losses"] for entry in done)
+        say_json(done)
     context.exit(FAILED if failed else DONE_WITH_LOSS if with_loss else 0)
 
 
-def _lines(recovery: Recovery) -> list[str]:
-    sentence = _SENTENCES[recovery.outcome].format(
-        source=recovery.source.name, path=recovery.path.name, frames=recovery.frames
-    )
-    return [sentence, *(f"  lost: {loss.reason} (byte {loss.offset})" for loss in recovery.losses)]
+def _stays_unsigned(recovery: Recovery, signer: Signer | None) -> bool:
+    return signer is not None and not recovery.signed and recovery.outcome in (Outcome.RECOVERED, Outcome.FINISHED)
+
+
+def _lines(recovery: Recovery, signer: Signer | None) -> list[str]:
+    lines = [
+        _SENTENCES[recovery.outcome].format(
+            source=recovery.source.name, path=recovery.path.name, frames=recovery.frames
+        )
+    ]
+    lines += [f"  lost: {loss.reason} (byte {loss.offset})" for loss in recovery.losses]
+    if recovery.unproven is not None:
+        lines.append(f"  not proven: {recovery.unproven_frames} frames, set apart in {recovery.unproven.name}")
+    if _stays_unsigned(recovery, signer):
+        lines.append("  not signed: nothing in the file proves that this key recorded it")
+    return lines
 
 
 def _as_json(recovery: Recovery) -> dict[str, Any]:
@@ -75,8 +94,79 @@ def _as_json(recovery: Recovery) -> dict[str, Any]:
         "path": str(recovery.path),
         "outcome": recovery.outcome.value,
         "frames": recovery.frames,
+        "signed": recovery.signed,
+        "unproven": str(recovery.unproven) if recovery.unproven is not None else None,
+        "unproven_frames": recovery.unproven_frames,
         "losses": [
             {"offset": loss.offset, "length_bytes": loss.length, "kind": loss.kind.value, "reason": loss.reason}
             for loss in recovery.losses
         ],
     }
+
+
+@dataclass(frozen=True, slots=True)
+class Extracted:
+    """A picture that lies in a file of its own now."""
+
+    path: Path
+    sequence: int
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  recorder extract flights/20180504T120000Z_*.mcap -o photographs
+
+\b
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something of the flight is lost.""",
+)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", "directory", type=click.Path(path_type=Path), required=True, metavar="FOLDER",
+    help="Where the pictures go.",
+)  # fmt: skip
+@click.pass_context
+def extract(context: click.Context, files: tuple[Path, ...], directory: Path) -> None:
+    """Take the pictures out of a flight, byte for byte as they were recorded, named by their number."""
+    with failures_as_sentences():
+        flight = open_flight(files)
+        count = sum(1 for _ in extract_pictures(flight, directory))
+    say(f"{directory}: {count} pictures")
+    for loss in flight.losses:
+        say(f"  lost: {loss.reason}", err=True)
+    context.exit(DONE_WITH_LOSS if flight.losses else 0)
+
+
+def extract_pictures(flight: Flight, directory: Path) -> Iterator[Extracted]:
+    """Write every picture of a flight as it was recorded, byte for byte; their names sort in its order.
+
+    What cannot be read of the flight is among its `losses` afterwards.
+
+    Raises
+    ------
+    ReplayNotPossibleError
+        Another file has a picture's name; it is left as it is.
+    FileNotWrittenError
+        A picture cannot be written.
+    """
+    for frame in flight.frames():
+        path = directory / f"{file_name(f'{frame.sequence:06d}')}.jpg"
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as stream:  # whatever lies there, a link too, is left as it is
+                stream.write(frame.jpeg)
+        except FileExistsError as error:
+            if not _holds(path, frame.jpeg):
+                raise ReplayNotPossibleError(
+                    f"{path}: is there already with another picture; choose another folder."
+                ) from error
+        except OSError as error:
+            raise FileNotWrittenError(path, error) from error
+        yield Extracted(path, frame.sequence)
+
+
+def _holds(path: Path, jpeg: bytes) -> bool:
+    try:
+        return read_beside(path.parent, path.name) == jpeg
+    except OSError:
+        return False

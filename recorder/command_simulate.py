@@ -1,4 +1,4 @@
-"""`recorder simulate`."""
+"""`recorder simulate`: be a camera on this machine."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import click
 from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.faults import FAULTS, UnknownFaultError
 from camera_drivers.qx10.simulator.pictures import NoPicturesError, open_pictures
-from camera_drivers.qx10.simulator.search_answers import GROUP, PORT
+from camera_drivers.qx10.simulator.services import GROUP, PORT
 from camera_drivers.qx10.simulator.simulator import LOOPBACK, SimulatedQx10
-from recorder.clock import SystemClock
-from recorder.failures import failures_as_sentences
-from recorder.stop import Stop
-
-LOOK_S = 0.2
+from flight_file.untrusted import say
+from recorder.cli import failures_as_sentences
+from recorder.host import SystemClock
+from recorder.supervision import Stop
+from recorder.thresholds import LOOK_S
 
 
 def _list_faults(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:  # noqa: FBT001 - click's
     if wanted:
         width = max(map(len, FAULTS))
         for fault in FAULTS.values():
-            click.echo(f"{fault.name:{width}}  {fault.place:11}  {fault.what}")
+            say(f"{fault.name:{width}}  {fault.place:11}  {fault.what}")
         context.exit()
 
 
@@ -89,14 +89,14 @@ def simulate(
                 search_group=GROUP if ssdp else None,
             )
             for fault in faults:
-                camera.mischief.order_as_text(fault)
+                camera.fault_schedule.order_as_text(fault)
         except (NoPicturesError, UnknownFaultError) as error:
             raise click.UsageError(str(error)) from error
         except OSError as error:
             raise click.ClickException(f"{host}:{port} cannot be used ({error.strerror}); give another.") from error
         with camera:
-            click.echo(camera.url)
+            say(camera.url)
             while not stop.event.wait(LOOK_S):
                 pass
     taken, delivered = len(camera.ledger.taken), len(camera.ledger.delivered())
-    click.echo(f"{taken} pictures taken, {delivered} delivered whole.", err=True)
+    say(f"{taken} pictures taken, {delivered} delivered whole.", err=True)

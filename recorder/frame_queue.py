@@ -1,20 +1,51 @@
-"""The bounded queue between the camera's thread and the writer's."""
+"""The bounded queue between the camera's thread and the writer's, and the count of frames that were dropped."""
 
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 
 from camera_drivers.camera import CameraIdentity
-from flight_file.frame import ClockReading, Frame
-from flight_file.reports import CameraStatus
+from flight_file.frame import CameraStatus, ClockReading, Frame
+from recorder.thresholds import LOOK_S, QUEUE_BYTES, QUEUE_FRAMES, WAITING_LINES
 
-QUEUE_BYTES = 20 * 2**20  # four 18-megapixel pictures: as much as a small board can spare
-QUEUE_FRAMES = 64  # small pictures: what waits longer than this many shows that the disk cannot follow
-QUEUE_NOTICES = 200
+QUEUE_FULL = "the disk is slower than the camera"
+DELETED = "somebody deleted the file in work that they were in"
+STOPPED = "stopped before there was room to store it"
 
-_LOOK_S = 0.2  # how often a waiting producer looks whether it shall stop
+
+class Drops:
+    """Counts dropped frames by reason, for all threads."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._lock = threading.Lock()
+        self._disk_trouble = ""
+
+    def add(self, reason: str, count: int = 1) -> None:
+        """Count this many more."""
+        with self._lock:
+            self._counts[reason] += count
+
+    def add_overflow(self, count: int) -> None:
+        """Count frames that found no room in the queue, because of the disk's failure or its slowness."""
+        self.add(self._disk_trouble or QUEUE_FULL, count)
+
+    def blame_disk(self, trouble: str) -> None:
+        """Set the reason for further overflows; empty when the disk works again."""
+        self._disk_trouble = trouble
+
+    def by_reason(self) -> dict[str, int]:
+        """Copy the counts by reason."""
+        with self._lock:
+            return dict(self._counts)
+
+    @property
+    def total(self) -> int:
+        """All dropped frames so far."""
+        with self._lock:
+            return self._counts.total()
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +67,7 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """No more frames will come.
+    """The end of the frames.
 
     `reason` stands in the end record; `error` is what ended it, if it was an expected failure; `crashed` if the
     camera's thread died of something unexpected, whose traceback is on stderr.
@@ -72,7 +103,7 @@ class FrameQueue:
             return self._frames
 
     def push(self, arrival: Arrival) -> int:
-        """Put a frame; the oldest make room for it if they must. Says how many of them were lost."""
+        """Put a frame, dropping the oldest ones to make room; return how many were dropped."""
         lost = 0
         with self._changed:
             while self._is_full_for(arrival):
@@ -82,30 +113,30 @@ class FrameQueue:
         return lost
 
     def put(self, arrival: Arrival, stop: threading.Event) -> bool:
-        """Put a frame, waiting for room; False if `stop` was set before there was any."""
+        """Put a frame, waiting for room; return False if `stop` was set first."""
         with self._changed:
             while self._is_full_for(arrival):
                 if stop.is_set():
                     return False
-                self._changed.wait(_LOOK_S)
+                self._changed.wait(LOOK_S)
             self._put(arrival)
             return True
 
     def notify(self, notice: Notice) -> None:
         """Put a notice; the oldest one goes, and is counted, if there are too many."""
         with self._changed:
-            if len(self._items) - self._frames >= QUEUE_NOTICES:
+            if len(self._items) - self._frames >= WAITING_LINES:
                 self._remove_oldest(Notice)
                 self._lost_notices += 1
             self._put(notice)
 
     def end(self, ended: Ended) -> None:
-        """Say that no more will come."""
+        """Put the end, which is never refused."""
         with self._changed:
             self._put(ended)
 
     def take(self, timeout_s: float) -> Item | None:
-        """The oldest; None if nothing came in time."""
+        """Take the oldest item; None if nothing came in time."""
         with self._changed:
             if not self._items:
                 self._changed.wait(timeout_s)
@@ -117,7 +148,7 @@ class FrameQueue:
             return item
 
     def take_lost_notices(self) -> int:
-        """How many notices found no room since this was last asked."""
+        """Return how many notices were dropped since the last call."""
         with self._changed:
             lost, self._lost_notices = self._lost_notices, 0
             return lost

@@ -15,9 +15,8 @@ from typing import Any, TextIO
 import structlog
 from structlog.typing import FilteringBoundLogger, Processor
 
-from flight_file.reports import LogLevel, LogLine
-
-MAX_WAITING_LINES = 100  # newest first to go: the oldest tell how it began
+from flight_file.frame import LogLevel, LogLine
+from recorder.thresholds import WAITING_LINES
 
 _LEVELS = {"warning": LogLevel.WARNING, "error": LogLevel.ERROR, "critical": LogLevel.FATAL}
 
@@ -45,7 +44,7 @@ class Journal:
         )
 
     def drain(self) -> list[LogLine]:
-        """The lines since the last call."""
+        """Return the lines since the last call."""
         with self._lock:
             lines = list(self._waiting)
             self._waiting.clear()
@@ -57,7 +56,7 @@ class Journal:
     def _keep(self, _logger: object, level: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
         if level in _LEVELS:
             with self._lock:
-                if len(self._waiting) < MAX_WAITING_LINES:
+                if len(self._waiting) < WAITING_LINES:
                     self._waiting.append(LogLine(_LEVELS[level], _text(event)))
                 else:
                     self._lost += 1

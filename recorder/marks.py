@@ -1,41 +1,85 @@
 """Marks: segments that retention keeps, whatever the disk has room for.
 
-A mark is a small file beside the segment, `NAME.mcap.keep`, also while the segment is still `NAME.mcap.part`. So
-anybody who may write in the directory can set one while the recorder runs, without talking to it, and copy tools can
-see it. Each line is one mark: when it was set, and a note.
+A mark is a small file in the folder `marks` beside the segments, `marks/NAME.mcap.keep`, also while the segment is
+still `NAME.mcap.part`. So whoever may write in that folder can set one while the recorder runs, without talking to it
+and without a right to touch a recording. Each line is one mark: when it was set, and a note.
+
+Only that there is something of the name counts. Nobody who uses marks opens what lies there, so what somebody else puts
+into the folder, a link, a pipe or a file as large as the disk, keeps a segment and does no more; `tidy_marks` cuts a
+file that is larger than any mark. Marks beside the segment, as older recorders set them, count too.
+
+`recorder mark` sets one.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from flight_file.durable_file import sync_directory
-from flight_file.locks import in_work
-from flight_file.segments import parse_segment_name
-from flight_file.writer import PART_SUFFIX
+import click
+
+from flight_file.errors import FlightFileError
+from flight_file.files import in_work, sync_directory
+from flight_file.session import PART_SUFFIX, parse_segment_name
+from flight_file.untrusted import regular_names, say
+from recorder.cli import failures_as_sentences
 from recorder.errors import NothingToMarkError, NotMarkedError
+from recorder.host import SystemClock
+from recorder.thresholds import MARK_BYTES
 
 MARK_SUFFIX = ".keep"
-
+MARKS_FOLDER = "marks"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may take away another's
 _MODE = 0o660  # whoever of the operators' group marks, the recorder and the others may read it and add to it
 
 
 def mark_path(segment: Path) -> Path:
-    """Where the mark of a segment lies, finished or in work."""
-    return segment.with_name(segment.name.removesuffix(PART_SUFFIX) + MARK_SUFFIX)
+    """Return the path of a segment's mark, finished or in work."""
+    return segment.parent / MARKS_FOLDER / (segment.name.removesuffix(PART_SUFFIX) + MARK_SUFFIX)
 
 
 def is_marked(segment: Path) -> bool:
     """Whether retention must keep this segment, finished or in work."""
-    return mark_path(segment).exists()
+    mark = mark_path(segment)
+    return any(os.path.lexists(path) for path in (mark, segment.parent / mark.name))
 
 
-def mark(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
-    """Mark the segment in work, or else the newest one, and the one before it; gives both, the older one first.
+def marked_names(directory: Path) -> set[str]:
+    """Return the names of the marked segments in a directory."""
+    names = set()
+    for folder in (directory, directory / MARKS_FOLDER):
+        with suppress(OSError), os.scandir(folder) as entries:
+            names |= {entry.name.removesuffix(MARK_SUFFIX) for entry in entries if entry.name.endswith(MARK_SUFFIX)}
+    return names
+
+
+def make_marks_folder(directory: Path) -> None:
+    """Make the folder for marks where it is missing; raises OSError."""
+    folder = directory / MARKS_FOLDER
+    with suppress(FileExistsError):
+        folder.mkdir()
+        folder.chmod(_FOLDER_MODE)  # mkdir would let the umask take the group's right away
+
+
+def tidy_marks(directory: Path) -> list[Path]:
+    """Empty the files among the marks that are larger than any mark; return their paths."""
+    tidied = []
+    with suppress(OSError), os.scandir(directory / MARKS_FOLDER) as entries:
+        for entry in entries:
+            if entry.is_file(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_size > MARK_BYTES:
+                path = Path(entry.path)
+                path.unlink()
+                path.touch(mode=_MODE, exist_ok=False)
+                tidied.append(path)
+    return tidied
+
+
+def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
+    """Mark the segment in work, or else the newest, and the one before it; return both, older first.
 
     Parameters
     ----------
@@ -58,10 +102,11 @@ def mark(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
         if not found:
             raise NothingToMarkError(f"{directory}: there is no recording in it; give the recorder's directory.")
         when = _EPOCH + timedelta(microseconds=realtime_ns // 1000)
+        make_marks_folder(directory)
         line = f"{when:%Y-%m-%dT%H:%M:%SZ} {' '.join(note.split())}".rstrip() + "\n"
         for segment in found:
             _append(mark_path(segment), line.encode())
-        sync_directory(directory)
+        sync_directory(directory / MARKS_FOLDER)
     except OSError as error:
         reason = f"cannot be marked in ({error.strerror}); you must be in the recorder's group to mark"
         raise NotMarkedError(f"{directory}: {reason}.") from error
@@ -69,14 +114,20 @@ def mark(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
 
 
 def newest_two(directory: Path) -> list[Path]:
-    """The segment in work or, if there is none, the one written last; before it, the one that was before it."""
-    segments = [path for path in directory.iterdir() if parse_segment_name(path)]
+    """Find the segment in work, or else the one written last, preceded by the one before it."""
+    segments = [path for name in regular_names(directory) if parse_segment_name(path := directory / name)]
     if not segments:
         return []
-    working = [path for path in segments if path.name.endswith(PART_SUFFIX) and in_work(path)]
+    working = [path for path in segments if path.name.endswith(PART_SUFFIX) and _is_in_work(path)]
     newest = max(working or segments, key=_age)
     before = _before(newest, segments)
     return [before, newest] if before is not None else [newest]
+
+
+def _is_in_work(path: Path) -> bool:
+    with suppress(FlightFileError):  # the recorder's own file may be read by whoever may mark
+        return in_work(path)
+    return False
 
 
 def _before(newest: Path, segments: Iterable[Path]) -> Path | None:
@@ -95,9 +146,50 @@ def _age(path: Path) -> tuple[int, str]:
 
 
 def _append(path: Path, content: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, _MODE)
+    # Whoever shares the folder may have put a link or a pipe there: it is neither followed nor waited for. A file that
+    # is there is opened without O_CREAT: in a sticky folder the kernel refuses that for another one's.
+    flags = os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(path, flags)
+    except FileNotFoundError:
+        descriptor = os.open(path, flags | os.O_CREAT | os.O_EXCL, _MODE)
+        os.fchmod(descriptor, _MODE)
     try:
         os.write(descriptor, content)
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  recorder mark --config /etc/recorder/recorder.yaml "bird strike"
+  recorder mark --directory /var/lib/recorder""",
+)
+@click.option("--directory", type=click.Path(path_type=Path), help="Where the recordings lie.")
+@click.option(
+    "--config", "config_path", type=click.Path(path_type=Path), help="The recorder.yaml that says where they lie."
+)
+@click.argument("note", default="")
+def mark(directory: Path | None, config_path: Path | None, note: str) -> None:
+    """Keep what was just recorded: the segment in work or the newest, and the one before.
+
+    The recorder never deletes a marked segment. NOTE says why it was marked. To unmark, delete the file
+    marks/NAME.mcap.keep.
+    """
+    if (directory is None) == (config_path is None):
+        raise click.UsageError("Give either --directory or --config.")
+    with failures_as_sentences():
+        where = directory if directory is not None else _configured(config_path)
+        for path in mark_newest(where, note=note, realtime_ns=SystemClock().read().realtime_ns):
+            say(f"{path.name} will be kept")
+
+
+def _configured(config_path: Path | None) -> Path:
+    # Reading a configuration takes longer than everything else here; with --directory nobody waits for it.
+    from recorder.config import load_config  # noqa: PLC0415
+
+    if config_path is None:
+        raise TypeError(config_path)
+    return load_config(config_path)[0].storage.directory

@@ -1,37 +1,144 @@
-"""What a recording will be called, where it will lie, and what it will say about itself."""
+"""What a recording will be called, where it will lie, what it will carry, and who signs it.
+
+Every segment carries panel.yaml with its pictures, camera.yaml and recorder.yaml. The panel is not interpreted here,
+only searched for the pictures it names: every value of a key `picture`, at any depth.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
-from flight_file.errors import FlightNotWrittenError
-from flight_file.frame import ClockReading
-from flight_file.segments import Plan, free_recording_name, parse_segment_name, segment_path
-from flight_file.session import Session
-from flight_file.signature import Signer
-from flight_file.writer import PART_SUFFIX
-from recorder.drivers import Wiring
+from flight_file.errors import FlightNotReadableError, FlightNotWrittenError, KeyFileError
+from flight_file.files import claimed
+from flight_file.flight_writer import Plan
+from flight_file.frame import NS_PER_S, ClockReading
+from flight_file.session import (
+    BEGUN_SUFFIX,
+    PART_SUFFIX,
+    Session,
+    free_recording_name,
+    parse_segment_name,
+    segment_path,
+)
+from flight_file.signature import Signer, load_signer
+from flight_file.untrusted import leads_out, read_named_in, read_regular, regular_names
+from recorder.capture import Wiring
+from recorder.config import AttachSettings, EvidenceSettings, RecorderConfig, checked_yaml
+from recorder.errors import ConfigurationError
 from recorder.host import Host
-from recorder.settings import RecorderConfig
+from recorder.marks import make_marks_folder
+from recorder.thresholds import ATTACHMENTS_BYTES
 
+PANEL = "panel.yaml"
+CAMERA = "camera.yaml"
+CONFIGURATION = "recorder.yaml"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LAST_S = 253_402_300_799  # 9999-12-31T23:59:59Z
 _NAME_FORMAT = "%Y%m%dT%H%M%SZ"
-_NAME = re.compile(r"(\d{8}T\d{6}Z)(-\d+)?")
-_NS_PER_S = 1_000_000_000
+_NAME = re.compile(r"(\d{8}T\d{6}Z)(-\d+)?", re.ASCII)
+_TAKEN_BY = ("", PART_SUFFIX, BEGUN_SUFFIX)
+_WRONG_NAME = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EINVAL)
+
+
+def gather_attachments(settings: AttachSettings, configuration: bytes) -> dict[str, bytes]:
+    """Read the files to attach, by attachment name.
+
+    Parameters
+    ----------
+    settings
+        The files to attach.
+    configuration
+        Bytes of recorder.yaml; empty for a recording that has none.
+
+    Raises
+    ------
+    ConfigurationError
+        A file cannot be read or is no YAML, the files are too large, or a panel names a picture outside of its folder.
+    """
+    attachments: dict[str, bytes] = {}
+    if settings.panel is not None:
+        _add(attachments, PANEL, settings.panel, "attach.panel")
+        for name in sorted(set(_pictures(checked_yaml(attachments[PANEL], settings.panel)))):
+            _add_picture(attachments, name, settings.panel)
+    if settings.camera is not None:
+        _add(attachments, CAMERA, settings.camera, "attach.camera")
+        checked_yaml(attachments[CAMERA], settings.camera)
+    if configuration:
+        attachments[CONFIGURATION] = configuration
+    return attachments
+
+
+def _pictures(node: Any) -> Iterator[str]:  # noqa: ANN401 - a YAML document
+    if isinstance(node, dict):
+        for key, value in node.items():
+            if key == "picture" and isinstance(value, str):
+                yield value
+            else:
+                yield from _pictures(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _pictures(value)
+
+
+def _add_picture(attachments: dict[str, bytes], name: str, panel: Path) -> None:
+    # The name is the attachment's name too: it has to mean the same wherever the flight is unpacked.
+    if leads_out(name) or name in (PANEL, CAMERA, CONFIGURATION):
+        raise ConfigurationError(f"{panel}: picture {name!r} must lie in the panel's folder or below; move it there.")
+    with _failures_of(panel.parent / name, "attach.panel"):
+        attachments[name] = read_named_in(panel, name, limit_bytes=_left_bytes(attachments))
+
+
+def _add(attachments: dict[str, bytes], name: str, path: Path, setting: str) -> None:
+    with _failures_of(path, setting):
+        attachments[name] = read_regular(path, limit_bytes=_left_bytes(attachments))
+
+
+def _left_bytes(attachments: Mapping[str, bytes]) -> int:
+    return ATTACHMENTS_BYTES - sum(map(len, attachments.values()))
+
+
+@contextmanager
+def _failures_of(path: Path, setting: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        if error.errno == errno.EFBIG:
+            problem = f"{setting}: with {path} the attachments are larger than 64 MiB; attach smaller files."
+            raise ConfigurationError(problem) from error
+        raise ConfigurationError(f"{setting}: {path} cannot be read ({error.strerror}); check its name.") from error
+
+
+def configured_signer(settings: EvidenceSettings) -> Signer | None:
+    """Load the key that signs finished segments; None if none is configured.
+
+    Raises
+    ------
+    ConfigurationError
+        The key cannot be read, or is none.
+    """
+    if settings.key is None:
+        return None
+    try:
+        return load_signer(settings.key)
+    except KeyFileError as error:
+        raise ConfigurationError(f"evidence.key: {error}") from error
 
 
 def recording_name(start: ClockReading) -> str:
-    """A name that sorts by time: `20180504T120000Z`."""
-    return _name_of(start.realtime_ns // _NS_PER_S)
+    """Name a recording so that names sort by time: `20180504T120000Z`."""
+    return _name_of(start.realtime_ns // NS_PER_S)
 
 
 def newest_recording_name(directory: Path, start: ClockReading) -> str:
-    """A name that sorts after those of all recordings that are there, even if the wall clock went back by years.
+    """Name a recording so that it sorts after all others, even if the wall clock went back by years.
 
     It is the start's time, or a second after the newest that is there. Only the name pretends: the times inside are
     what the clocks said.
@@ -41,14 +148,15 @@ def newest_recording_name(directory: Path, start: ClockReading) -> str:
     FlightNotWrittenError
         The directory cannot be listed.
     """
-    seconds = start.realtime_ns // _NS_PER_S
+    seconds = start.realtime_ns // NS_PER_S
     try:
-        names = [path.name for path in directory.iterdir()]
+        names = _names(directory)
     except OSError as error:
         reason = f"cannot be listed ({error.strerror}); check storage.directory"
         raise FlightNotWrittenError(directory, reason=reason) from error
-    taken = [taken_s for name in names if (taken_s := _seconds_of(name)) is not None]
-    return free_recording_name(directory, _name_of(max([seconds, *(taken_s + 1 for taken_s in taken)])))
+    by_time = sorted(names, reverse=True)  # as these names do; the others among them are passed over
+    newest_s = next((taken_s for name in by_time if (taken_s := _seconds_of(name)) is not None), seconds - 1)
+    return free_recording_name(directory, _name_of(max(seconds, newest_s + 1)))
 
 
 def plan_recording(
@@ -60,7 +168,7 @@ def plan_recording(
     name: str | None,
     signer: Signer | None = None,
 ) -> Plan:
-    """Directory, session and attachments of a recording that begins now.
+    """Plan directory, session and attachments of a recording that begins now.
 
     Parameters
     ----------
@@ -83,6 +191,12 @@ def plan_recording(
     except OSError as error:
         reason = f"cannot be made ({error.strerror}); check storage.directory"
         raise FlightNotWrittenError(directory, reason=reason) from error
+    if wiring.live:
+        # A full disk that has no room for this folder still has old recordings to delete; `recorder mark` says if it
+        # cannot be used.
+        with suppress(OSError):
+            make_marks_folder(directory)
+    _remove_begun(directory)
     identity = wiring.camera.identity
     session = Session(
         recording=_free_name(directory, at, wiring, name),
@@ -100,14 +214,28 @@ def plan_recording(
         directory=directory,
         session=session,
         attachments={**carried, **attachments},
-        segment_ns=round(config.storage.segment_s * _NS_PER_S),
+        segment_ns=round(config.storage.segment_s * NS_PER_S),
         segment_bytes=round(config.storage.segment_mib * 2**20),
+        segment_frames=config.storage.segment_frames,
         signer=signer,
     )
 
 
+def refuse_wrong_directory(directory: Path) -> None:
+    """Raise ConfigurationError if the recordings can never go there; a disk that is not there may come yet."""
+    try:
+        if directory.is_dir() or not directory.exists():
+            return
+        reason = "is no directory"
+    except OSError as error:
+        if error.errno not in _WRONG_NAME:
+            return
+        reason = f"cannot be a directory ({error.strerror})"
+    raise ConfigurationError(f"storage.directory: {directory} {reason}; name one where recordings can go.")
+
+
 def with_free_number(plan: Plan) -> Plan:
-    """The plan with the first segment number, from its own on, under which there is nothing.
+    """Advance the plan to the first segment number that is free.
 
     Raises
     ------
@@ -116,17 +244,17 @@ def with_free_number(plan: Plan) -> Plan:
     """
     recording, segment = plan.session.recording, plan.session.segment
     try:
-        names = {path.name for path in plan.directory.iterdir()}
+        names = set(_names(plan.directory))
     except OSError as error:
         reason = f"cannot be listed ({error.strerror}); bring the disk back"
         raise FlightNotWrittenError(plan.directory, reason=reason) from error
-    while {(name := segment_path(plan.directory, recording, segment).name), name + PART_SUFFIX} & names:
+    while {segment_path(plan.directory, recording, segment).name + end for end in _TAKEN_BY} & names:
         segment += 1
     return replace(plan, session=replace(plan.session, segment=segment))
 
 
 def clock_name(wiring: Wiring) -> str:
-    """What the session says about the clock."""
+    """Return what the session says about the clock."""
     return "system" if wiring.live else "simulated"
 
 
@@ -136,12 +264,27 @@ def _free_name(directory: Path, at: ClockReading, wiring: Wiring, name: str | No
     return free_recording_name(directory, name or recording_name(at))
 
 
+def _remove_begun(directory: Path) -> None:
+    """Remove what a power cut left of segments that had no picture yet; what a recorder writes at this moment stays."""
+    with suppress(OSError):
+        for path in (directory / name for name in regular_names(directory) if name.endswith(BEGUN_SUFFIX)):
+            if parse_segment_name(path.with_name(path.name.removesuffix(BEGUN_SUFFIX))):
+                with suppress(FlightNotReadableError), claimed(path) as ours:
+                    if ours:
+                        path.unlink()
+
+
+def _names(directory: Path) -> list[str]:
+    with os.scandir(directory) as entries:
+        return [entry.name for entry in entries]
+
+
 def _name_of(seconds: int) -> str:
     return f"{_EPOCH + timedelta(seconds=min(max(seconds, 0), _LAST_S)):{_NAME_FORMAT}}"
 
 
 def _seconds_of(name: str) -> int | None:
-    """When a recording with this file name began; None if it is no recording's."""
+    """Parse when a recording of this file name began; None if it is no recording's."""
     parsed = parse_segment_name(Path(name))
     match = _NAME.fullmatch(parsed[0]) if parsed else None
     if match is None:

@@ -6,12 +6,14 @@ usage() {
     cat <<'USAGE'
 Usage: systemd/install.sh [--dry-run] [--root DIR] [--camera SSID [--interface NAME]]
        systemd/install.sh --uninstall [--dry-run] [--root DIR]
+       systemd/install.sh --program-only DIR
 
-  --dry-run         say what would be done, and do nothing
-  --root DIR        put the files below DIR, for an image; leave the running system alone
-  --camera SSID     join the camera's Wi-Fi; its password is read from standard input
-  --interface NAME  with this network interface (default: wlan0)
-  --uninstall       remove all but the configuration, the recordings and the user
+  --dry-run           say what would be done, and do nothing
+  --root DIR          put the files below DIR, for an image; leave the running system alone
+  --camera SSID       join the camera's Wi-Fi; its password is read from standard input
+  --interface NAME    with this network interface (default: wlan0)
+  --uninstall         remove all but the configuration, the recordings and the user
+  --program-only DIR  put the program into DIR/bin, as on the box, and touch nothing else; anybody may
 
 Run it as root from a checkout of the project. It needs python3-venv, and NetworkManager for --camera.
 USAGE
@@ -22,18 +24,27 @@ fail() {
     exit "${2:-1}"
 }
 
+needs() { # option, its value
+    [ -n "${2:-}" ] || fail "$1 needs a value; --help says which." 2
+}
+
+# Whoever installs may keep their own files to themselves; the recorder's user has to read these.
+umask 022
+
 DRY_RUN=false
-UNINSTALL=false
+ACTION=install_all
 ROOT=
 SSID=
 INTERFACE=wlan0
+VENV=/opt/recorder
 while [ $# -gt 0 ]; do
     case $1 in
         --dry-run) DRY_RUN=true ;;
-        --uninstall) UNINSTALL=true ;;
-        --root) ROOT=${2:?--root needs a directory}; shift ;;
-        --camera) SSID=${2:?--camera needs the name of the Wi-Fi}; shift ;;
-        --interface) INTERFACE=${2:?--interface needs a name}; shift ;;
+        --uninstall) ACTION=uninstall_all ;;
+        --root) needs "$@"; ROOT=$2; shift ;;
+        --camera) needs "$@"; SSID=$2; shift ;;
+        --interface) needs "$@"; INTERFACE=$2; shift ;;
+        --program-only) needs "$@"; ACTION=put_packages; VENV=$2; shift ;;
         -h | --help) usage; exit 0 ;;
         *) usage >&2; fail "there is no option $1." 2 ;;
     esac
@@ -43,7 +54,6 @@ ROOT=${ROOT%/}
 
 HERE=$(cd "$(dirname "$0")" && pwd)
 SOURCE=$(dirname "$HERE")
-VENV=/opt/recorder
 UNIT=/etc/systemd/system/recorder.service
 SYSUSERS=/etc/sysusers.d/recorder.conf
 TMPFILES=/etc/tmpfiles.d/recorder.conf
@@ -74,54 +84,47 @@ put() { # mode, source, target
     fi
 }
 
-put_packages() {
-    if [ -n "$ROOT" ]; then
-        return # a virtual environment works only where it was made; install.sh makes it on the box
-    fi
-    [ -x "$VENV/bin/python" ] || run python3 -m venv "$VENV"
-    run "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r "$HERE/requirements.lock"
-    run "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$SOURCE"
+pip_install() {
+    run "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
 }
 
-put_profile() {
-    [ -n "$SSID" ] || return 0
-    if $DRY_RUN; then
-        echo "would write: $ROOT$PROFILE"
-        return 0
-    fi
-    if [ -t 0 ]; then
-        echo "Password of $SSID (inside the camera's battery cover):" >&2
-    fi
-    IFS= read -r password || [ -n "$password" ] || fail "no password came on standard input."
+put_packages() {
+    # Also where making it was cut short, or the system's upgrade brought another Python.
+    "$VENV/bin/python" -m pip --version >/dev/null 2>&1 || run python3 -m venv "$VENV"
+    pip_install --require-hashes -r "$HERE/requirements.lock"
+    pip_install --no-deps --no-build-isolation --force-reinstall "$SOURCE"
+}
+
+put_profile() { # its text
     install -d -m 700 "$ROOT$(dirname "$PROFILE")"
-    # Neither sed nor a command line gets to see the password. The subshell keeps the mask to itself.
-    (
-        umask 077
-        while IFS= read -r line; do
-            case $line in
-                interface-name=*) echo "interface-name=$INTERFACE" ;;
-                ssid=*) printf 'ssid=%s\n' "$SSID" ;;
-                psk=*) printf 'psk=%s\n' "$password" ;;
-                routing-rule2=*) echo "routing-rule2=priority 1065 oif $INTERFACE table 1064" ;;
-                *) printf '%s\n' "$line" ;;
-            esac
-        done <"$HERE/camera.nmconnection" >"$ROOT$PROFILE"
-    )
+    rm -f "$ROOT$PROFILE"
+    # No command line gets to see the password. The subshell keeps the mask to itself.
+    (umask 077 && printf '%s\n' "$1" >"$ROOT$PROFILE")
     run_live nmcli connection reload
 }
 
 install_all() {
+    profile=
+    if [ -n "$SSID" ] && ! $DRY_RUN; then # before anything is changed: it may be refused
+        profile=$(python3 "$HERE/camera_profile.py" "$SSID" "$INTERFACE") || exit 1
+    fi
     put 644 "$HERE/recorder.sysusers" "$SYSUSERS"
     put 644 "$HERE/recorder.tmpfiles" "$TMPFILES"
     run_live systemd-sysusers "$SYSUSERS"
     run_live systemd-tmpfiles --create "$TMPFILES"
-    put_packages
+    if [ -z "$ROOT" ]; then # a virtual environment works only where it was made; on the box it is made by this script
+        put_packages
+    fi
     put 644 "$HERE/recorder.yaml" "$EXAMPLE"
     [ -e "$ROOT$CONFIG" ] || put 644 "$HERE/recorder.yaml" "$CONFIG"
     put 644 "$SOURCE/docs/box.md" "$PAGE"
     run install -d "$ROOT$(dirname "$PROGRAM")"
     run ln -sfn "$VENV/bin/recorder" "$ROOT$PROGRAM"
-    put_profile
+    if [ -n "$profile" ]; then
+        put_profile "$profile"
+    elif [ -n "$SSID" ]; then
+        echo "would write: $ROOT$PROFILE"
+    fi
     put 644 "$HERE/recorder.service" "$UNIT"
     run_live systemctl daemon-reload
     run_live systemctl enable recorder.service
@@ -139,11 +142,7 @@ uninstall_all() {
     $DRY_RUN || echo "Uninstalled. Left: /etc/recorder, /var/lib/recorder with the recordings, and the user recorder."
 }
 
-if [ -z "$ROOT" ] && ! $DRY_RUN && [ "$(id -u)" -ne 0 ]; then
+if [ -z "$ROOT" ] && ! $DRY_RUN && [ "$ACTION" != put_packages ] && [ "$(id -u)" -ne 0 ]; then
     fail "it has to be run as root; try sudo, or --dry-run."
 fi
-if $UNINSTALL; then
-    uninstall_all
-else
-    install_all
-fi
+$ACTION

@@ -1,4 +1,4 @@
-"""What all tests have in common: their order, which are traced for coverage, Ctrl-C, and a real Chromium for pages."""
+"""What all tests share: their order, which are traced for coverage, Ctrl-C, a real Chromium, and what was skipped."""
 
 from __future__ import annotations
 
@@ -7,16 +7,29 @@ import shutil
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+settings.register_profile("unhurried", deadline=None)  # timing is asserted nowhere, and a busy machine is no fault
+settings.load_profile("unhurried")
+
 COVERAGE_OF_PROGRAMS = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")
 CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
+# What a test may be skipped for, as the reason names it, and how to get it.
+OBTAINABLE = {
+    "Chromium": "apt-get install -y chromium fonts-dejavu-core",
+    "node and npm": "apt-get install -y nodejs npm",
+    "systemd-analyze": "apt-get install -y systemd",
+    "shellcheck": "apt-get install -y shellcheck",
+    "../shared": "benchmarks/real_pictures.py says which pictures belong there",
+}
 
 
 @pytest.hookimpl(trylast=True)
@@ -45,6 +58,31 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
         threading.settrace(in_threads)
         sys.settrace(here)
         os.environ.update(told)
+
+
+def skipped_lines(reports: Iterable[pytest.TestReport]) -> list[str]:
+    """One line for each thing that was missing: how many tests in which folders, and how to get it.
+
+    Tests skipped for any other reason share a line with those of the same reason.
+    """
+    folders: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for report in reports:
+        *_, said = report.longrepr if isinstance(report.longrepr, (tuple, list)) else [str(report.longrepr)]
+        reason = said.removeprefix("Skipped: ")
+        missing = next((name for name in OBTAINABLE if name in reason), None)
+        told = (reason, "") if missing is None else (f"no {missing}", f"; {OBTAINABLE[missing]}")
+        folders[told].append("/".join(report.nodeid.split("::")[0].split("/")[:2]))
+    return [
+        f"skipped {len(where)} in {', '.join(sorted(set(where)))}: {reason}{remedy}"
+        for (reason, remedy), where in sorted(folders.items(), key=lambda told: -len(told[1]))
+    ]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was skipped below everything but failures, warnings and the closing line."""
+    for line in skipped_lines(terminalreporter.stats.get("skipped", [])):
+        terminalreporter.write_line(line, yellow=True)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -17,7 +17,7 @@ class BadUrlError(ValueError):
 
 
 def host_of(url: str) -> str:
-    """The host of an http URL, in lower case and without port; raises BadUrlError."""
+    """Return the host of an http URL, in lower case and without port; raises BadUrlError."""
     try:
         parts = urlsplit(url)
         host, _ = parts.hostname, parts.port
@@ -29,7 +29,7 @@ def host_of(url: str) -> str:
 
 
 def at_host(url: str, host: str) -> str:
-    """The same URL at another host; port, path and query stay as they are, a user's name goes.
+    """Replace the host of a URL; port, path and query stay, a user name is dropped.
 
     Raises
     ------

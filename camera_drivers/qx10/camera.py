@@ -27,24 +27,19 @@ from camera_drivers.qx10.camera_clock import CameraClock
 from camera_drivers.qx10.connection import DRIVER, Connection, connect
 from camera_drivers.qx10.events import ERROR
 from camera_drivers.qx10.liveview import Liveview
-from camera_drivers.qx10.notes import Notes
 from camera_drivers.qx10.options import Options
-from camera_drivers.qx10.patience import Patience, Stopped
 from camera_drivers.qx10.picture import FrameMaker
 from camera_drivers.qx10.settings import Setter
 from camera_drivers.qx10.stills import NotTakenError, PictureLostError, Shot, Stills
+from camera_drivers.qx10.waiting import Notes, Stopped, Waiter
 from camera_drivers.qx10.zoom import Zoom
 from camera_drivers.reporter import Reporter
-from flight_file.frame import Frame
-
-MAX_REFUSALS = 5  # in a row; then connecting again may help
-REST_S = 1.0  # after a refusal, however short the interval
-
-_NS_PER_S = 1_000_000_000
+from camera_drivers.thresholds import MAX_FAILURES, REST_S
+from flight_file.frame import NS_PER_S, Frame
 
 
 class Qx10Camera:
-    """A QX10.
+    """The driver of one QX10.
 
     Parameters
     ----------
@@ -63,7 +58,7 @@ class Qx10Camera:
         self._frames = FrameMaker()
         self._due_ns = 0
         self._refusals = 0
-        self._patience = Patience(clock, reporter)
+        self._waiter = Waiter(clock, reporter)
         self._session: _Session | None = None
         self.identity = CameraIdentity(DRIVER)
 
@@ -77,8 +72,8 @@ class Qx10Camera:
         CameraUnusableError
             The configuration is of no use.
         """
-        self._patience = Patience(self._clock, self._reporter)
-        connection = connect(self._options, self._clock, self._patience)
+        self._waiter = Waiter(self._clock, self._reporter)
+        connection = connect(self._options, self._clock, self._waiter)
         self.identity = connection.identity
         self._refusals = 0
         self._session = _Session(connection, self._options, self._clock, self._camera_clock, self._notes)
@@ -93,11 +88,11 @@ class Qx10Camera:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
     ) -> None:
-        """Leave the camera as it is; it takes no call that might hang for long."""
+        """Leave the camera as it is, without a call that might hang."""
         self._leave()
 
     def next_frame(self, stop: threading.Event) -> Frame | None:
-        """The next picture; None soon after `stop` is set.
+        """Take or fetch the next picture; return None soon after `stop` is set.
 
         Raises
         ------
@@ -107,7 +102,7 @@ class Qx10Camera:
         session = self._session
         if session is None:
             raise CameraError("The camera is not connected; enter it first.")
-        self._patience.stop = stop
+        self._waiter.stop = stop
         try:
             return self._still(session) if session.liveview is None else self._live(session, session.liveview)
         except Stopped:
@@ -140,9 +135,9 @@ class Qx10Camera:
     def _refused(self, error: NotTakenError) -> None:
         self._notes.say("refused", f"no picture was taken: {error}")
         self._refusals += 1
-        if self._refusals >= MAX_REFUSALS:
-            raise CameraError(f"No picture was taken {MAX_REFUSALS} times in a row: {error}") from error
-        self._patience.pause("the camera refused a picture", REST_S)
+        if self._refusals >= MAX_FAILURES:
+            raise CameraError(f"No picture was taken {MAX_FAILURES} times in a row: {error}") from error
+        self._waiter.pause("the camera refused a picture", REST_S)
 
     def _wait_until_due(self, session: _Session) -> None:
         """Shots are due at equal intervals; one that is missed is not made up for."""
@@ -150,20 +145,20 @@ class Qx10Camera:
         due_ns = max(self._due_ns, now_ns) if session.zoom.settled else now_ns
         while now_ns < due_ns:
             session.look()
-            self._patience.until("the next picture is not due yet", min(due_ns, now_ns + _NS_PER_S))
+            self._waiter.until("the next picture is not due yet", min(due_ns, now_ns + NS_PER_S))
             now_ns = self._clock.read().monotonic_ns
-        self._due_ns = due_ns + round(self._options.interval_s * _NS_PER_S)
+        self._due_ns = due_ns + round(self._options.interval_s * NS_PER_S)
 
     def _leave(self) -> None:
         session, self._session = self._session, None
         if session is not None:
             # Whoever leaves does not wait for the camera, nor for whether somebody asked to stop.
-            self._patience.stop = threading.Event()
+            self._waiter.stop = threading.Event()
             session.close()
 
 
 class _Session:
-    """What belongs to one connection."""
+    """The parts that belong to one connection."""
 
     def __init__(
         self, connection: Connection, options: Options, clock: Clock, camera_clock: CameraClock, notes: Notes
@@ -181,7 +176,7 @@ class _Session:
 
     @property
     def zoom_position(self) -> float | None:
-        """0 to 100 percent, if the camera says."""
+        """The zoom position, 0 to 100 percent, if the camera says."""
         return self._connection.events.state.zoom_position
 
     def prepare(self) -> None:
@@ -208,7 +203,7 @@ class _Session:
         self._status = status
 
     def learn(self, frame: Frame) -> None:
-        """Take notice of what a picture says about clock and zoom."""
+        """Learn from a picture about clock and zoom."""
         shown_ns = exif_time_ns(frame.exif.datetime)
         if shown_ns is not None:
             times = frame.times
@@ -218,7 +213,7 @@ class _Session:
         self._unseen = [frame.exif.focal_length_mm]
 
     def adjust(self) -> None:
-        """Do what the last picture asks for; after it was handed over, since this may fail."""
+        """Make the adjustments that the last picture calls for; after it was handed over, since this may fail."""
         while self._unseen:
             self.zoom.take_notice(self._unseen.pop())
 

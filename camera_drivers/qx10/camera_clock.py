@@ -13,20 +13,19 @@ from datetime import UTC, datetime, timedelta
 
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
-from camera_drivers.qx10.notes import Notes
 from camera_drivers.qx10.remote_api import RemoteApi
+from camera_drivers.qx10.waiting import Notes
 from camera_drivers.reporter import Reporter
-from flight_file.reports import CameraStatus
+from flight_file.frame import NS_PER_S, CameraStatus
 
 STATE = "clock"
 
-_NS_PER_S = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The offset lies between these, ns; camera minus box."""
+    """Bounds of the clock's offset, ns; camera minus box."""
 
     low_ns: int
     high_ns: int
@@ -38,17 +37,17 @@ class Interval:
 
     @property
     def sigma_ns(self) -> int:
-        """Its standard deviation, if every place in the interval is as likely."""
+        """The standard deviation, assuming a uniform distribution."""
         return round((self.high_ns - self.low_ns) / math.sqrt(12))
 
     def common(self, other: Interval) -> Interval | None:
-        """What lies in both; None if nothing does."""
+        """Intersect two intervals; None if they do not overlap."""
         low, high = max(self.low_ns, other.low_ns), min(self.high_ns, other.high_ns)
         return Interval(low, high) if low <= high else None
 
 
 class CameraClock:
-    """Knows the offset of one camera's clock."""
+    """Estimates the offset of one camera's clock."""
 
     def __init__(self, clock: Clock, reporter: Reporter) -> None:
         self._clock = clock
@@ -64,7 +63,7 @@ class CameraClock:
             The camera cannot be reached any more.
         """
         before = self._clock.read()
-        second = before.realtime_ns // _NS_PER_S
+        second = before.realtime_ns // NS_PER_S
         text = f"{_EPOCH + timedelta(seconds=second):%Y-%m-%dT%H:%M:%SZ}"
         setting = {"dateTime": text, "timeZoneOffsetMinute": 0, "dstOffsetMinute": 0}
         try:
@@ -79,12 +78,12 @@ class CameraClock:
             return
         after = self._clock.read()
         took_ns = after.monotonic_ns - before.monotonic_ns
-        set_ns = second * _NS_PER_S
+        set_ns = second * NS_PER_S
         self.offset = Interval(set_ns - before.realtime_ns - took_ns, set_ns - before.realtime_ns)
         self._report("the camera's clock was set", self.offset)
 
     def compare(self, shown_ns: int, earliest_ns: int, latest_ns: int) -> None:
-        """Take notice of a time in a picture.
+        """Compare with a time in a picture.
 
         Parameters
         ----------
@@ -93,7 +92,7 @@ class CameraClock:
         earliest_ns, latest_ns
             Between these the camera wrote it, by the box's clock, realtime.
         """
-        seen = Interval(shown_ns - latest_ns, shown_ns + _NS_PER_S - earliest_ns)
+        seen = Interval(shown_ns - latest_ns, shown_ns + NS_PER_S - earliest_ns)
         if self.offset is None:
             self.offset = seen
             self._report("the camera's clock shows in its pictures", seen)

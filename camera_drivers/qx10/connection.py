@@ -8,27 +8,26 @@ look ──url──▶ describe ──services──▶ clock ──▶ setting
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from urllib.parse import urlsplit
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraError, CameraNotFoundError, CameraRefusedError, CameraUnusableError
+from camera_drivers.errors import CameraRefusedError, CameraUnusableError
 from camera_drivers.qx10.addresses import BadUrlError, host_of
-from camera_drivers.qx10.description import Description, fetch_description
-from camera_drivers.qx10.discovery import search
-from camera_drivers.qx10.events import Events
+from camera_drivers.qx10.discovery import Description, fetch_description, first_camera
+from camera_drivers.qx10.events import Events, SilentReporter, Watcher
 from camera_drivers.qx10.link import Link
 from camera_drivers.qx10.options import Options
-from camera_drivers.qx10.patience import Patience
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.qx10.watcher import Unheard, Watcher
+from camera_drivers.qx10.waiting import Waiter
 
 DRIVER = "qx10"
 
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """A camera that is there."""
+    """A camera that was found and answers."""
 
     api: RemoteApi
     events: Events
@@ -36,8 +35,8 @@ class Connection:
     identity: CameraIdentity
 
 
-def find(options: Options, clock: Clock, patience: Patience) -> tuple[Link, Description]:
-    """The configured camera, or else the first on the network that describes itself as one.
+def find(options: Options, clock: Clock, waiter: Waiter) -> tuple[Link, Description]:
+    """Find the configured camera, or else the first on the network that describes itself as one.
 
     Raises
     ------
@@ -49,24 +48,19 @@ def find(options: Options, clock: Clock, patience: Patience) -> tuple[Link, Desc
         What is there does not answer.
     """
     if options.url is not None:
-        return _described(options.url, options, patience)
-    last: CameraError | None = None
-    for url in search(options, clock, patience):
-        try:
-            return _described(url, options, patience)
-        except CameraError as error:
-            last = error
-    raise last or CameraNotFoundError("No camera answers on the network; check that it is on, or give camera.url.")
+        return _configured(options.url, options, waiter)
+    host, description = first_camera(options, clock, waiter)
+    return Link(host, options.limits, waiter), description
 
 
-def connect(options: Options, clock: Clock, patience: Patience) -> Connection:
-    """Find the camera, and begin to watch it; raises as `find`."""
-    link, description = find(options, clock, patience)
+def connect(options: Options, clock: Clock, waiter: Waiter) -> Connection:
+    """Find the camera and start watching it; raises as `find`."""
+    link, description = find(options, clock, waiter)
     api = RemoteApi(link, description.services)
     events = Events()
     watcher = None
     if options.long_poll:
-        watcher = Watcher(RemoteApi(link.parallel(clock, Unheard()), description.services), events)
+        watcher = Watcher(RemoteApi(link.parallel(clock, SilentReporter()), description.services), events)
         watcher.start()
     try:
         identity = CameraIdentity(DRIVER, description.name, description.serial, _application(api))
@@ -77,17 +71,19 @@ def connect(options: Options, clock: Clock, patience: Patience) -> Connection:
     return Connection(api, events, watcher, identity)
 
 
-def _described(url: str, options: Options, patience: Patience) -> tuple[Link, Description]:
+def _configured(url: str, options: Options, waiter: Waiter) -> tuple[Link, Description]:
     try:
-        host = host_of(url)
+        link = Link(host_of(url), options.limits, waiter)
     except BadUrlError as error:
         raise CameraUnusableError(f"camera.url: {url} is no http URL; correct it.") from error
-    link = Link(host, options.limits, patience)
-    return link, fetch_description(link, url)
+    limit_s = options.limits.call_s
+    exchange = link.exchange(2 * limit_s)
+    work = partial(fetch_description, exchange, url)
+    return link, waiter.until_done("description", work, exchange.abort, limit_s=limit_s)
 
 
 def _application(api: RemoteApi) -> str:
-    """The camera's software, as it calls itself, and where it is."""
+    """Describe the camera's software, as it calls itself, and its address."""
     try:
         result = api.call("getApplicationInfo")
     except CameraRefusedError:

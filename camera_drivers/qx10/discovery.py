@@ -1,69 +1,233 @@
-"""Finding the camera by SSDP: a question to everybody on one interface, and answers that nobody has to believe.
+"""Find the camera by SSDP: a question to everybody on one interface, and answers that are not trusted.
 
-An answer counts if it speaks of Sony's service and names a description at the address that it came from. Whether that
-is a camera shows in the description. Sony's own answers are believed no more than a stranger's.
+An answer counts if it speaks of Sony's service and names a page at the address that it came from, on a network of the
+box's own. Its sender may still be forged, so only what a camera names is fetched: no query and no user's name, with
+which a forger could make the box order something of another device.
+
+    answer ──believable──▶ asked, side by side ──a camera's description──▶ found
+                             │ (at most MAX_DESCRIPTIONS; the system's buffer holds or drops further answers)
+                             └─ no camera, silent, too slow: its place is free for the next answer
+
+Whoever is slow costs the others nothing: it keeps its place for as long as a call may take, or, while all places are
+taken, for CROWDED_S.
+
+A camera's description is an XML page that says who it is: UPnP's device description with Sony's `av` part, in which
+`X_ScalarWebAPI_Service` names each service and the URL that its calls go below. It comes from the network before
+anything is known about who sent it, so its size is limited and it may not declare a DTD.
 """
 
 from __future__ import annotations
 
 import socket
 import struct
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from ipaddress import ip_address, ip_network
+from itertools import islice
+from urllib.parse import urlsplit
+from xml.etree.ElementTree import Element, ParseError
+
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
 
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraNotFoundError
+from camera_drivers.errors import CameraError, CameraNotFoundError
 from camera_drivers.qx10.addresses import BadUrlError, host_of
-from camera_drivers.qx10.options import Options
-from camera_drivers.qx10.patience import Patience
+from camera_drivers.qx10.link import Exchange
+from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.qx10.waiting import Job, Waiter
+from camera_drivers.thresholds import (
+    CROWDED_S,
+    LOOK_S,
+    MAX_ANSWER_BYTES,
+    MAX_DATAGRAM_BYTES,
+    MAX_DATAGRAMS,
+    MAX_DESCRIPTIONS,
+    MAX_KNOWN_URLS,
+    SEARCH_AGAIN_S,
+)
+from flight_file.frame import NS_PER_S
 
+_UPNP = "{urn:schemas-upnp-org:device-1-0}"
+_AV = "{urn:schemas-sony-com:av}"
+_OK = 200
 SERVICE = "urn:schemas-sony-com:service:ScalarWebAPI:1"
-REPEAT_NS = 2_000_000_000
-MAX_ANSWER_BYTES = 2048
-
-_LOOK_S = 0.05
-_NS_PER_S = 1_000_000_000
+NETWORKS = tuple(map(ip_network, ("127.0.0.0/8", "10.0.0.0/8", "172.16.0.0/12", "192.168.0.0/16", "169.254.0.0/16")))
 
 
-def search(options: Options, clock: Clock, patience: Patience) -> Iterator[str]:
-    """URLs of descriptions, each once, for as long as the search may take.
+@dataclass(frozen=True, slots=True)
+class Description:
+    """Identity of a camera, and the addresses of its services.
+
+    Attributes
+    ----------
+    services
+        URL of each service by its name, as the camera gives it.
+    """
+
+    name: str
+    serial: str
+    services: Mapping[str, str]
+
+
+def fetch_description(exchange: Exchange, url: str) -> Description:
+    """Fetch and parse a description, and close the exchange.
 
     Raises
     ------
     CameraNotFoundError
-        The interface cannot be used.
+        What is there is no description of a camera that can be operated.
+    CameraSilentError
+        Nothing is there.
+    """
+    with exchange:
+        answer = exchange.fetch("description", "GET", url, max_bytes=MAX_ANSWER_BYTES)
+    if answer.status != _OK:
+        raise CameraNotFoundError(f"{url}: HTTP status {answer.status}; check camera.url.")
+    return parse_description(answer.body, url)
+
+
+def parse_description(xml: bytes, url: str) -> Description:
+    """Parse a description; raises CameraNotFoundError, with `url` in its message."""
+    try:
+        root = fromstring(xml, forbid_dtd=True)
+    except (ParseError, DefusedXmlException, ValueError, LookupError) as error:
+        raise CameraNotFoundError(f"{url}: what is there is no XML ({error}); check camera.url.") from error
+    services = {}
+    for service in root.iter(f"{_AV}X_ScalarWebAPI_Service"):
+        name, base = (
+            _text(service, f"{_AV}X_ScalarWebAPI_ServiceType"),
+            _text(service, f"{_AV}X_ScalarWebAPI_ActionList_URL"),
+        )
+        if name and base:
+            services[name] = f"{base.rstrip('/')}/{name}"
+    if "camera" not in services:
+        raise CameraNotFoundError(f"{url}: what is there offers no service `camera`; check camera.url.")
+    device = root.find(f"{_UPNP}device")
+    if device is None:
+        return Description("", "", services)
+    return Description(_text(device, f"{_UPNP}friendlyName"), _serial(_text(device, f"{_UPNP}UDN")), services)
+
+
+def _text(element: Element, tag: str) -> str:
+    return (element.findtext(tag) or "").strip()
+
+
+def _serial(udn: str) -> str:
+    return udn.rpartition("-")[2]  # the last group is the camera's MAC address
+
+
+def first_camera(options: Options, clock: Clock, waiter: Waiter) -> tuple[str, Description]:
+    """Search the network; return address and description of the first device that describes itself as a camera.
+
+    Raises
+    ------
+    CameraNotFoundError
+        There is none, or the interface cannot be used.
+    CameraError
+        What is there does not answer.
     Stopped
         Stopping was asked for.
     """
-    host, port = options.search_address
-    question = _question(host, port)
-    seen: set[str] = set()
+    question = _question(*options.search_address)
+    inquiries = _Inquiries(options.limits, clock)
     with _socket(options.interface) as sock:
-        end_ns = clock.read().monotonic_ns + round(options.limits.search_s * _NS_PER_S)
+        end_ns = clock.read().monotonic_ns + round(options.limits.search_s * NS_PER_S)
         ask_ns = 0
-        while (now_ns := clock.read().monotonic_ns) < end_ns:
-            if now_ns >= ask_ns:
-                _ask(sock, question, options)
-                ask_ns = now_ns + REPEAT_NS
-            for url in _answers(sock):
-                if url not in seen:
-                    seen.add(url)
-                    yield url
-            patience.pause("looking for the camera", _LOOK_S)
+        try:
+            while (now_ns := clock.read().monotonic_ns) < end_ns:
+                if now_ns >= ask_ns:
+                    _ask(sock, question, options)
+                    ask_ns = now_ns + round(SEARCH_AGAIN_S * NS_PER_S)
+                if found := inquiries.found():
+                    return found
+                inquiries.begin(_answers(sock))
+                waiter.pause("looking for the camera", LOOK_S)
+        finally:
+            inquiries.give_up()
+    raise inquiries.failure or CameraNotFoundError(
+        "No camera answers on the network; check that it is on, or give camera.url."
+    )
 
 
 def location(answer: bytes, sender: str) -> str | None:
-    """Where the sender of an answer says its description is; None if that is not to be believed."""
+    """Extract the address of a description from a search answer; None if it is not credible."""
     lines = answer.decode("latin-1").split("\r\n")
     headers = {name.strip().upper(): value.strip() for name, _, value in (line.partition(":") for line in lines[1:])}
+    if not lines[0].startswith("HTTP/1.") or " 200" not in lines[0] or headers.get("ST") != SERVICE:
+        return None
     url = headers.get("LOCATION", "")
     try:
-        believable = (
-            lines[0].startswith("HTTP/1.") and " 200" in lines[0] and headers.get("ST") == SERVICE
-        ) and host_of(url) == sender
+        own = host_of(url) == sender
     except BadUrlError:
         return None
-    return url if believable else None
+    parts = urlsplit(url)
+    plain = not parts.query and not parts.username
+    return url if own and plain and any(ip_address(sender) in network for network in NETWORKS) else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Inquiry:
+    """A pending request for a description."""
+
+    host: str
+    exchange: Exchange
+    job: Job[Description]
+    began_ns: int
+
+
+class _Inquiries:
+    """Concurrent requests for descriptions, each URL once.
+
+    Attributes
+    ----------
+    failure
+        Of the last that was no camera.
+    """
+
+    def __init__(self, limits: Limits, clock: Clock) -> None:
+        self._limits = limits
+        self._clock = clock
+        self._running: list[_Inquiry] = []
+        self._asked: deque[str] = deque(maxlen=MAX_KNOWN_URLS)
+        self.failure: CameraError | None = None
+
+    def begin(self, urls: Iterator[str]) -> None:
+        """Start requests for as many candidates as there is room for, and ignore the others."""
+        while len(self._running) < MAX_DESCRIPTIONS and (url := next(urls, None)) is not None:
+            if url not in self._asked:
+                self._asked.append(url)
+                self._begin(url)
+
+    def found(self) -> tuple[str, Description] | None:
+        """Return the first camera as soon as there is one; devices that answered or timed out make room for others."""
+        limit_s = self._limits.call_s if len(self._running) < MAX_DESCRIPTIONS else CROWDED_S
+        oldest_ns = self._clock.read().monotonic_ns - round(limit_s * NS_PER_S)
+        for inquiry in tuple(self._running):
+            if inquiry.job.done.is_set():
+                self._running.remove(inquiry)
+                try:
+                    return inquiry.host, inquiry.job.outcome()
+                except CameraError as error:
+                    self.failure = error
+            elif inquiry.began_ns <= oldest_ns:
+                inquiry.exchange.abort()  # its place is free when its thread has noticed
+        return None
+
+    def give_up(self) -> None:
+        """Abort the pending requests."""
+        for inquiry in self._running:
+            inquiry.exchange.abort()
+
+    def _begin(self, url: str) -> None:
+        host = host_of(url)
+        exchange = Exchange(host, connect_s=self._limits.connect_s, quiet_s=2 * self._limits.call_s)
+        job = Job("description", partial(fetch_description, exchange, url))
+        job.start()
+        self._running.append(_Inquiry(host, exchange, job, self._clock.read().monotonic_ns))
 
 
 def _question(host: str, port: int) -> bytes:
@@ -101,10 +265,13 @@ def _ask(sock: socket.socket, question: bytes, options: Options) -> None:
 
 
 def _answers(sock: socket.socket) -> Iterator[str]:
-    while True:
-        try:
-            answer, (sender, *_) = sock.recvfrom(MAX_ANSWER_BYTES)
-        except OSError:  # no more for now, or a message that nobody listens there
-            return
+    for answer, sender in islice(_datagrams(sock), MAX_DATAGRAMS):
         if url := location(answer, sender):
             yield url
+
+
+def _datagrams(sock: socket.socket) -> Iterator[tuple[bytes, str]]:
+    with suppress(OSError):  # no more for now, or a message that nobody listens there
+        while True:
+            data, (sender, *_) = sock.recvfrom(MAX_DATAGRAM_BYTES)
+            yield data, sender

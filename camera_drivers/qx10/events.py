@@ -2,6 +2,11 @@
 
 An answer is a row of objects, each with its `type`; some are rows of such objects; a null means nothing new. They are
 looked up by type, never by place, and whatever is not as documented is left out.
+
+A thread, `Watcher`, keeps a call open that waits for news, so that the camera's Wi-Fi is never idle for long and an
+overheating camera is noticed between two pictures. It has its own link, because such a call takes as long as nothing
+happens. Nothing depends on it: what a picture needs to know is asked for when it is needed, and a camera that cannot do
+this, or not now, works without.
 """
 
 from __future__ import annotations
@@ -12,14 +17,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from camera_drivers.qx10.remote_api import RemoteApi
+from camera_drivers.errors import CameraError, CameraRefusedError
+from camera_drivers.qx10.remote_api import Code, RemoteApi
+from camera_drivers.qx10.waiting import Stopped
+from camera_drivers.thresholds import CLOSE_S, NEWS_BREATH_S, NEWS_REST_S, REMEMBERED_PICTURES
+from flight_file.frame import CameraStatus
 
 EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that asked for more broke on it
-
 IDLE = "IDLE"
 ERROR = "Error"  # too hot, or no card
-
-_REMEMBERED_URLS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +54,17 @@ class Events:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._state = CameraState()
-        self._pictures: deque[str] = deque(maxlen=_REMEMBERED_URLS)
+        self._pictures: deque[str] = deque(maxlen=REMEMBERED_PICTURES)
 
     @property
     def state(self) -> CameraState:
-        """As far as known."""
+        """The state as far as known."""
         with self._lock:
             return self._state
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Addresses of pictures that the camera told of by itself, oldest first."""
+        """Addresses of pictures that the camera announced by itself, oldest first."""
         with self._lock:
             return tuple(self._pictures)
 
@@ -96,3 +102,55 @@ def _merged(state: CameraState, item: dict[str, Any]) -> CameraState:
 def _urls(item: dict[str, Any]) -> Iterator[str]:
     if item.get("type") == "takePicture" and isinstance(item.get("takePictureUrl"), list):
         yield from (url for url in item["takePictureUrl"] if isinstance(url, str))
+
+
+class Watcher(threading.Thread):
+    """Waits for news until it is told to stop.
+
+    Parameters
+    ----------
+    api
+        With a link of its own, whose waiter this thread alone uses.
+    """
+
+    def __init__(self, api: RemoteApi, events: Events) -> None:
+        super().__init__(name="qx10 watcher", daemon=True)
+        self._api = api
+        self._events = events
+        self._waiter = api.link.waiter
+
+    def run(self) -> None:
+        """Ask until told to stop."""
+        try:
+            while True:
+                self._waiter.pause("news", self._ask())
+        except Stopped:
+            return
+
+    def stop(self) -> None:
+        """Stop the thread and abort its pending call."""
+        self._waiter.stop.set()
+        self.join(CLOSE_S)
+
+    def _ask(self) -> float:
+        try:
+            self._events.ask(self._api, wait=True)
+        except CameraRefusedError as error:
+            # "Timeout" is how the camera says that there is no news.
+            return NEWS_BREATH_S if error.code == Code.TIMEOUT else NEWS_REST_S
+        except CameraError:
+            return NEWS_REST_S
+        return NEWS_BREATH_S
+
+
+class SilentReporter:
+    """A reporter for a thread whose waiting is no sign that the camera makes progress."""
+
+    def report(self, status: CameraStatus) -> None:
+        """Ignore it."""
+
+    def lost(self, reason: str) -> None:
+        """Ignore it."""
+
+    def waiting(self, reason: str) -> None:
+        """Ignore it."""

@@ -7,34 +7,129 @@
 
 When a picture was taken is estimated from the camera's own timestamps: pictures come in bursts, but the one that came
 fastest of all came hardly later than it was taken, and the timestamps say by how much the others were taken later.
+
+A packet is a common header of 8 bytes, a payload header of 128, the payload and some padding; big-endian.
+
+| at  | bytes | what                                                     |
+| --- | ----- | -------------------------------------------------------- |
+| 0   | 1     | FF                                                       |
+| 1   | 1     | 01 for a picture; others, such as 02, are passed over    |
+| 2   | 2     | sequence number, wraps                                   |
+| 4   | 4     | timestamp, ms, from an arbitrary start                   |
+| 8   | 4     | 24 35 68 79                                              |
+| 12  | 3     | size of the payload                                      |
+| 15  | 1     | size of the padding                                      |
+| 136 |       | the payload: a JPEG, and junk up to a multiple of 128    |
+
+Nothing in it is believed that does not fit together: a picture begins where a header says so and a JPEG follows, and
+ends where the JPEG's own markers say so, within the announced size. The junk after that is no part of the picture and
+is left out. After anything else the search goes on one byte further, so junk between packets costs no packet, and a
+packet that was cut off costs only itself.
 """
 
 from __future__ import annotations
 
+import struct
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentError
-from camera_drivers.qx10.exchange import BROKEN_OFF, CHUNK_BYTES, Exchange
-from camera_drivers.qx10.liveview_packets import LivePicture, LiveviewParser
-from camera_drivers.qx10.notes import Notes
+from camera_drivers.jpeg import jpeg_end
+from camera_drivers.qx10.link import BROKEN_OFF, CHUNK_BYTES, Exchange
 from camera_drivers.qx10.remote_api import RemoteApi
+from camera_drivers.qx10.waiting import Notes
+from camera_drivers.thresholds import CLOSE_S, MAX_ANSWER_BYTES, MAX_FAILURES, MAX_WAITING_PICTURES, REST_S
+from flight_file.documents import SOI
 from flight_file.frame import ClockReading, HostTimes
 
+HEADER_BYTES = 136
+_PICTURE = b"\xff\x01"
+_START = b"\x24\x35\x68\x79"
+_START_AT = 8
+_HEADER = struct.Struct(">2sHI4sI")  # the last holds the payload's size in three bytes, the padding's in one
 STATE = "liveview"
-TRIES = 4  # to get a picture, before the camera is connected again
-REST_S = 1.0  # between the end of a stream and the next
-
-CLOSE_S = 1.0  # for the camera to hear that we leave
-
 _OK = 200
-_MAX_WAITING = 64  # pictures that came in one piece
+
+
+@dataclass(frozen=True, slots=True)
+class LivePicture:
+    """A picture cut out of the liveview's bytes.
+
+    Attributes
+    ----------
+    number
+        0 to 65535, wraps.
+    timestamp_ms
+        By the camera, from an arbitrary start.
+    """
+
+    number: int
+    timestamp_ms: int
+    jpeg: bytes
+
+
+class LiveviewParser:
+    """Cuts a stream of bytes into pictures."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[LivePicture]:
+        """Return the pictures that these bytes complete, in order."""
+        self._buffer += data
+        content = bytes(self._buffer)
+        pictures = []
+        done = waiting = 0
+        for start in _starts(content):
+            if start < done:  # within a picture that was whole
+                continue
+            size = _size(content, start)
+            if start + HEADER_BYTES + size > len(content):
+                # It may be a packet of which the rest is to come, or junk that looks like one: a whole one that begins
+                # behind it decides.
+                waiting = waiting or start + 1
+                continue
+            picture = _picture(content, start, size)
+            if picture is not None:
+                pictures.append(picture)
+                done, waiting = start + HEADER_BYTES + len(picture.jpeg), 0
+        # What cannot be the beginning of a packet any more is not looked at again.
+        keep = waiting - 1 if waiting else max(done, len(content) - HEADER_BYTES - len(SOI) + 1)
+        del self._buffer[:keep]
+        return pictures
+
+
+def _starts(content: bytes) -> Iterator[int]:
+    """Find where a packet with a picture may begin."""
+    found = content.find(_START)
+    while found >= 0:
+        start = found - _START_AT
+        if (
+            start >= 0
+            and content.startswith(_PICTURE, start)
+            and content.startswith(SOI, start + HEADER_BYTES)
+            and len(SOI) <= _size(content, start) <= MAX_ANSWER_BYTES
+        ):
+            yield start
+        found = content.find(_START, found + 1)
+
+
+def _size(content: bytes, start: int) -> int:
+    return int.from_bytes(content[start + 12 : start + 15], "big")
+
+
+def _picture(content: bytes, start: int, size: int) -> LivePicture | None:
+    _, number, timestamp_ms, _, _ = _HEADER.unpack_from(content, start)
+    payload = content[start + HEADER_BYTES : start + HEADER_BYTES + size]
+    end = jpeg_end(payload)
+    return None if end is None else LivePicture(number, timestamp_ms, payload[:end])
 
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """A picture, the box's clocks while it came, and mid-exposure and its standard deviation by the monotonic clock."""
+    """A picture with the box's clocks, and mid-exposure and its standard deviation by the monotonic clock."""
 
     jpeg: bytes
     times: HostTimes
@@ -42,7 +137,7 @@ class Live:
 
 
 class Liveview:
-    """The stream of one camera."""
+    """The liveview stream of one camera."""
 
     def __init__(self, api: RemoteApi, clock: Clock, notes: Notes) -> None:
         self._api = api
@@ -54,7 +149,7 @@ class Liveview:
         self._delay = Delay()
 
     def next_picture(self) -> Live:
-        """The next picture.
+        """Wait for the next picture.
 
         Raises
         ------
@@ -70,16 +165,16 @@ class Liveview:
             except CameraSilentError as error:
                 self.close()
                 tries += 1
-                if not error.delivered or tries >= TRIES:
+                if not error.delivered or tries >= MAX_FAILURES:
                     raise
                 self._notes.say(STATE, f"begins again: {error.problem}")
-                self._api.link.patience.pause("the liveview begins again", REST_S)
+                self._api.link.waiter.pause("the liveview begins again", REST_S)
         picture, before, at = self._waiting.popleft()
         taken = self._delay.taken(picture.timestamp_ms, at.monotonic_ns)
         return Live(picture.jpeg, HostTimes(before_request=before, after_answer=at, downloaded=at), taken)
 
     def close(self) -> None:
-        """End the stream; the camera is told, and may be gone."""
+        """Stop the stream and tell the camera, which may be gone."""
         if self._exchange is None:
             return
         self._exchange.abort()
@@ -104,9 +199,9 @@ class Liveview:
                 if pictures := self._parser.feed(data):
                     return pictures
 
-        pictures = self._api.link.patience.until_done("liveview", work, exchange.abort, limit_s=limit_s)
+        pictures = self._api.link.waiter.until_done("liveview", work, exchange.abort, limit_s=limit_s)
         at = self._clock.read()
-        self._waiting.extend((picture, before, at) for picture in pictures[:_MAX_WAITING])
+        self._waiting.extend((picture, before, at) for picture in pictures[:MAX_WAITING_PICTURES])
 
     def _open(self) -> Exchange:
         try:
@@ -123,13 +218,13 @@ class Liveview:
         def work() -> int:
             return exchange.open("liveview", "GET", url)
 
-        if link.patience.until_done("liveview", work, exchange.abort, limit_s=link.limits.call_s) != _OK:
+        if link.waiter.until_done("liveview", work, exchange.abort, limit_s=link.limits.call_s) != _OK:
             raise CameraSilentError("liveview", BROKEN_OFF, delivered=True)
         return exchange
 
 
 class Delay:
-    """How much later than taken the pictures of one stream come.
+    """Estimates by how much the pictures of one stream arrive after they were taken.
 
     The smallest difference of arrival and timestamp is the one to go by. It is forgotten slowly, as clocks drift.
     """
@@ -144,7 +239,7 @@ class Delay:
         self._at_ns = 0
 
     def taken(self, timestamp_ms: int, arrived_ns: int) -> tuple[int, int]:
-        """Mid-exposure of a picture and its standard deviation, ns, by the clock of its arrival."""
+        """Estimate a picture's mid-exposure and its standard deviation, ns, by the clock of its arrival."""
         shown_ns = timestamp_ms * 1_000_000
         delay_ns = arrived_ns - shown_ns
         if self._least_ns is not None:

@@ -60,7 +60,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the camera shall do; None leaves a setting as the camera has it.
+    """Wanted settings; None leaves one as the camera has it.
 
     Attributes
     ----------

@@ -17,16 +17,14 @@ from PIL import Image
 
 from camera_drivers.exif import read_exif
 from camera_drivers.jpeg import jpeg_end, jpeg_facts
-from flight_file.frame import ClockReading, Exif, Frame, HostTimes
-
-MAX_PIXELS = 64 * 10**6  # the camera's largest picture has 18 million
+from flight_file.frame import NS_PER_S, ClockReading, Exif, Frame, HostTimes
+from flight_file.thresholds import MAX_PIXELS
 
 _SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, little of the memory needed
-_NS_PER_S = 1_000_000_000
 
 
 def fault_of(jpeg: bytes) -> str:
-    """What is wrong with a picture, in a few words; empty if it can be shown."""
+    """Say what is wrong with a picture, in a few words; empty if it can be shown."""
     facts = jpeg_facts(jpeg)
     if facts.width_px is None or facts.height_px is None:
         return "the picture is no JPEG"
@@ -57,13 +55,13 @@ class FrameMaker:
         self._numbers = count()
 
     def skip(self) -> None:
-        """A picture that cannot be had."""
+        """Count a picture that cannot be fetched."""
         next(self._numbers)
 
     def frame(
         self, jpeg: bytes, times: HostTimes, *, zoom_position: float | None, taken: tuple[int, int] | None = None
     ) -> Frame:
-        """The next frame.
+        """Make the next frame.
 
         Parameters
         ----------
@@ -90,10 +88,10 @@ class FrameMaker:
 
 
 def middle_of_exposure(times: HostTimes, exif: Exif) -> tuple[int, int]:
-    """Mid-exposure by the monotonic clock and its standard deviation, ns."""
+    """Estimate mid-exposure by the monotonic clock, and its standard deviation, ns."""
     start_ns, end_ns = times.before_request.monotonic_ns, times.after_answer.monotonic_ns
     took_ns = end_ns - start_ns
-    exposure_ns = min(round((exif.exposure_s or 0.0) * _NS_PER_S), took_ns)
+    exposure_ns = min(round((exif.exposure_s or 0.0) * NS_PER_S), took_ns)
     return (start_ns + end_ns) // 2, round((took_ns - exposure_ns) / math.sqrt(12))
 
 

@@ -12,17 +12,16 @@ from itertools import count
 from typing import Any
 
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
-from camera_drivers.qx10.exchange import Answer
-from camera_drivers.qx10.link import Link
+from camera_drivers.qx10.link import Answer, Link
+from camera_drivers.thresholds import MAX_ANSWER_BYTES
 
-MAX_ANSWER_BYTES = 2**20
 VERSION = "1.0"  # of every method but getEvent, which has 1.1 too
 
 _OK = 200
 
 
 class Code:
-    """Error codes that make a difference."""
+    """Error codes that the driver distinguishes."""
 
     ANY = 1
     TIMEOUT = 2
@@ -60,7 +59,7 @@ class RemoteApi:
         version: str = VERSION,
         limit_s: float | None = None,
     ) -> list[Any]:
-        """The result of a call.
+        """Make a call and return its result.
 
         Raises
         ------

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
-from camera_drivers.qx10.notes import Notes
 from camera_drivers.qx10.options import Options
 from camera_drivers.qx10.remote_api import Code, RemoteApi
+from camera_drivers.qx10.waiting import Notes
+from camera_drivers.thresholds import AGAIN_S
 
 STATE = "setting"
 
-_AGAIN_S = 0.25
 
 # The camera is busy, or not there yet; for a while after a shot every setting is refused.
 _LATER = frozenset({Code.ANY, Code.TIMEOUT, Code.ILLEGAL_STATE, Code.NOT_READY, Code.NOT_FINISHED, 500, 503})
@@ -26,7 +26,7 @@ _LATER = frozenset({Code.ANY, Code.TIMEOUT, Code.ILLEGAL_STATE, Code.NOT_READY, 
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A setting as it shall be.
+    """A wanted setting.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Wish:
 
 
 def wishes(options: Options) -> list[Wish]:
-    """What is wanted, in the order in which it has to be set: modes first."""
+    """List the wanted settings in the order in which they have to be set: modes first."""
     wanted = [
         _plain("ShootMode", "still", changes_mode=True),
         _plain("ExposureMode", options.exposure_mode, changes_mode=True),
@@ -63,7 +63,7 @@ def wishes(options: Options) -> list[Wish]:
 
 
 def offered(api: RemoteApi) -> frozenset[str]:
-    """The calls that the camera offers now; raises as `RemoteApi.call`."""
+    """Ask which calls the camera offers now; raises as `RemoteApi.call`."""
     result = api.call("getAvailableApiList")
     names = result[0] if result and isinstance(result[0], list) else []
     return frozenset(name for name in names if isinstance(name, str))
@@ -78,7 +78,7 @@ class Setter:
         self._offered = frozenset[str]()
 
     def apply(self, options: Options) -> frozenset[str]:
-        """Set everything; gives the calls that the camera offers then.
+        """Set everything; return the calls that the camera offers afterwards.
 
         Raises
         ------
@@ -111,10 +111,10 @@ class Setter:
             return error.problem
         if f"get{wish.name}" not in self._offered:
             return ""  # nothing tells otherwise
-        settled = self._api.link.patience.poll(
+        settled = self._api.link.waiter.poll(
             f"set{wish.name}",
             lambda: self._shows(wish),
-            every_s=_AGAIN_S,
+            every_s=AGAIN_S,
             limit_s=self._api.link.limits.settle_s,
         )
         return "" if settled else "it was accepted and does not show"
@@ -147,7 +147,7 @@ class Setter:
             return True
 
         limit_s = self._api.link.limits.settle_s
-        if not self._api.link.patience.poll(f"set{name}", done, every_s=_AGAIN_S, limit_s=limit_s):
+        if not self._api.link.waiter.poll(f"set{name}", done, every_s=AGAIN_S, limit_s=limit_s):
             raise last[0]
 
     def _shows(self, wish: Wish) -> bool:

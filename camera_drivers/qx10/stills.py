@@ -29,18 +29,11 @@ from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentE
 from camera_drivers.jpeg import jpeg_facts
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.qx10.events import ERROR, IDLE, Events
-from camera_drivers.qx10.notes import Notes
-from camera_drivers.qx10.patience import Stopped
 from camera_drivers.qx10.picture import fault_of
 from camera_drivers.qx10.remote_api import Code, RemoteApi
+from camera_drivers.qx10.waiting import Notes, Stopped
+from camera_drivers.thresholds import AGAIN_S, MAX_DOWNLOADS, MAX_FAILURES, MAX_SHOTS, REMEMBERED_PICTURES, REST_S
 from flight_file.frame import ClockReading, HostTimes
-
-READY_LOOK_S = 0.25
-TRIES_WHEN_NOT_READY = 3
-MAX_SILENCES = 4  # useless answers in a row; a camera that is only busy answers
-REST_S = 0.5  # before something is tried again
-DOWNLOADS = 2
-REMEMBERED = 16  # addresses of pictures that we have, lest one of them is found when another is searched
 
 NO_ADDRESS = "no usable answer to the shot"
 STOPPED = "stopped before the picture was there"
@@ -56,7 +49,7 @@ _NOT_TAKEN = frozenset({3, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 401, 403, 404,
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture and the box's clocks while it was got."""
+    """A picture, and the box's clocks while it was fetched."""
 
     jpeg: bytes
     times: HostTimes
@@ -67,7 +60,7 @@ class NotTakenError(CameraError):
 
 
 class PictureLostError(CameraError):
-    """A picture was taken, or may have been, and cannot be had; its text is the reason."""
+    """A picture was, or may have been, taken but cannot be fetched; the message is the reason."""
 
 
 class Stills:
@@ -78,13 +71,13 @@ class Stills:
         self._events = events
         self._clock = clock
         self._notes = notes
-        self._patience = api.link.patience
+        self._waiter = api.link.waiter
         self._limits = api.link.limits
         self._asked = clock.read()
-        self._fetched: deque[str] = deque(maxlen=REMEMBERED)
+        self._fetched: deque[str] = deque(maxlen=REMEMBERED_PICTURES)
 
     def take(self) -> Shot:
-        """One picture.
+        """Take one picture.
 
         Raises
         ------
@@ -98,7 +91,7 @@ class Stills:
             Stopping was asked for; if a picture was on its way, it is lost.
         """
         self.wait_until_ready()
-        self._patience.check()
+        self._waiter.check()
         try:
             url = self._shoot()
             answered = self._clock.read()
@@ -108,7 +101,7 @@ class Stills:
         return Shot(jpeg, HostTimes(before_request=self._asked, after_answer=answered, downloaded=self._clock.read()))
 
     def wait_until_ready(self) -> None:
-        """Come back when the camera is idle.
+        """Wait until the camera is idle.
 
         Raises
         ------
@@ -119,13 +112,13 @@ class Stills:
         silences = 0
         while (status := self._status()) != IDLE:
             silences = 0 if status else silences + 1
-            if silences >= MAX_SILENCES:
+            if silences >= MAX_FAILURES:
                 raise CameraError("The camera does not say how it is; it will be connected again.")
             if status == ERROR:
                 self._notes.say_once("error", "the camera reports an error: it may be too hot, or lack its card")
             if _seconds(start, self._clock.read()) >= self._limits.ready_s:
                 raise CameraError(f"The camera is not ready but {status or 'silent'}; it will be connected again.")
-            self._patience.pause(f"the camera is {status or 'silent'}", READY_LOOK_S)
+            self._waiter.pause(f"the camera is {status or 'silent'}", AGAIN_S)
 
     def _status(self) -> str | None:
         try:
@@ -154,13 +147,13 @@ class Stills:
 
     def _insist_on_shot(self) -> list[object]:
         """Shoot; try again only where the camera says that it was not ready, so that nothing was taken."""
-        for _ in range(TRIES_WHEN_NOT_READY - 1):
+        for _ in range(MAX_SHOTS - 1):
             try:
                 return self._ask_for_shot()
             except CameraRefusedError as error:
                 if error.code != Code.NOT_READY:
                     raise
-            self._patience.pause("the camera is not ready", REST_S)
+            self._waiter.pause("the camera is not ready", REST_S)
             self.wait_until_ready()
         return self._ask_for_shot()
 
@@ -179,11 +172,11 @@ class Stills:
             except CameraSilentError as error:
                 if not error.delivered:
                     raise PictureLostError(error.problem) from error
-            self._patience.pause("the picture is not finished", READY_LOOK_S)
+            self._waiter.pause("the picture is not finished", AGAIN_S)
         raise PictureLostError("the camera did not finish a picture")
 
     def _search(self, problem: str) -> str:
-        """The address of a picture that may have been taken."""
+        """Wait for the address of a picture that may have been taken."""
         room = self._events.state.room
         try:
             self.wait_until_ready()
@@ -206,9 +199,9 @@ class Stills:
             self._notes.say_once("address", "the camera names another host for a picture; only its own is called")
         self._fetched.append(url)
         broken: list[bytes] = []
-        for number in range(DOWNLOADS):
+        for number in range(MAX_DOWNLOADS):
             if number:
-                self._patience.pause("the download is tried again", REST_S)
+                self._waiter.pause("the download is tried again", REST_S)
             jpeg, problem = self._download(url)
             if not problem:
                 return jpeg
@@ -231,7 +224,7 @@ class Stills:
 
 
 def _url(result: list[object]) -> str:
-    """The address in the answer to a shot: a row of addresses, of which there is one."""
+    """Parse the address in the answer to a shot: a list with one address."""
     first = result[0] if result else None
     url = first[0] if isinstance(first, list) and first else first
     if not isinstance(url, str) or not url:

@@ -19,21 +19,23 @@ from itertools import pairwise
 
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
 from camera_drivers.qx10.events import Events
-from camera_drivers.qx10.notes import Notes
 from camera_drivers.qx10.remote_api import RemoteApi
+from camera_drivers.qx10.waiting import Notes
+from camera_drivers.thresholds import (
+    LOOK_S,
+    ZOOM_MAX_PICTURES,
+    ZOOM_MAX_STEPS,
+    ZOOM_MAX_TURNS,
+    ZOOM_MOVED_PERCENT,
+    ZOOM_NEAR,
+    ZOOM_STILL_LOOKS,
+)
 
 STATE = "zoom"
 IN, OUT = "in", "out"
 
 WIDE_MM, TELE_MM = 4.45, 44.5  # of the lens; only the first guess depends on it
-NEAR = 0.02  # of the focal length; a step is more than that
-MAX_PICTURES = 12  # to reach a focal length
-MOVED_PERCENT = 2.0  # the camera rounds its position
-MAX_STEPS = 60  # from one end to the other, with steps of two percent
 
-_LOOK_S = 0.1
-_STILL_LOOKS = 8  # so often the same position, and the lens stands still
-_TURNS = 2
 _ENDS = {"wide": (OUT, 0.0), "tele": (IN, 100.0)}
 
 
@@ -70,7 +72,7 @@ class Zoom:
         self._left_at = self._events.state.zoom_position
 
     def take_notice(self, focal_length_mm: float | None) -> None:
-        """Look at a picture's focal length, and move if it is not the wanted one; raises CameraSilentError."""
+        """Compare a picture's focal length with the wanted one, and move the lens; raises CameraSilentError."""
         if self._has_been_moved():
             self._notes.say(STATE, "the lens has moved by itself, or somebody moved it; it is set again")
             self.settled = self._goal_mm is None
@@ -97,10 +99,10 @@ class Zoom:
         if position is not None:
             self._seen.append((position, focal_length_mm))
         best = min((abs(math.log(goal_mm / mm)) for _, mm in self._seen), default=abs(error))
-        nearest = self._turns >= _TURNS and abs(error) <= best
-        if abs(error) <= NEAR:
+        nearest = self._turns >= ZOOM_MAX_TURNS and abs(error) <= best
+        if abs(error) <= ZOOM_NEAR:
             self._settle(f"{focal_length_mm:g} mm is reached")
-        elif nearest or self._pictures >= MAX_PICTURES:
+        elif nearest or self._pictures >= ZOOM_MAX_PICTURES:
             self._settle(f"{focal_length_mm:g} mm is as near as it comes to {goal_mm:g} mm")
         elif position is None:
             self._step(IN if error > 0 else OUT)
@@ -112,7 +114,7 @@ class Zoom:
         wanted = self._end is not None or self._goal_mm is not None
         if not wanted or not self.settled or position is None or self._left_at is None:
             return False
-        return abs(position - self._left_at) > MOVED_PERCENT
+        return abs(position - self._left_at) > ZOOM_MOVED_PERCENT
 
     def _settle(self, reason: str) -> None:
         self.settled = True
@@ -120,7 +122,7 @@ class Zoom:
         self._notes.say(STATE, reason)
 
     def _place(self, position: float, error: float, goal_mm: float) -> float:
-        """Where the goal is, by the two neighbours of it that were seen, or by the lens's whole range."""
+        """Interpolate the goal's position between the nearest pictures seen, or over the lens's whole range."""
         for (low, low_mm), (high, high_mm) in pairwise(sorted(self._seen)):
             if low < high and low_mm < goal_mm < high_mm:
                 return low + (high - low) * math.log(goal_mm / low_mm) / math.log(high_mm / low_mm)
@@ -128,7 +130,7 @@ class Zoom:
 
     def _step_to(self, goal: float, position: float) -> None:
         direction = IN if goal > position else OUT
-        for _ in range(MAX_STEPS):
+        for _ in range(ZOOM_MAX_STEPS):
             if not self._step(direction):
                 return
             reached = self._position()
@@ -161,10 +163,10 @@ class Zoom:
 
         def still() -> bool:
             looks.append(self._position())
-            last = looks[-_STILL_LOOKS:]
-            return (end is not None and looks[-1] == end) or (len(last) == _STILL_LOOKS and len(set(last)) == 1)
+            last = looks[-ZOOM_STILL_LOOKS:]
+            return (end is not None and looks[-1] == end) or (len(last) == ZOOM_STILL_LOOKS and len(set(last)) == 1)
 
-        self._api.link.patience.poll("zoom", still, every_s=_LOOK_S, limit_s=self._api.link.limits.zoom_s)
+        self._api.link.waiter.poll("zoom", still, every_s=LOOK_S, limit_s=self._api.link.limits.zoom_s)
 
     def _position(self) -> float | None:
         try:
@@ -189,6 +191,6 @@ class Zoom:
 
 
 def _guess(focal_length_mm: float) -> float:
-    """Position in percent, as if the focal length grew evenly in its logarithm."""
+    """Guess the position in percent, assuming that the focal length's logarithm grows linearly."""
     share = math.log(focal_length_mm / WIDE_MM) / math.log(TELE_MM / WIDE_MM)
     return 100 * min(max(share, 0.0), 1.0)

@@ -15,14 +15,12 @@ from typing import Self
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
-from camera_drivers.replay.flight import FLIGHT_SUFFIXES, FlightSource
-from camera_drivers.replay.folder import FolderSource
-from camera_drivers.replay.source import ReplaySource, Upcoming
+from camera_drivers.replay.sources import FLIGHT_SUFFIXES, FlightSource, FolderSource, ReplaySource, Upcoming
 from flight_file.frame import Frame
 
 
 def open_source(paths: Sequence[Path], *, rate_hz: float | None, clock: Clock) -> ReplaySource:
-    """What there is to replay.
+    """Open what is to be replayed.
 
     Parameters
     ----------
@@ -38,12 +36,17 @@ def open_source(paths: Sequence[Path], *, rate_hz: float | None, clock: Clock) -
     ReplayError
         Nothing there can be replayed, or rate_hz was given for a flight.
     """
-    folders = [path for path in paths if path.is_dir()]
-    if not folders:
-        return _flight(paths, rate_hz)
-    if len(paths) > 1:
-        raise ReplayError(f"{folders[0]}: a folder is replayed alone; give one folder, or only flight files.")
-    flights = sorted(path for path in folders[0].iterdir() if path.name.endswith(FLIGHT_SUFFIXES))
+    if not paths:
+        raise ReplayError("There is nothing to replay; give a folder of pictures or flight files.")
+    try:
+        folders = [path for path in paths if path.is_dir()]
+        if not folders:
+            return _flight(paths, rate_hz)
+        if len(paths) > 1:
+            raise ReplayError(f"{folders[0]}: a folder is replayed alone; give one folder, or only flight files.")
+        flights = sorted(path for path in folders[0].iterdir() if path.name.endswith(FLIGHT_SUFFIXES))
+    except OSError as error:
+        raise ReplayError(f"{paths[0]}: cannot be looked at ({error.strerror}); check its name.") from error
     return _flight(flights, rate_hz) if flights else FolderSource(folders[0], rate_hz=rate_hz, clock=clock)
 
 
@@ -72,7 +75,7 @@ class ReplayCamera:
 
     @property
     def identity(self) -> CameraIdentity:
-        """The camera that the pictures were taken with, as far as known."""
+        """The camera that took the pictures, as far as known."""
         return self._source.identity
 
     def __enter__(self) -> Self:
@@ -84,11 +87,11 @@ class ReplayCamera:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
     ) -> None:
-        """Forget where we were."""
+        """Start over at the next connection."""
         self._pictures = iter(())
 
     def next_frame(self, stop: threading.Event) -> Frame | None:
-        """The next picture, when its time has come; None after the last, or if `stop` is set while waiting.
+        """Wait for the next picture's time and return it; None after the last, or once `stop` is set.
 
         Raises
         ------

@@ -14,12 +14,10 @@ import numpy as np
 
 from decoder.calibration.photographs import Photograph
 from decoder.calibration.profile import Array
-from decoder.errors import CalibrationError
-from decoder.pictures import GreyPicture
+from decoder.calibration.thresholds import LEAST_TILT_DEG, MIN_CORNERS, MIN_PHOTOGRAPHS, SEARCHED_SIDE_PX
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.errors import CalibrationError
 
-MIN_PHOTOGRAPHS = 3
-MIN_CORNERS = 12
-LEAST_TILT_DEG = 5.0
 _FLAGS = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
 _ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 
@@ -55,20 +53,34 @@ class BoardFit:
 
 
 def chessboard(squares: tuple[int, int]) -> FindCorners:
-    """Finds the inner corners of a chessboard of so many squares across and down, all or none."""
+    """Find the inner corners of a chessboard of so many squares across and down, all or none."""
     inner = (squares[0] - 1, squares[1] - 1)
     places = np.zeros((inner[0] * inner[1], 3), np.float64)
     places[:, :2] = np.mgrid[: inner[0], : inner[1]].T.reshape(-1, 2)
 
     def find(picture: GreyPicture) -> Corners | None:
-        found, pixels = cv2.findChessboardCornersSB(picture, inner, flags=cv2.CALIB_CB_ACCURACY)
-        return (places, np.asarray(pixels, np.float64).reshape(-1, 2)) if found else None
+        searched, scale = _reduced(picture)
+        found, pixels = cv2.findChessboardCornersSB(searched, inner, flags=cv2.CALIB_CB_ACCURACY)
+        return (places, (np.asarray(pixels, np.float64).reshape(-1, 2) + 0.5) * scale - 0.5) if found else None
 
     return find
 
 
+def _reduced(picture: GreyPicture) -> tuple[GreyPicture, Array]:
+    """Shrink a picture until no side is above `SEARCHED_SIDE_PX`; how many of its pixels one of these is, (2,).
+
+    OpenCV turns the picture by many angles, in squares of its longer side. Corners that were 0.042 pixels off on
+    average are 0.056 off then; refining them in the full picture made that 0.12.
+    """
+    height, width = picture.shape
+    part = min(1.0, SEARCHED_SIDE_PX / max(height, width))
+    size = (max(1, round(width * part)), max(1, round(height * part)))
+    reduced = picture if part == 1.0 else cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(reduced, np.uint8), np.array([width / size[0], height / size[1]])
+
+
 def charuco(squares: tuple[int, int], marker_part: float, dictionary: str) -> FindCorners:
-    """Finds the corners of a ChArUco board, as many as are seen; markers are that part of a square wide."""
+    """Find the corners of a ChArUco board, as many as are seen; markers are that part of a square wide."""
     number = getattr(cv2.aruco, dictionary, None)
     if not isinstance(number, int) or not dictionary.startswith("DICT_"):
         raise CalibrationError(f"{dictionary} is none of OpenCV's marker dictionaries, such as DICT_5X5_100")
@@ -87,7 +99,7 @@ def charuco(squares: tuple[int, int], marker_part: float, dictionary: str) -> Fi
 
 
 def fit_boards(photographs: Sequence[Photograph], find: FindCorners) -> tuple[BoardFit, ...]:
-    """The lens at each zoom of the photographs, the shortest focal length first.
+    """Calibrate the lens at each zoom of the photographs, the shortest focal length first.
 
     Raises
     ------

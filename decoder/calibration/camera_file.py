@@ -7,16 +7,16 @@ from typing import IO, Any
 
 import yaml
 
-from decoder.camera import Camera, camera_from_file, parse_camera
-from decoder.errors import CameraError
-from decoder.outputs import as_text, write_all
+from decoder.outputs.outputs import as_text, write_all
+from decoder.panel.camera import Camera, camera_from_file, parse_camera
+from decoder.panel.errors import CameraError
 
 HEADER = "# The camera, written by `decode calibrate`; docs/calibration.md describes it.\n"
 DIGITS = 10
 
 
 def known_camera(path: Path) -> Camera | None:
-    """The camera in a file, None if there is no file.
+    """Read a camera's file, None if there is no file.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def known_camera(path: Path) -> Camera | None:
 
 
 def merged(known: Camera | None, **new: Any) -> Camera:  # noqa: ANN401 - any part of a camera
-    """A camera with some parts replaced; `distortion` replaces the entries for its own focal lengths only.
+    """Replace some parts of a camera; `distortion` replaces the entries for its own focal lengths only.
 
     Raises
     ------
@@ -49,13 +49,13 @@ def merged(known: Camera | None, **new: Any) -> Camera:  # noqa: ANN401 - any pa
 
 
 def camera_text(camera: Camera) -> str:
-    """The camera as YAML."""
+    """Write a camera as YAML."""
     content = camera.model_dump(mode="json", exclude_defaults=True)
     return HEADER + yaml.safe_dump(_rounded(content), sort_keys=False, default_flow_style=None, width=120)
 
 
 def write_camera(path: Path, camera: Camera) -> None:
-    """Writes camera.yaml.
+    """Write camera.yaml.
 
     Raises
     ------

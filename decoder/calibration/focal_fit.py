@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.calibration.profile import Array
-from decoder.errors import CalibrationError
-
-UNKNOWNS = 3
+from decoder.calibration.thresholds import MIN_PHOTOGRAPHS
+from decoder.panel.errors import CalibrationError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +29,7 @@ class FocalFit:
 
 
 def fit_focal(focal_lengths_mm: Array, pixels_per_radian: Array, sigmas: Array, *, scale_sigma: float) -> FocalFit:
-    """The quadratic through (N,) measurements.
+    """Fit a quadratic to (N,) measurements.
 
     Parameters
     ----------
@@ -43,20 +42,20 @@ def fit_focal(focal_lengths_mm: Array, pixels_per_radian: Array, sigmas: Array, 
         If there are fewer than three focal lengths.
     """
     zooms = len(set(np.round(focal_lengths_mm, 3).tolist()))
-    if zooms < UNKNOWNS:
+    if zooms < MIN_PHOTOGRAPHS:
         count = "one zoom" if zooms == 1 else f"{zooms} zooms"
         raise CalibrationError(
             f"a quadratic needs photographs at three zooms or more, here {'is' if zooms == 1 else 'are'} {count};"
             " photograph the ruler at others too"
         )
     unit = float(focal_lengths_mm.max())
-    powers = np.vander(focal_lengths_mm / unit, UNKNOWNS, increasing=True)
+    powers = np.vander(focal_lengths_mm / unit, 3, increasing=True)
     weights = 1 / np.maximum(sigmas, 1e-5 * pixels_per_radian)
     solved = np.linalg.lstsq(powers * weights[:, None], pixels_per_radian * weights, rcond=None)[0]
     residuals = pixels_per_radian - powers @ solved
-    freedom = len(residuals) - UNKNOWNS
+    freedom = len(residuals) - powers.shape[1]
     excess = float(np.sum((residuals * weights) ** 2) / freedom) if freedom > 0 else 1.0  # a lens is no quadratic
     covariance = np.linalg.inv((powers * weights[:, None]).T @ (powers * weights[:, None])) * max(1.0, excess)
     covariance += scale_sigma**2 * np.outer(solved, solved)
-    units = unit ** -np.arange(UNKNOWNS, dtype=float)
+    units = unit ** -np.arange(powers.shape[1], dtype=float)
     return FocalFit(solved * units, covariance * np.outer(units, units), residuals)

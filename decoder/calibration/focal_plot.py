@@ -15,7 +15,7 @@ _STYLE = "font-family='sans-serif' font-size='12' fill='#333'"
 
 
 def focal_svg(focal_lengths_mm: Array, pixels_per_radian: Array, fit: FocalFit) -> str:
-    """The measurements as dots, the quadratic as a line.
+    """Draw the measurements as dots, the quadratic as a line.
 
     Parameters
     ----------

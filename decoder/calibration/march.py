@@ -14,15 +14,14 @@ import numpy as np
 
 from decoder.calibration.profile import Array, Line, sampled
 from decoder.calibration.ruler_fit import refuse_off_centre
+from decoder.calibration.thresholds import LEAST_PART
 from decoder.calibration.ticks import GRADUATIONS_INCHES, INCHES_PER_CM, Ticks, find_ticks
-from decoder.errors import CalibrationError
-from decoder.pictures import GreyPicture
+from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.panel.errors import CalibrationError
 
-LEAST_COVER = 0.5
-"""Of the picture's width that the ticks must span: distortion shows at the edges."""
 BLOCK_WIDTH_PX = 240
 _OFFSETS = np.linspace(-0.6, 0.6, 13)  # of a block, where longer ticks are looked for
-_UNKNOWNS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +62,7 @@ class March:
 
 
 def march(picture: GreyPicture, line: Line, inches: float) -> March:
-    """The block-march test along a ruler.
+    """Run the block-march test along a ruler.
 
     Parameters
     ----------
@@ -80,7 +79,7 @@ def march(picture: GreyPicture, line: Line, inches: float) -> March:
     refuse_off_centre(line, (width, height))
     ticks = find_ticks(picture, line, inches)
     span = float(ticks.along_px[-1] - ticks.along_px[0])
-    if span < LEAST_COVER * width:
+    if span < LEAST_PART * width:
         raise CalibrationError(
             f"the ruler covers {span / width:.0%} of the picture's width; distortion shows at the edges,"
             " so let it cover all of it"
@@ -127,23 +126,23 @@ def _fit(number: Array, place: Array, beside: float) -> tuple[Array, Array]:
         rows = np.stack([
             (_model(unknowns + step, number, beside) - _model(unknowns - step, number, beside)) / 2e-3 for step in steps
         ], axis=1)  # fmt: skip
-        spread = max(1.4826 * float(np.median(np.abs(miss))), 1e-6)
+        spread = max(MAD_TO_SIGMA * float(np.median(np.abs(miss))), 1e-6)
         weight = np.minimum(1.0, 2 * spread / np.maximum(np.abs(miss), 1e-12))
         root = np.sqrt(weight)
         unknowns = unknowns + scale * np.linalg.lstsq(rows * root[:, None], miss * root, rcond=None)[0]
-    variance = float(np.sum(weight * miss**2) / max(np.sum(weight) - _UNKNOWNS, 1.0))
+    variance = float(np.sum(weight * miss**2) / max(np.sum(weight) - unknowns.size, 1.0))
     covariance = np.linalg.inv((rows.T * weight) @ rows) * variance * np.outer(scale, scale)
     return np.asarray(unknowns, np.float64), np.asarray(covariance, np.float64)
 
 
 def _block(graduation: str) -> tuple[str, int]:
-    """What a block is, and how many ticks there are to one."""
+    """Name a block, and count the ticks to one."""
     name, size = ("1 cm", INCHES_PER_CM) if graduation.endswith("m") else ("1 inch", 1.0)
     return name, round(size / GRADUATIONS_INCHES[graduation])
 
 
 def _long_ticks(picture: GreyPicture, line: Line, ticks: Ticks, every: int) -> np.ndarray:
-    """Indices of the ticks that stand for whole centimetres or inches: those that reach farther than the others."""
+    """Find the ticks for whole centimetres or inches: those that reach farther than the others."""
     apart = float(np.median(np.diff(ticks.along_px) / np.diff(ticks.number))) * every
     phase = (ticks.number % every).astype(int)
     contrast = np.zeros(every)
@@ -157,7 +156,7 @@ def _long_ticks(picture: GreyPicture, line: Line, ticks: Ticks, every: int) -> n
 
 
 def _stacked(picture: GreyPicture, line: Line, middles_px: Array, pitch_px: float) -> GreyPicture:
-    """The blocks one under the other, the leftmost on top, each with its middle marked at its lower edge."""
+    """Stack the blocks, the leftmost on top, each with its middle marked at its lower edge."""
     scale = BLOCK_WIDTH_PX / pitch_px
     across = (np.arange(BLOCK_WIDTH_PX + 1) - BLOCK_WIDTH_PX / 2) / scale
     down = np.arange(-int(0.3 * BLOCK_WIDTH_PX), int(0.3 * BLOCK_WIDTH_PX) + 1) / scale

@@ -16,11 +16,13 @@ from pydantic import Field, model_validator
 from decoder.calibration.photographs import Photograph, read_photograph, same_size
 from decoder.calibration.profile import Line
 from decoder.calibration.ruler_fit import Marks, RulerFit, fit_ruler, refuse_off_centre
+from decoder.calibration.thresholds import MIN_PERIOD_PX, MIN_TICKS
 from decoder.calibration.ticks import find_ticks
-from decoder.description import Number, Point, Positive, Strict, parse_description
-from decoder.errors import CalibrationError, MeasurementsError
+from decoder.panel.arrays import Number
+from decoder.panel.description import Point, Positive, Strict, parse_description
+from decoder.panel.errors import CalibrationError, MeasurementsError
+from flight_file.untrusted import read_yaml_file
 
-MIN_LINE_PX = 16
 EDGE_PX = 2.0  # what stays between a line and the picture's edge
 
 
@@ -72,7 +74,7 @@ class Measured:
 
 
 def read_measurements(path: Path) -> RulerPhotographs:
-    """The list in a YAML file.
+    """Read the list in a YAML file.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def read_measurements(path: Path) -> RulerPhotographs:
         If it cannot be read or is wrong.
     """
     try:
-        text = path.read_bytes()
+        text = read_yaml_file(path)
     except OSError as error:
         raise MeasurementsError("", f"cannot be read: {error.strerror}", source=str(path)) from error
     return parse_description(
@@ -145,7 +147,7 @@ def measure_alike(paths: tuple[Path, ...], line: Line, inches: float, distance_i
 
 
 def _ticks(photograph: Photograph, line: Line, inches: float) -> tuple[str, Marks]:
-    if line.length_px < MIN_LINE_PX:
+    if line.length_px < MIN_TICKS * MIN_PERIOD_PX:
         raise CalibrationError(f"the line is {line.length_px:.0f} pixels long; draw it along many ticks")
     refuse_off_centre(line, photograph.size_px)
     ticks = find_ticks(photograph.grey, line, inches)
@@ -158,7 +160,7 @@ def _by_hand(entry: RulerPhotograph) -> Marks:
 
 
 def _zoomed(line: Line, zoom: float, size_px: tuple[int, int]) -> tuple[Line, float]:
-    """The line at another zoom, cut at the picture's edge, and what part of it is left."""
+    """Carry a line to another zoom, cut at the picture's edge, and say what part of it is left."""
     middle = (np.array(size_px) - 1) / 2
     start, end = (middle + zoom * (np.array(point) - middle) for point in (line.start_px, line.end_px))
     low, high = EDGE_PX, np.array(size_px) - 1 - EDGE_PX

@@ -11,8 +11,12 @@ from pathlib import Path
 
 from PIL import Image
 
-from decoder.errors import CalibrationError, PictureError
-from decoder.pictures import GreyPicture, grey_picture
+from decoder.calibration.thresholds import MOST_PIXELS
+from decoder.imaging.pictures import GreyPicture, grey_picture
+from decoder.panel.errors import CalibrationError, PictureError
+from flight_file.frame import is_focal_length_mm
+from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.untrusted import read_regular
 
 _EXIF_IFD, _FOCAL_LENGTH, _MODEL = 0x8769, 0x920A, 0x0110
 _DAMAGE = (SyntaxError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, OSError, struct.error)
@@ -35,7 +39,7 @@ class Photograph:
 
 
 def read_photograph(path: Path) -> Photograph:
-    """A photograph with its focal length.
+    """Read a photograph with its focal length.
 
     Raises
     ------
@@ -43,12 +47,18 @@ def read_photograph(path: Path) -> Photograph:
         If it cannot be read, or does not say its focal length.
     """
     try:
-        encoded = path.read_bytes()
+        encoded = read_regular(path, limit_bytes=MAX_READ_BYTES)
         grey = grey_picture(encoded)
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from error
     except PictureError as error:
         raise CalibrationError(f"{path}: {error}; take another photograph") from error
+    if grey.size > MOST_PIXELS:
+        height, width = grey.shape
+        raise CalibrationError(
+            f"{path}: is {width} x {height}; calibrate with photographs of {MOST_PIXELS // 10**6} million pixels or"
+            " fewer, as the camera takes them at a smaller picture size"
+        )
     focal_length_mm, model = _tags(encoded)
     if focal_length_mm is None:
         raise CalibrationError(
@@ -58,7 +68,7 @@ def read_photograph(path: Path) -> Photograph:
 
 
 def same_size(sizes_px: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
-    """The width and height that all photographs, by name, have.
+    """Check that all photographs, by name, have one width and height.
 
     Raises
     ------
@@ -84,4 +94,4 @@ def _tags(encoded: bytes) -> tuple[float | None, str]:
             value = float(length) if length is not None else 0.0
     except _DAMAGE:
         return None, ""
-    return (value if 0 < value < float("inf") else None), model.strip("\x00 ") if isinstance(model, str) else ""
+    return (value if is_focal_length_mm(value) else None), model.strip("\x00 ") if isinstance(model, str) else ""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.pictures import GreyPicture
+from decoder.calibration.thresholds import PER_PX
+from decoder.imaging.pictures import GreyPicture
 
 Array = NDArray[np.float64]
 
-PER_PX = 4
-"""Samples per pixel."""
 _BESIDE_PX = (-1.0, 0.0, 1.0)  # averaged across the line: ticks are longer than that
 
 

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.calibration.profile import Array, Line
-from decoder.errors import CalibrationError
+from decoder.calibration.thresholds import HAND_PART, MIN_TICKS
+from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.panel.errors import CalibrationError
 
 MARKED_PX = 0.3
 """The uncertainty of a mark that was set by hand."""
-OFF_CENTRE = 0.1
-"""How far, as a part of the picture's height, the ruler may pass beside the middle."""
-_MIN_FOR_TILT = 5
-_FREE = 1  # marks beyond the unknowns, to say how well they fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,20 +108,20 @@ def _line_through(points: Array) -> Line:
 
 
 def refuse_off_centre(line: Line, size_px: tuple[int, int]) -> None:
-    """Raises CalibrationError if a line along the ruler misses the middle of the picture."""
+    """Raise CalibrationError if a line along the ruler misses the middle of the picture."""
     width, height = size_px
     along, beside = line.foot(((width - 1) / 2, (height - 1) / 2))
-    if abs(beside) > OFF_CENTRE * height:
+    if abs(beside) > HAND_PART * height:
         raise CalibrationError(
             f"the ruler misses the middle of the picture by {abs(beside):.0f} pixels; let it run through the middle"
         )
-    if not -OFF_CENTRE * width < along < line.length_px + OFF_CENTRE * width:
+    if not -HAND_PART * width < along < line.length_px + HAND_PART * width:
         raise CalibrationError("the marks lie all on one side of the picture's middle; measure across it")
 
 
 def _projective(inches: Array, along: Array) -> tuple[Array, Array, float]:
     """(3,) a, b, c; the covariance of those that are fitted; rms. Marks that are off do not count (Huber)."""
-    free = 3 if len(inches) >= _MIN_FOR_TILT else 2
+    free = 3 if len(inches) >= MIN_TICKS else 2
     unknowns = np.array([*np.polynomial.polynomial.polyfit(inches, along, 1), 0.0])
     weight = np.ones_like(along)
     for _ in range(20):
@@ -131,19 +129,19 @@ def _projective(inches: Array, along: Array) -> tuple[Array, Array, float]:
         model = (unknowns[0] + unknowns[1] * inches) / below
         miss = along - model
         rows = np.stack([1 / below, inches / below, -model * inches / below], axis=1)[:, :free]
-        spread = max(1.4826 * float(np.median(np.abs(miss))), 1e-6)
-        if len(inches) > free + _FREE:
+        spread = max(MAD_TO_SIGMA * float(np.median(np.abs(miss))), 1e-6)
+        if len(inches) > free + 1:
             weight = np.minimum(1.0, 2 * spread / np.maximum(np.abs(miss), 1e-12))
         change = np.linalg.lstsq(rows * np.sqrt(weight)[:, None], miss * np.sqrt(weight), rcond=None)[0]
         unknowns[:free] += change
     rms = float(np.sqrt(np.sum(weight * miss**2) / np.sum(weight)))
     freedom = np.sum(weight) - free
-    variance = float(np.sum(weight * miss**2) / freedom) if freedom >= _FREE else MARKED_PX**2
+    variance = float(np.sum(weight * miss**2) / freedom) if freedom >= 1 else MARKED_PX**2
     return unknowns, np.linalg.inv((rows.T * weight) @ rows) * variance, rms
 
 
 def _tilt(unknowns: Array, distance_inches: float) -> float:
-    """The sine of the angle between the ruler and the picture's plane."""
+    """Compute the sine of the angle between the ruler and the picture's plane."""
     a, b, c = unknowns
     return float(c / (1 - c * a / b) * distance_inches)
 

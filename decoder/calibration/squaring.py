@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from decoder.calibration.view import Matrix, Pose
-from decoder.errors import CalibrationError
-from decoder.lens import Lens
-from decoder.pictures import GreyPicture
+from decoder.calibration.thresholds import MAX_SIDE_PX
+from decoder.imaging.camera_pose import Matrix, Pose
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.errors import CalibrationError
+from decoder.panel.lens import Lens
 
-MAX_SIDE_PX = 8192
 LARGEST_GROWTH = 4.0  # of the picture's sides; the far end of a very oblique picture would grow without bound
 
 
@@ -33,7 +33,7 @@ class Square:
 
 
 def square_of(pose: Pose, lens: Lens, points_inches: Matrix) -> Square:
-    """The squared-up picture that shows what the picture shows, as finely as it shows the reference points' middle.
+    """Plan a squared-up picture, as fine as the picture is in the reference points' middle.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def squared_up(picture: GreyPicture, pose: Pose, lens: Lens, square: Square) -> 
 
 
 def off_axes_deg(points: Matrix, first: int, second: int) -> float:
-    """The angle of a line between two of (N, 2) points, from the nearer of level and plumb, -45 to 45."""
+    """Measure a line between two of (N, 2) points from the nearer of level and plumb, -45 to 45 degrees."""
     across, down = points[second] - points[first]
     angle = float(np.degrees(np.arctan2(down, across)))
     return (angle + 45) % 90 - 45

@@ -12,25 +12,22 @@ from functools import cache
 
 import numpy as np
 
-from decoder.arrays import Mask
 from decoder.calibration.profile import Array, Line
-from decoder.pictures import GreyPicture
+from decoder.calibration.thresholds import ALIKE, LEAST_PART, PER_PX
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.arrays import Mask
 
-_BIN_PX = 0.25
 _BESIDE = (-1, 0, 1)
 _ROUNDS = 5
-_KNOT_PX = 0.1
+_KNOTS = 200
 _SEARCHES = 5
 _PART = 0.45  # of a period on either side of a tick
-_ALIKE = 0.85  # NCC of a tick with the mean tick
-_FAINTEST = 0.4  # of the mean tick
-_STRAY = 0.25  # of a period that a tick may lie from where it is expected
 
 Table = tuple[Array, Array]
 """A function of the distance from a tick: (M,) distances in pixels, (M,) levels."""
 
 
-def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, Array, Mask]:
+def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, Mask]:
     """Ticks near the places where they are expected.
 
     Parameters
@@ -41,7 +38,7 @@ def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, A
 
     Returns
     -------
-    (K,) distances, (K,) prominences (1 is the mean tick), (K,) whether it looks like the mean tick
+    (K,) distances, (K,) whether it looks like the mean tick
     """
     period = float(np.median(np.diff(places_px)))
     along, levels = _windows(picture, line, places_px, _PART * period)
@@ -52,11 +49,10 @@ def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, A
         shape = _mean_tick(away[good], ((levels - base) / gain)[good], period)
         shift, gain, base, alike = _fit(away, levels, shape)
         centres = centres + np.clip(shift, -0.1 * period, 0.1 * period)
-        prominence = gain[:, 0]
-        good = (alike > _ALIKE) & (np.abs(centres - places_px) < _STRAY * period) & (prominence > _FAINTEST)
+        good = (alike > ALIKE) & (gain[:, 0] > LEAST_PART)  # of the mean tick
         if np.count_nonzero(good) < 2:  # noqa: PLR2004 - nothing to take a mean of
             break
-    return centres, prominence, good
+    return centres, good
 
 
 def _windows(picture: GreyPicture, line: Line, places_px: Array, reach_px: float) -> tuple[Array, Array]:
@@ -78,12 +74,12 @@ def _windows(picture: GreyPicture, line: Line, places_px: Array, reach_px: float
 
 
 def _mean_tick(away: Array, levels: Array, period: float) -> Table:
-    """The mean tick: the blurred bar that fits pixels at all distances from their ticks best.
+    """Fit the mean tick: the blurred bar that fits pixels at all distances from their ticks best.
 
     A bar has two parameters. A free shape would take up each tick's own error where there are few ticks.
     """
     reach = float(np.abs(away).max())
-    count = max(int(reach / _BIN_PX), 2)
+    count = max(int(reach * PER_PX), 2)
     which = np.minimum((np.abs(away) / reach * count).astype(int), count - 1)
     filled = [number for number in range(count) if np.any(which == number)]
     knots = np.array([np.median(np.abs(away)[which == number]) for number in filled])
@@ -101,8 +97,8 @@ def _mean_tick(away: Array, levels: Array, period: float) -> Table:
 
 
 def _bar(breadth: float, blur: float, period: float) -> Table:
-    """A bar of light 1, blurred by a Gaussian, with its neighbours; by its distance from the middle."""
-    knots = np.linspace(0, 0.75 * period, max(int(0.75 * period / _KNOT_PX), 16))
+    """Draw a bar of light 1, blurred by a Gaussian, with its neighbours; by its distance from the middle."""
+    knots = np.linspace(0, 0.75 * period, _KNOTS)
     light = np.zeros_like(knots)
     for neighbour in (-period, 0.0, period):
         for side in (-0.5, 0.5):
@@ -113,7 +109,7 @@ def _bar(breadth: float, blur: float, period: float) -> Table:
 
 @cache
 def _step() -> Table:
-    """A step from 0 to 1, blurred by a Gaussian of spread 1."""
+    """Tabulate a step from 0 to 1, blurred by a Gaussian of spread 1."""
     places = np.linspace(-5, 5, 1001)
     return places, np.array([0.5 * (1 + math.erf(place / math.sqrt(2))) for place in places])
 
@@ -133,7 +129,7 @@ def _miss(table: Table, knots: Array, means: Array, weights: Array) -> float:
 
 def _fit(away: Array, levels: Array, shape: Table) -> tuple[Array, Array, Array, Array]:
     """Each window as base + slope + gain * (mean tick, shifted): (K,) shift, (K, 1) gain, (K, n) base, (K,) NCC."""
-    step = _BIN_PX
+    step = 1 / PER_PX
     tick = np.interp(np.abs(away), *shape)
     steep = (np.interp(np.abs(away + step), *shape) - np.interp(np.abs(away - step), *shape)) / (2 * step)
     base = np.stack([np.ones_like(away), away], axis=2)

@@ -12,10 +12,19 @@ from fractions import Fraction
 
 import numpy as np
 
-from decoder.calibration.profile import PER_PX, Array, Line, profile
+from decoder.calibration.profile import Array, Line, profile
+from decoder.calibration.thresholds import (
+    HAND_PART,
+    LEAST_PART,
+    MIN_CONTRAST_LEVELS,
+    MIN_PERIOD_PX,
+    MIN_TICKS,
+    PER_PX,
+    PERIODIC,
+)
 from decoder.calibration.tick_shape import fitted
-from decoder.errors import CalibrationError
-from decoder.pictures import GreyPicture
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.errors import CalibrationError
 
 INCHES_PER_CM = 1 / 2.54
 GRADUATIONS_INCHES = {
@@ -24,17 +33,8 @@ GRADUATIONS_INCHES = {
     "5 mm": INCHES_PER_CM / 2,
     "1 cm": INCHES_PER_CM,
 }
-SNAP = 0.08
-"""By how much, as a part, the ticks' distance may differ from a graduation, since the line's ends are set by hand."""
-
-MIN_TICKS = 5
-MIN_PERIOD_PX = 2.5
-MIN_CONTRAST_LEVELS = 3.0
-_PEAK = 0.6  # of the highest peak of the autocorrelation; ticks of several lengths are not all alike
-_PERIODIC = 0.2  # the least autocorrelation of ticks; noise, numerals and edges stay below
 _PHASE_WINDOW = 2.0  # periods
-_BRIGHTER = 1.5
-_CARRIED, _FEW = 20, 4  # ticks whose distances tell the next one's number
+_CARRIED = 20  # ticks whose distances tell the next one's number
 _NEAR = 0.08  # of a period that a tick may lie beside where the phase has it
 _ROUNDS = 4
 
@@ -51,8 +51,6 @@ class Ticks:
         (N,) which tick each is; whole numbers that rise along the line, with gaps where a tick was left out.
     along_px
         (N,) their distances from the line's start.
-    prominence
-        (N,) how dark each is, as a part of the mean tick.
     points_px
         (N, 2) where they are.
     """
@@ -60,7 +58,6 @@ class Ticks:
     graduation: str
     number: Array
     along_px: Array
-    prominence: Array
     points_px: Array
 
     @property
@@ -70,7 +67,7 @@ class Ticks:
 
 
 def find_ticks(picture: GreyPicture, line: Line, inches: float) -> Ticks:
-    """The ticks along a line.
+    """Find the ticks along a line.
 
     Parameters
     ----------
@@ -89,11 +86,11 @@ def find_ticks(picture: GreyPicture, line: Line, inches: float) -> Ticks:
     places = _rough_places(levels, cycles)
     if len(places) < MIN_TICKS:
         raise _none_found()
-    along, prominence, good = fitted(picture, line, places)
+    along, good = fitted(picture, line, places)
     if np.count_nonzero(good) < MIN_TICKS:
         raise _none_found()
     along = along[good]
-    return Ticks(graduation, _numbers(along), along, prominence[good], line.points(along))
+    return Ticks(graduation, _numbers(along), along, line.points(along))
 
 
 def _numbers(along: Array) -> Array:
@@ -101,9 +98,8 @@ def _numbers(along: Array) -> Array:
     numbers = np.zeros(len(along))
     per_px = 1 / float(np.median(np.diff(along)[:_CARRIED]))
     for index in range(1, len(along)):
-        before = slice(max(0, index - _CARRIED), index)
-        if index >= _FEW:
-            per_px = float(np.polyfit(along[before], numbers[before], 1)[0])
+        if index >= MIN_TICKS:
+            per_px = float(np.polyfit(along[:index][-_CARRIED:], numbers[:index][-_CARRIED:], 1)[0])
         numbers[index] = numbers[index - 1] + max(round(per_px * (along[index] - along[index - 1])), 1)
     return numbers
 
@@ -116,7 +112,7 @@ def _none_found() -> CalibrationError:
 
 
 def _period(levels: Array, px_per_inch: float) -> tuple[str, float]:
-    """The graduation's name and its ticks' distance in samples: the shortest period that a ruler may have."""
+    """Recognize the graduation by the shortest period that a ruler may have; its name, and the period in samples."""
     smooth = levels - _moving_mean(levels, max(len(levels) // 6, 8 * PER_PX))
     if np.std(smooth) < MIN_CONTRAST_LEVELS:
         raise _none_found()
@@ -124,13 +120,13 @@ def _period(levels: Array, px_per_inch: float) -> tuple[str, float]:
     inner = correlation[1:-1]
     peaks = 1 + np.flatnonzero((inner > correlation[:-2]) & (inner >= correlation[2:]))
     peaks = peaks[peaks >= MIN_PERIOD_PX * PER_PX]
-    if not peaks.size or correlation[peaks].max() < _PERIODIC:
+    if not peaks.size or correlation[peaks].max() < PERIODIC:
         raise _none_found()
-    shortest = peaks[correlation[peaks] >= _PEAK * correlation[peaks].max()][0]
+    shortest = peaks[correlation[peaks] >= LEAST_PART * correlation[peaks].max()][0]
     period = _parabola(correlation, int(shortest))
     apart = period / PER_PX / px_per_inch
     name, size = min(GRADUATIONS_INCHES.items(), key=lambda item: abs(np.log(item[1] / apart)))
-    if abs(apart / size - 1) < SNAP:
+    if abs(apart / size - 1) < HAND_PART:
         return name, period
     raise CalibrationError(
         f"the ticks on the line are {apart:.3g} inches apart if the"
@@ -159,7 +155,7 @@ def _moving_mean(levels: Array, window: int) -> Array:
 
 
 def _cycles(levels: Array, period: float) -> Array:
-    """(samples,) how many periods have passed at each sample, smooth along the line."""
+    """Count (samples,) how many periods have passed at each sample, smoothly along the line."""
     place = np.arange(len(levels))
     wave = (levels - _moving_mean(levels, 2 * round(period))) * np.exp(-2j * np.pi * place / period)
     reach = int(3 * _PHASE_WINDOW * period)
@@ -184,7 +180,7 @@ def _rough_places(levels: Array, cycles: Array) -> Array:
     which = (np.floor(cycles * bins) % bins).astype(int)
     folded = np.array([np.median(flat[which == number]) if np.any(which == number) else 0.0 for number in range(bins)])
     folded -= np.median(folded)
-    sign = 1 if folded.max() > _BRIGHTER * -folded.min() else -1  # ticks may be bright, but seldom are
+    sign = 1 if folded.max() > -folded.min() else -1  # ticks may be bright, but seldom are
     folded *= sign
     middle = (np.argmax(folded) + 0.5) / bins
     first, last = np.ceil(cycles[0] - middle + 0.3), np.floor(cycles[-1] - middle - 0.3)

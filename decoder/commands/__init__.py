@@ -1,1 +1,5 @@
-"""The commands of `decode`, one module each; a module is imported only when its command runs."""
+"""The command line: the words and options of `decode`, and how its failures end.
+
+In come the words that a user typed.
+Out go calls of the rooms below, text on the terminal, and an exit code.
+"""

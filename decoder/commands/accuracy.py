@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
-from decoder.commands.truth_options import truth_options
-from decoder.recorder_limits import sources_of
-from decoder.tables import flight_table, read_table
-from decoder.text_table import text_table
-from decoder.truth_comparison import (
+from decoder.commands.options import truth_options
+from decoder.outputs.csv_output import text_table
+from decoder.timeseries.recorder_limits import sources_of
+from decoder.timeseries.tables import flight_table, read_table
+from decoder.timeseries.truth_comparison import (
     HEADER,
     LIMITS_HEADER,
     NO_LIMITS,
@@ -25,7 +24,8 @@ from decoder.truth_comparison import (
     read_truth,
     source_lines,
 )
-from decoder.truth_request import TruthRequest
+from decoder.timeseries.truth_request import TruthRequest
+from flight_file.untrusted import say, say_json
 
 EPILOG = """\b
 Percent columns: % of the true value (the thesis's measure; `mean` and `max` of the absolute error, `signed` of the
@@ -72,17 +72,17 @@ def command(
     result = compared(flight, read_truth(request))
     if as_json:
         plain = not (request.has_own_clock or wants_limits)
-        click.echo(json.dumps(_document(result, plain=plain), indent=2))
+        say_json(_document(result, plain=plain))
         return
     if request.has_own_clock:
-        click.echo(offset_text(result) + "\n")
-    click.echo(text_table(HEADER, accuracy_rows(result.needles)))
+        say(*offset_text(result).split("\n"), "")
+    say(*text_table(HEADER, accuracy_rows(result.accuracies)).split("\n"))
     if wants_limits:
-        click.echo("\n" + _limits_text(result))
+        say("", *_limits_text(result).split("\n"))
 
 
 def _document(result: Compared, *, plain: bool) -> Any:  # noqa: ANN401 - what JSON may be
-    needles = [asdict(needle) for needle in result.needles]
+    needles = [asdict(needle) for needle in result.accuracies]
     if plain:
         return needles
     return {

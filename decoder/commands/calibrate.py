@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import click
 
-from decoder.commands.group import CommandGroup
+from decoder.commands.cli import CommandGroup
 
 COMMANDS = {
-    "focal": ("decoder.commands.calibrate_focal", "Pixels per radian over focal length, from a ruler."),
-    "distortion": ("decoder.commands.calibrate_distortion", "Whether the lens bends a ruler, and by how much."),
+    "focal": ("decoder.commands.calibrate_ruler:focal", "Pixels per radian over focal length, from a ruler."),
+    "distortion": ("decoder.commands.calibrate_ruler:distortion", "Whether the lens bends a ruler, and by how much."),
     "board": ("decoder.commands.calibrate_board", "Focal length and distortion from a chessboard or ChArUco board."),
     "pose": ("decoder.commands.calibrate_pose", "Where the camera was, from reference points; squares a picture up."),
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import asdict
 from pathlib import Path
@@ -13,12 +12,13 @@ import numpy as np
 
 from decoder.calibration.board import BoardFit, charuco, chessboard, fit_boards
 from decoder.calibration.camera_file import known_camera, merged, write_camera
-from decoder.calibration.focal_fit import UNKNOWNS, fit_focal
+from decoder.calibration.focal_fit import fit_focal
 from decoder.calibration.photographs import read_photograph, same_size
-from decoder.commands.calibrate_options import camera_output
-from decoder.text_table import text_table
+from decoder.calibration.thresholds import MIN_PHOTOGRAPHS
+from decoder.commands.options import camera_output
+from decoder.outputs.csv_output import text_table
+from flight_file.untrusted import say, say_json
 
-LEAST_SQUARES = 4
 HEADER = ["mm", "photographs", "px/rad", "sigma", "k1", "sigma", "k2", "rms px"]
 EPILOG = """\b
 Six photographs or more for each zoom, the board tilted to different sides and brought into the corners.
@@ -31,8 +31,8 @@ Examples:
 
 
 def _squares(_context: click.Context, _option: click.Parameter, value: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d+)x(\d+)", value)
-    if match is None or min(int(match[1]), int(match[2])) < LEAST_SQUARES:
+    match = re.fullmatch(r"0*([4-9]|[1-9]\d+)x0*([4-9]|[1-9]\d+)", value)
+    if match is None:
         raise click.BadParameter("count the squares across and down, such as 9x6, four or more each way")
     return int(match[1]), int(match[2])
 
@@ -78,7 +78,10 @@ def command(
     if known is None and photographs[0].model:
         new["model"] = photographs[0].model
     write_camera(camera_file, merged(known, **new))
-    click.echo(json.dumps([asdict(fit) for fit in fits], indent=2) if as_json else _text(fits, camera_file))
+    if as_json:
+        say_json([asdict(fit) for fit in fits])
+    else:
+        say(*_text(fits, camera_file).split("\n"))
 
 
 def _focal(fits: tuple[BoardFit, ...]) -> dict[str, Any]:
@@ -86,7 +89,7 @@ def _focal(fits: tuple[BoardFit, ...]) -> dict[str, Any]:
     values = np.array([fit.pixels_per_radian for fit in fits])
     sigmas = np.array([fit.sigma for fit in fits])
     span = [float(lengths.min()), float(lengths.max())]
-    if len(fits) >= UNKNOWNS:
+    if len(fits) >= MIN_PHOTOGRAPHS:
         found = fit_focal(lengths, values, sigmas, scale_sigma=0.0)
         return {
             "pixels_per_radian": found.coefficients.tolist(),

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import click
+import cv2
 import numpy as np
 
-from decoder.calibration.pose import SIGMA_PX, pose_from_points
-from decoder.calibration.solution import PARAMETERS, PoseSolution
 from decoder.calibration.squaring import off_axes_deg, square_of, squared_up
-from decoder.calibration.view import Matrix, Pose
-from decoder.camera import camera_from_file
-from decoder.commands.calibrate_options import picture_file
-from decoder.errors import PanelError
-from decoder.lens import Lens
-from decoder.outputs import write_all
-from decoder.panel import Panel
-from decoder.panel_pictures import panel_from_file
-from decoder.text_table import text_table
+from decoder.commands.thresholds import STRAIGHT_DEG, WORST_PX
+from decoder.imaging.camera_pose import PARAMETERS, Matrix, Pose, PoseSolution
+from decoder.imaging.panel_pictures import panel_from_file
+from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.pose import SIGMA_PX, pose_from_points
+from decoder.outputs.csv_output import text_table
+from decoder.outputs.outputs import Write, refuse_overwriting, write_all
+from decoder.panel.camera import camera_from_file
+from decoder.panel.errors import PanelError
+from decoder.panel.lens import Lens
+from decoder.panel.panel import Panel
+from flight_file.untrusted import say, say_json
 
-STRAIGHT_DEG = 15.0
-"""A line between two reference points that is this near to level or plumb on the panel is meant to be so."""
-WORST_PX = 5.0
 EPILOG = """\b
 Roll is clockwise as seen from behind the camera, pitch upwards, yaw to the right. The panel's y may be counted up or
 down: the picture tells.
@@ -35,6 +33,8 @@ Examples:
   decode calibrate pose panel.yaml --camera camera.yaml --squared squared.png
   decode calibrate pose panel.yaml --camera camera.yaml --json
 """
+
+PICTURES = (".png", ".jpg")
 
 
 @click.command("pose", epilog=EPILOG)
@@ -52,6 +52,9 @@ def command(panel_file: Path, camera_file: Path, sigma_px: float, squared: Path 
     Three points give all positions that fit exactly, more the best one by least squares.
     """
     source = panel_from_file(panel_file)
+    if squared is not None:
+        beside = [panel_file.parent / name for name in source.panel.pictures]
+        refuse_overwriting([panel_file, camera_file, *beside], [squared])
     panel = source.panel
     if panel.focal_length_mm is None:
         raise PanelError("focal_length_mm", "is missing; the lens depends on it", source=str(panel_file))
@@ -66,13 +69,16 @@ def command(panel_file: Path, camera_file: Path, sigma_px: float, squared: Path 
         straight = squared_up(source.picture, best, lens, square_of(best, lens, inches))
         write_all(squared.parent, {squared.name: picture_file(squared, straight)})
     lines = _straight_lines(panel, best, lens, inches, pixels)
-    click.echo(_json(solutions, lines) if as_json else _text(solutions, lines, len(inches)))
+    if as_json:
+        say_json(_document(solutions, lines))
+    else:
+        say(*_text(solutions, lines, len(inches)).split("\n"))
     for warning in _warnings(solutions, panel, best, lens):
-        click.echo(warning, err=True)
+        say(warning, err=True)
 
 
 def _straight_lines(panel: Panel, pose: Pose, lens: Lens, inches: Matrix, pixels: Matrix) -> list[dict[str, Any]]:
-    """What should be level or plumb, in the picture and squared up, degrees off."""
+    """Measure how far lines that should be level or plumb are off, in the picture and squared up, degrees."""
     flip = np.array([1.0, -1.0 if pose.y_up else 1.0])
     back = np.linalg.inv(pose.homography(lens))
 
@@ -136,7 +142,7 @@ def _text(solutions: tuple[PoseSolution, ...], lines: list[dict[str, Any]], poin
     return "\n\n".join(parts)
 
 
-def _json(solutions: tuple[PoseSolution, ...], lines: list[dict[str, Any]]) -> str:
+def _document(solutions: tuple[PoseSolution, ...], lines: list[dict[str, Any]]) -> dict[str, Any]:
     described = [
         {
             **dict(zip(PARAMETERS, solution.values.tolist(), strict=True)),
@@ -152,4 +158,22 @@ def _json(solutions: tuple[PoseSolution, ...], lines: list[dict[str, Any]]) -> s
         }
         for solution in solutions
     ]
-    return json.dumps({"solutions": described, "lines": lines}, indent=2)
+    return {"solutions": described, "lines": lines}
+
+
+def picture_file(path: Path, picture: GreyPicture) -> Write:
+    """Make a writer of a picture, in the format that the file's ending names.
+
+    Raises
+    ------
+    click.BadParameter
+        If it names none.
+    """
+    if path.suffix.lower() not in PICTURES:
+        raise click.BadParameter(f"{path}: give the picture a name that ends in {' or '.join(PICTURES)}")
+    encoded = cv2.imencode(path.suffix.lower(), picture)[1].tobytes()
+
+    def write(stream: IO[bytes]) -> None:
+        stream.write(encoded)
+
+    return write

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import click
 
-from decoder.errors import OutputError
-from decoder.name_mapping import MappedName, read_mapping
-from decoder.outputs import Write, as_text, write_all
-from decoder.tables import FlightTable, flight_table, read_table
+from decoder.outputs.outputs import Write, as_text, refuse_overwriting, write_all
+from decoder.panel.errors import OutputError
+from decoder.timeseries.name_mapping import MappedName, read_mapping
+from decoder.timeseries.tables import FlightTable, flight_table, read_table
+from flight_file.untrusted import say
 
 EPILOG = """\b
 parquet  all columns of the CSV, typed, with units and the description; needs the extra `parquet`
@@ -31,19 +32,19 @@ SUFFIXES = {".parquet": "parquet", ".csv": "garmin"}
 def _parquet(flight: FlightTable, _mapping: dict[str, MappedName]) -> Write:
     if find_spec("pyarrow") is None:
         raise OutputError("parquet needs pyarrow: pip install 'image-flight-recorder[parquet]'")
-    from decoder.parquet_output import write_parquet_of_table  # noqa: PLC0415 - half a second that only this needs
+    from decoder.outputs.parquet_output import write_parquet_of_table  # noqa: PLC0415 - half a second that only this needs
 
     return partial(write_parquet_of_table, flight)
 
 
 def _garmin(flight: FlightTable, mapping: dict[str, MappedName]) -> Write:
-    from decoder.garmin_output import plan, write_garmin  # noqa: PLC0415 - as above
+    from decoder.outputs.garmin_output import plan, write_garmin  # noqa: PLC0415 - as above
 
     planned = plan(flight, mapping)
     for one in planned.chosen:
-        click.echo(f"{one.needle} as {one.column.name} ({one.column.unit_text})")
+        say(f"{one.needle} as {one.column.name} ({one.column.unit_text})")
     for name, reason in planned.left_out.items():
-        click.echo(f"{name} left out: {reason}", err=True)
+        say(f"{name} left out: {reason}", err=True)
     return as_text(partial(write_garmin, flight, planned.chosen))
 
 
@@ -65,7 +66,8 @@ def command(flight_data: Path, file: Path, kind: str | None, map_file: Path | No
         raise click.UsageError(f"{file}: the name does not tell the format; name it with --to {' or '.join(WRITERS)}")
     if file.exists() and flight_data.exists() and file.samefile(flight_data):
         raise click.UsageError(f"{file}: is the flight data itself; choose another name with -o")
+    refuse_overwriting([flight_data, flight_data.with_suffix(".json"), *([map_file] if map_file else [])], [file])
     flight = flight_table(read_table(flight_data))
     mapping = {} if map_file is None else read_mapping(map_file)
     (written,) = write_all(file.parent, {file.name: WRITERS[chosen](flight, mapping)})
-    click.echo(str(written))
+    say(str(written))

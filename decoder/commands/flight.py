@@ -10,9 +10,8 @@ from pathlib import Path
 
 import click
 
-from decoder import fork_server
-from decoder.attachments import PANEL_FILE
-from decoder.commands.decode_options import (
+from decoder.commands.interrupts import ends_at_once
+from decoder.commands.options import (
     camera_option,
     end_option,
     every_option,
@@ -25,17 +24,18 @@ from decoder.commands.decode_options import (
     refuse_unheld_images,
     resume_option,
     start_option,
+    truth_options,
 )
-from decoder.commands.truth_options import truth_options
-from decoder.errors import PanelMissing
-from decoder.flight_part import AskedPart, FlightPart, part_of
-from decoder.formats import planned_files
-from decoder.interrupts import ends_at_once
-from decoder.jobs import jobs_for
-from decoder.output_names import output_name, refuse_overwriting
-from decoder.truth_request import TruthRequest
-from decoder.typed_time import TypedTime
+from decoder.outputs.formats import planned_files
+from decoder.outputs.outputs import JOURNAL_SUFFIX, output_name, refuse_another_recording, refuse_overwriting
+from decoder.panel.attachments import PANEL_FILE
+from decoder.panel.errors import PanelMissing
+from decoder.parallel import fork_server
+from decoder.parallel.processes import jobs_for
+from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of
+from decoder.timeseries.truth_request import TruthRequest
 from flight_file.reader import Flight, open_flight
+from flight_file.untrusted import say
 
 EXIT_LOSS = 3
 EPILOG = """\b
@@ -103,9 +103,11 @@ def command(
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
     given = [file for file in (panel_file, camera_file, truth_file, map_file) if file is not None]
-    refuse_overwriting([*flight.paths, *given], [directory / file for file in files])
+    written = [*files, output_name(flight) + JOURNAL_SUFFIX]
+    refuse_overwriting([*flight.paths, *given], [directory / file for file in written])
+    refuse_another_recording(flight, directory)
     panel, part = _panel(flight, panel_file), _part(flight, AskedPart(start, end, every))
-    click.echo(f"{flight.recording}: decoding {_frames(flight, part)} with {panel}")
+    say(f"{flight.recording}: decoding {_frames(flight, part)} with {panel}")
     jobs = jobs_for(_picture_bytes(flight, part), asked=jobs)
     if jobs > 1:
         fork_server.begin()  # it loads the libraries while this process does
@@ -138,7 +140,7 @@ def _truth(
     wants_limits: bool,
     formats: tuple[str, ...],
 ) -> TruthRequest | None:
-    """What the report shall hold the flight against, if anything; options that say nothing without another end it."""
+    """Gather what the report shall hold the flight against; refuse options that say nothing without another."""
     if file is None and (map_file or time_column or offset is not None or wants_limits):
         raise click.UsageError("--map, --time, --offset and --limits need a --truth")
     if file is not None and "html" not in formats:

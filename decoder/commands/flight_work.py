@@ -9,29 +9,25 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import click
-
-from decoder.commands.decoding import decoded_flight
-from decoder.decode_identity import identity_of
-from decoder.decode_journal import SUFFIX, DecodeJournal
-from decoder.errors import DecoderError, FlightUnreadable
-from decoder.flight_data import FlightData
-from decoder.flight_part import FlightPart
-from decoder.formats import Decoded
-from decoder.frame_batch import read_here
-from decoder.json_output import Provenance
-from decoder.outliers import find_outliers
-from decoder.output_names import output_name
-from decoder.outputs import Write, write_all
-from decoder.report.truth_section import truth_section
-from decoder.summary import summary_table
-from decoder.truth_comparison import read_truth
-from decoder.truth_request import TruthRequest
-from decoder.worker_pool import Death, WorkerPool
+from decoder.instruments.frame_batch import read_here
+from decoder.outputs.csv_output import summary_table
+from decoder.outputs.formats import Decoded
+from decoder.outputs.json_output import Provenance
+from decoder.outputs.outputs import JOURNAL_SUFFIX, Write, output_name, write_all
+from decoder.outputs.report_truth import truth_section
+from decoder.outputs.thresholds import MOST_LISTED
+from decoder.panel.errors import DecoderError, FlightUnreadable
+from decoder.parallel.decode_journal import DecodeJournal, identity_of
+from decoder.parallel.decoding import decoded_flight
+from decoder.parallel.worker_pool import Death, WorkerPool
+from decoder.timeseries.flight_data import FlightData
+from decoder.timeseries.flight_part import FlightPart
+from decoder.timeseries.outliers import find_outliers
+from decoder.timeseries.truth_comparison import read_truth
+from decoder.timeseries.truth_request import TruthRequest
 from flight_file.errors import FlightFileError
 from flight_file.reader import Flight
-
-MAX_LISTED = 10
+from flight_file.untrusted import say
 
 
 def decode_and_write(
@@ -48,14 +44,17 @@ def decode_and_write(
     truth: TruthRequest | None,
     resume: bool,
 ) -> bool:
-    """Decodes a flight, writes its files and says what came out; whether anything was lost on the way.
+    """Decode a flight, write its files and say what came out; whether anything was lost on the way.
 
     A truth that cannot be read is told of before anything is decoded.
     """
     known = None if truth is None else read_truth(truth)
     pool = WorkerPool(jobs) if jobs > 1 else None
     journal = DecodeJournal(
-        directory / f"{output_name(flight)}{SUFFIX}", partial(identity_of, flight, part), resume=resume, tell=_tell
+        directory / f"{output_name(flight)}{JOURNAL_SUFFIX}",
+        partial(identity_of, flight, part),
+        resume=resume,
+        tell=_tell,
     )
     with _kept(journal):
         with pool or nullcontext():
@@ -73,7 +72,7 @@ def decode_and_write(
 
 @contextmanager
 def _kept(journal: DecodeJournal) -> Iterator[None]:
-    """Says, where a decode is broken off, what is kept of it."""
+    """Say, where a decode is broken off, what is kept of it."""
     try:
         yield
     except FlightUnreadable:
@@ -86,24 +85,24 @@ def _kept(journal: DecodeJournal) -> Iterator[None]:
 
 
 def _tell(sentence: str) -> None:
-    click.echo(f"decode: {sentence}", err=True)
+    say(f"decode: {sentence}", err=True)
 
 
 def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], written: list[Path]) -> None:
-    click.echo(f"{len(data.frame)} frames, {data.time_s[-1] - data.time_s[0]:.2f} s\n")
-    click.echo(summary_table(data))
-    for missing in data.missing_frames[:MAX_LISTED]:
-        click.echo(f"frame {missing.frame} missing: {missing.reason}", err=True)
-    if len(data.missing_frames) > MAX_LISTED:
-        click.echo(f"... and {len(data.missing_frames) - MAX_LISTED} more; all are in the JSON file", err=True)
-    for outlier in find_outliers(data)[:MAX_LISTED]:
-        click.echo(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
+    say(f"{len(data.frame)} frames, {data.time_s[-1] - data.time_s[0]:.2f} s", "")
+    say(*summary_table(data).split("\n"))
+    for missing in data.missing_frames[:MOST_LISTED]:
+        say(f"frame {missing.frame} missing: {missing.reason}", err=True)
+    if len(data.missing_frames) > MOST_LISTED:
+        say(f"... and {len(data.missing_frames) - MOST_LISTED} more; all are in the JSON file", err=True)
+    for outlier in find_outliers(data)[:MOST_LISTED]:
+        say(f"{outlier.needle} at frame {data.frame[outlier.first]}: {outlier.reason}", err=True)
     for warning in data.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    for death in deaths[:MAX_LISTED]:
-        click.echo(f"warning: {death}; its frames were read again", err=True)
-    if len(deaths) > MAX_LISTED:
-        click.echo(f"... and {len(deaths) - MAX_LISTED} more processes", err=True)
+        say(f"warning: {warning}", err=True)
+    for death in deaths[:MOST_LISTED]:
+        say(f"warning: {death}; its frames were read again", err=True)
+    if len(deaths) > MOST_LISTED:
+        say(f"... and {len(deaths) - MOST_LISTED} more processes", err=True)
     for loss in provenance.losses:
-        click.echo(f"lost: {loss}", err=True)
-    click.echo("\n" + "\n".join(str(path) for path in written))
+        say(f"lost: {loss}", err=True)
+    say("", *map(str, written))

@@ -10,21 +10,29 @@ from typing import IO
 
 import click
 
-from decoder.commands.decode_options import camera_option, flights_argument, method_option, panel_option
-from decoder.commands.decoding import decoded_flight, progress
-from decoder.csv_output import utc_text
-from decoder.drawn_readings import DrawnGauge, ReadingPlaces
-from decoder.errors import PictureError
-from decoder.flight_data import FlightData
-from decoder.formats import Decoded
-from decoder.frame_choice import Rows, every, flagged, nearest
-from decoder.frame_picture import as_jpeg, drawn, gauge_view, whole_view
-from decoder.frames_again import matched_frames
-from decoder.output_names import output_name
-from decoder.outputs import Write, write_all
-from decoder.pictures import colour_picture
+from decoder.commands.options import camera_option, flights_argument, method_option, panel_option
+from decoder.imaging.pictures import colour_picture
+from decoder.outputs.csv_output import utc_text
+from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
+from decoder.outputs.formats import Decoded
+from decoder.outputs.frame_picture import (
+    Rows,
+    as_jpeg,
+    drawn,
+    every,
+    flagged,
+    gauge_view,
+    matched_frames,
+    nearest,
+    whole_view,
+)
+from decoder.outputs.outputs import Write, write_all
+from decoder.panel.errors import PictureError
+from decoder.parallel.decoding import decoded_flight, progress
+from decoder.timeseries.flight_data import FlightData
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
+from flight_file.untrusted import file_names, say
 
 EXIT_LOSS = 3
 EPILOG = """\b
@@ -81,7 +89,7 @@ def command(
             raise click.UsageError(f"the panel has no gauge {name}; it has {', '.join(known)}")
     rows = _rows(decoded.data, at_s, step, wants_flagged=wants_flagged)
     written = _write(decoded, rows, gauge_names, directory)
-    click.echo(f"{_counted(len(written), 'picture')} of {_counted(len(rows), 'frame')} in {directory}")
+    say(f"{_counted(len(written), 'picture')} of {_counted(len(rows), 'frame')} in {directory}")
     if decoded.provenance.losses:
         sys.exit(EXIT_LOSS)
 
@@ -93,7 +101,7 @@ def _rows(data: FlightData, at_s: tuple[float, ...], step: int | None, *, wants_
 
 
 def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: Path) -> list[Path]:
-    """Draws and writes one frame after the other; a frame whose picture is damaged is named and left out."""
+    """Draw and write one frame after the other; a frame whose picture is damaged is named and left out."""
     data, wanted = decoded.data, set(rows.tolist())
     places = ReadingPlaces(decoded.source, data)
     reasons = {missing.frame: missing.reason for missing in data.missing_frames}
@@ -101,14 +109,14 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
     for index, frame in enumerate(progress("draw", len(data.frame))(matched_frames(data, decoded.frames))):
         if index not in wanted:
             continue
-        stem = f"{output_name(decoded.flight)}_{frame.sequence:06d}_{_file_time(frame.captured_ns)}"
+        stem = f"{decoded.name}_{frame.sequence:06d}_{_file_time(frame.captured_ns)}"
         caption = _caption(decoded, index, frame.sequence)
         try:
             pictures = _pictures(
                 frame, stem, places.frame(index), gauge_names, (caption, reasons.get(frame.sequence, ""))
             )
         except PictureError as error:
-            click.echo(f"frame {frame.sequence} not drawn: {error}", err=True)
+            say(f"frame {frame.sequence} not drawn: {error}", err=True)
             continue
         written += write_all(directory, {name: _content(jpeg) for name, jpeg in pictures.items()})
     return written
@@ -121,10 +129,11 @@ def _pictures(
     picture = colour_picture(frame.jpeg)
     if not gauge_names:
         return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, caption))}
+    names = file_names(gauge_names)
     return {
-        f"{stem}_{gauge.name}.jpg": as_jpeg(drawn(picture, gauge_view(picture, gauge), [gauge], caption))
+        f"{stem}_{names[gauge.name]}.jpg": as_jpeg(drawn(picture, gauge_view(picture, gauge), [gauge], caption))
         for gauge in gauges
-        if gauge.name in gauge_names
+        if gauge.name in names
     }
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from flight_file.untrusted import say
+
 EPILOG = """\b
 Examples:
   decode setup flight.mcap
@@ -46,8 +48,8 @@ def command(
     # Half a second that only this command needs.
     import cv2  # noqa: PLC0415
 
-    from decoder.camera import camera_from_file  # noqa: PLC0415
-    from decoder.setup.server import setup_server  # noqa: PLC0415
+    from decoder.panel.camera import camera_from_file  # noqa: PLC0415
+    from decoder.setup.app import setup_server  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 
@@ -56,7 +58,7 @@ def command(
     target = target or panel_file or Path("panel.yaml")
     session = SetupSession(open_source(pictures), panel_file, target, camera=camera)
     server = setup_server(session)
-    click.echo(f"Draw the panel at {server.url}\nIt is saved to {session.target}; Ctrl-C ends the page.")
+    say(f"Draw the panel at {server.url}", f"It is saved to {session.target}; Ctrl-C ends the page.")
     if browser:
         webbrowser.open(server.url)
     server.run()

@@ -4,46 +4,100 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from decoder.alignment import Alignment
-from decoder.errors import PanelError, PictureError
-from decoder.gauge import Gauge
-from decoder.method import Method
-from decoder.panel_reader import PanelReader
-from decoder.pictures import FramePicture
-from decoder.plane_fit import carried
-from decoder.reading import Status
-from decoder.setup.drafts import panel_of_gauge
-from decoder.setup.heights import height_inches
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.motion import carried
+from decoder.imaging.pictures import FramePicture
+from decoder.imaging.unwrapping import PolarGrid, Unwrapper
+from decoder.instruments.method import Method
+from decoder.instruments.panel_reader import read_picture
+from decoder.instruments.reading import Status
+from decoder.learning.fit import reader_from_panel
+from decoder.panel.errors import PanelError, PictureError
+from decoder.panel.gauge import KINDS, Gauge
+from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined
+from decoder.setup.drafts import Stale, panel_of_gauge
+from decoder.setup.drawn_plane import height_inches
 from decoder.setup.pasting import pasted
-from decoder.setup.picture_store import PANEL_KEY
 from decoder.setup.proposals import Pictures, needle_at, proposed
 from decoder.setup.requests import (
     DraftQuestion,
+    MarkQuestion,
     NeedlesQuestion,
     PasteQuestion,
+    PlaneQuestion,
+    RimQuestion,
     TrialQuestion,
+    UnwrapQuestion,
 )
 from decoder.setup.session import SetupSession
+from decoder.setup.sources import PANEL_KEY
 from decoder.setup.trial import FrameTrial, Trial, tried
-from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view
-from decoder.unwrapping import PolarGrid
+from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view, unwrapped_view
 
 Answer = dict[str, Any]
-Stale = Callable[[], bool]
 
+# The unwrapped gauge is shown with a little of what lies outside it, where the marks often are.
+SHOWN_BEYOND = 1.12
+SHOWN_MARGIN_DEG = 12.0
 PLACES = 4
 # A needle that somebody points at may lie beyond the sweep as it is drawn so far.
 AROUND_DEG = 60.0
 
 
+def unwrap_answer(session: SetupSession, asked: UnwrapQuestion) -> Answer:
+    """Unwrap a dial, and say how its picture is to be read."""
+    planes = session.planes(asked.seen, asked.picture)
+    plane = planes.drawn(asked.centre, asked.rim).plane
+    inner, outer = asked.dial(plane).radius_px
+    shown = asked.model_copy(update={"radius": (inner, outer * SHOWN_BEYOND)}).dial(plane)
+    grid = shown.grid(SHOWN_MARGIN_DEG)
+    strip = Unwrapper([grid]).unwrap(session.store.grey(asked.picture), planes.optics.own)[0]
+    return {
+        "image": unwrapped_view(strip),
+        "start": grid.start_deg,
+        "end": grid.angle_deg(grid.rows - 1),
+        "inner": inner,
+        "outer": outer * SHOWN_BEYOND,
+    }
+
+
+def planes_answer(session: SetupSession, asked: PlaneQuestion) -> Answer:
+    """How dials are to be drawn on the picture: for each the matrix that carries its own points there."""
+    planes = session.planes(asked.seen, asked.picture)
+    return {"planes": [planes.drawn(dial.centre, dial.rim).matrix(dial.radius) for dial in asked.dials]}
+
+
+def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
+    """Find the rim that clicks mean."""
+    picture, planes = session.store.grey(asked.picture), session.planes(asked.seen, asked.picture)
+    if asked.ring is None:
+        return _rim(begun(picture, planes, asked.points))
+    ring = Ring(planes.drawn(asked.ring.centre, asked.ring.rim), asked.ring.radius)
+    return _rim(refined(picture, planes, ring, asked.points))
+
+
+def mark_answer(session: SetupSession, asked: MarkQuestion) -> Answer:
+    """Find the angle of a tick mark."""
+    drawn = session.planes(asked.seen, asked.picture).drawn(asked.centre, asked.rim)
+    return {"angle": round(mark_angle_deg(session.store.grey(asked.picture), drawn, asked.click), PLACES)}
+
+
+def _rim(rim: Rim) -> Answer:
+    return {
+        "centre": [round(at, 3) for at in rim.centre],
+        "radius": round(rim.radius_px, 3),
+        "rim": rim.points,
+        "matrix": rim.drawn.matrix(rim.radius_px),
+    }
+
+
 def session_answer(session: SetupSession) -> Answer:
-    """All that the page begins with."""
+    """Gather all that the page begins with."""
     height, width = session.store.grey(session.picture_key).shape
     return {
         "name": session.source.name,
@@ -56,18 +110,19 @@ def session_answer(session: SetupSession) -> Answer:
         "opened_from": session.opened_from,
         "target": str(session.target),
         "has_panel_picture": session.picture_key == PANEL_KEY,
+        "kinds": [asdict(kind.form) for kind in KINDS],
         "lens": session.camera is not None and session.camera.distortion is not None,
     }
 
 
 def picture_answer(session: SetupSession, key: str) -> Answer:
-    """The size of a picture."""
+    """Tell the size of a picture."""
     height, width = session.store.grey(key).shape
     return {"picture": key, "size": [width, height]}
 
 
 def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) -> Answer:
-    """Needles, found as what moves between frames."""
+    """Find needles as what moves between frames."""
     picture = session.store.grey(asked.picture)
     frames = session.aligned(asked.document, asked.picture, stale)
     planes = session.planes(asked.document, asked.picture)
@@ -88,13 +143,13 @@ def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) 
 
 
 def check_answer(session: SetupSession, asked: DraftQuestion) -> Answer:
-    """What is wrong with a draft."""
+    """List what is wrong with a draft."""
     found = session.problems(asked.document, asked.picture)
     return {"problems": [{"path": each.path, "problem": each.problem} for each in found]}
 
 
 def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> Answer:
-    """A gauge read in the sample's frames, with its dial in each of them."""
+    """Read a gauge in the sample's frames, and show its dial in each of them."""
     frames = session.frames()
     try:
         pictures = session.pictures(asked.document, asked.picture)
@@ -117,7 +172,7 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
 
 
 def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
-    """A draft carried to another picture."""
+    """Carry a draft to another picture."""
     picture, target = session.store.grey(asked.picture), session.frame(asked.to)
     height, width = target.pixels.shape
     if not asked.document.get("anchors"):
@@ -149,10 +204,12 @@ def _angles(session: SetupSession, asked: PasteQuestion, target: FramePicture) -
     """Where needles point in the picture to which a draft is carried, of those gauges that are whole."""
     pictures = session.pictures(asked.document, asked.picture)
     angles: dict[str, float] = {}
-    for index in range(len(asked.document.get("gauges") or [])):
+    gauges = asked.document.get("gauges")
+    for index in range(len(gauges) if isinstance(gauges, list) else 0):
         try:
             source = panel_of_gauge(asked.document, index, pictures, session.camera)
-            read = PanelReader.from_panel(source, Method.NORMXCORR).read(target.pixels, target.focal_length_mm)
+            reader = reader_from_panel(source, Method.NORMXCORR)
+            read = read_picture(reader, target.pixels, target.focal_length_mm)
         except (PanelError, PictureError):
             continue  # it keeps the angle it has
         angles |= {name: each.angle_deg for name, each in read.readings.items() if each.status is Status.READ}
@@ -171,7 +228,7 @@ def _frame(trial: FrameTrial, gauge: Gauge, grid: PolarGrid) -> Answer:
                 "line": None if needle.angle_deg is None else _line(gauge, grid, trial.alignment, needle.angle_deg),
                 "score": round(needle.score, 3) if math.isfinite(needle.score) else 0.0,
             }
-            for needle in trial.needles
+            for needle in trial.readings
         ],
     }
 

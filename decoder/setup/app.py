@@ -1,29 +1,38 @@
-"""The set-up page's application: which question is answered where, and how failures are told."""
+"""The set-up page's application and server: which question is answered where, on this machine, until Ctrl-C."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
+import secrets
+import socket
+import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
 from importlib.resources import files
 from typing import TypeVar
 
+import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from decoder.errors import DecoderError, DescriptionError, PictureError
-from decoder.setup import answers, drawing, requests
-from decoder.setup.guard import BodyTooLarge
+from decoder.panel.errors import DecoderError, DescriptionError, PictureError
+from decoder.setup import answers, requests
+from decoder.setup.drafts import Stale, Superseded
+from decoder.setup.guard import BodyTooLarge, Guard
 from decoder.setup.requests import NeedlesQuestion, NotUnderstood, Question, TrialQuestion, question
-from decoder.setup.session import NotValid, SavedElsewhere, SetupSession
-from decoder.setup.trial import Stale, Superseded
+from decoder.setup.session import NotValid, SavedElsewhere, SetupSession, WouldReplace
 from decoder.setup.views import Part, part_view, whole_view
 from flight_file.errors import FlightFileError
+from flight_file.untrusted import printable
 
 KINDS = {
     "html": "text/html; charset=utf-8",
@@ -34,7 +43,13 @@ KINDS = {
 PAGE = "index.html"
 MANY = 8
 TRIAL = "/api/trial"
+_log = logging.getLogger(__name__)
 Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion)
+
+ADDRESS = "127.0.0.1"
+GRACE_S = 1
+# An answer that somebody waits for is not to queue behind a trial of a gauge in another thread.
+SWITCH_S = 0.0005
 
 
 class Turns:
@@ -45,14 +60,14 @@ class Turns:
         self._lock = threading.Lock()
 
     def take(self, name: str) -> Stale:
-        """A question's turn; the answer tells whether a later one has come."""
+        """Take a turn; the answer tells whether a later one has come."""
         with self._lock:
             number = self._latest[name] = self._latest.get(name, 0) + 1
         return lambda: self._latest[name] != number
 
 
 def page_files() -> dict[str, bytes]:
-    """The page's own files by name: what is not in this table cannot be asked for."""
+    """Read the page's own files by name: what is not in this table cannot be asked for."""
     return {
         entry.name: entry.read_bytes()
         for entry in files("decoder.setup").joinpath("page").iterdir()
@@ -61,7 +76,7 @@ def page_files() -> dict[str, bytes]:
 
 
 def setup_app(session: SetupSession) -> Starlette:
-    """The application, to be put behind a `Guard`."""
+    """Make the application, to be put behind a `Guard`."""
     return Starlette(
         routes=[
             *_page_routes(),
@@ -74,9 +89,12 @@ def setup_app(session: SetupSession) -> Starlette:
             NotUnderstood: _told(HTTPStatus.BAD_REQUEST),
             SavedElsewhere: _declined("elsewhere"),
             NotValid: _declined("invalid"),
+            WouldReplace: _declined("replace"),
             DecoderError: _declined("cannot"),
             FlightFileError: _declined("cannot"),
             Superseded: _superseded,
+            HTTPException: _no_such,
+            Exception: _failed,
         },
     )
 
@@ -127,7 +145,9 @@ def _session_routes(session: SetupSession) -> list[Route]:
     async def save(request: Request) -> Response:
         asked = await question(request, requests.SaveQuestion)
         revision = session.accept_others() if asked.over else asked.revision
-        saved = await run_in_threadpool(session.save, asked.document, asked.picture, revision)
+        saved = await run_in_threadpool(
+            session.save, asked.document, asked.picture, revision, replaces=asked.replace is True
+        )
         return JSONResponse({"revision": saved, "target": str(session.target)})
 
     return [
@@ -152,7 +172,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
     async def unwrap(request: Request) -> Response:
         asked = await question(request, requests.UnwrapQuestion)
         turns.take(f"{TRIAL} {asked.tab}")  # somebody draws: what is tried meanwhile is tried again when they pause
-        return JSONResponse(await run_in_threadpool(drawing.unwrap_answer, session, asked))
+        return JSONResponse(await run_in_threadpool(answers.unwrap_answer, session, asked))
 
     def in_turn(
         path: str,
@@ -170,9 +190,9 @@ def _question_routes(session: SetupSession) -> list[Route]:
 
     return [
         Route("/api/unwrap", unwrap, methods=["POST"]),
-        plain("/api/rim", requests.RimQuestion, drawing.rim_answer),
-        plain("/api/mark", requests.MarkQuestion, drawing.mark_answer),
-        plain("/api/planes", requests.PlaneQuestion, drawing.planes_answer),
+        plain("/api/rim", requests.RimQuestion, answers.rim_answer),
+        plain("/api/mark", requests.MarkQuestion, answers.mark_answer),
+        plain("/api/planes", requests.PlaneQuestion, answers.planes_answer),
         plain("/api/check", requests.DraftQuestion, answers.check_answer),
         plain("/api/paste", requests.PasteQuestion, answers.paste_answer),
         in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer, many),
@@ -197,7 +217,7 @@ def _told(status: int) -> Callable[[Request, Exception], Response]:
 
 
 def _declined(why: str) -> Callable[[Request, Exception], Response]:
-    """An answer like any other: the question was understood, and this is why what it asks for cannot be."""
+    """Answer a question that was understood, and say why what it asks for cannot be."""
 
     def handler(_request: Request, error: Exception) -> Response:
         problems = [{"path": path, "problem": problem} for path, problem in _problems(error)]
@@ -214,3 +234,50 @@ def _problems(error: Exception) -> list[tuple[str, str]]:
 
 def _superseded(_request: Request, _error: Exception) -> Response:
     return Response(status_code=HTTPStatus.NO_CONTENT)
+
+
+def _no_such(_request: Request, error: Exception) -> Response:
+    status = error.status_code if isinstance(error, HTTPException) else HTTPStatus.NOT_FOUND
+    return JSONResponse({"error": f"the page asks nothing like that ({HTTPStatus(status).phrase.lower()})"}, status)
+
+
+def _failed(request: Request, error: Exception) -> Response:
+    """Answer a fault of the program in a sentence; the terminal has what is needed to put it right."""
+    _log.error("%s failed", printable(request.url.path), exc_info=error)
+    sentence = "the program failed at this; what it was doing is in the terminal where it was started"
+    return JSONResponse({"error": sentence}, HTTPStatus.INTERNAL_SERVER_ERROR)
+
+
+@dataclass(frozen=True, slots=True)
+class SetupServer:
+    """A server that listens already; `url` is where its page is."""
+
+    server: uvicorn.Server
+    listening: socket.socket
+    url: str
+
+    def run(self) -> None:
+        """Serve until it is told to end."""
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
+        try:
+            with suppress(KeyboardInterrupt):  # how a page ends
+                self.server.run(sockets=[self.listening])
+        finally:
+            sys.setswitchinterval(before)
+            self.listening.close()
+
+
+def setup_server(session: SetupSession) -> SetupServer:
+    """Make the server of a session's page."""
+    listening = socket.socket()
+    listening.bind((ADDRESS, 0))
+    listening.listen()  # who is told the address may ask at once
+    port = listening.getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    app = Guard(setup_app(session), token, (f"{ADDRESS}:{port}", f"localhost:{port}"))
+    config = uvicorn.Config(
+        app, log_level="critical", access_log=False, lifespan="off", ws="none", server_header=False,
+        timeout_graceful_shutdown=GRACE_S,
+    )  # fmt: skip
+    return SetupServer(uvicorn.Server(config), listening, f"http://{ADDRESS}:{port}/{token}/")

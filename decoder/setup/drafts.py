@@ -1,28 +1,94 @@
-"""Drafts: what the page has drawn so far, in the words of `panel.yaml`, and what is still wrong with it."""
+"""Drafts: what the page has drawn so far, in the words of `panel.yaml`, what is wrong with it, and where it was found.
+
+While gauges are drawn the anchors stay, so the same frames are not aligned again and again: on an oblique panel with
+ten anchors aligning twenty frames takes nine tenths of a trial.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+import threading
+import weakref
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from decoder.aligner import Aligner
-from decoder.camera import Camera
-from decoder.description import problems_in
-from decoder.errors import DecoderError, PanelError
-from decoder.optics import Optics
-from decoder.panel import Panel, parse_content
-from decoder.panel_pictures import PanelPictures
-from decoder.panel_tuning import tuning_from_panel
-from decoder.pictures import GreyPicture
-from decoder.setup.placing import field_of
-from decoder.unwrapped_panel import UnwrappedPanel
+from decoder.imaging.alignment import IDENTITY, Alignment
+from decoder.imaging.optics import Optics
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.pictures import GreyPicture
+from decoder.learning.panel_appearance import appearance_from_panel
+from decoder.panel.camera import Camera
+from decoder.panel.description import problems_in
+from decoder.panel.errors import DecoderError, PanelError, PictureError
+from decoder.panel.gauge import Gauge, stand_in_gauge
+from decoder.panel.panel import Panel, parse_content
+from decoder.registration.aligner import Aligner
+from decoder.registration.frame_placer import UnwrappedPanel
+
+_GAUGE = re.compile(r"gauges\[(\d+)\]")
+_PART = re.compile(r"\w+ (\w+): (.*)")
+_FIELD = re.compile(f"`({'|'.join(Gauge.model_fields)})`")
+_COLUMN = re.compile(r"would be called (\w+);")
+_SUFFIX = re.compile(r"_(status|score|sigma)$")
 
 Document = Mapping[str, Any]
+Stale = Callable[[], bool]
+"""Tells whether nobody waits for an answer any more."""
 
 DEFAULT_NAME = "panel"
 DEFAULT_PICTURE = "panel.jpg"
+
+
+def field_of(path: str, problem: str, document: Mapping[str, Any]) -> str:
+    """Find the field that a problem is about: the one named in it, as far as there is such a field."""
+    gauge = _GAUGE.fullmatch(path)
+    if gauge is not None:
+        return _in_gauge(path, problem, _gauges(document)[int(gauge[1])])
+    column = _COLUMN.search(problem)
+    if not path and column is not None:
+        return _column(column[1], document)
+    return path
+
+
+def _in_gauge(path: str, problem: str, gauge: Mapping[str, Any]) -> str:
+    about = _PART.match(problem)
+    name, words = about.groups() if about is not None else ("", "")
+    for place, part in _named(gauge):
+        fields = [word for word in re.findall(r"\w+", words) if word in part]
+        if part["name"] == name and fields:
+            return f"{path}.{place}.{fields[0]}"
+    field = _FIELD.search(problem)
+    return f"{path}.{field[1]}" if field is not None else path
+
+
+def _column(column: str, document: Mapping[str, Any]) -> str:
+    """Find the last part of a gauge whose name makes this column."""
+    found = ""
+    for number, gauge in enumerate(_gauges(document)):
+        for place, part in _named(gauge):
+            if part["name"] in (column, _SUFFIX.sub("", column)):
+                found = f"gauges[{number}].{place}.name"
+    return found
+
+
+def _named(gauge: object) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """List all parts of a gauge that have a name, by their paths; a draft may have anything in a gauge's place."""
+    if not isinstance(gauge, Mapping):
+        return
+    for key, value in gauge.items():
+        parts = [(f"{key}[{place}]", each) for place, each in enumerate(value)] if isinstance(value, list) else []
+        for path, part in [(key, value), *parts]:
+            if isinstance(part, Mapping) and "name" in part:
+                yield path, part
+
+
+def _gauges(document: Mapping[str, Any]) -> list[Any]:
+    return list(document.get("gauges") or [])
+
+
+class Superseded(Exception):
+    """A later change made a question about a draft pointless."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +114,12 @@ def problems_of(document: Document, pictures: Mapping[str, GreyPicture], camera:
 
 
 def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera | None) -> list[Problem]:
-    """What does not fit the pictures, part by part, so that one fault does not hide another."""
+    """Check against the pictures part by part, so that one fault does not hide another."""
     missing = [
-        Problem(f"gauges[{number}].needles[{place}].template.picture", f"{needle.template.picture} is not there")
+        Problem(f"gauges[{number}].{path}", f"{name} is not there")
         for number, gauge in enumerate(panel.gauges)
-        for place, needle in enumerate(gauge.needles)
-        if needle.template.picture is not None and needle.template.picture not in pictures
+        for path, name in gauge.pictures.items()
+        if name not in pictures
     ]
     if missing:
         return missing
@@ -65,7 +131,7 @@ def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera |
     for index, gauge in enumerate(panel.gauges):
         one = panel.model_copy(update={"gauges": (gauge,)})
         try:
-            tuning_from_panel(UnwrappedPanel(PanelPictures(one, pictures, "", camera)))
+            appearance_from_panel(UnwrappedPanel(PanelPictures(one, pictures, "", camera)))
         except PanelError as error:
             found.append(Problem(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem))
     return found
@@ -95,26 +161,73 @@ def panel_of_gauge(
     return source
 
 
-def stand_in_gauge(centre: tuple[float, float]) -> dict[str, Any]:
-    """A gauge that does no more than make a panel of anchors and level: what finds the panel needs no dials."""
-    needle = {"name": "stand_in", "template": {"at": 0.0, "span": 4.0}}
-    return {
-        "name": "stand-in",
-        "centre": list(centre),
-        "radius": [2.0, 6.0],
-        "sweep": [0.0, 90.0],
-        "scale": [[0.0, 0.0], [90.0, 1.0]],
-        "needles": [needle],
-    }
-
-
-def aligner_of(document: Document, picture: GreyPicture, optics: Optics) -> Aligner | None:
-    """What finds a draft's panel in frames; None where anchors and level do not suffice yet."""
+def aligner_of(document: Document, picture: GreyPicture, optics: Optics, memory: AlignmentMemory) -> Aligner | None:
+    """Make the aligner of a draft; None where anchors and level do not suffice yet."""
     height, width = picture.shape
     parts = {key: document[key] for key in ("level", "anchors", "reference_points") if document.get(key)}
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **parts}
     try:
         panel = parse_content(content | {"gauges": [stand_in_gauge((width / 2, height / 2))]})
-        return Aligner(panel, picture, optics=optics)
+        return RememberingAligner(panel, picture, IDENTITY, optics, memory)
     except DecoderError:
         return None
+
+
+Found = Alignment | PictureError
+Name = tuple[str, int, float | None, tuple[float, ...]]
+
+
+class AlignmentMemory:
+    """What aligners of the same anchors on the same picture found in frames; safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._found: dict[Name, tuple[weakref.ref[GreyPicture], Found]] = {}
+        self._lock = threading.Lock()
+
+    def recall(self, name: Name, frame: GreyPicture, find: Callable[[], Alignment]) -> Alignment:
+        """Recall what was found in a frame before, or find it now; a failure is remembered as well."""
+        with self._lock:
+            seen, found = self._found.get(name, (None, None))
+        if seen is None or found is None or seen() is not frame:  # another picture may have got its place in memory
+            try:
+                found = find()
+            except PictureError as error:
+                found = error
+            with self._lock:
+                self._found[name] = (weakref.ref(frame), found)
+        if isinstance(found, PictureError):
+            raise found.with_traceback(None)  # else it would keep the frames of each asking
+        return found
+
+
+class RememberingAligner(Aligner):
+    """An aligner that looks at no frame twice."""
+
+    def __init__(
+        self, panel: Panel, picture: GreyPicture, usual: Alignment, optics: Optics, memory: AlignmentMemory
+    ) -> None:
+        super().__init__(panel, picture, usual, optics)
+        self._memory = memory
+
+    def align(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """As any aligner."""
+        name = ("align", id(frame), focal_length_mm, self.usual.elements)
+        return self._memory.recall(name, frame, lambda: super(RememberingAligner, self).align(frame, focal_length_mm))
+
+    def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """As any aligner."""
+        name = ("roughly", id(frame), focal_length_mm, self.usual.elements)
+        return self._memory.recall(
+            name, frame, lambda: super(RememberingAligner, self).align_roughly(frame, focal_length_mm)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RememberedPanel(PanelPictures):
+    """A panel whose readers share what their aligners have found."""
+
+    memory: AlignmentMemory = field(default_factory=AlignmentMemory)
+
+    def aligner(self, usual: Alignment = IDENTITY) -> Aligner:
+        """Make an aligner that shares the memory."""
+        return RememberingAligner(self.panel, self.picture, usual, self.optics, self.memory)

@@ -1,4 +1,4 @@
-"""The face of a dial as the panel picture shows it: where its angles and radii lie there, lens and all.
+"""The face of a dial as the panel picture shows it: where its angles and radii lie there, and its needles' height.
 
 A draft is rarely whole, so whatever of it already tells a plane is used, and the rest counts as seen square on.
 """
@@ -13,18 +13,20 @@ from typing import Any, Self
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from decoder.alignment import Matrix
-from decoder.arrays import Floats
-from decoder.camera import Camera
-from decoder.description import Point, Positive
-from decoder.dial_plane import DialPlane, dial_plane, inches_to_picture
-from decoder.errors import DecoderError
-from decoder.gauge import Gauge
-from decoder.lens import Lens
-from decoder.optics import Optics
-from decoder.panel import Panel, ReferencePoint
-from decoder.parallax import Raised
-from decoder.plane_fit import carried, homography
+from decoder.imaging.alignment import Matrix
+from decoder.imaging.dial_plane import dial_plane, inches_to_picture
+from decoder.imaging.motion import carried, homography
+from decoder.imaging.optics import Optics
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.planes import DialPlane, Raised
+from decoder.panel.arrays import Floats
+from decoder.panel.camera import Camera
+from decoder.panel.description import Point, Positive
+from decoder.panel.errors import DecoderError
+from decoder.panel.gauge import Gauge
+from decoder.panel.lens import Lens
+from decoder.panel.panel import Panel, ReferencePoint
+from decoder.setup.thresholds import MOST_LEFT
 
 XY = tuple[float, float]
 
@@ -36,6 +38,9 @@ _REFERENCES = TypeAdapter(tuple[ReferencePoint, ...])
 _LEVEL = TypeAdapter(tuple[Point, Point])
 _LENGTH = TypeAdapter(Positive)
 _RIM = TypeAdapter(tuple[Point, ...])
+
+# A needle this high shows how a picture displaces needles.
+TRIED_INCHES = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,18 +71,18 @@ class DrawnPlane:
         return carried(np.asarray(np.linalg.inv(self.plane.matrix), np.float64), straight)
 
     def place(self, angle_deg: float, radius_px: float) -> XY:
-        """A place of the dial in the picture."""
+        """Locate a place of the dial in the picture."""
         angle = math.radians(angle_deg)
         x, y = self.to_picture(radius_px * np.array([[math.cos(angle)], [math.sin(angle)]]))[:, 0]
         return float(x), float(y)
 
     def polar(self, at: XY) -> tuple[float, float]:
-        """The angle, in (-180, 180] degrees, and the radius of a place in the picture."""
+        """Measure the angle, in (-180, 180] degrees, and the radius of a place in the picture."""
         x, y = self.to_dial(np.array(at, np.float64)[:, None])[:, 0]
         return math.degrees(math.atan2(y, x)), math.hypot(x, y)
 
     def around(self, at: XY) -> DrawnPlane:
-        """The same plane with its pivot at a place in the picture."""
+        """Move the pivot to a place in the picture."""
         x, y = self.to_dial(np.array(at, np.float64)[:, None])[:, 0]
         return DrawnPlane(self.plane.around((float(x), float(y))), self.lens)
 
@@ -117,7 +122,7 @@ class Planes:
 
     @classmethod
     def of(cls, document: Mapping[str, Any], size_px: tuple[int, int], camera: Camera | None) -> Self:
-        """What a draft tells, on a picture of that size."""
+        """Gather what a draft tells, on a picture of that size."""
         focal_length_mm = _valid(_LENGTH, document.get("focal_length_mm"))
         panel = Panel.model_construct(
             reference_points=_valid(_REFERENCES, document.get("reference_points")) or (),
@@ -134,7 +139,7 @@ class Planes:
             return cls(optics, None)
 
     def drawn(self, centre: XY, rim: object = None) -> DrawnPlane:
-        """The plane of a dial; one that cannot be is as if nothing were known of it."""
+        """Find the plane of a dial; one that cannot be is as if nothing were known of it."""
         lens = self.optics.lens
         lens = lens if lens is not None and lens.distorts else None
         gauge = Gauge.model_construct(centre=centre, rim=_valid(_RIM, rim))
@@ -147,7 +152,7 @@ class Planes:
         return DrawnPlane(plane, lens)
 
     def raised(self, height_inches: object) -> Raised | None:
-        """The plane in which needles so high above their face turn; None where the draft does not tell where it is."""
+        """Raise the panel's plane to needles so high above their face; None where the draft does not tell it."""
         height = _valid(_LENGTH, height_inches)
         if height is None or self.inches is None or self.optics.lens is None:
             return None
@@ -165,10 +170,34 @@ def mean_radius_px(drawn: DrawnPlane, places: Floats) -> float:
 
 
 def _valid(adapter: TypeAdapter[Any], value: object) -> Any:  # noqa: ANN401 - of the adapter's own kind
-    """A part of a draft; None where it is not whole."""
+    """Check a part of a draft; None where it is not whole."""
     if value is None or (isinstance(value, Sequence) and not value):
         return None
     try:
         return adapter.validate_python(value)
     except ValidationError:
         return None
+
+
+def height_inches(source: PanelPictures, moved_px: XY | None) -> float | None:
+    """Find the height that explains where the only gauge's needles turn; None where none does, or it is said.
+
+    Parameters
+    ----------
+    source : a panel of one gauge
+    moved_px : from the gauge's centre to where its needles turn, in the panel picture
+    """
+    (gauge,) = source.panel.gauges
+    optics = source.optics
+    inches = inches_to_picture(source.panel, optics)
+    if moved_px is None or gauge.needle_height_inches or inches is None or optics.lens is None:
+        return None
+    foot = np.array(gauge.centre, np.float64)[:, None]
+    raised = Raised(TRIED_INCHES, tuple((inches / inches[2, 2]).ravel().tolist())).seen_in(optics.own)
+    straight = np.asarray(optics.straight(foot), np.float64)
+    right, down = (float(each) / TRIED_INCHES for each in (carried(raised, straight) - straight)[:, 0])
+    height = (moved_px[0] * right + moved_px[1] * down) / max(right**2 + down**2, 1e-9)
+    left_px = math.hypot(moved_px[0] - height * right, moved_px[1] - height * down)
+    if height <= 0 or left_px > MOST_LEFT * math.hypot(*moved_px):
+        return None
+    return round(height, 3)

@@ -15,9 +15,9 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from decoder.errors import DecoderError
+from decoder.panel.errors import DecoderError
+from decoder.setup.thresholds import MAX_BODY_BYTES
 
-MAX_BODY_BYTES = 2 * 2**20
 OWN_SITES = (None, "same-origin", "none")
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -69,7 +69,7 @@ class Guard:
             await JSONResponse({"error": reason}, status)(scope, receive, guarded_send)
             return
         prefix = f"/{self._token}"
-        inside = {**scope, "path": scope["path"][len(prefix) :] or "/", "root_path": "", "raw_path": b""}
+        inside = {**scope, "path": scope["path"].removeprefix(prefix) or "/", "root_path": "", "raw_path": b""}
         await self._app(inside, _counted(receive), guarded_send)
 
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
@@ -81,11 +81,11 @@ class Guard:
             return HTTPStatus.FORBIDDEN, "the request comes from another page"
         if headers.get("sec-fetch-site") not in OWN_SITES:
             return HTTPStatus.FORBIDDEN, "the request comes from another site"
-        first = scope["path"].split("/")[1]
-        if not secrets.compare_digest(first.encode(), self._token.encode()):
+        first = scope["path"].removeprefix("/").partition("/")[0]  # `OPTIONS *` asks for no path at all
+        if not secrets.compare_digest(first.encode(errors="replace"), self._token.encode()):
             return HTTPStatus.FORBIDDEN, "the token is missing or wrong; open the address that `decode setup` printed"
         length = headers.get("content-length", "0")
-        if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
+        if not length.isdecimal() or len(length) > len(str(MAX_BODY_BYTES)) or int(length) > MAX_BODY_BYTES:
             return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, str(BodyTooLarge())
         return None
 

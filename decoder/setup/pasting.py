@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from decoder.aligner import Aligner
-from decoder.alignment import Alignment
-from decoder.camera import Camera
-from decoder.errors import PanelError
-from decoder.pictures import FramePicture
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.pictures import FramePicture
+from decoder.panel.camera import Camera
+from decoder.panel.errors import PanelError
+from decoder.panel.gauge import KINDS
+from decoder.panel.scale import turned
+from decoder.registration.aligner import Aligner
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px
 
 
@@ -38,7 +40,7 @@ def pasted(
     angles_deg: Mapping[str, float],
     camera: Camera | None = None,
 ) -> Pasted:
-    """A draft carried to another picture.
+    """Carry a draft to another picture.
 
     Parameters
     ----------
@@ -47,8 +49,7 @@ def pasted(
     target
         The other picture, of the same size.
     angles_deg
-        Where needles point there, by name, in the draft's own angles; others keep the angles of their templates. For a
-        card, what of its scale stands under the index.
+        What is read there, by name, in the draft's own angles; what is not read keeps the angle it has.
     camera
         That took both pictures, if known.
 
@@ -65,7 +66,7 @@ def pasted(
     try:
         before = Planes.of(document, (width, height), camera)
         _carry(carried, before, _Places(alignment, before), angles_deg)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise PanelError("", "is not whole yet; complete what is marked before it is carried over") from error
     motion = alignment.motion_at((width / 2, height / 2))
     return Pasted(carried, motion.shift_px, motion.roll_deg, alignment.score)
@@ -108,7 +109,7 @@ class _Places:
 def _carry_dial(
     gauge: dict[str, Any], here: DrawnPlane, there: DrawnPlane, places: _Places, angles_deg: Mapping[str, float]
 ) -> None:
-    """What a gauge says of its dial, in the dial's own plane; 0 degrees turns unless reference points tell it."""
+    """Carry what a gauge says of its dial, in the dial's plane; 0 degrees turns unless reference points tell it."""
     outer = gauge["radius"][1]
     middle_deg = sum(gauge["sweep"]) / 2
     ring = np.array([places.place(at) for at in here.ring(outer).T.tolist()]).T
@@ -118,19 +119,5 @@ def _carry_dial(
     for key in ("sweep", "stops"):
         if gauge.get(key):
             gauge[key] = [round(angle + turn, 4) for angle in gauge[key]]
-    card, card_turn = gauge.get("card"), 0.0
-    if card:
-        card_turn = card["index"] - angles_deg.get(card["name"], card["index"])
-        card["index"] = round(card["index"] + turn, 4)
-    gauge["scale"] = _turned(gauge["scale"], turn + card_turn)
-    for needle in gauge.get("needles") or []:
-        template = needle["template"]
-        if template.get("at") is not None:
-            at = angles_deg.get(needle["name"], template["at"])
-            template["at"] = round(at + turn, 4)
-        if needle.get("scale"):
-            needle["scale"] = _turned(needle["scale"], turn)
-
-
-def _turned(scale: list[list[float]], turn: float) -> list[list[float]]:
-    return [[round(angle + turn, 4), value] for angle, value in scale]
+    besides = sum(kind.carry(gauge, turn, angles_deg) for kind in KINDS if gauge.get(kind.form.key))
+    gauge["scale"] = turned(gauge["scale"], turn + besides)

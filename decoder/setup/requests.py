@@ -5,19 +5,21 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 from starlette.requests import Request
 
-from decoder.description import Number, Point, Positive, Strict
-from decoder.dial_plane import DialPlane
-from decoder.errors import DecoderError
+from decoder.imaging.planes import DialPlane
+from decoder.panel.arrays import Degrees, Number, at_most
+from decoder.panel.description import LONGEST_KEY, Point, Positive, Strict
+from decoder.panel.errors import DecoderError
 from decoder.setup.proposals import Dial
+from flight_file.thresholds import MAX_YAML_DEPTH
+from flight_file.untrusted import printable
 
 PictureKey = Annotated[str, Field(pattern=r"^(panel|frame-\d{1,9})$")]
 Tab = Annotated[str, Field(max_length=64)]
 Document = dict[str, Any]
-MAX_RADIUS_PX = 4000.0
-CIRCLE_CLICKS = 3
+RadiusPx = Annotated[Positive, at_most(4000.0)]
 
 
 class NotUnderstood(DecoderError):
@@ -45,11 +47,11 @@ class DialQuestion(SeenQuestion):
 
     centre: Point
     rim: Any = None
-    radius: tuple[Positive, Annotated[float, Field(gt=0, le=MAX_RADIUS_PX)]]
-    sweep: tuple[Number, Number]
+    radius: tuple[Positive, RadiusPx]
+    sweep: tuple[Degrees, Degrees]
 
     def dial(self, plane: DialPlane) -> Dial:
-        """The dial itself; a sweep beyond a turn is cut, so that a drag gone too far is still answered."""
+        """Make the dial; a sweep beyond a turn is cut, so that a drag gone too far is still answered."""
         inner, outer = self.radius
         first, last = self.sweep
         return Dial(self.centre, (min(inner, outer - 2.0) if outer > 3.0 else 0.5, max(outer, 3.0)),  # noqa: PLR2004
@@ -66,7 +68,7 @@ class DrawnRing(Strict):
     """The rim that a gauge has already."""
 
     centre: Point
-    radius: Annotated[float, Field(gt=1, le=MAX_RADIUS_PX)]
+    radius: Annotated[RadiusPx, Field(gt=1)]
     rim: Any = None
 
 
@@ -78,7 +80,7 @@ class RimQuestion(SeenQuestion):
 
     @model_validator(mode="after")
     def _three_begin_one(self) -> Self:
-        if self.ring is None and len(self.points) != CIRCLE_CLICKS:
+        if self.ring is None and len(self.points) != 3:  # noqa: PLR2004 - as many tell a circle
             raise ValueError("a new rim takes three points")
         return self
 
@@ -104,7 +106,7 @@ class NeedlesQuestion(DialQuestion):
     """
 
     document: Document
-    near: Number | None = None
+    near: Degrees | None = None
     needle_height_inches: Any = None
     pivot: Point | None = None
     tab: Tab
@@ -131,17 +133,22 @@ class PasteQuestion(DraftQuestion):
 
 
 class SaveQuestion(DraftQuestion):
-    """A draft to be saved, and the revision that it is based on; `over` saves over what others saved."""
+    """A draft to be saved, and the revision that it is based on.
+
+    `over` saves over what others saved of this panel, `replace` over files that never belonged to it.
+    """
 
     revision: int
     over: Literal[True] | None = None
+    replace: Literal[True] | None = None
 
 
+_DRAWABLE: TypeAdapter[float] = TypeAdapter(Number)
 Question = TypeVar("Question", bound=Strict)
 
 
 async def question(request: Request, model: type[Question]) -> Question:
-    """The body of a request.
+    """Parse the body of a request.
 
     Raises
     ------
@@ -150,10 +157,34 @@ async def question(request: Request, model: type[Question]) -> Question:
     """
     body = await request.body()
     try:
-        return model.model_validate(json.loads(body))
+        content = json.loads(body, parse_constant=_number, parse_int=_whole, parse_float=_number)
+        return model.model_validate(_plain(content))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = printable(".".join(str(part)[:LONGEST_KEY] for part in first["loc"]))
+        raise NotUnderstood(f"the request was not understood: {where}: {printable(first['msg'].lower())}") from error
     except (ValueError, RecursionError) as error:
-        if isinstance(error, ValidationError):
-            first = error.errors(include_url=False)[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise NotUnderstood(f"the request was not understood: {where}: {first['msg'].lower()}") from error
-        raise NotUnderstood("the request was not understood: it is not JSON") from error
+        raise NotUnderstood("the request was not understood: it is not JSON, or not such as the page sends") from error
+
+
+def _number(text: str) -> float:
+    return _DRAWABLE.validate_python(float(text))
+
+
+def _whole(text: str) -> int:
+    return int(_number(text))
+
+
+def _plain(content: object) -> object:
+    """Check that a content's texts can be written and its depth is bearable."""
+    waiting = [(content, 0)]
+    while waiting:
+        node, depth = waiting.pop()
+        if isinstance(node, str):
+            node.encode()  # half a surrogate is no text
+        elif isinstance(node, dict | list):
+            if depth == MAX_YAML_DEPTH:
+                raise ValueError("nested too deep")
+            parts = [*node, *node.values()] if isinstance(node, dict) else node
+            waiting += [(each, depth + 1) for each in parts]
+    return content

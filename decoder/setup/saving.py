@@ -1,4 +1,4 @@
-"""Saving a panel: `panel.yaml` and its pictures, whole or not at all, and never over what somebody else has saved."""
+"""Saving a panel: `panel.yaml` as a person would write it and its pictures, whole or not at all."""
 
 from __future__ import annotations
 
@@ -6,26 +6,90 @@ import os
 import tempfile
 from collections.abc import Mapping
 from hashlib import sha256
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+from typing import Any
 
-from decoder.errors import OutputError, PanelError
+import yaml
+
+from decoder.panel.errors import OutputError, PanelError
+from decoder.panel.gauge import KINDS
+from flight_file.untrusted import file_name, name_key, read_beside
+
+PLACES = 4
+HEAD = (
+    "# Drawn with `decode setup`; docs/panel.md says what each key means.\n"
+    "# Pixels are (x, y) in the panel picture, angles degrees clockwise from the right.\n"
+)
+BLOCKS = ("reference_points", "anchors", "gauges")
+ORDER = ("name", "picture", "focal_length_mm", "reference_points", "level", "anchors", "gauges")
+DIAL_ORDER = ("name", "centre", "radius", "sweep", "stops", "unit", "scale", "wraps", "tail", "combined")
+GAUGE_ORDER = (*DIAL_ORDER, *(kind.form.key for kind in KINDS))
+
+OTHERS = ("panel.yaml", "camera.yaml", "recorder.yaml")
 
 
-def plain_name(name: str, path: str) -> str:
-    """The name of a picture that lies beside its `panel.yaml`.
+def panel_text(document: Mapping[str, Any]) -> str:
+    """Write a `panel.yaml`."""
+    lines = [HEAD.rstrip("\n")]
+    for key in _ordered(document, ORDER):
+        value = document[key]
+        if key in BLOCKS and isinstance(value, list) and value:
+            lines.append(f"{key}:")
+            for item in value:
+                lines += _gauge(item) if key == "gauges" else [f"  - {_flow(item)}"]
+        else:
+            lines.append(f"{_flow(key)}: {_flow(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _gauge(gauge: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for key in _ordered(gauge, GAUGE_ORDER):
+        value = gauge[key]
+        if isinstance(value, list) and any(isinstance(each, Mapping) for each in value):
+            lines += [f"    {_flow(key)}:", *(f"      - {_flow(each)}" for each in value)]
+        else:
+            lines.append(f"    {_flow(key)}: {_flow(value)}")
+    return ["  - " + lines[0].lstrip(), *lines[1:]]
+
+
+def _ordered(content: Mapping[str, Any], order: tuple[str, ...]) -> list[str]:
+    return [key for key in order if key in content] + [key for key in content if key not in order]
+
+
+def _flow(value: object) -> str:
+    """Write a value on one line."""
+    text: str = yaml.safe_dump(_plain(value), default_flow_style=True, width=10**9, allow_unicode=True, sort_keys=False)
+    return text.strip().removesuffix("...").strip()
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, float):
+        return int(value) if value == int(value) else round(value, PLACES)
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value
+
+
+def plain_name(name: str, path: str, *, target: str = OTHERS[0]) -> str:
+    """Check the name of a picture that lies beside its `panel.yaml`, which is called `target`.
 
     Raises
     ------
     PanelError
-        If it would lead anywhere else.
+        If it would lead anywhere else, or be the name of another file that lies there.
     """
-    if not name or PurePosixPath(name).name != name or name.startswith(".") or "\\" in name or "\0" in name:
+    if not name or file_name(name) != name:
         raise PanelError(path, "must be the plain name of a file beside panel.yaml, such as panel.jpg")
+    if name_key(name) in {*OTHERS, name_key(target)}:
+        raise PanelError(path, f"cannot be {name}: that file holds no picture; call it panel.jpg, say")
     return name
 
 
 def save_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Puts files into a folder, in their order; the last one, `panel.yaml`, when all it names are there.
+    """Put files into a folder, in their order; the last one, `panel.yaml`, when all it names are there.
 
     Raises
     ------
@@ -54,8 +118,10 @@ def save_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def digest(path: Path) -> str | None:
-    """SHA-256 of a file; None if there is none."""
-    try:
-        return sha256(path.read_bytes()).hexdigest()
-    except FileNotFoundError:
+    """SHA-256 of a file; None if there is nothing, "" if it is no file that a panel's could be."""
+    if not path.exists() and not path.is_symlink():
         return None
+    try:
+        return sha256(read_beside(path.parent, path.name)).hexdigest()
+    except OSError:
+        return ""

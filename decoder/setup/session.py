@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
-from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from decoder.aligner import Aligner
-from decoder.alignment import Alignment
-from decoder.attachments import CAMERA_FILE, PANEL_FILE
-from decoder.camera import Camera, parse_camera
-from decoder.errors import DecoderError, PanelError, PictureError
-from decoder.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
-from decoder.pictures import FramePicture, GreyPicture, grey_picture
-from decoder.setup.drafts import Document, Problem, aligner_of, problems_of
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
+from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.panel.attachments import CAMERA_FILE, PANEL_FILE
+from decoder.panel.camera import Camera, parse_camera
+from decoder.panel.description import LONGEST_TEXT
+from decoder.panel.errors import DecoderError, PanelError, PictureError
+from decoder.registration.aligner import Aligner
+from decoder.setup.drafts import (
+    DEFAULT_PICTURE,
+    AlignmentMemory,
+    Document,
+    Problem,
+    RememberedPanel,
+    Stale,
+    Superseded,
+    aligner_of,
+    problems_of,
+)
 from decoder.setup.drawn_plane import Planes
-from decoder.setup.picture_store import PANEL_KEY, PictureStore
-from decoder.setup.remembering import AlignmentMemory, RememberedPanel
-from decoder.setup.saving import digest, plain_name, save_files
-from decoder.setup.sources import FlightSource, PictureSource
-from decoder.setup.trial import Superseded
-from decoder.setup.yaml_text import panel_text
+from decoder.setup.saving import digest, panel_text, plain_name, save_files
+from decoder.setup.sources import PANEL_KEY, FlightSource, PictureSource, PictureStore
+from flight_file.documents import parse_yaml
+from flight_file.untrusted import name_key, printable, read_named_in, read_yaml_file
 
 KEPT_ALIGNMENTS = 8
 Aligned = list[tuple[GreyPicture, Alignment]]
@@ -33,6 +42,16 @@ Aligned = list[tuple[GreyPicture, Alignment]]
 
 class SavedElsewhere(DecoderError):
     """Another tab or program saved the panel since this one opened it."""
+
+
+class WouldReplace(DecoderError):
+    """Files lie where the panel is saved that neither were opened as this panel nor saved by this page."""
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        super().__init__(
+            f"{' and '.join(names)} in {folder} would be replaced, and {'are' if len(names) > 1 else 'is'} not of the"
+            " panel that was opened; save over what is there, or start decode setup again with --save-as"
+        )
 
 
 class NotValid(DecoderError):
@@ -61,7 +80,10 @@ class SetupSession:
     def __init__(
         self, source: PictureSource, panel_file: Path | None, target: Path, *, camera: Camera | None = None
     ) -> None:
-        self.source, self.target = source, target
+        self.source = source
+        # A link that a panel was opened through stays one: what it leads to is what was opened.
+        is_opened = panel_file is not None and panel_file.exists() and target.exists() and panel_file.samefile(target)
+        self.target = Path(os.path.realpath(target)) if is_opened and target.is_symlink() else target
         self.revision = 0
         self.opened_from, document, self._pictures = _opened(source, panel_file)
         panel_picture = self._pictures.get(str(document.get("picture"))) if document else None
@@ -69,32 +91,36 @@ class SetupSession:
         self.picture_key = PANEL_KEY if panel_picture is not None else f"frame-{source.sample[0]}"
         self.document: dict[str, Any] = document or _empty(source)
         self.camera = camera or _camera(source)
-        self._digest = digest(target)
-        self._aligned: OrderedDict[str, Aligned] = OrderedDict()
-        self._memories: OrderedDict[str, AlignmentMemory] = OrderedDict()
+        self._digest = digest(self.target)
+        self._own = self._opened_files(panel_file)
+        self._memory = lru_cache(KEPT_ALIGNMENTS)(lambda _finding: AlignmentMemory())
         self._lock = threading.Lock()
 
     def pictures(self, document: Document, key: str) -> dict[str, GreyPicture]:
-        """The grey pictures that a draft names, its panel picture being the one under `key`."""
+        """Open the grey pictures that a draft names, its panel picture being the one under `key`."""
         named = {name: grey_picture(encoded) for name, encoded in self._template_pictures(document).items()}
         return {**named, str(document.get("picture", "panel.jpg")): self.store.grey(key)}
 
     def problems(self, document: Document, key: str) -> list[Problem]:
-        """What keeps a draft from being saved."""
+        """List what keeps a draft from being saved."""
         found = problems_of(document, self.pictures(document, key), self.camera)
         try:
-            plain_name(str(document.get("picture", "")), "picture")
+            plain_name(str(document.get("picture", "")), "picture", target=self.target.name)
         except PanelError as error:
-            found.append(Problem(error.path, error.problem))
+            found = [*(each for each in found if each.path != error.path), Problem(error.path, error.problem)]
         return found
 
-    def save(self, document: Document, key: str, revision: int) -> int:
-        """Saves a draft; the number of the new revision.
+    def save(self, document: Document, key: str, revision: int, *, replaces: bool = False) -> int:
+        """Save a draft; the number of the new revision.
+
+        Files of the panel that was opened, or saved before, are replaced; others only if it is said.
 
         Raises
         ------
         SavedElsewhere
             If it was saved since the revision that the draft is based on.
+        WouldReplace
+            If files of somebody else lie there, unless `replaces`.
         NotValid
             With everything that is wrong.
         OutputError
@@ -108,41 +134,65 @@ class SetupSession:
             problems = self.problems(document, key)
             if problems:
                 raise NotValid(problems)
-            files = {plain_name(name, "picture"): data for name, data in self._template_pictures(document).items()}
-            files[str(document["picture"])] = self.store.encoded(key)
-            save_files(self.target.parent, {**files, self.target.name: panel_text(document).encode("utf-8")})
+            files = self._files(document, key)
+            if not replaces:
+                self._refuse_replacing(files)
+            save_files(self.target.parent, files)
             self._digest = digest(self.target)
+            self._own |= {name: sha256(content).hexdigest() for name, content in files.items()}
             self.document, self.picture_key = dict(document), key
             self.revision += 1
             return self.revision
 
+    def _opened_files(self, panel_file: Path | None) -> dict[str, str]:
+        """SHA-256 of the files that were opened, by name, if the panel is saved where it was opened."""
+        if panel_file is None or self._digest is None or not panel_file.samefile(self.target):
+            return {}
+        pictures = {name: sha256(content).hexdigest() for name, content in self._pictures.items()}
+        return {**pictures, self.target.name: self._digest}
+
+    def _files(self, document: Document, key: str) -> dict[str, bytes]:
+        """Gather what is saved, by name; `panel.yaml` last."""
+        named = {**self._template_pictures(document), str(document["picture"]): self.store.encoded(key)}
+        files = {plain_name(name, "picture", target=self.target.name): content for name, content in named.items()}
+        if len({name_key(name) for name in files}) < len(files):
+            raise PanelError("picture", "is called as a needle's picture is, but for capitals; rename one")
+        return {**files, self.target.name: panel_text(document).encode("utf-8")}
+
+    def _refuse_replacing(self, files: Mapping[str, bytes]) -> None:
+        folder = self.target.parent
+        there = {name: digest(folder / name) for name in files}
+        own = {name: (None, self._own.get(name), sha256(content).hexdigest()) for name, content in files.items()}
+        strangers = [name for name, found in there.items() if found not in own[name]]
+        if strangers:
+            raise WouldReplace(folder, strangers)
+
     def accept_others(self) -> int:
-        """Takes note of what was saved from elsewhere, so that it may be saved over; the revision to name then."""
+        """Take note of what was saved from elsewhere, so that it may be saved over; the revision to name then."""
         with self._lock:
-            self._digest = digest(self.target)
+            before, self._digest = self._digest, digest(self.target)
+            if self._digest is not None and self._digest != before:
+                self._own[self.target.name] = self._digest
             return self.revision
 
     def planes(self, document: Document, key: str) -> Planes:
-        """What a draft tells of how its dials are seen in the picture under `key`."""
+        """Gather what a draft tells of how its dials are seen in the picture under `key`."""
         height, width = self.store.grey(key).shape
         return Planes.of(document, (width, height), self.camera)
 
     def aligner(self, document: Document, key: str) -> Aligner | None:
-        """What finds a draft's panel in the flight's frames, if anchors and level suffice."""
-        return aligner_of(document, self.store.grey(key), self.planes(document, key).optics)
+        """Make the aligner of a draft, if anchors and level suffice."""
+        memory = self._memory(_finding(document, key))
+        return aligner_of(document, self.store.grey(key), self.planes(document, key).optics, memory)
 
-    def aligned(self, document: Document, key: str, stale: Callable[[], bool]) -> Aligned:
-        """The sample's frames in which the panel is found; without anchors they are taken as they are.
+    def aligned(self, document: Document, key: str, stale: Stale) -> Aligned:
+        """Align the sample's frames in which the panel is found; without anchors they are taken as they are.
 
         Raises
         ------
         Superseded
             If the question became stale meanwhile.
         """
-        name = _finding(document, key)
-        with self._lock:
-            if name in self._aligned:
-                return self._aligned[name]
         aligner = self.aligner(document, key)
         picture, own = self.store.grey(key), self.planes(document, key).optics.own
         found: Aligned = []
@@ -152,24 +202,15 @@ class SetupSession:
             alignment = _where(aligner, taken, own) if taken.pixels.shape == picture.shape else None
             if alignment is not None:
                 found.append((taken.pixels, alignment))
-        with self._lock:
-            self._aligned[name] = found
-            while len(self._aligned) > KEPT_ALIGNMENTS:
-                self._aligned.popitem(last=False)
         return found
 
     def remembered(self, source: PanelPictures, document: Document, key: str) -> RememberedPanel:
-        """A draft's panel with what was found in frames by the same anchors before."""
-        name = _finding(document, key)
-        with self._lock:
-            memory = self._memories.setdefault(name, AlignmentMemory())
-            self._memories.move_to_end(name)
-            while len(self._memories) > KEPT_ALIGNMENTS:
-                self._memories.popitem(last=False)
+        """Give a draft's panel what was found in frames by the same anchors before."""
+        memory = self._memory(_finding(document, key))
         return RememberedPanel(source.panel, source.pictures, source.sha256, source.camera, source.planes, memory)
 
     def frames(self) -> list[tuple[int, FramePicture]]:
-        """The sample's frames that can be decompressed, with their numbers."""
+        """Open the sample's frames that can be decompressed, with their numbers."""
         found = []
         for index in self.source.sample:
             try:
@@ -179,16 +220,17 @@ class SetupSession:
         return found
 
     def frame(self, key: str) -> FramePicture:
-        """The picture under a key, and its zoom if it is one of the flight's."""
+        """Open the picture under a key, with its zoom if it is one of the flight's."""
         grey = self.store.grey(key)
         number = key.removeprefix("frame-")
         return FramePicture(grey, self.source.focal_length_mm(int(number)) if number != key else None)
 
     def _template_pictures(self, document: Document) -> Mapping[str, bytes]:
-        """The pictures besides the panel picture that a draft names, as far as there are any of that name."""
-        named = [template.get("picture") for template in _templates(document)]
+        """Gather the pictures besides the panel picture that a draft names, as far as they are there."""
         return {
-            name: self._pictures[name] for name in named if name in self._pictures and name != document.get("picture")
+            name: self._pictures[name]
+            for name in _pictures_in(document.get("gauges"))
+            if name in self._pictures and name != document.get("picture")
         }
 
 
@@ -198,15 +240,12 @@ def _finding(document: Document, key: str) -> str:
     return json.dumps([key, *(document.get(part) for part in parts)])
 
 
-def _templates(document: Document) -> Iterator[dict[str, Any]]:
-    """The templates of a draft, whatever else is wrong with it."""
-    for gauge in _mappings(document.get("gauges")):
-        for needle in _mappings(gauge.get("needles")):
-            yield from _mappings([needle.get("template")])
-
-
-def _mappings(items: object) -> list[dict[str, Any]]:
-    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
+def _pictures_in(part: object) -> Iterator[str]:
+    """List the pictures that a part of a draft names, whatever else is wrong with it."""
+    if isinstance(part, dict) and isinstance(part.get("picture"), str):
+        yield part["picture"]
+    for inner in part.values() if isinstance(part, dict) else part if isinstance(part, list) else ():
+        yield from _pictures_in(inner)
 
 
 def _where(aligner: Aligner | None, frame: FramePicture, own: Alignment) -> Alignment | None:
@@ -224,26 +263,27 @@ def _opened(source: PictureSource, panel_file: Path | None) -> tuple[str, dict[s
         if not panel_file.exists():
             return "", None, {}
         panel = panel_from_file(panel_file).panel
-        pictures = {name: (panel_file.parent / name).read_bytes() for name in panel.pictures}
-        return str(panel_file), yaml.safe_load(panel_file.read_bytes()), pictures
+        pictures = {name: read_named_in(panel_file, name) for name in panel.pictures}
+        return str(panel_file), parse_yaml(read_yaml_file(panel_file)), pictures
     attachments = source.flight.attachments if isinstance(source, FlightSource) else {}
     if PANEL_FILE in attachments:
         panel = panel_from_attachments(attachments, flight=source.name).panel
         pictures = {name: attachments[name] for name in panel.pictures if name in attachments}
-        return f"{PANEL_FILE} in {source.name}", yaml.safe_load(attachments[PANEL_FILE]), pictures
+        return f"{PANEL_FILE} in {source.name}", parse_yaml(attachments[PANEL_FILE]), pictures
     return "", None, {}
 
 
 def _camera(source: PictureSource) -> Camera | None:
-    """The camera's calibration that a flight carries."""
+    """Parse the camera that a flight carries."""
     attachments = source.flight.attachments if isinstance(source, FlightSource) else {}
     return parse_camera(attachments[CAMERA_FILE]) if CAMERA_FILE in attachments else None
 
 
 def _empty(source: PictureSource) -> dict[str, Any]:
-    """A panel on the first picture of the sample, with nothing drawn yet."""
+    """Begin a panel on the first picture of the sample, with nothing drawn yet."""
     first = source.sample[0]
     source.encoded(first)
     focal_length_mm = source.focal_length_mm(first)
     zoom = {} if focal_length_mm is None else {"focal_length_mm": focal_length_mm}
-    return {"name": source.name.rsplit(".", 1)[0], "picture": "panel.jpg", **zoom, "anchors": [], "gauges": []}
+    name = printable(source.name).rsplit(".", 1)[0][:LONGEST_TEXT]
+    return {"name": name, "picture": DEFAULT_PICTURE, **zoom, "anchors": [], "gauges": []}

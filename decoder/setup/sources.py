@@ -1,18 +1,35 @@
-"""Where the set-up page's pictures come from: a flight, or a single picture."""
+"""Where the set-up page's pictures come from: a flight, or a single picture; each is kept while there is room.
+
+`panel` is the picture that an opened panel was drawn on, `frame-N` a picture of the flight.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from decoder.errors import PictureError
-from decoder.pictures import grey_picture
-from flight_file.reader import Flight, open_flight
-from flight_file.sampling import count_images, sampled, spread
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.pictures import ColourPicture, GreyPicture, decompressed, grey_picture
+from decoder.panel.errors import PictureError
+from decoder.setup.thresholds import KEPT_BYTES
+from flight_file.reader import Flight, count_images, open_flight, sampled, spread
+from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.untrusted import read_regular
 
 SAMPLE_FRAMES = 20
 FLIGHT_ENDINGS = (".mcap", ".mcap.part")
+
+PANEL_KEY = "panel"
+_KEY = re.compile(r"frame-(\d{1,9})")
+
+Decompress = Callable[[bytes], NDArray[np.uint8]]
 
 
 class PictureSource(Protocol):
@@ -38,7 +55,7 @@ class PictureSource(Protocol):
         ...
 
     def focal_length_mm(self, index: int) -> float | None:
-        """The zoom of a picture that was read before, if it tells."""
+        """Tell the zoom of a picture that was read before, if it is known."""
         ...
 
 
@@ -59,13 +76,13 @@ class FlightSource:
         for segment, counts in zip(self.flight.segments, self._counts, strict=True):
             if first <= index < first + counts.total:
                 for frame in sampled(segment, counts, {index - first}):
-                    self._focal_lengths_mm[index] = frame.exif.focal_length_mm
+                    self._focal_lengths_mm[index] = frame.exif.lens_mm
                     return frame.jpeg
             first += counts.total
         raise PictureError(f"frame {index} cannot be read; choose another")
 
     def focal_length_mm(self, index: int) -> float | None:
-        """A frame's zoom, as its EXIF tells it."""
+        """Tell a frame's zoom, as its EXIF has it."""
         return self._focal_lengths_mm.get(index)
 
 
@@ -78,7 +95,7 @@ class SinglePicture:
     def __init__(self, path: Path) -> None:
         self.name = path.name
         try:
-            self._encoded = path.read_bytes()
+            self._encoded = read_regular(path, limit_bytes=MAX_READ_BYTES)
         except OSError as error:
             raise PictureError(f"{path} cannot be read: {error.strerror}") from error
         try:
@@ -87,7 +104,7 @@ class SinglePicture:
             raise PictureError(f"{path}: neither a flight file nor a picture; name a flight or a JPEG") from error
 
     def encoded(self, index: int) -> bytes:
-        """The picture; there is none but 0."""
+        """Give the picture; there is none but 0."""
         if index:
             raise PictureError("there is only one picture")
         return self._encoded
@@ -98,7 +115,7 @@ class SinglePicture:
 
 
 def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:
-    """What lies at some paths: the segments of one recording, or one picture.
+    """Open what lies at some paths: the segments of one recording, or one picture.
 
     Raises
     ------
@@ -113,3 +130,61 @@ def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:
     if not source.count:
         raise PictureError(f"{paths[0]}: holds no pictures to draw a panel on")
     return source
+
+
+class PictureStore:
+    """Encoded, grey and coloured pictures by key; safe to use from several threads."""
+
+    def __init__(self, source: PictureSource, panel_picture: bytes | None) -> None:
+        self.source = source
+        self._panel_picture = panel_picture
+        self._kept: OrderedDict[tuple[str, int], NDArray[np.uint8]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def encoded(self, key: str) -> bytes:
+        """Read a picture as it was recorded.
+
+        Raises
+        ------
+        PictureError
+            If there is none under that key.
+        """
+        if key == PANEL_KEY and self._panel_picture is not None:
+            return self._panel_picture
+        match = _KEY.fullmatch(key)
+        if match is None or int(match[1]) >= self.source.count:
+            raise PictureError("there is no such picture")
+        with self._lock:
+            return self.source.encoded(int(match[1]))
+
+    def grey(self, key: str) -> GreyPicture:
+        """(H, W) uint8: the luma, as the decoder sees it."""
+        return self._keep((key, cv2.IMREAD_GRAYSCALE), grey_picture)
+
+    def colour(self, key: str, shrink: int = 1) -> ColourPicture:
+        """(H, W, 3) uint8 BGR: for people to look at; shrunk by 2, 4 or 8 while it is decompressed."""
+        flags = {
+            1: cv2.IMREAD_COLOR,
+            2: cv2.IMREAD_REDUCED_COLOR_2,
+            4: cv2.IMREAD_REDUCED_COLOR_4,
+            8: cv2.IMREAD_REDUCED_COLOR_8,
+        }[shrink]
+        return self._keep((key, flags), lambda encoded: decompressed(encoded, flags))
+
+    def forget_colours(self, but: str) -> None:
+        """Let go of the coloured pictures of all keys but one."""
+        with self._lock:
+            for key in [each for each in self._kept if each[0] != but and each[1] != cv2.IMREAD_GRAYSCALE]:
+                del self._kept[key]
+
+    def _keep(self, key: tuple[str, int], make: Decompress) -> NDArray[np.uint8]:
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+        made = make(self.encoded(key[0]))
+        with self._lock:
+            self._kept[key] = made
+            while len(self._kept) > 1 and sum(each.nbytes for each in self._kept.values()) > KEPT_BYTES:
+                self._kept.popitem(last=False)
+        return made

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from decoder.alignment import Alignment
-from decoder.errors import PictureError
-from decoder.flight_fitting import fit_to_flight
-from decoder.method import Method
-from decoder.panel_pictures import PanelPictures
-from decoder.panel_reader import PanelReader
-from decoder.pictures import FramePicture
-from decoder.reading import Reading, Status
-from decoder.scale import Scale
-from decoder.setup.needle_axis import axis_deg
-from flight_file.sampling import spread
-
-Stale = Callable[[], bool]
-# Fewer frames tell no more of a needle than the panel picture does.
-MIN_LEARNED_FROM = 8
-
-
-class Superseded(Exception):
-    """A later change made this trial pointless."""
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.pictures import FramePicture
+from decoder.instruments.method import Method
+from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.reading import Reading, Status
+from decoder.learning.fit import fit_to_flight, reader_from_panel
+from decoder.panel.errors import PictureError
+from decoder.panel.scale import Scale
+from decoder.setup.drafts import Stale, Superseded
+from decoder.setup.proposals import axis_deg
+from flight_file.reader import spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +40,7 @@ class FrameTrial:
     index: int
     alignment: Alignment | None
     reason: str
-    needles: tuple[NeedleTrial, ...]
+    readings: tuple[NeedleTrial, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +61,7 @@ class Trial:
 
 
 def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
-    """Reads the only gauge of a panel in some frames.
+    """Read the only gauge of a panel in some frames.
 
     Parameters
     ----------
@@ -90,37 +83,36 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
             yield frames[index][1]
 
     (gauge,) = source.panel.gauges
-    fitted = fit_to_flight(PanelReader.from_panel(source, Method.NORMXCORR), sample)
+    fitted = fit_to_flight(reader_from_panel(source, Method.NORMXCORR), sample)
     scales = {each.name: Scale.of(each.marks, each.wraps) for each in gauge.quantities}
     found = []
     for index, frame in frames:
         if stale():
             raise Superseded
         found.append(_frame(fitted.reader, index, frame, scales))
-    axes_deg = _axes_deg(fitted.reader) if len(frames) >= MIN_LEARNED_FROM else {}
+    axes_deg = _axes_deg(fitted.reader) if len(frames) > 1 else {}
     return Trial(tuple(found), fitted.moved_px.get(gauge.name), axes_deg)
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:
-    """The axes of the needles that were learned from the flight, from the angles that count as theirs."""
-    (gauge,), (grid,), (face,) = reader.source.panel.gauges, reader.grids, reader.tuning.faces
+    """Measure the axes of the needles that were learned from the flight, from the angles that count as theirs."""
+    (grid,), (face,) = reader.grids, reader.appearance.faces
     dial = np.median(face, axis=0)
     found = {}
-    for needle in gauge.needles:
-        learned = reader.tuning.templates[needle.name]
+    for name, learned in reader.appearance.templates.items():
         added = learned.light + (learned.transparency - 1.0) * dial
         around = replace(grid, start_deg=-(learned.rows - 1) / 2 * learned.step_deg, rows=learned.rows)
-        found[needle.name] = axis_deg(added, around, 0.0)
+        found[name] = axis_deg(added, around, 0.0)
     return found
 
 
 def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: dict[str, Scale]) -> FrameTrial:
     try:
-        read = reader.read(frame.pixels, frame.focal_length_mm)
+        read = read_picture(reader, frame.pixels, frame.focal_length_mm)
     except PictureError as error:
         return FrameTrial(index, None, str(error), ())
-    needles = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items())
-    return FrameTrial(index, read.alignment, "", needles)
+    readings = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items())
+    return FrameTrial(index, read.alignment, "", readings)
 
 
 def _needle(name: str, reading: Reading, scale: Scale) -> NeedleTrial:

@@ -10,13 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.alignment import Alignment
-from decoder.arrays import Floats
-from decoder.pictures import GreyPicture
-from decoder.setup.picture_store import PictureStore
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.arrays import Floats
+from decoder.setup.sources import PictureStore
+from decoder.setup.thresholds import VIEW_PX
 
-VIEW_PX = 1600
-MAX_PART_PX = 2048
 SHRINKS = (8, 4, 2, 1)
 JPEG_QUALITY = 88
 DIAL_PX = 112
@@ -36,7 +35,7 @@ class Part:
 
 
 def jpeg(picture: NDArray[np.uint8]) -> bytes:
-    """A picture as JPEG."""
+    """Encode a picture as JPEG."""
     _, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return encoded.tobytes()
 
@@ -47,28 +46,28 @@ def data_url(encoded: bytes, kind: str) -> str:
 
 
 def whole_view(store: PictureStore, key: str) -> bytes:
-    """The whole picture, at most `VIEW_PX` or a little more wide, as JPEG."""
+    """Shrink the whole picture by a whole number to about `VIEW_PX`, as JPEG."""
     width_px = store.grey(key).shape[1]
     store.forget_colours(but=key)
-    shrink = next(each for each in SHRINKS if each == 1 or width_px / each >= VIEW_PX * 0.75)
+    shrink = next(each for each in SHRINKS if each == 1 or width_px / each >= VIEW_PX * 0.6)
     return jpeg(store.colour(key, shrink))
 
 
 def part_view(store: PictureStore, key: str, part: Part) -> bytes:
-    """A part of the picture at the width that is wanted, but no larger than it is, as JPEG."""
+    """Cut out a part of a picture at the width that is wanted, but no larger than it is, as JPEG."""
     picture = store.colour(key)
     height, width = picture.shape[:2]
     left, top = min(max(part.left, 0), width - 1), min(max(part.top, 0), height - 1)
     right, bottom = min(max(part.left + part.width, left + 1), width), min(max(part.top + part.height, top + 1), height)
     piece = picture[top:bottom, left:right]
-    scale = min(part.wanted_px / piece.shape[1], MAX_PART_PX / max(piece.shape[:2]), 1.0)
+    scale = min(part.wanted_px / piece.shape[1], VIEW_PX / max(piece.shape[:2]), 1.0)
     if scale < 1.0:
         piece = np.asarray(cv2.resize(piece, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
     return jpeg(piece)
 
 
 def unwrapped_view(strip: Floats) -> str:
-    """An unwrapped gauge lying on its side, angle to the right and radius upwards, as an address."""
+    """Lay an unwrapped gauge on its side, angle to the right and radius upwards, as an address."""
     lying = np.ascontiguousarray(np.clip(strip.T[::-1], 0, 255).astype(np.uint8))
     return data_url(jpeg(lying), "jpeg")
 
@@ -94,7 +93,7 @@ def film_view(
 
 
 def _around(frame: GreyPicture, corners: Floats) -> tuple[GreyPicture, Floats]:
-    """The part of a frame that holds the corners, shrunk by nothing, and where it begins."""
+    """Cut out the part of a frame that holds the corners, and say where it begins."""
     height, width = frame.shape
     left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2, 0, [width - 1, height - 1])
     right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + 3, [left + 1, top + 1], [width, height])

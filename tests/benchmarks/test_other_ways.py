@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 import pytest
 import yaml
 
 from benchmarks.plain_way import Correlate, PlainWay, with_opencv, with_skimage
 from benchmarks.sized_flights import Repeated, panel_of
-from decoder.panel import parse_panel
-from decoder.panel_pictures import panel_from_attachments
+from decoder.imaging.panel_pictures import panel_from_attachments
+from decoder.panel.panel import parse_panel
 from flight_file.reader import open_flight
-
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-A1 = FIXTURES / "thesis_a1.mcap"
+from tests.programs import A1, FIXTURES
 
 
 @pytest.mark.parametrize(("correlate", "frames"), [(with_opencv, 20), (with_skimage, 2)])

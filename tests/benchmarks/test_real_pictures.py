@@ -42,9 +42,10 @@ def test_simulator_cockpit_with_a_fixed_camera(tmp_path: Path) -> None:
     assert max(read.largest for read in found.values()) <= GROSS
 
 
-def test_steam_gauge_agrees_with_the_eye(tmp_path: Path) -> None:
-    """All frames have a value, and each that was read by eye is met within the eye's doubt."""
-    (read,) = reads_of("steam gauge", tmp_path).values()
+@pytest.mark.parametrize("title", ["steam gauge", "pressure gauge"])
+def test_gauge_agrees_with_the_eye(title: str, tmp_path: Path) -> None:
+    """In frames, and in photographs of other sizes and zooms: all have a value, each within the eye's doubt."""
+    (read,) = reads_of(title, tmp_path).values()
 
     assert read.valued == 1.0
     assert read.within_95 == 1.0
@@ -54,7 +55,7 @@ def test_steam_gauge_agrees_with_the_eye(tmp_path: Path) -> None:
 @pytest.mark.untraced
 def test_simulator_cockpit_with_a_moving_camera(tmp_path: Path) -> None:
     """The same panel serves a camera that stands elsewhere and moves: at most two and a half times the mean error."""
-    found = reads_of("simulator cockpit, camera moving", tmp_path)
+    found = reads_of("simulator cockpit, camera moving", tmp_path, every=2)
 
     for name, allowed in ALLOWED.items():
         assert found[name].mean <= 2.5 * allowed, name
@@ -63,9 +64,29 @@ def test_simulator_cockpit_with_a_moving_camera(tmp_path: Path) -> None:
     assert sum(read.within_95 for read in found.values()) / len(found) > 0.85
 
 
-def test_photographed_gauge_agrees_with_the_eye(tmp_path: Path) -> None:
-    """Pictures of other sizes, zooms and places: all have a value, each within the eye's doubt."""
-    (read,) = reads_of("pressure gauge", tmp_path).values()
+@pytest.mark.parametrize(
+    ("title", "valued", "read_at_least"),
+    [("tachometer at night", 1.0, 0.75), ("vacuum gauge, pivot below the picture", 1.0, 0.85)],
+)
+def test_dim_or_thin_needle_over_print_is_told_from_it(
+    title: str, valued: float, read_at_least: float, tmp_path: Path
+) -> None:
+    """The panel picture shows it before a mark; frames show the mark without it."""
+    (read,) = reads_of(title, tmp_path).values()
 
-    assert read.valued == 1.0
-    assert read.within_95 == 1.0
+    assert read.valued == valued
+    assert read.read >= read_at_least
+    assert read.gross == 0
+    assert read.within_95 >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+def test_whole_panel_of_a_flight_is_read_without_a_gross_error(tmp_path: Path) -> None:
+    """Twenty things to read, from the side: whatever is read is right, and what is interpolated is honest."""
+    found = reads_of("simulator flight, oblique", tmp_path, every=2)
+
+    assert {name for name, read in found.items() if read.gross} == set()
+    assert sum(read.valued >= 0.95 for read in found.values()) >= 17
+    assert found["alt_ft"].valued >= 0.98
+    assert found["clock_s"].valued >= 0.9

@@ -12,11 +12,10 @@ import pytest
 from camera_drivers.camera import Camera
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.camera import ReplayCamera, open_source
-from flight_file.frame import ClockReading, Exif, Frame, HostTimes
-from flight_file.reports import CameraStatus
-from flight_file.segments import FlightWriter, Plan
+from flight_file.flight_writer import FlightWriter, Plan
+from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.session import Session
-from recorder.testing import ManualClock
+from recorder.host import SimulatedClock
 
 NOON_NS = 1_525_435_200_500_000_000  # the first picture's EXIF time
 NOW_NS = 1_800_000_000_000_000_000
@@ -25,12 +24,12 @@ MakeJpeg = Callable[..., bytes]
 
 
 @pytest.fixture
-def clock() -> ManualClock:
+def clock() -> SimulatedClock:
     """A clock years after the pictures."""
-    return ManualClock(NOW_NS)
+    return SimulatedClock(NOW_NS)
 
 
-def play(paths: Sequence[Path], clock: ManualClock, rate_hz: float | None = None) -> list[Frame]:
+def play(paths: Sequence[Path], clock: SimulatedClock, rate_hz: float | None = None) -> list[Frame]:
     """All frames of a replay."""
     camera: Camera = ReplayCamera(open_source(paths, rate_hz=rate_hz, clock=clock), clock)
     stop = threading.Event()
@@ -56,8 +55,8 @@ def write_flight(directory: Path, sequences: Sequence[int], attachments: dict[st
     return writer.finish("stopped", reading)
 
 
-def test_pictures_come_in_the_order_of_their_names(folder: Path, clock: ManualClock) -> None:
-    """Every name of a JPEG counts, other files are left alone and counted, and the bytes are the file's."""
+def test_pictures_come_in_the_order_of_their_names(folder: Path, clock: SimulatedClock) -> None:
+    """Every name of a JPEG counts, other files are counted, the bytes are the file's, and EXIF says when it was."""
     frames = play([folder], clock)
 
     assert [frame.jpeg for frame in frames] == [(folder / name).read_bytes() for name in ("a1.jpg", "a2.JPG", "b.jpeg")]
@@ -65,41 +64,28 @@ def test_pictures_come_in_the_order_of_their_names(folder: Path, clock: ManualCl
     assert all(frame.sha256 == hashlib.sha256(frame.jpeg).hexdigest() for frame in frames)
     assert (frames[0].width_px, frames[0].height_px, frames[0].exif.focal_length_mm) == (64, 48, 4.45)
     assert "2 other files" in open_source([folder], rate_hz=None, clock=clock).identity.note
-
-
-def test_without_a_rate_exif_says_when_a_picture_was_taken(folder: Path, clock: ManualClock) -> None:
-    """EXIF times with their fractions; the clock moves on by their differences."""
-    frames = play([folder], clock)
-
     assert [frame.captured_ns - NOON_NS for frame in frames] == [0, 10**9, 2 * 10**9]
     assert [frame.times.downloaded.realtime_ns - NOW_NS for frame in frames] == [0, 10**9, 2 * 10**9]
 
 
-def test_with_a_rate_pictures_follow_the_first(folder: Path, clock: ManualClock) -> None:
-    """The first picture's EXIF time, and i / rate after it."""
-    assert [frame.captured_ns - NOON_NS for frame in play([folder], clock, 4.0)] == [0, 250_000_000, 500_000_000]
-
-
-def test_with_a_rate_and_without_exif_the_first_picture_is_taken_now(
-    tmp_path: Path, clock: ManualClock, make_jpeg: MakeJpeg
+def test_with_a_rate_pictures_follow_the_first(
+    folder: Path, tmp_path: Path, clock: SimulatedClock, make_jpeg: MakeJpeg
 ) -> None:
-    """The clock stands in for the missing time."""
-    (tmp_path / "x.jpg").write_bytes(make_jpeg())
-
-    assert play([tmp_path], clock, 4.0)[0].captured_ns == NOW_NS
-
-
-def test_numbers_in_names_count(tmp_path: Path, clock: ManualClock, make_jpeg: MakeJpeg) -> None:
-    """IMG_9 comes before IMG_10."""
+    """Its EXIF time, or now, and i / rate after it; numbers in names count: IMG_9 comes before IMG_10."""
+    numbered = tmp_path / "numbered"
+    numbered.mkdir()
     for number in (10, 9, 100):
-        (tmp_path / f"IMG_{number}.jpg").write_bytes(make_jpeg({0x920A: float(number)}))
+        (numbered / f"IMG_{number}.jpg").write_bytes(make_jpeg({0x920A: float(number)}))
+    frames = play([numbered], clock, 4.0)
 
-    assert [frame.exif.focal_length_mm for frame in play([tmp_path], clock, 4.0)] == [9, 10, 100]
+    assert [frame.captured_ns - NOON_NS for frame in play([folder], clock, 4.0)] == [0, 250_000_000, 500_000_000]
+    assert [frame.captured_ns - NOW_NS for frame in frames] == [0, 250_000_000, 500_000_000]
+    assert [frame.exif.focal_length_mm for frame in frames] == [9, 10, 100]
 
 
 @pytest.mark.parametrize("second", ["2018:05:04 12:00:00", "2018:05:04 11:00:00", None])
 def test_times_that_do_not_increase_ask_for_a_rate(
-    tmp_path: Path, clock: ManualClock, make_jpeg: MakeJpeg, second: str | None
+    tmp_path: Path, clock: SimulatedClock, make_jpeg: MakeJpeg, second: str | None
 ) -> None:
     """Equal, falling or missing EXIF times: one sentence says to give rate_hz."""
     (tmp_path / "1.jpg").write_bytes(make_jpeg({0x9003: "2018:05:04 12:00:00"}))
@@ -109,35 +95,23 @@ def test_times_that_do_not_increase_ask_for_a_rate(
         play([tmp_path], clock)
 
 
-def test_damaged_picture_is_passed_on_as_it_is(folder: Path, clock: ManualClock) -> None:
-    """A recorder records: what is no picture is stored all the same, without a size."""
-    (folder / "a2.JPG").write_bytes(b"no picture")
-    frame = play([folder], clock, 4.0)[1]
-
-    assert (frame.jpeg, frame.width_px, frame.height_px, frame.exif) == (b"no picture", None, None, Exif())
-
-
-def test_picture_that_vanished_is_one_sentence(folder: Path, clock: ManualClock) -> None:
-    """A file that goes away during the replay ends it with its name."""
-    camera = ReplayCamera(open_source([folder], rate_hz=4.0, clock=clock), clock)
-    (folder / "a2.JPG").unlink()
-    with camera:
-        camera.next_frame(threading.Event())
-        with pytest.raises(ReplayError, match=r"a2\.JPG: .*cannot be read"):
-            camera.next_frame(threading.Event())
-
-
-def test_stop_ends_the_wait(folder: Path, clock: ManualClock) -> None:
-    """When `stop` is set there is no next frame."""
+def test_damaged_picture_is_passed_on_and_a_vanished_one_is_one_sentence(folder: Path, clock: SimulatedClock) -> None:
+    """A recorder records: what is no picture is stored all the same, without a size. When stopped it gives no more."""
     stop = threading.Event()
+    (folder / "a1.jpg").write_bytes(b"no picture")
     with ReplayCamera(open_source([folder], rate_hz=4.0, clock=clock), clock) as camera:
-        assert camera.next_frame(stop) is not None
+        (folder / "a2.JPG").unlink()
+        frame = camera.next_frame(stop)
+        assert frame is not None
+        assert (frame.jpeg, frame.width_px, frame.height_px, frame.exif) == (b"no picture", None, None, Exif())
+        with pytest.raises(ReplayError, match=r"a2\.JPG: .*cannot be read"):
+            camera.next_frame(stop)
         stop.set()
         assert camera.next_frame(stop) is None
 
 
 @pytest.mark.parametrize("as_folder", [True, False])
-def test_flight_comes_again_as_it_was(tmp_path: Path, clock: ManualClock, *, as_folder: bool) -> None:
+def test_flight_comes_again_as_it_was(tmp_path: Path, clock: SimulatedClock, *, as_folder: bool) -> None:
     """Times, EXIF, sequence numbers and gaps stay; so do camera and attachments, all but recorder.yaml."""
     paths = write_flight(tmp_path, [0, 1, 4, 5], {"panel.yaml": b"p", "recorder.yaml": b"r"})
     given = [tmp_path] if as_folder else paths
@@ -152,7 +126,7 @@ def test_flight_comes_again_as_it_was(tmp_path: Path, clock: ManualClock, *, as_
     assert dict(source.attachments) == {"panel.yaml": b"p"}
 
 
-def test_what_cannot_be_replayed_is_one_sentence(tmp_path: Path, folder: Path, clock: ManualClock) -> None:
+def test_what_cannot_be_replayed_is_one_sentence(tmp_path: Path, folder: Path, clock: SimulatedClock) -> None:
     """Nothing there, nothing in it, no whole frame, folders mixed with files, a rate for a flight."""
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -8,37 +8,22 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from PIL import Image, ImageDraw
 
-from decoder.thread_limits import ONE_EACH
+from decoder.parallel.processes import ONE_EACH
 from flight_file.reader import open_flight
-from recorder.clock import SimulatedClock
 from recorder.config import parse_config
+from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from recorder.testing import fixed_host
-
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-PROGRAMS = Path(sys.executable).parent
-PATIENCE_S = 120
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
-MakeFlight = Callable[..., Path]
-
-
-@dataclass(frozen=True, slots=True)
-class Decoded:
-    """What `decode` left in a folder."""
-
-    rows: list[dict[str, str]]
-    csv_file: Path
-    json_file: Path
+from tests.programs import A1, A2, FIXTURES, PATIENCE_S, Done, MakeFlight, Run, ran
 
 
 @pytest.fixture(scope="session")
@@ -52,29 +37,75 @@ def decode_server() -> Iterator[subprocess.Popen[str]]:
         server.communicate(timeout=PATIENCE_S)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def run(decode_server: subprocess.Popen[str], tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs a program of ours to its end."""
     printed = tmp_path_factory.mktemp("printed")
 
-    def run_decode(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    def run_program(program: str, *words: object) -> Done:
+        if program != "decode":
+            return ran(program, *words)
         out, err = (printed / name for name in ("out", "err"))
-        ask = {"words": words, "place": str(Path.cwd()), "out": str(out), "err": str(err)}
+        ask = {"words": [*map(str, words)], "place": str(Path.cwd()), "out": str(out), "err": str(err)}
         assert decode_server.stdin is not None
         assert decode_server.stdout is not None
         decode_server.stdin.write(json.dumps(ask) + "\n")
         decode_server.stdin.flush()
         code = int(decode_server.stdout.readline())
         texts = (path.read_text(encoding="utf-8") for path in (out, err))
-        return subprocess.CompletedProcess(["decode", *words], code, *texts)
-
-    def run_program(program: str, *words: object) -> subprocess.CompletedProcess[str]:
-        if program == "decode":
-            return run_decode([*map(str, words)])
-        command = [str(PROGRAMS / program), *map(str, words)]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+        return Done(["decode", *map(str, words)], code, *texts)
 
     return run_program
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What `decode` left in a folder, and what it said."""
+
+    folder: Path
+    done: Done
+
+    @property
+    def csv_file(self) -> Path:
+        """Its only flight data."""
+        (path,) = (path for path in self.folder.glob("*.csv") if not path.stem.endswith("_alignment"))
+        return path
+
+    @property
+    def rows(self) -> list[dict[str, str]]:
+        """The rows of the flight data."""
+        with self.csv_file.open(encoding="utf-8", newline="") as stream:
+            return list(csv.DictReader(stream))
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """The JSON beside them."""
+        content: dict[str, Any] = json.loads(self.csv_file.with_suffix(".json").read_text(encoding="utf-8"))
+        return content
+
+
+@pytest.fixture
+def decode(run: Run, tmp_path: Path) -> Callable[..., Decoded]:
+    """Decodes into a folder of the test."""
+
+    def make(*words: object, into: str = "out") -> Decoded:
+        return Decoded(tmp_path / into, run("decode", *words, "-o", tmp_path / into))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def decoded_a1(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Decoded:
+    """The committed flight of twenty frames, decoded as it is; nobody changes it."""
+    folder = tmp_path_factory.mktemp("a1") / "out"
+    return Decoded(folder, run("decode", A1, "-o", folder))
+
+
+@pytest.fixture(scope="session")
+def decoded_a2(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Decoded:
+    """The committed flight with reflections as CSV, JSON and Parquet; nobody changes it."""
+    folder = tmp_path_factory.mktemp("a2") / "out"
+    return Decoded(folder, run("decode", A2, "-o", folder, "--format", "csv,parquet"))
 
 
 @pytest.fixture(scope="session")
@@ -109,37 +140,18 @@ def make_flight(tmp_path: Path) -> MakeFlight:
     return make
 
 
-def decoded(folder: Path) -> Decoded:
-    """The flight data in a folder that holds one set of them."""
-    (csv_file,) = (path for path in folder.glob("*.csv") if not path.stem.endswith("_alignment"))
-    with csv_file.open(encoding="utf-8", newline="") as stream:
-        return Decoded(list(csv.DictReader(stream)), csv_file, csv_file.with_suffix(".json"))
-
-
-@pytest.fixture
-def read_decoded() -> Callable[[Path], Decoded]:
-    """Reads what `decode` left in a folder."""
-    return decoded
-
-
 def without_knob(jpeg: bytes) -> bytes:
-    """A frame of the animation with its anchor painted over."""
-    picture = Image.open(io.BytesIO(jpeg))
-    left, top, width, height = anchor_box()
+    """A frame of the animation with its only anchor painted over."""
+    left, top, width, height = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))["anchors"][0][
+        "box"
+    ]
+    picture, painted = Image.open(io.BytesIO(jpeg)), io.BytesIO()
     ImageDraw.Draw(picture).rectangle([left - 30, top - 30, left + width + 30, top + height + 30], fill=(60, 60, 60))
-    painted = io.BytesIO()
     picture.save(painted, "JPEG", quality=90)
     return painted.getvalue()
 
 
-def anchor_box() -> tuple[int, int, int, int]:
-    """The box of the animation panel's only anchor."""
-    panel = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
-    left, top, width, height = panel["anchors"][0]["box"]
-    return left, top, width, height
-
-
-@pytest.fixture
+@pytest.fixture(scope="session")
 def cover_knob() -> Callable[[bytes], bytes]:
     """Paints the anchor over in a frame of the animation."""
     return without_knob

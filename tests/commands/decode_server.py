@@ -13,9 +13,8 @@ import signal
 import sys
 
 import decoder.commands.calibrate_board
-import decoder.commands.calibrate_distortion
-import decoder.commands.calibrate_focal
 import decoder.commands.calibrate_pose
+import decoder.commands.calibrate_ruler
 import decoder.commands.export
 import decoder.commands.flight_work
 import decoder.commands.frames  # noqa: F401 - loaded for those that are forked

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
+from tests.programs import Run
+
 OFFSET_S = -41.37
 NAMES = "ias_kt: {name: IAS, unit: km/h}\nn1_pct: N1\n"
 
@@ -102,14 +101,3 @@ def test_what_cannot_be_done_says_why(
 
     assert done.returncode == code
     assert says in done.stderr
-
-
-def test_plain_truths_are_as_before(run: Run, tables: tuple[Path, Path, Path]) -> None:
-    """Without any of the options a truth is matched by frame, and JSON is the list that it was."""
-    flight, _, _ = tables
-    done = run("decode", "accuracy", flight, flight, "--json")
-    found = json.loads(done.stdout)
-
-    assert [row["needle"] for row in found] == ["ias_kt", "n1_pct"]
-    assert {row["by_status"]["all"]["max_abs"] for row in found} == {0.0}
-    assert "clock" not in run("decode", "accuracy", flight, flight).stdout

@@ -19,170 +19,151 @@ import pytest
 import yaml
 from PIL import Image, ImageDraw
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-PATIENCE_S = 120
-A1 = FIXTURES / "thesis_a1.mcap"
+from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, Run, says
+
 PANEL = FIXTURES / "panel.yaml"
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
-ReadDecoded = Callable[[Path], Any]
-MakeFlight = Callable[..., Path]
-Change = Callable[[dict[str, Any]], object]
-PanelWith = Callable[[Change], Path]
+Decode = Callable[..., Any]
+Panel = dict[str, Any]
 
 
-def says(done: subprocess.CompletedProcess[str], *words: str) -> None:
-    """A program failed with exit code 1 and one sentence that holds all the words."""
-    assert done.returncode == 1, done.stderr
-    assert done.stderr.startswith("decode: ")
-    assert len(done.stderr.splitlines()) == 1
-    assert [word for word in words if word not in done.stderr] == []
-
-
-@pytest.fixture
-def panel_with(tmp_path: Path) -> PanelWith:
-    """The animation's panel, changed, in a folder with its picture."""
-
-    def write(change: Change) -> Path:
-        panel: dict[str, Any] = yaml.safe_load(PANEL.read_text(encoding="utf-8"))
-        change(panel)
-        folder = tmp_path / "panel"
-        folder.mkdir()
-        (folder / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
-        (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
-        return folder / "panel.yaml"
-
-    return write
-
-
-def test_no_such_file(run: Run, tmp_path: Path) -> None:
-    """A flight that is not there is named."""
-    says(run("decode", tmp_path / "no.mcap", "-o", tmp_path / "out"), "no.mcap")
-
-
-def test_empty_file(run: Run, tmp_path: Path) -> None:
-    """An empty file is no flight."""
-    (tmp_path / "empty.mcap").touch()
-    says(run("decode", tmp_path / "empty.mcap", "-o", tmp_path / "out"), "empty.mcap", "empty")
-
-
-def test_file_of_another_kind(run: Run, tmp_path: Path) -> None:
-    """A file that is no MCAP is refused by name."""
-    (tmp_path / "letter.mcap").write_text("Dear Sir or Madam, " * 100)
-    says(run("decode", tmp_path / "letter.mcap", "-o", tmp_path / "out"), "letter.mcap", "MCAP")
-
-
-def test_truncated_flight_is_decoded_as_far_as_it_goes(run: Run, read_decoded: ReadDecoded, tmp_path: Path) -> None:
-    """A flight that breaks off gives the frames that are whole, names the loss, and ends with 3."""
-    flight = tmp_path / "cut.mcap"
-    flight.write_bytes(A1.read_bytes()[:1_200_000])
-    done = run("decode", flight, "-o", tmp_path / "out")
-    rows = read_decoded(tmp_path / "out").rows
-
-    assert done.returncode == 3
-    assert "lost: cut.mcap" in done.stderr
-    assert 5 < len(rows) < 20
-    assert {row["n1_pct_status"] for row in rows} == {"read"}
-
-
-def test_flight_without_panel(run: Run, make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path) -> None:
-    """A flight that carries no panel wants one on the command line."""
-    says(run("decode", make_flight(pictures[:3], panel=None), "-o", tmp_path / "out"), "flight.mcap", "--panel")
-
-
-def change_key(panel: dict[str, Any]) -> None:
-    """A key is spelt the other way."""
+def key_spelt_otherwise(panel: Panel, _: Path) -> None:
+    """As elsewhere."""
     panel["gauges"][1]["center"] = panel["gauges"][1].pop("centre")
 
 
-def empty_sweep(panel: dict[str, Any]) -> None:
+def empty_sweep(panel: Panel, _: Path) -> None:
     """A sweep covers nothing."""
     panel["gauges"][2]["sweep"] = [120, 120]
 
 
-def scale_up_and_down(panel: dict[str, Any]) -> None:
+def scale_up_and_down(panel: Panel, _: Path) -> None:
     """A scale rises and falls."""
     panel["gauges"][3]["scale"] = [[120, 0], [200, 30000], [420, 20000]]
 
 
-def template_outside(panel: dict[str, Any]) -> None:
+def gauge_outside(panel: Panel, _: Path) -> None:
     """A gauge lies half outside the picture."""
     panel["gauges"][0]["centre"] = [1000.0, 20.0]
 
 
-def unknown_cover(panel: dict[str, Any]) -> None:
+def unknown_cover(panel: Panel, _: Path) -> None:
     """A covering needle does not exist."""
     panel["gauges"][5]["needles"][0]["covered_by"] = "fuel_lb"
+
+
+def no_picture(_: Panel, picture: Path) -> None:
+    """The panel's picture is gone."""
+    picture.unlink()
+
+
+def wider_picture(_: Panel, picture: Path) -> None:
+    """The panel was drawn on a picture of another size than the flight's."""
+    narrow = Image.open(picture).convert("RGB")
+    wider = Image.new("RGB", (narrow.width + 64, narrow.height), (70, 70, 70))
+    wider.paste(narrow)
+    wider.save(picture, quality=95)
+
+
+def another_cockpit(panel: Panel, picture: Path) -> None:
+    """The panel's anchor is in no frame at all."""
+    left, top, width, height = panel["anchors"][0]["box"]
+    image = Image.open(picture).convert("RGB")
+    draw = ImageDraw.Draw(image)
+    draw.rectangle([left, top, left + width, top + height], fill=(20, 20, 20))
+    for step in range(0, width, 8):
+        draw.line([left, top + step, left + width, top], fill=(230, 230, 230), width=3)
+    image.save(picture, quality=95)
+
+
+def test_truncated_flight_is_decoded_as_far_as_it_goes(decode: Decode, tmp_path: Path) -> None:
+    """A flight that breaks off gives the frames that are whole, names the loss, and ends with 3."""
+    flight = tmp_path / "cut.mcap"
+    flight.write_bytes(A1.read_bytes()[:1_200_000])
+    found = decode(flight)
+
+    assert found.done.returncode == 3
+    assert "lost: cut.mcap" in found.done.stderr
+    assert 5 < len(found.rows) < 20
+    assert {row["n1_pct_status"] for row in found.rows} == {"read"}
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (change_key, ["gauges[1].cent"]),
+        (key_spelt_otherwise, ["gauges[1].cent"]),
         (empty_sweep, ["gauges[2].sweep", "empty"]),
         (scale_up_and_down, ["gauges[3].scale", "monotone"]),
-        (template_outside, ["gauges[0]", "outside"]),
+        (gauge_outside, ["gauges[0]", "outside"]),
         (unknown_cover, ["gauges[5]", "fuel_lb"]),
+        (no_picture, ["panel.jpg"]),
+        (wider_picture, ["1024 x 768", "1088 x 768"]),
+        (another_cockpit, ["flight.mcap", "none of its 2 frames", "knob"]),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
-def test_wrong_panel_is_named_by_its_path(
-    run: Run, panel_with: PanelWith, tmp_path: Path, change: Change, words: list[str]
+def test_wrong_panel_is_named(
+    run: Run,
+    make_flight: MakeFlight,
+    pictures: list[bytes],
+    tmp_path: Path,
+    change: Callable[[Panel, Path], None],
+    words: list[str],
 ) -> None:
-    """A mistake in the panel is one sentence with the path of the wrong value."""
-    says(run("decode", A1, "--panel", panel_with(change), "-o", tmp_path / "out"), *words)
+    """A mistake in the panel is one sentence with the path of the wrong value; one found nowhere gives no table."""
+    panel: Panel = yaml.safe_load(PANEL.read_text(encoding="utf-8"))
+    (tmp_path / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
+    change(panel, tmp_path / "panel.jpg")
+    (tmp_path / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+
+    flight = make_flight(pictures[:2])  # where a panel is found in no frame, each is searched long
+
+    says(run("decode", flight, "--panel", tmp_path / "panel.yaml", "-o", tmp_path / "out"), "decode: ", *words)
     assert not (tmp_path / "out").exists()
 
 
-def test_panel_picture_of_another_size(run: Run, panel_with: PanelWith, tmp_path: Path) -> None:
-    """A panel drawn on a picture of another size than the flight's cannot read it, and both sizes are said."""
-    panel = panel_with(lambda _: None)
-    with Image.open(FIXTURES / "panel.jpg") as picture:
-        wider = Image.new("RGB", (picture.width + 64, picture.height), (70, 70, 70))
-        wider.paste(picture)
-    wider.save(panel.parent / "panel.jpg", quality=95)
-    says(run("decode", A1, "--panel", panel, "-o", tmp_path / "out"), "1024 x 768", "1088 x 768")
-
-
-def test_panel_without_its_picture(run: Run, panel_with: PanelWith, tmp_path: Path) -> None:
-    """A panel whose picture is gone names the picture."""
-    panel = panel_with(lambda _: None)
-    (panel.parent / "panel.jpg").unlink()
-    says(run("decode", A1, "--panel", panel, "-o", tmp_path / "out"), "panel.jpg")
-
-
-def test_damaged_jpeg_costs_its_own_frame(
-    run: Run, read_decoded: ReadDecoded, make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path
+@pytest.mark.parametrize(
+    ("flights", "folder", "words"),
+    [
+        (["no.mcap"], "out", ["no.mcap"]),
+        (["empty.mcap"], "out", ["empty.mcap", "empty"]),
+        (["letter.mcap"], "out", ["letter.mcap", "MCAP"]),
+        (["."], "out", ["is a directory; give the flight files in it"]),
+        ([A1, A2], "out", ["thesis_a1.mcap", "thesis_a2.mcap", "different recordings"]),
+        ([A1], "letter.mcap/out", ["out", "-o"]),
+    ],
+    ids=["not there", "empty", "of another kind", "a folder", "two recordings", "nowhere to write"],
+)
+def test_what_cannot_be_decoded_is_named(
+    run: Run, tmp_path: Path, flights: list[object], folder: str, words: list[str]
 ) -> None:
-    """A picture that is cut short is a missing frame with a reason; its neighbours are read."""
-    frames = [jpeg[:30_000] if number == 3 else jpeg for number, jpeg in enumerate(pictures[:8])]
-    done = run("decode", make_flight(frames), "-o", tmp_path / "out")
-    rows = read_decoded(tmp_path / "out").rows
+    """A flight that is none, files that are not one flight, and an output folder that cannot be made."""
+    (tmp_path / "empty.mcap").touch()
+    (tmp_path / "letter.mcap").write_text("Dear Sir or Madam, " * 100)
 
-    assert done.returncode == 0
-    assert done.stderr.startswith("frame 3 missing: the picture is damaged")
-    assert len(done.stderr.splitlines()) == 1
-    assert [row["n1_pct_status"] for row in rows] == ["read"] * 3 + ["missing"] + ["read"] * 4
-    assert rows[3]["n1_pct"] == rows[3]["n1_pct_sigma"] == ""
+    says(run("decode", *(tmp_path / str(flight) for flight in flights), "-o", tmp_path / folder), "decode: ", *words)
 
 
-def test_picture_of_another_shape_costs_its_own_frame(
-    run: Run, read_decoded: ReadDecoded, make_flight: MakeFlight, pictures: list[bytes], tmp_path: Path
+def test_bad_pictures_cost_their_own_frames(
+    decode: Decode, make_flight: MakeFlight, cover_knob: Callable[[bytes], bytes], pictures: list[bytes]
 ) -> None:
-    """A frame of another shape in mid-flight is missing, with both sizes as the reason."""
+    """One cut short, one of another shape, two without the anchor: missing with a reason; the others are read."""
     small = io.BytesIO()
     Image.open(io.BytesIO(pictures[2])).resize((512, 300)).save(small, "JPEG")
-    done = run("decode", make_flight([*pictures[:6], small.getvalue(), *pictures[6:9]]), "-o", tmp_path / "out")
+    bad = {2: pictures[2][:30_000], 5: small.getvalue(), 7: cover_knob(pictures[7]), 8: cover_knob(pictures[8])}
+    found = decode(make_flight(bad.get(number, jpeg) for number, jpeg in enumerate(pictures)))
+    told = [line.partition("missing: ") for line in found.done.stderr.splitlines()]
 
-    assert done.returncode == 0
-    assert "frame 6 missing: the picture is 512 x 300" in done.stderr
-    assert read_decoded(tmp_path / "out").rows[6]["n1_pct_status"] == "missing"
-
-
-def test_folder_that_cannot_be_written(run: Run, tmp_path: Path) -> None:
-    """Where the output folder cannot be made, the sentence names it."""
-    (tmp_path / "file").write_text("in the way")
-    says(run("decode", A1, "-o", tmp_path / "file" / "out"), "out", "-o")
+    assert found.done.returncode == 0
+    assert [frame.strip() for frame, *_ in told[:2]] == ["frame 2", "frame 5"]
+    for (*_, reason), known in zip(
+        told, ("the picture is damaged", "the picture is 512 x 300", "anchor"), strict=False
+    ):
+        assert reason.startswith(known)
+    for number, row in enumerate(found.rows):
+        assert row["n1_pct_status"] == ("missing" if number in bad else "read")
+        assert (row["n1_pct"] == row["n1_pct_sigma"] == "") is (number in bad)
+    gaps = [(gap["first_frame"], gap["last_frame"]) for gap in found.described["missing_frames"]]
+    assert gaps == [(2, 2), (5, 5), (7, 8)]
 
 
 def test_wrong_usage(run: Run, tmp_path: Path) -> None:
@@ -225,35 +206,3 @@ def test_interrupt_leaves_nothing_half_written(make_flight: MakeFlight, pictures
     assert shown.rstrip().endswith("decode: interrupted; nothing was written")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["flight.csv"]
     assert (tmp_path / "out" / "flight.csv").read_text() == "from an earlier decode"
-
-
-def test_folder_instead_of_a_flight(run: Run, tmp_path: Path) -> None:
-    """A folder is no flight file."""
-    says(run("decode", tmp_path, "-o", tmp_path / "out"), tmp_path.name)
-
-
-def test_flights_of_two_recordings(run: Run, tmp_path: Path) -> None:
-    """Files of two recordings are not one flight; both are named."""
-    done = run("decode", A1, FIXTURES / "thesis_a2.mcap", "-o", tmp_path / "out")
-    says(done, "thesis_a1.mcap", "thesis_a2.mcap", "different recordings")
-
-
-def test_panel_of_another_cockpit(run: Run, panel_with: PanelWith, tmp_path: Path) -> None:
-    """A panel that is found in no frame at all is an error, not a table of gaps."""
-    panel = panel_with(lambda _: None)
-    left, top, width, height = yaml.safe_load(panel.read_text(encoding="utf-8"))["anchors"][0]["box"]
-    with Image.open(FIXTURES / "panel.jpg") as picture:
-        draw = ImageDraw.Draw(picture)
-        draw.rectangle([left, top, left + width, top + height], fill=(20, 20, 20))
-        for step in range(0, width, 8):
-            draw.line([left, top + step, left + width, top], fill=(230, 230, 230), width=3)
-        picture.save(panel.parent / "panel.jpg", quality=95)
-    says(run("decode", A1, "--panel", panel, "-o", tmp_path / "out"), "thesis_a1.mcap", "none of its 20 frames", "knob")
-    assert not (tmp_path / "out").exists()
-
-
-def test_truth_that_fits_nothing(run: Run, tmp_path: Path) -> None:
-    """A truth without any of the flight's needles is refused in a sentence."""
-    run("decode", A1, "-o", tmp_path)
-    (tmp_path / "truth.csv").write_text("frame,airspeed_kt\n0,120.0\n")
-    says(run("decode", "accuracy", tmp_path / "thesis_a1.csv", tmp_path / "truth.csv"), "truth.csv", "n1_pct")

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from decoder.camera import camera_from_file
+from decoder.panel.camera import camera_from_file
 from fixtures.calibration.board import SIZE_PX, photographs
+from tests.programs import Run, says
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("board")]  # one worker renders the photographs
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 TRUE = 900.0
 
 
@@ -29,13 +28,6 @@ def shoot(tmp_path: Path) -> Callable[..., list[Path]]:
         return paths
 
     return write
-
-
-def says(done: subprocess.CompletedProcess[str], *words: str) -> None:
-    """A program failed with exit code 1 and one sentence that holds all the words."""
-    assert done.returncode == 1, done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert [word for word in words if word not in done.stderr] == []
 
 
 @pytest.mark.parametrize("markers", [False, True], ids=["chessboard", "charuco"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,22 +11,23 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 
 from fixtures.calibration.views import projected
+from tests.programs import Run, says
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 SIZE = (1616, 1212)
 POINTS = np.array([[-4.0, -3.0], [4.0, -3.0], [-4.0, 3.5], [4.0, 3.5]])
-TURN = cv2.Rodrigues(np.array([0.3, -0.35, 0.06]))[0]
+TURN = np.asarray(cv2.Rodrigues(np.array([0.3, -0.35, 0.06]))[0], np.float64)
 SHIFT = np.array([0.4, -0.3, 16.0])
 CAMERA = (
     "picture_size: [1616, 1212]\nfocal: {pixels_per_radian: [0, 382.0224719, 0], range_mm: [4, 45]}\n"  # 1700 at 4.45
 )
 
 
-def seen(points: np.ndarray) -> np.ndarray:
+def seen(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2) pixels of (N, 2) inches."""
-    return projected(TURN, SHIFT, np.column_stack([points, np.zeros(len(points))]))
+    return projected(TURN, SHIFT, np.pad(points, ((0, 0), (0, 1))))
 
 
 @pytest.fixture
@@ -59,13 +59,6 @@ def cockpit(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
-
-
-def says(done: subprocess.CompletedProcess[str], *words: str) -> None:
-    """A program failed with exit code 1 and one sentence that holds all the words."""
-    assert done.returncode == 1, done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert [word for word in words if word not in done.stderr] == []
 
 
 @pytest.mark.parametrize("count", [3, 4])
@@ -106,23 +99,26 @@ def test_the_picture_is_squared_up(run: Run, cockpit: Callable[..., Path], tmp_p
     assert np.abs(nearest).min(axis=1).max() < 0.01 * apart.min()
 
 
-def test_points_on_one_line(run: Run, cockpit: Callable[..., Path], tmp_path: Path) -> None:
-    """Degenerate, and said to be."""
-    panel = cockpit(np.array([[-4.0, -3.0], [0.0, -3.0], [4.0, -3.0]]))
+LINE = [
+    {"at": at, "inches": [x, -3.0]}
+    for x, at in zip((-4, 0, 4), seen(np.array([[-4, -3], [0, -3], [4, -3.0]])).tolist(), strict=True)
+]
 
-    says(run("decode", "calibrate", "pose", panel, "--camera", tmp_path / "camera.yaml"), "on one line", "triangle")
 
-
-def test_a_focal_length_outside_the_calibration(run: Run, cockpit: Callable[..., Path], tmp_path: Path) -> None:
-    """Or none at all, or a panel without reference points."""
-    camera = ("--camera", tmp_path / "camera.yaml")
-
-    says(run("decode", "calibrate", "pose", cockpit(focal_length_mm=60.0), *camera), "covers 4 to 45 mm", "at 60 mm")
-    says(run("decode", "calibrate", "pose", cockpit(focal_length_mm=None), *camera), "focal_length_mm: is missing")
-    says(
-        run("decode", "calibrate", "pose", cockpit(reference_points=None), *camera),
-        "three reference points, here are 0",
-    )
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"reference_points": LINE}, ["on one line", "triangle"]),
+        ({"reference_points": None}, ["three reference points, here are 0"]),
+        ({"focal_length_mm": 60.0}, ["covers 4 to 45 mm", "at 60 mm"]),
+        ({"focal_length_mm": None}, ["focal_length_mm: is missing"]),
+    ],
+)
+def test_what_tells_no_pose(
+    run: Run, cockpit: Callable[..., Path], tmp_path: Path, changes: dict[str, object], words: list[str]
+) -> None:
+    """Points on one line, none, a focal length outside the calibration, or none."""
+    says(run("decode", "calibrate", "pose", cockpit(**changes), "--camera", tmp_path / "camera.yaml"), *words)
 
 
 def test_a_wrong_point_is_named(run: Run, cockpit: Callable[..., Path], tmp_path: Path) -> None:
@@ -136,11 +132,18 @@ def test_a_wrong_point_is_named(run: Run, cockpit: Callable[..., Path], tmp_path
     assert "most of all reference_points[5]; check" in done.stderr
 
 
-def test_a_picture_of_no_known_format_is_wrong_usage(run: Run, cockpit: Callable[..., Path], tmp_path: Path) -> None:
-    """The ending tells."""
-    done = run(
-        "decode", "calibrate", "pose", cockpit(), "--camera", tmp_path / "camera.yaml", "--squared", tmp_path / "a.tiff"
-    )
+@pytest.mark.parametrize(
+    ("name", "code", "says"), [("panel.png", 1, "panel.png: would be overwritten"), ("a.tiff", 2, ".png or .jpg")]
+)
+def test_picture_squared_up_has_a_name_of_its_own(
+    run: Run, cockpit: Callable[..., Path], tmp_path: Path, name: str, code: int, says: str
+) -> None:
+    """What is read is never written over, and the ending tells the format."""
+    panel = cockpit()
+    before = (tmp_path / "panel.png").read_bytes()
+    words = (panel, "--camera", tmp_path / "camera.yaml", "--squared", tmp_path / name)
+    done = run("decode", "calibrate", "pose", *words)
 
-    assert done.returncode == 2
-    assert ".png or .jpg" in done.stderr
+    assert done.returncode == code
+    assert says in done.stderr
+    assert (tmp_path / "panel.png").read_bytes() == before

@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet
 import pytest
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-Run = Callable[..., subprocess.CompletedProcess[str]]
+from tests.programs import Run
+
+Decoded = Any
 
 
-@pytest.fixture
-def decoded(run: Run, tmp_path: Path) -> Path:
-    """The CSV of the flight with reflections, its JSON and its Parquet beside it."""
-    run("decode", FIXTURES / "thesis_a2.mcap", "-o", tmp_path, "--format", "csv,parquet")
-    return tmp_path / "thesis_a2.csv"
-
-
-def test_parquet_of_the_csv_is_that_of_the_decode(run: Run, decoded: Path, tmp_path: Path) -> None:
+def test_parquet_of_the_csv_is_that_of_the_decode(run: Run, decoded_a2: Decoded, tmp_path: Path) -> None:
     """Columns, types, units, frames and times are the same; the numbers are those of the CSV, empty fields nulls."""
-    done = run("decode", "export", decoded, "-o", tmp_path / "again.parquet")
-    own = pyarrow.parquet.read_table(tmp_path / "thesis_a2.parquet")
+    done = run("decode", "export", decoded_a2.csv_file, "-o", tmp_path / "again.parquet")
+    own = pyarrow.parquet.read_table(decoded_a2.folder / "thesis_a2.parquet")
     again = pyarrow.parquet.read_table(tmp_path / "again.parquet")
 
     assert (done.returncode, done.stderr) == (0, "")
@@ -34,32 +27,32 @@ def test_parquet_of_the_csv_is_that_of_the_decode(run: Run, decoded: Path, tmp_p
     for name in own.column_names:
         if name in ("frame", "time_utc") or name.endswith("_status"):
             assert again[name].to_pylist() == own[name].to_pylist()
-    with decoded.open(encoding="utf-8", newline="") as stream:
+    with decoded_a2.csv_file.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     for name in ("time_s", "n2_pct", "n2_pct_score", "fuel_flow_pph_sigma"):
         assert again[name].to_pylist() == [float(row[name]) if row[name] else None for row in rows]
 
 
-def test_pandas_and_polars_read_both_formats(run: Run, decoded: Path, tmp_path: Path) -> None:
+def test_pandas_and_polars_read_both_formats(run: Run, decoded_a2: Decoded, tmp_path: Path) -> None:
     """Both libraries find the columns, UTC times, numbers and missing values of Parquet, CSV and G1000 log."""
     pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
     names = tmp_path / "names.yaml"
     names.write_text("n1_pct: {name: E1 NG, unit: '%'}\nftit_c: E1 ITT\n")
-    done = run("decode", "export", decoded, "-o", tmp_path / "g1000.csv", "--map", names)
+    done = run("decode", "export", decoded_a2.csv_file, "-o", tmp_path / "g1000.csv", "--map", names)
     assert done.returncode == 0
     assert "n1_pct as E1 NG (%)" in done.stdout
     assert "noz_pos_pct_open left out: no column of a G1000 log goes by its name" in done.stderr
 
-    rows = pandas.read_parquet(tmp_path / "thesis_a2.parquet")
-    frame = polars.read_parquet(tmp_path / "thesis_a2.parquet")
+    rows = pandas.read_parquet(decoded_a2.folder / "thesis_a2.parquet")
+    frame = polars.read_parquet(decoded_a2.folder / "thesis_a2.parquet")
     assert len(rows) == len(frame) == 21
     assert str(rows["time_utc"].dtype).endswith("UTC]")
     assert frame["time_utc"].dtype == polars.Datetime("us", "UTC")
     assert rows["n1_pct"].tolist() == frame["n1_pct"].to_list()
     assert set(rows["n2_pct_status"]) == set(frame["n2_pct_status"]) >= {"read", "interpolated"}
 
-    table = pandas.read_csv(decoded)
-    assert table["n1_pct"].tolist() == polars.read_csv(decoded)["n1_pct"].to_list()
+    table = pandas.read_csv(decoded_a2.csv_file)
+    assert table["n1_pct"].tolist() == polars.read_csv(decoded_a2.csv_file)["n1_pct"].to_list()
 
     g1000 = pandas.read_csv(tmp_path / "g1000.csv", skiprows=2, skipinitialspace=True)
     g1000_polars = polars.read_csv(tmp_path / "g1000.csv", comment_prefix="#")
@@ -90,11 +83,11 @@ def test_what_cannot_be_exported_says_why(run: Run, tmp_path: Path, words: list[
     assert says in done.stderr
 
 
-def test_flight_data_are_never_overwritten(run: Run, decoded: Path) -> None:
+def test_flight_data_are_never_overwritten(run: Run, decoded_a2: Decoded) -> None:
     """Exporting onto the flight data themselves is refused."""
-    before = decoded.read_bytes()
-    done = run("decode", "export", decoded, "-o", decoded)
+    before = decoded_a2.csv_file.read_bytes()
+    done = run("decode", "export", decoded_a2.csv_file, "-o", decoded_a2.csv_file)
 
     assert done.returncode == 2
     assert "is the flight data itself" in done.stderr
-    assert decoded.read_bytes() == before
+    assert decoded_a2.csv_file.read_bytes() == before

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from decoder.errors import PartError
-from decoder.flight_part import AskedPart, part_of
-from decoder.typed_time import typed_time
-from flight_file.chunks import FileSource
+from decoder.panel.errors import PartError
+from decoder.timeseries.flight_part import AskedPart, part_of, typed_time
 from flight_file.reader import Flight, open_flight
-
-A1 = Path(__file__).parents[2] / "fixtures" / "thesis_a1.mcap"
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
-ReadDecoded = Callable[[Path], Any]
-MakeFlight = Callable[..., Path]
+from flight_file.records import FileSource
+from tests.programs import A1, MakeFlight, Run
 
 
 def asked(start: str | None = None, end: str | None = None, every: int = 1) -> AskedPart:
@@ -100,72 +92,48 @@ def test_only_what_is_needed_is_read(
     assert read_bytes() - before <= 4 * chunk
 
 
-def test_damage_in_a_part_is_a_loss_of_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("hit", "ranks", "losses"),
+    [((6, 12), range(4, 9), ["chunk", "frame 6 is missing"]), ((0,), range(3), ["chunk"])],
+    ids=["in the middle", "at the beginning"],
+)
+def test_damage_in_a_part_is_a_loss_of_it(
+    tmp_path: Path, hit: tuple[int, ...], ranks: range, losses: list[str]
+) -> None:
     """A damaged frame of the part is reported, one beside it is not looked at; times are found all the same."""
-    whole = open_flight([A1])
-    holding = [place for place in whole.segments[0].chunks if sum(place.messages.values()) > 1]
+    holding = [place for place in open_flight([A1]).segments[0].chunks if sum(place.messages.values()) > 1]
     content = bytearray(A1.read_bytes())
-    for hit in (holding[6], holding[12]):
-        content[hit.offset + hit.length // 2] ^= 0xFF
-    (tmp_path / "damaged.mcap").write_bytes(content)
-    flight = open_flight([tmp_path / "damaged.mcap"])
-    part = part_of(flight, asked("1", "2"))
-
-    assert [frame.sequence for frame in flight.frames(part.ranks)] == [4, 5, 7, 8]
-    assert len(flight.losses) == 2  # the damaged chunk, and the gap that it leaves
-    assert all("chunk" in loss.reason or "frame 6 is missing" in loss.reason for loss in flight.losses)
-
-
-def test_damage_at_the_beginning_is_a_loss_of_the_part_there(tmp_path: Path) -> None:
-    """A damaged first frame is counted by the index, so that a part from the beginning reports it."""
-    first = next(place for place in open_flight([A1]).segments[0].chunks if sum(place.messages.values()) > 1)
-    content = bytearray(A1.read_bytes())
-    content[first.offset + first.length // 2] ^= 0xFF
+    for place in (holding[number] for number in hit):
+        content[place.offset + place.length // 2] ^= 0xFF
     (tmp_path / "damaged.mcap").write_bytes(content)
     flight = open_flight([tmp_path / "damaged.mcap"])
 
     assert flight.count() == 20
-    assert [frame.sequence for frame in flight.frames(range(3))] == [1, 2]
-    assert ["chunk" in loss.reason for loss in flight.losses] == [True]
+    assert hit == (0,) or part_of(flight, asked("1", "2")).ranks == ranks
+    assert [frame.sequence for frame in flight.frames(ranks)] == [rank for rank in ranks if rank not in hit]
+    assert [known in loss.reason for known, loss in zip(losses, flight.losses, strict=True)] == [True] * len(losses)
 
 
-def test_frames_are_counted_through_segments(run: Run, tmp_path: Path) -> None:
-    """A part goes over the border of two segments as if there were none."""
-    (tmp_path / "recorder.yaml").write_text(
-        f"camera: {{driver: replay, path: {A1}, pace: fastest}}\n"
-        "storage: {directory: segments, segment_s: 1, keep_free_gib: 0}\n"
-    )
-    run("recorder", "run", "--config", tmp_path / "recorder.yaml")
-    flight = open_flight(sorted((tmp_path / "segments").glob("*.mcap")))
-    part = part_of(flight, asked("1", "3.5", 2))
-
-    assert len(flight.paths) > 2
-    assert [frame.sequence for frame in flight.frames(part.ranks)] == [4, 6, 8, 10, 12, 14]
-
-
-def test_part_has_the_rows_of_the_whole(run: Run, read_decoded: ReadDecoded, tmp_path: Path) -> None:
+def test_part_has_the_rows_of_the_whole(decode: Callable[..., Any], decoded_a1: Any) -> None:  # noqa: ANN401
     """Frame numbers, times and values are those that the whole flight has; the description says which part it is."""
-    run("decode", A1, "-o", tmp_path / "whole")
-    done = run("decode", A1, "-o", tmp_path / "part", "--from", "1", "--to", "12:00:04Z", "--every", "3", "--jobs", 2)
-    whole, part = read_decoded(tmp_path / "whole"), read_decoded(tmp_path / "part")
-    described = json.loads(part.json_file.read_text())
+    part = decode(A1, "--from", "1", "--to", "12:00:04Z", "--every", "3", "--jobs", 2)
+    described = part.described
 
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("thesis_a1: decoding 5 of 20 frames")
-    assert part.rows == whole.rows[4:17:3]
+    assert (part.done.returncode, part.done.stderr) == (0, "")
+    assert part.done.stdout.startswith("thesis_a1: decoding 5 of 20 frames")
+    assert part.rows == decoded_a1.rows[4:17:3]
     assert described["part"] == {"every": 3, "frames_in_flight": 20, "flight_start_utc": "2018-05-04T12:00:00.000000Z"}
     assert (described["start_utc"], described["duration_s"]) == ("2018-05-04T12:00:01.000000Z", 3.0)
-    assert "part" not in json.loads(whole.json_file.read_text())
+    assert "part" not in decoded_a1.described
 
 
-def test_pictures_are_those_of_the_part(run: Run, tmp_path: Path) -> None:
+def test_pictures_are_those_of_the_part(decode: Callable[..., Any]) -> None:
     """`--with-images` puts in the pictures of the frames that were decoded."""
-    words = ("--format", "mcap", "--with-images", "--every", "10")
-    done = run("decode", A1, "-o", tmp_path, *words)
+    part = decode(A1, "--format", "mcap", "--with-images", "--every", "10")
     sizes = [len(frame.jpeg) for frame in open_flight([A1]).frames(range(0, 20, 10))]
 
-    assert done.returncode == 0, done.stderr
-    assert sum(sizes) < (tmp_path / "thesis_a1.mcap").stat().st_size < 2 * sum(sizes)
+    assert part.done.returncode == 0, part.done.stderr
+    assert sum(sizes) < (part.folder / "thesis_a1.mcap").stat().st_size < 2 * sum(sizes)
 
 
 @pytest.mark.parametrize(

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-A2 = FIXTURES / "thesis_a2.mcap"
-Run = Callable[..., subprocess.CompletedProcess[str]]
-MakeFlight = Callable[..., Path]
+from tests.programs import A2, MakeFlight, Run
+
+Decoded = Any
 
 
 def test_frames_are_named_by_number_and_time(run: Run, tmp_path: Path) -> None:
@@ -29,12 +28,16 @@ def test_frames_are_named_by_number_and_time(run: Run, tmp_path: Path) -> None:
     with Image.open(tmp_path / "out" / "thesis_a2_000000_20180504T120106.000Z.jpg") as picture:
         assert picture.width == 2048
         assert picture.height > 2 * 768
+    cropped = run("decode", "frames", A2, "-o", tmp_path / "dials", "--at", "3", "--gauge", "fuel", "--gauge", "n1")
+    assert cropped.returncode == 0
+    assert {path.name for path in (tmp_path / "dials").iterdir()} == {
+        f"thesis_a2_000012_20180504T120109.000Z_{gauge}.jpg" for gauge in ("fuel", "n1")
+    }
 
 
-def test_flagged_frames_are_those_with_a_doubt(run: Run, tmp_path: Path) -> None:
+def test_flagged_frames_are_those_with_a_doubt(run: Run, decoded_a2: Decoded, tmp_path: Path) -> None:
     """On the flight with reflections, the frames with something interpolated are drawn, and no others."""
-    run("decode", A2, "-o", tmp_path)
-    rows = (tmp_path / "thesis_a2.csv").read_text().splitlines()[1:]
+    rows = decoded_a2.csv_file.read_text().splitlines()[1:]
     doubtful = {f"{int(row.split(',')[0]):06d}" for row in rows if "interpolated" in row or "missing" in row}
     done = run("decode", "frames", A2, "-o", tmp_path / "out", "--flagged")
     numbers = {path.name.split("_")[2] for path in (tmp_path / "out").iterdir()}
@@ -42,17 +45,6 @@ def test_flagged_frames_are_those_with_a_doubt(run: Run, tmp_path: Path) -> None
     assert done.returncode == 0
     assert 0 < len(doubtful) < 21
     assert doubtful <= numbers < {f"{number:06d}" for number in range(21)}
-
-
-def test_gauge_is_cropped(run: Run, tmp_path: Path) -> None:
-    """`--gauge` gives one picture of each gauge that was asked for, at the time that was asked for."""
-    done = run("decode", "frames", A2, "-o", tmp_path, "--at", "3", "--gauge", "fuel", "--gauge", "n1")
-
-    assert done.returncode == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "thesis_a2_000012_20180504T120109.000Z_fuel.jpg",
-        "thesis_a2_000012_20180504T120109.000Z_n1.jpg",
-    ]
 
 
 def test_frame_without_panel_is_drawn_with_the_reason(

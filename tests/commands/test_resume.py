@@ -6,19 +6,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
-MakeFlight = Callable[..., Path]
+from tests.programs import MakeFlight, Run, contents
 
 # As the program, but its batches are smaller, and noted from the first on: flights of seconds are too long for a test.
 EAGER = """
-from decoder import frame_batch
-from decoder.decode_journal import DecodeJournal
-frame_batch.MAX_BATCH_FRAMES = 30
+from decoder.imaging import picture_block
+from decoder.parallel.decode_journal import DecodeJournal
+picture_block.MAX_BATCH_FRAMES = 15
 DecodeJournal.__init__.__kwdefaults__["begin_after"] = 1
 from decoder.start import main
 main()
@@ -27,13 +25,8 @@ main()
 
 @pytest.fixture
 def flight(make_flight: MakeFlight, pictures: list[bytes]) -> Path:
-    """A flight of 240 frames, eight small batches."""
-    return make_flight(pictures * 12)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """What lies in a folder, by name."""
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+    """A flight of 120 frames, eight small batches."""
+    return make_flight(pictures * 6)
 
 
 def eager(*words: object) -> subprocess.Popen[str]:
@@ -105,5 +98,5 @@ def test_what_was_read_outlives_a_truth_that_does_not_fit(flight: Path, tmp_path
         _, said = running.communicate(timeout=60)
 
     assert running.returncode == 1
-    assert "flight.decode-journal keeps 240 frames; --resume goes on from there" in said
+    assert "flight.decode-journal keeps 120 frames; --resume goes on from there" in said
     assert contents(tmp_path / "out").keys() == {"flight.decode-journal"}

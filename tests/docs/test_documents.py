@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
 from camera_drivers.qx10.simulator.faults import FAULTS
-from decoder.camera import parse_camera
-from decoder.garmin_columns import BY_NAME
-from decoder.gauge import Gauge
-from decoder.name_mapping import read_mapping
-from decoder.panel import parse_panel
-from recorder.config import parse_config
-from recorder.settings import Qx10Settings
+from decoder.outputs.garmin_output import BY_NAME
+from decoder.panel.camera import parse_camera
+from decoder.panel.gauge import Gauge
+from decoder.panel.panel import parse_panel
+from decoder.timeseries.name_mapping import read_mapping
+from recorder.config import Qx10Settings, parse_config
+from tests.docs.samples import FENCE
+from tests.programs import ROOT, ran
 
-ROOT = Path(__file__).parents[2]
 DOCUMENTS = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
@@ -31,15 +29,20 @@ DOCUMENTS = [
 
 def blocks(document: Path, language: str = "") -> list[str]:
     """The fenced code blocks of a document in one language."""
-    return re.findall(rf"^```{language}\n(.*?)^```", document.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    return [
+        fence["body"] for fence in FENCE.finditer(document.read_text(encoding="utf-8")) if fence["kind"] == language
+    ]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_links_lead_to_files(document: Path) -> None:
-    """Every relative link names a file that is there."""
-    links = re.findall(r"\]\((?!https?:)([^)#]+)", document.read_text(encoding="utf-8"))
+def test_links_and_make_commands_lead_somewhere(document: Path) -> None:
+    """Every relative link names a file that is there, every `make` command a target."""
+    text = document.read_text(encoding="utf-8")
+    links = re.findall(r"\]\((?!https?:)([^)#]+)", text)
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
     assert [link for link in links if not (document.parent / link).exists()] == []
+    assert {*re.findall(r"`make ([a-z-]+)`", text), *re.findall(r"^make ([a-z-]+)", text, re.MULTILINE)} <= targets
 
 
 def test_the_index_leads_to_every_page() -> None:
@@ -50,33 +53,11 @@ def test_the_index_leads_to_every_page() -> None:
     assert {str(page.relative_to(docs)) for page in docs.rglob("*.md")} - links == {"README.md"}
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_targets_are_in_the_makefile(document: Path) -> None:
-    """Every `make` command of a document is a target."""
-    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
-    text = document.read_text(encoding="utf-8")
+def test_panel_examples_are_a_panel_and_gauges() -> None:
+    """The panel in docs/panel.md and the single gauges below it are such as the decoder takes."""
+    panel, *examples = blocks(ROOT / "docs" / "panel.md", "yaml")
 
-    assert set(re.findall(r"`make ([a-z]+)`", text)) | set(re.findall(r"^make ([a-z]+)", text, re.MULTILINE)) <= targets
-
-
-def test_readme_names_the_two_commands() -> None:
-    """The README's first command runs the demo, its second the tests."""
-    commands = [line for block in blocks(ROOT / "README.md") for line in block.splitlines() if line.startswith("make ")]
-
-    assert commands[:2] == ["make demo", "make test"]
-
-
-def test_panel_example_is_a_panel() -> None:
-    """The panel in docs/panel.md is one that the decoder takes."""
-    example, *_ = blocks(ROOT / "docs" / "panel.md", "yaml")
-
-    assert parse_panel(example).gauges[0].needles[0].covered_by == "fuel_fr_lb"
-
-
-def test_gauge_examples_are_gauges() -> None:
-    """The single gauges in docs/panel.md are such as the decoder takes."""
-    _, *examples = blocks(ROOT / "docs" / "panel.md", "yaml")
-
+    assert parse_panel(panel).gauges[0].needles[0].covered_by == "fuel_fr_lb"
     assert examples
     for example in examples:
         assert Gauge.model_validate(yaml.safe_load(example)).name
@@ -94,24 +75,30 @@ def test_name_mappings_are_such(tmp_path: Path) -> None:
     assert found[1]["airspeed_kt"].unit == "km/h"
 
 
+def run_all(lines: list[str], folder: Path) -> None:
+    """Run commands as a reader would, one after the other, on the demo flight beside its truth."""
+    truth = (ROOT / "fixtures" / "thesis_a2_truth.csv").read_text(encoding="utf-8")
+    shutil.copy(ROOT / "fixtures" / "thesis_a2.mcap", folder / "flight.mcap")
+    (folder / "truth.csv").write_text(truth, encoding="utf-8")
+    renamed = truth.replace("time_s", "TIME", 1).replace("n1_pct", "NG", 1)
+    (folder / "fdr.csv").write_text(renamed, encoding="utf-8")
+    for line in lines:
+        program, *words = line.split()
+        done = ran(program, *words, cwd=folder)
+        assert done.returncode == 0, (line, done.stderr)
+
+
 @pytest.mark.slow
 def test_commands_of_flight_data_run(tmp_path: Path) -> None:
-    """Every command in docs/flight-data.md runs on the demo flight, one after the other, and writes what it says."""
-    program = Path(sys.executable).parent
-    shutil.copy(ROOT / "fixtures" / "thesis_a2.mcap", tmp_path / "flight.mcap")
-    shutil.copy(ROOT / "fixtures" / "thesis_a2_truth.csv", tmp_path / "truth.csv")
-    shutil.copy(ROOT / "fixtures" / "thesis_a2_truth.csv", tmp_path / "fdr.csv")
+    """Every command in docs/flight-data.md writes what it says."""
     (tmp_path / "names.yaml").write_text("n1_pct: {name: E1 NG, unit: '%'}\n", encoding="utf-8")
     text = (ROOT / "docs" / "flight-data.md").read_text(encoding="utf-8")
     inline = re.findall(r"`(decode flight\.mcap -o results[^`]*)`", text)
     fenced = [line for block in blocks(ROOT / "docs" / "flight-data.md") for line in block.splitlines()]
     commands = [*inline, *(line for line in fenced if line.startswith("decode ") and "fdr.csv" not in line)]
+    # The demo's needles have no column of their own there.
+    run_all([f"{line} --map names.yaml" if line.endswith("_g1000.csv") else line for line in commands], tmp_path)
 
-    for line in commands:
-        mapped = line.endswith("-o flight_g1000.csv")  # the demo's needles have no column of their own there
-        words = [str(program / "decode"), *line.split()[1:], *(["--map", "names.yaml"] if mapped else [])]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, (line, done.stderr)
     assert len(commands) >= 8
     assert (tmp_path / "results" / "flight.layout.json").exists()
     assert (tmp_path / "flight_g1000.csv").exists()
@@ -120,67 +107,36 @@ def test_commands_of_flight_data_run(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_commands_of_the_report_run(tmp_path: Path) -> None:
-    """Every command in docs/report.md runs on the demo flight; the truth is in the page, by frame and by a clock."""
-    program = Path(sys.executable).parent
-    shutil.copy(ROOT / "fixtures" / "thesis_a2.mcap", tmp_path / "flight.mcap")
-    truth = (ROOT / "fixtures" / "thesis_a2_truth.csv").read_text(encoding="utf-8").splitlines()
-    (tmp_path / "truth.csv").write_text("\n".join(truth), encoding="utf-8")
-    renamed = [truth[0].replace("time_s", "TIME").replace("n1_pct", "NG"), *truth[1:]]
-    (tmp_path / "fdr.csv").write_text("\n".join(renamed), encoding="utf-8")
+    """Every command in docs/report.md runs; the truth is in the page, by frame and by a clock."""
     (tmp_path / "names.yaml").write_text("n1_pct: {name: NG, unit: '%'}\n", encoding="utf-8")
     fenced = [line for block in blocks(ROOT / "docs" / "report.md") for line in block.splitlines()]
-
-    for line in fenced:
-        done = subprocess.run(
-            [str(program / "decode"), *line.split()[1:]], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, (line, done.stderr)
+    run_all(fenced, tmp_path)
     page = (tmp_path / "results" / "flight.html").read_text(encoding="utf-8")
+
     assert len(fenced) == 3
     assert "Held against the truth" in page
     assert "the curves tell" in page
     assert "flight.mcap --method normxcorr --format html --truth fdr.csv --map names.yaml" in page
 
 
-def test_camera_description_is_a_camera() -> None:
-    """The camera in docs/calibration.md is one that the decoder takes."""
-    example = blocks(ROOT / "docs" / "calibration.md", "yaml")[0]
+def test_readme_names_the_commands() -> None:
+    """The first runs the demo, the second the tests; of each program those that a flight takes are named."""
+    first = [line for block in blocks(ROOT / "README.md") for line in block.splitlines() if line.startswith("make ")]
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    box = ("run", "replay", "simulate", "info", "extract", "recover", "verify", "mark")
+    desk = ("setup", "accuracy", "fleet", "frames", "export", "calibrate focal", "calibrate pose")
+    shown = [*(f"recorder {command}" for command in box), *(f"decode {command}" for command in desk)]
 
-    assert parse_camera(example).lens(4.45, (4896, 3672)).distorts
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        *(
-            ["recorder", command]
-            for command in ("run", "replay", "simulate", "info", "extract", "recover", "verify", "mark")
-        ),
-        ["decode"],
-        ["decode", "setup"],
-        ["decode", "accuracy"],
-        ["decode", "fleet"],
-        ["decode", "frames"],
-        ["decode", "export"],
-        ["decode", "calibrate", "focal"],
-        ["decode", "calibrate", "pose"],
-    ],
-)
-def test_commands_of_the_readme_exist(words: list[str]) -> None:
-    """Every command that the README shows answers --help with examples."""
-    program = Path(sys.executable).parent / words[0]
-    done = subprocess.run([str(program), *words[1:], "--help"], capture_output=True, text=True, check=False)
-
-    assert " ".join(words) in (ROOT / "README.md").read_text(encoding="utf-8")
-    assert done.returncode == 0
-    assert "Examples:" in done.stdout
+    assert first[:2] == ["make demo", "make test"]
+    assert [command for command in shown if command not in text] == []
 
 
-def test_camera_example_is_a_configuration() -> None:
-    """The settings in docs/qx10.md are ones that the recorder takes, and none is missing."""
+def test_camera_examples_are_such() -> None:
+    """The camera in docs/calibration.md is one; the settings in docs/qx10.md are taken, and none is missing."""
     (example,) = blocks(ROOT / "docs" / "qx10.md", "yaml")
     camera = yaml.safe_load(example)["camera"]
 
+    assert parse_camera(blocks(ROOT / "docs" / "calibration.md", "yaml")[0]).lens(4.45, (4896, 3672)).distorts
     assert parse_config(yaml.safe_load(example)).camera.driver == "qx10"
     assert set(camera) == set(Qx10Settings.model_fields)
 

@@ -2,63 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
 import shlex
 import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import boto3
-import psutil
 import pytest
 
-from flight_file.frame import ClockReading, Frame
+from flight_file.frame import Frame
 from flight_file.reader import open_flight
-from flight_file.reports import CameraStatus
-from flight_file.segments import FlightWriter, Plan
-from flight_file.session import Session
+from tests.fleet.flights import write_flight
+from tests.fleet.watching import kill_whole
+from tests.programs import FIXTURES, PROGRAMS, Done, Run, ran, until
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-PROGRAMS = Path(sys.executable).parent
-NS = 10**9
-START_NS = 1_525_435_200 * NS
-FLIGHTS, AIRCRAFT, FRAMES = 50, 10, 4
-PATIENCE_S = 120
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
-WriteFlight = Callable[..., list[Path]]
-
-
-def write(folder: Path, recording: str, frames: Sequence[Frame], *, per_segment: int = 1000) -> list[Path]:
-    """Frames, four a second, as the finished segments of a recording with the animation's panel."""
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def at(frame: int) -> ClockReading:
-        return ClockReading(START_NS + frame * NS // 4, frame * NS // 4)
-
-    plan = Plan(folder, Session(recording), panel(), segment_ns=per_segment * NS // 4)
-    writer = FlightWriter(plan, status=CameraStatus("connected"), at=at(0))
-    for number, frame in enumerate(frames):
-        writer.write_frame(frame, at(number))
-    return writer.finish("stopped", at(len(frames)))
-
-
-def panel() -> dict[str, bytes]:
-    """The attachments of the animation's flights."""
-    return dict(open_flight([FIXTURES / "thesis_a1.mcap"]).attachments)
-
-
-@pytest.fixture(scope="session")
-def write_flight() -> Callable[..., list[Path]]:
-    """Writes frames, four a second, as a recording with the animation's panel."""
-    return write
+FLIGHTS, AIRCRAFT, FRAMES = 30, 10, 4
 
 
 @pytest.fixture(scope="session")
@@ -69,11 +32,11 @@ def frames() -> list[Frame]:
 
 @pytest.fixture(scope="session")
 def archive(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Path:
-    """Fifty flights of four frames each, in a folder for each of ten aircraft; every fifth flight has two segments."""
+    """Thirty flights of four frames each, in a folder for each of ten aircraft; every fifth flight has two segments."""
     folder = tmp_path_factory.mktemp("archive")
     for number in range(FLIGHTS):
         chosen = [frames[(number + step) % len(frames)] for step in range(FRAMES)]
-        write(
+        write_flight(
             folder / f"N{number % AIRCRAFT}", f"flight{number:02d}", chosen, per_segment=2 if number % 5 == 0 else 1000
         )
     return folder
@@ -83,14 +46,14 @@ def archive(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Pa
 def few(tmp_path: Path, frames: list[Frame]) -> Path:
     """A folder of three flights that a test may change."""
     for number in range(3):
-        write(tmp_path / "few", f"flight{number}", frames[number : number + FRAMES])
+        write_flight(tmp_path / "few", f"flight{number}", frames[number : number + FRAMES])
     return tmp_path / "few"
 
 
 @pytest.fixture(scope="session")
 def long_flight(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Path:
     """A flight that takes seconds to decode, so that something can happen meanwhile."""
-    (path,) = write(tmp_path_factory.mktemp("long"), "long", frames * 16)
+    (path,) = write_flight(tmp_path_factory.mktemp("long"), "long", frames * 16)
     return path
 
 
@@ -98,38 +61,19 @@ def long_flight(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -
 def run() -> Run:
     """Runs `decode fleet` to its end."""
 
-    def run_fleet(*words: object, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-        command = [str(PROGRAMS / "decode"), "fleet", *map(str, words)]
-        return subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=180, env={**os.environ, **(env or {})}
-        )
+    def run_fleet(*words: object, env: Mapping[str, str] | None = None) -> Done:
+        return ran("decode", "fleet", *words, env=env)
 
     return run_fleet
 
 
 @pytest.fixture(scope="session")
 def home(run: Run, archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results of the fifty flights, decoded on this machine."""
+    """The results of the thirty flights, decoded on this machine."""
     output = tmp_path_factory.mktemp("home")
     done = run(f"{archive}/*/*.mcap", "-o", output, "--jobs", "2")
     assert (done.returncode, done.stderr) == (0, "")
     return output
-
-
-def results_in(folder: Path) -> dict[str, bytes]:
-    """All results in an output but markers and index, by their place."""
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in files
-        if path.name not in ("fleet.done", "index.csv")
-    }
-
-
-@pytest.fixture(scope="session")
-def results() -> Callable[[Path], dict[str, bytes]]:
-    """Reads all results in an output but markers and index, by their place."""
-    return results_in
 
 
 def documented(program: str) -> list[str]:
@@ -180,66 +124,10 @@ class Cluster:
         address: str = json.loads((self.folder / "scheduler.json").read_text(encoding="utf-8"))["address"]
         return address
 
-    def kill(self, process: subprocess.Popen[bytes]) -> None:
-        """Ends one of the processes and its children at once."""
-        kill_whole(process)
-
     def stop(self) -> None:
         """Ends all that is left of it."""
         for process in reversed(self.processes):
             kill_whole(process)
-
-
-def kill_whole(process: subprocess.Popen[bytes]) -> None:
-    """Kills a process and its children, as when a machine loses its power."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        whole = psutil.Process(process.pid)
-        for each in [*whole.children(recursive=True), whole]:
-            with contextlib.suppress(psutil.NoSuchProcess):
-                each.kill()
-    process.wait(timeout=PATIENCE_S)
-
-
-def until(condition: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the condition gives
-    """Waits for something to become true; gives it."""
-    limit = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < limit, "nothing came of it"
-        time.sleep(0.02)
-    return found
-
-
-def reader_of(path: Path, above: int) -> psutil.Process | None:
-    """The process below another one that has a file open."""
-    for process in psutil.Process(above).children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess, psutil.AccessDenied):
-            if any(opened.path == str(path) for opened in process.open_files()):
-                return process
-    return None
-
-
-@pytest.fixture(scope="session")
-def wait_until() -> Callable[[Callable[[], Any]], Any]:
-    """Waits for something to become true; gives it."""
-    return until
-
-
-@pytest.fixture(scope="session")
-def is_gone() -> Callable[[psutil.Process], bool]:
-    """Tells whether a process has ended, waited for or not."""
-
-    def gone(process: psutil.Process) -> bool:
-        with contextlib.suppress(psutil.NoSuchProcess):
-            return not process.is_running() or bool(process.status() == psutil.STATUS_ZOMBIE)
-        return True
-
-    return gone
-
-
-@pytest.fixture(scope="session")
-def find_reader() -> Callable[[Path, int], psutil.Process | None]:
-    """Finds the process below another one that has a file open."""
-    return reader_of
 
 
 @pytest.fixture

@@ -2,54 +2,30 @@
 
 from __future__ import annotations
 
-import csv
 import shutil
 import signal
-import subprocess
-import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.fleet.watching import find_reader, kill_whole, results, started, states
+from tests.programs import ROOT, Run, until
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
-Results = Callable[[Path], dict[str, bytes]]
-WaitUntil = Callable[[Callable[[], Any]], Any]
-FindReader = Callable[[Path, int], Any]
-IsGone = Callable[[Any], bool]
 Cluster = Any
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("fleet")]
 
 
-def states(output: Path) -> dict[str, str]:
-    """The status of each flight in an output's index."""
-    with (output / "index.csv").open(encoding="utf-8", newline="") as stream:
-        return {row["flight"]: row["status"] for row in csv.DictReader(stream)}
-
-
-def started(*words: object) -> subprocess.Popen[str]:
-    """`decode fleet`, started."""
-    decode = Path(sys.executable).parent / "decode"
-    return subprocess.Popen(
-        [decode, "fleet", *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-
-
-def test_killed_worker_and_corrupt_flight(
-    cluster: Cluster, archive: Path, home: Path, results: Results, wait_until: WaitUntil, tmp_path: Path
-) -> None:
-    """Fifty flights and a corrupt one, one of two workers killed meanwhile: the bytes of home, and one failure told."""
+def test_killed_worker_and_corrupt_flight(cluster: Cluster, archive: Path, home: Path, tmp_path: Path) -> None:
+    """Thirty flights and a corrupt one, one of two workers killed meanwhile: the bytes of home, one failure told."""
     corrupt = tmp_path / "corrupt.mcap"
     corrupt.write_bytes(bytes(range(256)) * 100)
     output = tmp_path / "out"
     running = started(f"{archive}/*/*.mcap", corrupt, "-o", output, "--scheduler", cluster.address)
-    wait_until(lambda: len(list(output.glob("*/*/fleet.done"))) >= 5)
-    cluster.kill(cluster.processes[1])
+    until(lambda: len(list(output.glob("*/*/fleet.done"))) >= 5)
+    kill_whole(cluster.processes[1])
     _, words = running.communicate(timeout=120)
 
     assert running.returncode == 1
@@ -60,46 +36,11 @@ def test_killed_worker_and_corrupt_flight(
     assert {flight for flight, status in states(output).items() if status == "failed"} == {"corrupt"}
 
 
-def test_flight_that_kills_its_workers_is_told(
-    cluster: Cluster,
-    few: Path,
-    long_flight: Path,
-    find_reader: FindReader,
-    wait_until: WaitUntil,
-    is_gone: IsGone,
-    tmp_path: Path,
-) -> None:
-    """A flight that kills its worker twice is given up; the others are decoded, and the second run knows them."""
-    flight = Path(shutil.copy(long_flight, few / "long.mcap"))
-    output = tmp_path / "out"
-    words = [f"{few}/*.mcap", "-o", output, "--scheduler", cluster.address]
-    running = started(*words)
-    nannies = [process.pid for process in cluster.processes[1:]]
-    for _ in range(2):
-        worker = wait_until(lambda: next(filter(None, (find_reader(flight, nanny) for nanny in nannies)), None))
-        worker.kill()
-        wait_until(lambda worker=worker: is_gone(worker))
-    _, told = running.communicate(timeout=120)
-
-    assert running.returncode == 1
-    assert told.startswith("failed: long: its worker was killed 2 times over it")
-    found = states(output)
-    assert found.pop("long") == "failed"
-    # A short flight is kept if its worker was killed between marking it as finished and telling so.
-    assert found.keys() == {"flight0", "flight1", "flight2"}
-    assert set(found.values()) <= {"decoded", "kept"}
-    flight.unlink()
-    again = started(*words)
-    out, told = again.communicate(timeout=120)
-    assert (again.returncode, told) == (0, "")
-    assert out.startswith("0 decoded, 3 kept, 0 failed")
-
-
 def test_other_code_is_refused(empty_cluster: Cluster, run: Run, few: Path, tmp_path: Path) -> None:
     """A worker whose checkout differs by a remark is named, in one sentence, and nothing is decoded."""
     for package in ("decoder", "flight_file"):
         shutil.copytree(ROOT / package, tmp_path / "other" / package)
-    with (tmp_path / "other" / "decoder" / "cli.py").open("a", encoding="utf-8") as stream:
+    with (tmp_path / "other" / "decoder" / "start.py").open("a", encoding="utf-8") as stream:
         stream.write("# changed\n")
     empty_cluster.start_worker(env={"PYTHONPATH": str(tmp_path / "other")})
     done = run(f"{few}/*.mcap", "-o", tmp_path / "out", "--scheduler", empty_cluster.address)
@@ -130,30 +71,25 @@ def test_no_scheduler_and_no_workers(empty_cluster: Cluster, run: Run, few: Path
 
 
 @pytest.mark.untraced
-def test_interrupt_leaves_workers_their_flight(
-    cluster: Cluster, few: Path, long_flight: Path, find_reader: FindReader, wait_until: WaitUntil, tmp_path: Path
-) -> None:
+def test_interrupt_leaves_workers_their_flight(cluster: Cluster, few: Path, long_flight: Path, tmp_path: Path) -> None:
     """Ctrl-C ends the client; the flight that a worker holds is finished, and whole. A lost scheduler ends it, too."""
     flight, output = Path(shutil.copy(long_flight, few / "long.mcap")), tmp_path / "out"
     words = [f"{few}/*.mcap", "-o", output, "--scheduler", cluster.address]
     nannies = [process.pid for process in cluster.processes[1:]]
 
-    def reader() -> Any:  # noqa: ANN401 - a process
-        return next(filter(None, (find_reader(flight, nanny) for nanny in nannies)), None)
-
     running = started(*words)
-    wait_until(reader)
+    until(lambda: find_reader(flight, *nannies))
     running.send_signal(signal.SIGINT)
     _, told = running.communicate(timeout=120)
     assert (running.returncode, told) == (1, "decode: interrupted; finished flights are kept by the next run\n")
-    wait_until((output / "long" / "fleet.done").exists)
+    until((output / "long" / "fleet.done").exists)
     assert {path.name for path in (output / "long").iterdir()} == {
         *("fleet.done", "long.csv", "long.json", "long_alignment.tsv")
     }
 
     running = started(*words, "--method", "xcorr")
-    wait_until(reader)
-    cluster.kill(cluster.processes[0])
+    until(lambda: find_reader(flight, *nannies))
+    kill_whole(cluster.processes[0])
     _, told = running.communicate(timeout=120)
     assert running.returncode == 1
     assert told.startswith("decode: ")

@@ -8,22 +8,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from socket import gethostname
+from typing import Any
 
 import pytest
 
 import decoder
-from decoder.errors import PanelError, VersionMismatch
-from decoder.fleet.flights import FleetFlight, grouped
-from decoder.fleet.one_flight import decode_one
-from decoder.fleet.order import Order, make_order
-from decoder.fleet.outcome import Outcome, State
-from decoder.fleet.sources import flight_files
-from decoder.fleet.versions import LIBRARIES_OF_FORMATS, _digest_of_code, installed
+from decoder.panel.errors import PanelError, VersionMismatch
+from decoder.parallel.decoding import decode_one
+from decoder.parallel.flights import FleetFlight, flight_files, grouped
+from decoder.parallel.index import Outcome, State
+from decoder.parallel.order import LIBRARIES_OF_FORMATS, Order, _digest_of_code, installed, make_order
 from flight_file.frame import Frame
+from tests.fleet.flights import write_flight
+from tests.programs import FIXTURES
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-
-WriteFlight = Callable[..., list[Path]]
 Results = Callable[[Path], dict[str, bytes]]
 MakeOrder = Callable[..., Order]
 
@@ -74,9 +72,7 @@ def status(outcome: Outcome) -> State:
     return outcome.status
 
 
-def test_finished_flights_are_kept(
-    order: MakeOrder, few: Path, frames: list[Frame], write_flight: WriteFlight, tmp_path: Path
-) -> None:
+def test_finished_flights_are_kept(order: MakeOrder, few: Path, frames: list[Frame], tmp_path: Path) -> None:
     """Nothing is decoded again but what changed: a flight's content, not its date alone."""
     first = [decode_one(flight, order()) for flight in flights(few)]
     os.utime(few / "flight1_0000.mcap", ns=(1, 1))
@@ -96,7 +92,7 @@ def test_new_date_is_looked_behind_once(order: MakeOrder, flight: FleetFlight, m
     decode_one(flight, order())
     os.utime(flight.addresses[0], ns=(1, 1))
     decode_one(flight, order())
-    monkeypatch.setattr("decoder.fleet.one_flight.open_flight", None)
+    monkeypatch.setattr("decoder.parallel.decoding.open_flight", None)
 
     assert status(decode_one(flight, order())) is State.KEPT
 
@@ -120,15 +116,6 @@ def test_formats_have_no_order(order: MakeOrder, flight: FleetFlight, tmp_path: 
     assert sorted(path.name for path in (tmp_path / "out" / "flight0").iterdir()) == [
         *("fleet.done", "flight0.csv", "flight0.json", "flight0_alignment.tsv")
     ]
-
-
-def test_other_software_is_decoded_anew(order: MakeOrder, flight: FleetFlight, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Results of another version of our code are not kept."""
-    decode_one(flight, order())
-    newer = replace(order().versions, software="image-flight-recorder 99")
-    monkeypatch.setattr("decoder.fleet.one_flight.installed", lambda _formats: newer)
-
-    assert status(decode_one(flight, replace(order(), versions=newer))) is State.DECODED
 
 
 def test_other_panel_is_decoded_anew(order: MakeOrder, flight: FleetFlight, cockpit: Path) -> None:
@@ -158,7 +145,11 @@ def test_wrong_panel_is_told_before_any_flight(order: MakeOrder, cockpit: Path) 
     with pytest.raises(PanelError, match=r"panel\.jpg: cannot be read: there is no such file"):
         order(panel=cockpit)
     cockpit.write_text(cockpit.read_text().replace("panel.jpg", "../panel.jpg"))
-    with pytest.raises(PanelError, match="outside the panel's folder"):
+    with pytest.raises(PanelError, match="in the panel's folder or below"):
+        order(panel=cockpit)
+    cockpit.write_text(cockpit.read_text().replace("../panel.jpg", "panel.jpg"))
+    os.mkfifo(cockpit.parent / "panel.jpg")
+    with pytest.raises(PanelError, match="no regular file"):  # and nothing is waited for
         order(panel=cockpit)
 
     assert not (cockpit.parents[1] / "out").exists()
@@ -196,32 +187,34 @@ def test_marker_that_is_none_is_no_marker(order: MakeOrder, flight: FleetFlight,
     assert "is no result of flight0" in decode_one(flight, order()).reason
 
 
-def test_other_versions_are_refused(order: MakeOrder, flight: FleetFlight) -> None:
-    """A worker with another numpy decodes nothing for us, and says which."""
-    with pytest.raises(VersionMismatch, match=r"has numpy \S+, this machine numpy 1;"):
-        decode_one(
-            flight,
-            replace(
-                order(), versions=replace(order().versions, libraries=("numpy 1", *order().versions.libraries[1:]))
-            ),
-        )
-
-
 @pytest.mark.parametrize(
     ("fmt", "library"),
-    [("mcap", "mcap"), ("mcap", "protobuf"), ("mcap", "zstandard"), ("html", "jinja2"), ("parquet", "pyarrow")],
+    [
+        *(("csv", "numpy"), ("mcap", "mcap"), ("mcap", "protobuf"), ("mcap", "zstandard"), ("html", "jinja2")),
+        ("parquet", "pyarrow"),
+    ],
 )
-def test_other_versions_of_what_writes_a_format_are_refused(
-    order: MakeOrder, flight: FleetFlight, fmt: str, library: str
-) -> None:
-    """Where the format is asked for; a library that writes nothing of what is asked for may be any."""
-    ours = order(formats=("csv", fmt)).versions.libraries
-    other = tuple(f"{library} 0" if name.split()[0] == library else name for name in ours)
+def test_other_versions_are_refused(order: MakeOrder, flight: FleetFlight, fmt: str, library: str) -> None:
+    """A worker with another library decodes nothing for us, and says which, if what is asked for is made with it."""
     wanted = order(formats=("csv", fmt))
+    other = tuple(f"{library} 0" if name.split()[0] == library else name for name in wanted.versions.libraries)
+    needed = any(name.startswith(f"{library} ") for name in order().versions.libraries)
 
-    assert not any(name.startswith(f"{library} ") for name in order().versions.libraries)
+    assert needed == (fmt == "csv")
     with pytest.raises(VersionMismatch, match=rf"has {library} \S+, this machine {library} 0;"):
         decode_one(flight, replace(wanted, versions=replace(wanted.versions, libraries=other)))
+
+
+@pytest.mark.parametrize("change", [{"software": "image-flight-recorder 99"}, {"libraries": ("numpy 1",)}])
+def test_results_of_other_versions_are_not_kept(
+    order: MakeOrder, flight: FleetFlight, monkeypatch: pytest.MonkeyPatch, change: dict[str, Any]
+) -> None:
+    """Results are of what computed them: our code, and the libraries."""
+    decode_one(flight, order())
+    other = replace(order().versions, **change)
+    monkeypatch.setattr("decoder.parallel.decoding.installed", lambda _formats: other)
+
+    assert status(decode_one(flight, replace(order(), versions=other))) is State.DECODED
 
 
 def test_library_that_is_missing_is_a_mismatch(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,7 +224,7 @@ def test_library_that_is_missing_is_a_mismatch(monkeypatch: pytest.MonkeyPatch) 
     assert installed(("mcap",)).libraries[-1] == "no no-such-library"
 
 
-@pytest.mark.parametrize("file", ["report/page/main.js", "report/page/style.css", "cli.py"])
+@pytest.mark.parametrize("file", ["outputs/report_page/main.js", "outputs/report_page/style.css", "start.py"])
 def test_every_file_of_the_code_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
     """A report's page decides about bytes as the Python code does; what Python made of that does not."""
     package = tmp_path / "decoder"
@@ -246,14 +239,6 @@ def test_every_file_of_the_code_counts(tmp_path: Path, monkeypatch: pytest.Monke
 
     assert compiled == before
     assert _digest_of_code.__wrapped__() != before
-
-
-def test_results_of_other_libraries_are_not_kept(order: MakeOrder) -> None:
-    """Results are of what computed them: those that an earlier OpenCV gave are made anew."""
-    now = order()
-    earlier = replace(now, versions=replace(now.versions, libraries=("numpy 1", *now.versions.libraries[1:])))
-
-    assert earlier.key != now.key
 
 
 def test_working_folders_of_killed_workers_go(

@@ -11,11 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from decoder.errors import FleetError
-from decoder.fleet.flights import FleetFlight, Found, grouped
-from decoder.fleet.sources import flight_files
+from decoder.panel.errors import FleetError
+from decoder.parallel.flights import FleetFlight, Found, flight_files, grouped
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 Folder = Callable[..., Path]
 
 
@@ -50,10 +48,11 @@ def test_segments_of_one_recording_are_one_flight(folder: Folder) -> None:
 
 
 def test_patterns_take_flight_files_only(folder: Folder) -> None:
-    """Signatures, notes and folders beside the flights are passed over; `**` goes down."""
-    place = folder("x/y/f.mcap", "x/y/f.mcap.sig", "x/notes.txt", "g.mcap")
+    """Signatures, notes and folders are passed over; `**` goes down; a file that is there is meant as it is written."""
+    place = folder("x/y/f.mcap", "x/y/f.mcap.sig", "x/notes.txt", "g.mcap", "flight[1].mcap")
 
-    assert list(named(f"{place}/**/*")) == ["g", "x/y/f"]
+    assert list(named(f"{place}/**/*")) == ["flight[1]", "g", "x/y/f"]
+    assert list(named(place / "flight[1].mcap")) == ["flight[1]"]
 
 
 def test_lists_name_what_is_beside_them(folder: Folder) -> None:
@@ -85,11 +84,6 @@ def test_results_never_lie_within_others(folder: Folder) -> None:
         named(place / "a.mcap", f"{place}/**/c.mcap")
     with pytest.raises(FleetError, match=r"called index\.csv"):
         named(place / "index.csv.mcap")
-
-
-def test_brackets_in_a_name_are_no_pattern(folder: Folder) -> None:
-    """A file that is there is meant as it is written."""
-    assert list(named(folder("flight[1].mcap") / "flight[1].mcap")) == ["flight[1]"]
 
 
 NAMES = st.text("ab_0.", min_size=1, max_size=6)
@@ -143,7 +137,7 @@ def test_what_is_not_meant_is_told(folder: Folder, word: str, told: str) -> None
 )
 def test_missing_extra_is_told(folder: Folder, module: str, words: list[str], told: str) -> None:
     """Without the extra [cluster] URLs and clusters are refused with what to install."""
-    program = f"import sys; sys.modules[{module!r}] = None; from decoder.cli import main; main()"
+    program = f"import sys; sys.modules[{module!r}] = None; from decoder.commands.cli import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", program, "fleet", *words],
         capture_output=True,

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from flight_file.frame import ClockReading, Exif, Frame, HostTimes
-from flight_file.reports import CameraStatus
-from flight_file.segments import FlightWriter, Plan
+from flight_file.flight_writer import FlightWriter, Plan
+from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.session import Session
+from flight_file.signature import Signer
 
 START_NS = 1_525_435_200_000_000_000
 SECOND_NS = 1_000_000_000
@@ -58,12 +58,14 @@ def write_flight() -> WriteFlight:
         recording: str = "flight",
         attachments: Mapping[str, bytes] | None = None,
         frames_per_segment: int = 1000,
+        signer: Signer | None = None,
     ) -> list[Path]:
         def later(seconds: int) -> ClockReading:
             return ClockReading(START_NS + seconds * SECOND_NS, seconds * SECOND_NS)
 
         readings = [later(2 * index) for index in range(len(frames))]
-        plan = Plan(directory, Session(recording), attachments or {}, 2 * frames_per_segment * SECOND_NS)
+        segment_ns = 2 * frames_per_segment * SECOND_NS
+        plan = Plan(directory, Session(recording), attachments or {}, segment_ns, signer=signer)
         writer = FlightWriter(plan, status=CameraStatus("connected"), at=later(0))
         for frame, at in zip(frames, readings, strict=True):
             writer.write_frame(frame, at)

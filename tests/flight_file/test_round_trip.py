@@ -1,23 +1,29 @@
-"""What is written is what is read."""
+"""What is written is what is read; and what is on the disk, and when."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 
-from flight_file.chain import first_value
-from flight_file.frame import ClockReading, Exif, Frame, HostTimes
+from flight_file.errors import FlightNotWrittenError
+from flight_file.flight_writer import FlightWriter, Plan
+from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
+from flight_file.messages import STATUS_TOPIC, TOPICS, encode_status
 from flight_file.reader import open_flight
-from flight_file.reports import CameraStatus, Health, LogLevel, LogLine
-from flight_file.segments import FlightWriter, Plan
-from flight_file.session import Session
+from flight_file.session import Session, first_value
+from flight_file.writer import SegmentWriter
 
+AT = ClockReading(5, 6)
+SCHEMA = json.loads(next(topic.schema for topic in TOPICS if topic.name == STATUS_TOPIC))
 TIMES = st.integers(0, 2**62)
 READINGS = st.builds(ClockReading, TIMES, TIMES)
 REALS = st.none() | st.floats(allow_nan=False, allow_infinity=False)
@@ -30,6 +36,19 @@ EXIFS = st.builds(
     datetime=st.none() | st.text(st.characters(codec="utf-8"), max_size=40),
 )
 SIZES = st.none() | st.integers(1, 65535)
+START = ClockReading(1_525_435_200_000_000_000, 50)
+MakeFrame = Callable[..., Frame]
+
+
+def test_offset_of_the_cameras_clock_is_in_the_status() -> None:
+    """An offset that is negative keeps a positive rest; what is not known is absent; the schema names every field."""
+    status = CameraStatus("clock", "set", camera_clock_offset_ns=-1, camera_clock_sigma_ns=3_000_000_001)
+    document = json.loads(encode_status(status, AT))
+
+    assert document["camera_clock_offset"] == {"sec": -1, "nsec": 999_999_999}
+    assert document["camera_clock_sigma"] == {"sec": 3, "nsec": 1}
+    assert set(document) <= set(SCHEMA["properties"])
+    assert set(json.loads(encode_status(CameraStatus("connected"), AT))) == {"clocks", "state", "reason", "dropped"}
 
 
 @st.composite
@@ -51,7 +70,7 @@ def frame_lists(draw: st.DrawFn) -> list[Frame]:
     return result
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(frames=frame_lists(), data=st.data())
 def test_every_field_of_every_frame_comes_back(frames: list[Frame], data: st.DataObject) -> None:
     """Whatever a frame holds and however its times jump, reading a flight gives it back unchanged."""
@@ -86,23 +105,65 @@ def test_session_and_attachments_come_back(tmp_path: Path) -> None:
     assert flight.losses == []
 
 
-def test_reports_do_not_disturb_the_frames(tmp_path: Path, make_frame: Callable[[int], Frame]) -> None:
-    """Status, health and log messages between the frames leave these as they are."""
-    at = ClockReading(10**18, 0)
-    writer = FlightWriter(Plan(tmp_path, Session("R"), {}), status=CameraStatus("connected"), at=at)
-    health = Health(1, 4.0, 1, 0, 0, "system", -5, {"why": 1}, {"cpu": 40.0})
-    for sequence in range(3):
-        writer.write_status(CameraStatus("recording", "because", 1, sequence), at)
-        writer.write_health(health, at)
-        writer.write_log(LogLine(LogLevel.WARNING, "disk_slow"), at)
-        writer.write_frame(make_frame(sequence), at)
-
-    flight = open_flight(writer.finish("stopped", at))
-
-    assert [frame.sequence for frame in flight.frames()] == [0, 1, 2]
-    assert flight.losses == []
+def start(path: Path) -> SegmentWriter:
+    """A segment with nothing in it yet."""
+    return SegmentWriter(path, session=Session("R", started=START), status=CameraStatus("connected"), attachments={})
 
 
-def test_digest_of_the_files_is_the_digest_of_their_bytes(flight: Path) -> None:
-    """`sha256_of_files` gives what sha256sum gives."""
-    assert open_flight([flight]).sha256_of_files() == {flight: hashlib.sha256(flight.read_bytes()).hexdigest()}
+def later(seconds: float) -> ClockReading:
+    """So long after the start."""
+    return ClockReading(START.realtime_ns + int(seconds * 1e9), START.monotonic_ns + int(seconds * 1e9))
+
+
+def test_frame_is_on_the_disk_a_second_later(tmp_path: Path, make_frame: MakeFrame) -> None:
+    """Small frames wait for company at most a second, one of a chunk's size for nothing; then they can be read."""
+    writer = start(tmp_path / "R_0000.mcap")
+    part = tmp_path / "R_0000.mcap.part"
+    writer.write_frame(make_frame(0), later(0.1))
+    waiting = list(open_flight([part]).frames())
+    writer.tick(later(1.1))
+    synced = list(open_flight([part]).frames())
+    writer.write_frame(make_frame(1, 100_000), later(1.2))
+
+    assert waiting == []
+    assert synced == [make_frame(0)]
+    assert open_flight([part]).count() == 2
+    writer.abandon()
+
+
+def test_log_time_follows_the_monotonic_clock(tmp_path: Path, make_frame: MakeFrame) -> None:
+    """Setting the wall clock back by years moves no log time: it never runs backwards."""
+    writer = start(tmp_path / "R_0000.mcap")
+    writer.write_frame(make_frame(0), later(1))
+    writer.write_frame(make_frame(1), ClockReading(realtime_ns=5, monotonic_ns=later(2).monotonic_ns))
+    path = writer.finish("stopped", dropped=0, at=later(3))
+    with path.open("rb") as file:
+        times = [message.log_time for _, _, message in make_reader(file).iter_messages(log_time_order=False)]
+
+    assert times == sorted(times)
+    assert times[-1] == START.realtime_ns + 2 * 10**9
+
+
+def test_name_that_is_taken_is_never_overwritten(tmp_path: Path) -> None:
+    """Neither by finishing a segment nor by beginning one; and where there is no folder a sentence says what to do."""
+    path = tmp_path / "R_0000.mcap"
+    writer = start(path)
+    path.write_bytes(b"somebody else's")
+
+    with pytest.raises(FlightNotWrittenError, match="another name"):
+        writer.finish("stopped", dropped=0, at=START)
+    with pytest.raises(FlightNotWrittenError, match="another name"):
+        FlightWriter(Plan(tmp_path, Session("R"), {}), status=CameraStatus("connected"), at=START)
+    assert path.read_bytes() == b"somebody else's"
+    with pytest.raises(FlightNotWrittenError, match=r"create the directory first\.$"):
+        start(tmp_path / "no" / "R_0000.mcap")
+
+
+def test_every_json_schema_describes_its_fields() -> None:
+    """Each JSON topic has a schema whose every field has a description, so that a viewer can show its unit."""
+    for topic in TOPICS:
+        if topic.schema_encoding == "jsonschema":
+            schema = json.loads(topic.schema)
+
+            assert set(schema["required"]) <= set(schema["properties"])
+            assert all(field["description"] for field in schema["properties"].values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import zlib
@@ -12,23 +13,23 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flight_file.chunks import ChunkPlace
-from flight_file.durable_file import DurableFile
-from flight_file.errors import FlightNotWrittenError, NotAFlightError, NothingToRecoverError
-from flight_file.frame import ClockReading, Frame
-from flight_file.keys import load_signer, make_key_files
-from flight_file.losses import LossKind
+from flight_file.errors import FindingKind, FlightNotWrittenError, LossKind, NotAFlightError, NothingToRecoverError
+from flight_file.files import DurableFile
+from flight_file.frame import CameraStatus, ClockReading, Frame
 from flight_file.reader import open_flight
-from flight_file.reports import CameraStatus
+from flight_file.records import ChunkPlace
 from flight_file.salvage import Outcome, Recovery, recover_segment
 from flight_file.scan import scan_file
 from flight_file.segment import opened
 from flight_file.session import EndRecord, Session
+from flight_file.signature import KeySigner, load_signer, make_key_files, read_signature, write_signature
 from flight_file.verification import Verdict, verify
 from flight_file.writer import SegmentWriter
+from tests.flight_file.forging import flip
 
 AT = ClockReading(1_800_000_000_000_000_000, 7)
 MAGIC_BYTES = 8
+JUNK = st.binary(min_size=1, max_size=700) | st.just(bytes(5000))  # zeros: as a power cut leaves a tail
 
 WriteFlight = Callable[..., list[Path]]
 TellingPlaces = Callable[[bytes], list[int]]
@@ -86,21 +87,13 @@ def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
             assert end.frames == len(found)
 
 
-@pytest.mark.slow
-def test_tail_of_zeros_costs_the_frames_in_it(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
-    """What a power cut leaves of a file whose length was written before its bytes."""
-    data, places = flight.read_bytes(), chunks(flight)
-    for start in telling_places(data)[::3]:
-        _, found, _ = recovered(as_left_behind(flight, data[:start] + bytes(len(data) - start)))
-
-        assert found == frames[: len(found)]
-        assert len(found) >= sum(place.offset + place.length <= start for place in places[1:])
-
-
-@settings(deadline=None, max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     cut=st.integers(MAGIC_BYTES, 20_000),
-    damage=st.lists(st.tuples(st.integers(MAGIC_BYTES, 20_000), st.binary(min_size=1, max_size=700)), max_size=4),
+    damage=st.lists(
+        st.tuples(st.integers(MAGIC_BYTES, 20_000), JUNK),
+        max_size=4,
+    ),
 )
 def test_damage_anywhere_never_gives_a_wrong_byte(
     flight: Path, frames: list[Frame], cut: int, damage: list[tuple[int, bytes]]
@@ -121,9 +114,9 @@ def test_damage_anywhere_never_gives_a_wrong_byte(
 
 def test_damaged_chunk_inside_costs_its_frame_and_is_declared(flight: Path, frames: list[Frame]) -> None:
     """The frames behind it are recovered, and the end record says before which of them something is missing."""
-    data = bytearray(flight.read_bytes())
-    data[data.index(frames[2].jpeg)] ^= 1
-    recovery, found, end = recovered(as_left_behind(flight, bytes(data[: chunks(flight)[-1].offset + 50])))
+    flip(flight, frames[2].jpeg)
+    cut = flight.read_bytes()[: chunks(flight)[-1].offset + 50]
+    recovery, found, end = recovered(as_left_behind(flight, cut))
 
     assert [frame.sequence for frame in found] == [0, 1, 3, 4]
     assert end is not None
@@ -144,23 +137,6 @@ def test_attachments_and_session_are_recovered(flight: Path) -> None:
     assert after.segments[0].start_of_chain == before.segments[0].start_of_chain
 
 
-def test_reports_are_recovered_and_drops_counted(tmp_path: Path, make_frame: Callable[..., Frame]) -> None:
-    """The end record of a recovered segment knows of the drops that the recorder had reported."""
-    at = ClockReading(10**18, 0)
-    writer = SegmentWriter(
-        tmp_path / "R_0000.mcap", session=Session("R", started=at), status=CameraStatus("connected"), attachments={}
-    )
-    writer.write_frame(make_frame(0), at)
-    writer.write_status(CameraStatus("recording", "dropped", dropped=5), at)
-    writer.sync(at)
-    writer.abandon()
-    _, found, end = recovered(tmp_path / "R_0000.mcap.part")
-
-    assert len(found) == 1
-    assert end is not None
-    assert end.dropped == 5
-
-
 def test_file_that_only_lacks_its_name_is_renamed(flight: Path, frames: list[Frame]) -> None:
     """Killed between the last byte and the renaming: not a byte is changed."""
     data = flight.read_bytes()
@@ -172,45 +148,47 @@ def test_file_that_only_lacks_its_name_is_renamed(flight: Path, frames: list[Fra
     assert flight.read_bytes() == data
 
 
-def test_file_in_work_is_left_alone(tmp_path: Path, make_frame: Callable[..., Frame]) -> None:
-    """A segment that a running recorder writes cannot be recovered from under it, but can afterwards."""
+def test_file_in_work_is_left_alone_and_recovered_afterwards(tmp_path: Path, make_frame: Callable[..., Frame]) -> None:
+    """Not from under a running recorder; then its end record knows of the drops that the recorder had reported."""
     at = ClockReading(10**18, 0)
     path = tmp_path / "R_0000.mcap"
     writer = SegmentWriter(path, session=Session("R", started=at), status=CameraStatus("connected"), attachments={})
     writer.write_frame(make_frame(0), at)
+    writer.write_status(CameraStatus("recording", "dropped", dropped=5), at)
     part = tmp_path / "R_0000.mcap.part"
 
     assert recover_segment(part, at=AT).outcome is Outcome.IN_WORK
     assert part.exists()
     writer.sync(at)
     writer.abandon()
-    assert recover_segment(part, at=AT).path == path
+    _, found, end = recovered(part)
+    assert found == [make_frame(0)]
+    assert end is not None
+    assert end.dropped == 5
 
 
-def test_damaged_finished_file_is_kept_beside_the_new_one(flight: Path, frames: list[Frame]) -> None:
-    """A finished file is evidence: it is never changed. Recovering it again makes no second copy."""
-    data = bytearray(flight.read_bytes())
-    data[data.index(frames[4].jpeg)] ^= 1
-    flight.write_bytes(data)
-    again = [recover_segment(flight, at=AT) for _ in range(2)]
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("flight_0000.mcap", "flight_0000.recovered.mcap"),
+        ("flight_0000.recovered.mcap", "flight_0000.recovered-2.mcap"),
+    ],
+)
+def test_damaged_finished_file_is_kept_beside_the_new_one(
+    flight: Path, frames: list[Frame], name: str, made: str
+) -> None:
+    """It is evidence, also if it came out of a recovery: it is never changed. Again, no second copy is made."""
+    assert recover_segment(flight, at=AT).outcome is Outcome.NOTHING_TO_DO
+    bad = flight.rename(flight.with_name(name))
+    flip(bad, frames[4].jpeg)
+    data = bad.read_bytes()
+    again = [recover_segment(bad, at=AT) for _ in range(2)]
 
-    assert {recovery.path.name for recovery in again} == {"flight_0000.recovered.mcap"}
+    assert {recovery.path.name for recovery in again} == {made}
     assert again[0].frames == 5
-    assert flight.read_bytes() == data
-    assert {path.name for path in flight.parent.iterdir()} == {"flight_0000.mcap", "flight_0000.recovered.mcap"}
-
-
-def test_damaged_recovered_file_is_recovered_into_another(flight: Path, frames: list[Frame]) -> None:
-    """A file that came out of a recovery can go bad too."""
-    data = bytearray(flight.read_bytes())
-    data[data.index(frames[4].jpeg)] ^= 1
-    bad = flight.with_name("flight_0000.recovered.mcap")
-    bad.write_bytes(data)
-    recovery = recover_segment(bad, at=AT)
-
-    assert recovery.path.name == "flight_0000.recovered-2.mcap"
     assert bad.read_bytes() == data
-    assert open_flight([recovery.path]).recording == "flight"
+    assert {path.name for path in flight.parent.iterdir()} == {name, made}
+    assert open_flight([again[0].path]).recording == "flight"
 
 
 def test_frame_that_does_not_fit_its_digest_is_left_out(flight: Path, frames: list[Frame]) -> None:
@@ -230,20 +208,148 @@ def test_frame_that_does_not_fit_its_digest_is_left_out(flight: Path, frames: li
     assert [loss.reason for loss in recovery.losses] == ["1 frame(s) of a chunk are not whole"]
 
 
-def test_whole_file_in_work_is_signed_too(flight: Path, tmp_path: Path) -> None:
-    """Killed before its signature was there: it gets one with its name."""
+@pytest.fixture
+def signer(tmp_path: Path) -> KeySigner:
+    """The box's key."""
     make_key_files(tmp_path / "key")
-    signer = load_signer(tmp_path / "key")
-    part = flight.rename(flight.with_name(flight.name + ".part"))
-    recover_segment(part, at=AT, signer=signer)
-
-    assert verify([flight], public_key=signer.public_key)[0].verdict is Verdict.FITS
+    return load_signer(tmp_path / "key")
 
 
-def test_whole_file_is_left_alone(flight: Path) -> None:
-    """There is nothing to do."""
-    assert recover_segment(flight, at=AT).outcome is Outcome.NOTHING_TO_DO
-    assert list(flight.parent.iterdir()) == [flight]
+@pytest.fixture
+def signed(tmp_path: Path, frames: list[Frame], write_flight: WriteFlight, signer: KeySigner) -> bytes:
+    """The six frames as a box with a key writes them, finished."""
+    (path,) = write_flight(tmp_path, frames, recording="signed", signer=signer)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def final(tmp_path: Path) -> Path:
+    """Under which name they are recovered."""
+    return tmp_path / "work" / "signed_0000.mcap"
+
+
+def last_chunk_end(content: bytes, path: Path) -> int:
+    """Where the last chunk of a sound file ends: its indexes and its checkpoint stand behind it."""
+    place = chunks(as_left_behind(path, content))[-1]
+    return place.offset + place.length
+
+
+def test_whole_file_in_work_with_its_signature_is_renamed(signed: bytes, signer: KeySigner, final: Path) -> None:
+    """Killed between the signature and the renaming: not a byte is changed."""
+    part = as_left_behind(final, signed)
+    write_signature(final, hashlib.sha256(signed).hexdigest(), signer)
+    recovery = recover_segment(part, at=AT, signer=signer)
+
+    assert (recovery.outcome, recovery.signed) == (Outcome.FINISHED, True)
+    assert final.read_bytes() == signed
+    assert verify([final], public_key=signer.public_key)[0].verdict is Verdict.FITS
+
+
+def test_whole_file_in_work_without_its_signature_is_signed_as_far_as_it_is_proven(
+    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+) -> None:
+    """Neither its end record nor its index is signed: anybody could have written them."""
+    recovery = recover_segment(as_left_behind(final, signed), at=AT, signer=signer)
+    (check,) = verify([final], public_key=signer.public_key)
+
+    assert (recovery.outcome, recovery.signed, recovery.unproven) == (Outcome.RECOVERED, True, None)
+    assert list(open_flight([final]).frames()) == frames
+    assert [finding.kind for finding in check.findings] == [FindingKind.CUT]
+
+
+def test_unsigned_file_in_work_is_never_signed(flight: Path, frames: list[Frame], signer: KeySigner) -> None:
+    """Whole or cut, whoever put it there: a key signs only what its checkpoints prove."""
+    content = flight.read_bytes()
+    for end in (len(content), -200):
+        part = as_left_behind(flight.parent / "work" / flight.name, content[:end])
+        recovery = recover_segment(part, at=AT, signer=signer)
+
+        assert not recovery.signed
+        assert read_signature(recovery.path) is None
+        assert list(open_flight([recovery.path]).frames()) == frames
+        assert verify([recovery.path], public_key=signer.public_key)[0].verdict is Verdict.FAULT
+
+
+def test_frames_behind_the_last_checkpoint_are_set_apart(
+    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+) -> None:
+    """Killed between a chunk and its checkpoint, or added by somebody: not thrown away, and not signed."""
+    part = as_left_behind(final, signed[: last_chunk_end(signed, final)])
+    recovery = recover_segment(part, at=AT, signer=signer)
+    unproven = final.with_name(f"{final.name}.unproven")
+    (check,) = verify([final, unproven], public_key=signer.public_key)
+    end = open_flight([unproven]).segments[0].end
+
+    assert (recovery.frames, recovery.unproven_frames, recovery.unproven) == (5, 1, unproven)
+    assert list(open_flight([final]).frames()) == frames[:5]
+    assert list(open_flight([unproven]).frames()) == frames[5:]
+    assert {path.name for path in final.parent.iterdir()} == {final.name, f"{final.name}.sig", unproven.name}
+    assert [finding.kind for finding in check.findings] == [FindingKind.CUT, FindingKind.UNPROVEN]
+    assert end is not None
+    assert end.reason.endswith("it is not signed: it stood behind the last checkpoint, where nothing proves it")
+
+
+def test_recovery_with_frames_set_apart_can_be_cut_off_itself(signed: bytes, signer: KeySigner, final: Path) -> None:
+    """Done again because the old file is still there, it makes nothing twice."""
+    content = signed[: last_chunk_end(signed, final)]
+    part = as_left_behind(final, content)
+    first = recover_segment(part, at=AT, signer=signer)
+    before = sorted(final.parent.iterdir())
+    part.write_bytes(content)
+
+    assert recover_segment(part, at=AT, signer=signer) == first
+    assert sorted(final.parent.iterdir()) == before
+
+
+def test_own_recording_under_another_name_is_not_signed(
+    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+) -> None:
+    """Its checkpoints are genuine, but the box never recorded it as this segment."""
+    part = as_left_behind(final.with_name("signed_0001.mcap"), signed[:-300])
+    recovery = recover_segment(part, at=AT, signer=signer)
+
+    assert not recovery.signed
+    assert list(open_flight([recovery.path]).frames()) == frames
+    assert verify([recovery.path], public_key=signer.public_key)[0].verdict is Verdict.FAULT
+
+
+def test_damaged_signed_file_is_signed_again_as_far_as_it_is_proven(
+    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+) -> None:
+    """Behind the damage no checkpoint fits any more: what is whole there is set apart."""
+    as_left_behind(final, b"")
+    final.write_bytes(bytes([*signed[: (at := signed.index(frames[3].jpeg))], signed[at] ^ 1, *signed[at + 1 :]]))
+    recovery = recover_segment(final, at=AT, signer=signer)
+    assert recovery.unproven is not None
+
+    assert (recovery.path.name, recovery.unproven.name) == (
+        "signed_0000.recovered.mcap",
+        "signed_0000.recovered.mcap.unproven",
+    )
+    assert list(open_flight([recovery.path]).frames()) == frames[:3]
+    assert list(open_flight([recovery.unproven]).frames()) == frames[4:]
+    assert verify([recovery.path], public_key=signer.public_key)[0].verdict is Verdict.LOSS
+
+
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(end=st.integers(MAGIC_BYTES, 20_000), bit=st.none() | st.integers(0, 20_000 * 8 - 1))
+def test_nothing_is_signed_that_was_not_recorded(
+    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path, end: int, bit: int | None
+) -> None:
+    """Wherever it ends and whatever bit is flipped: signed are the frames before the first damage, in order."""
+    content = bytearray(signed[:end])
+    if bit is not None and bit // 8 < len(content):
+        content[bit // 8] ^= 1 << bit % 8
+    try:
+        recovery = recover_segment(as_left_behind(final, bytes(content)), at=AT, signer=signer)
+    except (NotAFlightError, NothingToRecoverError):
+        return
+    found = list(open_flight([recovery.path]).frames())
+    (check,) = verify([recovery.path], public_key=signer.public_key)
+
+    assert check.verdict is (Verdict.LOSS if recovery.signed else Verdict.FAULT)
+    if recovery.signed:
+        assert found == frames[: len(found)]
 
 
 def test_recovery_cut_off_before_the_part_was_removed_is_completed(flight: Path, frames: list[Frame]) -> None:
@@ -290,17 +396,11 @@ def test_full_disk_leaves_everything_as_it_was(flight: Path, monkeypatch: pytest
 def test_memory_does_not_grow_with_the_file(
     tmp_path: Path, make_frame: Callable[..., Frame], write_flight: WriteFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The file is read and written in pieces of a chunk."""
+    """The file is written in pieces of a chunk."""
     (path,) = write_flight(tmp_path / "..", [make_frame(number, 100_000) for number in range(20)])
     part = as_left_behind(tmp_path / "work" / path.name, path.read_bytes()[:-100])
-    written: list[int] = []
-    write = DurableFile.write
-
-    def noted(file: DurableFile, data: bytes) -> int:
-        written.append(len(data))
-        return write(file, data)
-
-    monkeypatch.setattr(DurableFile, "write", noted)
+    write, written = DurableFile.write, list[int]()
+    monkeypatch.setattr(DurableFile, "write", lambda file, data: written.append(len(data)) or write(file, data))
     recover_segment(part, at=AT)
 
     assert sum(written) > 2_000_000

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 
+Read = Callable[..., dict[str, Any]]
 HERE = Path(__file__).parent
 UNREACHABLE = ("ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED", "ECONNRESET", "ENETUNREACH", "ETIMEDOUT", "ERR_SOCKET_TIMEOUT")
 
 
 @pytest.fixture(scope="session")
-def reader_folder(pytestconfig: pytest.Config) -> Path:
-    """The reader with its packages installed as locked, kept from one run to the next."""
+def read(pytestconfig: pytest.Config) -> Read:
+    """Runs one of the scripts here, its packages installed as locked and kept from one run to the next."""
     if shutil.which("node") is None or shutil.which("npm") is None:
         pytest.skip("node and npm are not installed")
     lock = (HERE / "package-lock.json").read_bytes()
@@ -37,4 +41,12 @@ def reader_folder(pytestconfig: pytest.Config) -> Path:
                 work.rename(folder)
     for script in HERE.glob("*.mjs"):
         shutil.copyfile(script, folder / script.name)
-    return folder
+
+    def run(script: str, *words: Path) -> dict[str, Any]:
+        command = ["node", script, *map(str, words)]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        found: dict[str, Any] = json.loads(done.stdout)
+        return found
+
+    return run

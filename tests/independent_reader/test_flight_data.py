@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import base64
 import csv
-import json
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from flight_file.reader import open_flight
+from tests.programs import A1, ran
 
-FLIGHT = Path(__file__).parents[2] / "fixtures" / "thesis_a1.mcap"
+Read = Callable[..., dict[str, Any]]
 
 pytestmark = pytest.mark.xdist_group("npm")  # one worker installs, and reads
 
@@ -23,27 +22,22 @@ pytestmark = pytest.mark.xdist_group("npm")  # one worker installs, and reads
 def decoded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the CSV and the MCAP of a committed flight."""
     folder = tmp_path_factory.mktemp("decoded")
-    decode = str(Path(sys.executable).parent / "decode")
-    command = [decode, str(FLIGHT), "-o", str(folder), "--format", "csv,mcap", "--with-images"]
-    subprocess.run(command, check=True, capture_output=True)
+    done = ran("decode", A1, "-o", folder, "--format", "csv,mcap", "--with-images")
+    assert done.returncode == 0, done.stderr
     return folder
 
 
 @pytest.fixture(scope="session")
-def seen(reader_folder: Path, decoded: Path) -> dict[str, Any]:
+def seen(read: Read, decoded: Path) -> dict[str, Any]:
     """What the other reader finds."""
-    command = ["node", "read_flight_data.mjs", str(decoded / "thesis_a1.mcap")]
-    done = subprocess.run(command, cwd=reader_folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    return read("read_flight_data.mjs", decoded / "thesis_a1.mcap")
 
 
 def test_values_are_those_of_the_csv(seen: dict[str, Any], decoded: Path) -> None:
     """Every number of the CSV is in its needle's topic, at the frame's capture time."""
     with (decoded / "thesis_a1.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    times = [str(frame.captured_ns) for frame in open_flight([FLIGHT]).frames()]
+    times = [str(frame.captured_ns) for frame in open_flight([A1]).frames()]
     names = [name.removesuffix("_status") for name in rows[0] if name.endswith("_status")]
 
     assert len(names) == 7
@@ -72,5 +66,5 @@ def test_every_picture_has_its_annotations(seen: dict[str, Any]) -> None:
         assert annotation["timestamp"] == image["timestamp"]
         assert (len(annotation["points"]), len(annotation["texts"]), len(annotation["circles"])) == (7, 7, 6)
         assert {line["type"] for line in annotation["points"]} == {"LINE_STRIP"}
-    jpegs = [frame.jpeg for frame in open_flight([FLIGHT]).frames()]
+    jpegs = [frame.jpeg for frame in open_flight([A1]).frames()]
     assert [base64.b64decode(image["data"]) for image in images] == jpegs

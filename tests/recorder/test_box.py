@@ -1,67 +1,48 @@
-"""The whole box against the simulated camera, with every fault that it has, one after the other."""
+"""The whole box in processes of its own: with every fault of the camera, for hours, and killed at random moments."""
 
 from __future__ import annotations
 
 import io
-import json
+import os
 import signal
+import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
-from mcap.reader import make_reader
 
-from camera_drivers.qx10.simulator.behaviour import Behaviour
-from camera_drivers.qx10.simulator.faults import DESCRIPTION, DOWNLOAD, FAULTS, SHOT
+from benchmarks.acceptance import (
+    MAX_BOX_MIB,
+    MAX_CALLS_FILES,
+    MAX_CALLS_GROWTH_MIB,
+    MAX_DAY_GROWTH_MIB,
+    MAX_OPEN_FILES,
+    MAX_THREADS,
+)
+from benchmarks.box import DAY_RATE_HZ, called, day, sustained
+from benchmarks.harm import LIMITS, QUICK, Disk, order_all_faults
+from benchmarks.kills import kills
+from camera_drivers.qx10.simulator.faults import FAULTS
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
 from flight_file.reader import open_flight
 from flight_file.verification import Verdict, verify
-from recorder.clock import SystemClock
-from recorder.config import parse_config
-from recorder.host import this_host
+from recorder.config import RecorderConfig, parse_config
+from recorder.host import SystemClock, this_host
 from recorder.journal import Journal
 from recorder.run import Outcome, record
-from recorder.settings import RecorderConfig
-from recorder.stop import Stop
+from recorder.supervision import Stop
+from tests.programs import begun, until
+from tests.recorder.helpers import messages
 
 PATIENCE_S = 120
-QUICK = Behaviour(
-    shot_s=0.01, save_s=0.0, long_poll_s=0.5, delay_s=0.3, reboot_s=0.6, error_s=0.2, silent_s=0.5
-)  # a minute of flying in a few seconds
-LIMITS = {
-    "connect_s": 2.0,
-    "call_s": 2.0,
-    "shot_s": 2.0,
-    "exposure_s": 10.0,
-    "download_s": 10.0,
-    "event_s": 5.0,
-    "ready_s": 5.0,
-    "settle_s": 0.6,
-    "picture_mib": 1,
-}
-FIRST_FAULT, BETWEEN_FAULTS = 2, 3
-
-
-def by_place(place: str) -> list[str]:
-    """All faults of a place."""
-    return [fault.name for fault in FAULTS.values() if fault.place == place]
-
-
-def order_all_faults(camera: SimulatedQx10) -> int:
-    """Each once, with good pictures between them; gives how many shots it takes."""
-    for place in (SHOT, DOWNLOAD):
-        for number, name in enumerate(by_place(place)):
-            camera.misbehave(name, at=FIRST_FAULT + BETWEEN_FAULTS * number)
-    for name in by_place(DESCRIPTION):
-        camera.misbehave(name)
-    return FIRST_FAULT + BETWEEN_FAULTS * len(by_place(SHOT))
+MIB_AS_GIB = 1 / 1024
+HOURS_S = 8 * 3600  # `make bench` records a day
+COUNT = 15  # `make kills` does 200
 
 
 def configuration(url: str, directory: Path) -> RecorderConfig:
@@ -89,16 +70,6 @@ def run_until(condition: Callable[[], bool], config: RecorderConfig) -> Outcome:
     return outcomes[0]
 
 
-def statuses(outcome: Outcome) -> list[dict[str, Any]]:
-    """All of /camera/status, by an independent reader."""
-    found = []
-    for path in outcome.paths:
-        with path.open("rb") as file:
-            read = make_reader(file, validate_crcs=True).iter_messages(topics=["/camera/status"])
-            found += [json.loads(message.data) for _, _, message in read]
-    return found
-
-
 @pytest.mark.slow
 def test_every_fault_once_and_every_picture_accounted_for(tmp_path: Path) -> None:
     """Each picture that was delivered is in the flight once, byte for byte; each other one with its reason."""
@@ -109,7 +80,7 @@ def test_every_fault_once_and_every_picture_accounted_for(tmp_path: Path) -> Non
     frames = list(open_flight(outcome.paths).frames())
     stored = [frame.sha256 for frame in frames]
     missing = set(range(frames[-1].sequence + 1)) - {frame.sequence for frame in frames}
-    said = statuses(outcome)
+    said = messages("/camera/status", *outcome.paths)
     (check,) = verify(outcome.paths)
 
     # The box may have been stopped while a last picture was on its way.
@@ -123,26 +94,23 @@ def test_every_fault_once_and_every_picture_accounted_for(tmp_path: Path) -> Non
     assert check.verdict is not Verdict.FAULT
 
 
+def started(camera: SimulatedQx10, folder: Path) -> subprocess.Popen[str]:
+    """A box of its own that records from a camera; it comes back when the camera has delivered two pictures."""
+    document = {
+        "camera": {"driver": "qx10", "url": camera.url, "interval_s": 0},
+        "storage": {"directory": "flights", "keep_free_gib": 0},
+    }
+    (folder / "recorder.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+    box = begun("recorder", "run", "--config", folder / "recorder.yaml")
+    until(lambda: len(camera.ledger.deliveries) >= 2 or box.poll() is not None)
+    return box
+
+
 def test_camera_that_falls_silent_does_not_hold_up_the_end(tmp_path: Path) -> None:
     """SIGTERM while a call waits for an answer: the process ends by itself, with a finished file that says why."""
-    flights = tmp_path / "flights"
-    config = tmp_path / "recorder.yaml"
     with SimulatedQx10(SystemClock(), behaviour=replace(QUICK, silent_s=PATIENCE_S)) as camera:
-        config.write_text(
-            yaml.safe_dump(
-                {
-                    "camera": {"driver": "qx10", "url": camera.url, "interval_s": 0},
-                    "storage": {"directory": str(flights), "keep_free_gib": 0},
-                }
-            ),
-            encoding="utf-8",
-        )
         camera.misbehave("silent", at=3)
-        command = [sys.executable, "-c", "from recorder.cli import main; main()", "run", "--config", str(config)]
-        box = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        deadline = time.monotonic() + PATIENCE_S
-        while len(camera.ledger.deliveries) < 2 and time.monotonic() < deadline:
-            time.sleep(0.02)
+        box = started(camera, tmp_path)
         box.send_signal(signal.SIGHUP)
         box.send_signal(signal.SIGTERM)
         printed, log = box.communicate(timeout=60)
@@ -152,4 +120,80 @@ def test_camera_that_falls_silent_does_not_hold_up_the_end(tmp_path: Path) -> No
     assert box.returncode == 0, log
     assert end is not None
     assert end.reason.startswith("stopped by SIGTERM")
-    assert list(flights.iterdir()) == [path]
+    assert list((tmp_path / "flights").glob("*.mcap*")) == [path]
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+def test_hours_on_a_small_disk(tmp_path: Path, disk: Disk) -> None:
+    """Memory stays, files are closed, nothing is dropped, and what is kept is the newest without a gap."""
+    flights = disk.path / "flights"
+    result = day(tmp_path, flights, seconds=HOURS_S, keep_hours=0.5, keep_free_gib=2 * MIB_AS_GIB)
+    frames = list(open_flight(result.segments).frames())
+    last = round(HOURS_S * DAY_RATE_HZ) - 1
+
+    assert (result.stored, result.dropped) == (last + 1, 0)
+    assert result.growth_mib() <= MAX_DAY_GROWTH_MIB
+    assert result.most_files() <= MAX_OPEN_FILES
+    assert [frame.sequence for frame in frames] == list(range(last + 1 - len(frames), last + 1))
+    assert len(frames) / DAY_RATE_HZ >= 0.5 * 3600
+    assert {path.suffix for path in result.segments} == {".mcap"}
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+def test_large_pictures_fit_a_small_board() -> None:
+    """Pictures of 5 MB, as fast as the disk takes them: at most 120 MB, none lost, and no OpenCV."""
+    result = sustained(40, pace="fastest")
+
+    assert (result.stored, result.dropped) == (40, 0)
+    assert result.peak_mib <= MAX_BOX_MIB
+    assert not result.loads_opencv
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+def test_calls_to_a_camera_leave_nothing_behind() -> None:
+    """Some two thousand of them, for four hundred stills: memory stays, and files and threads are few."""
+    result = called(400)
+
+    assert result.growth_mib() <= MAX_CALLS_GROWTH_MIB
+    assert max(each.files for _, each in result.settled) <= MAX_CALLS_FILES
+    assert max(each.threads for _, each in result.settled) <= MAX_THREADS
+
+
+def test_box_listens_on_no_port(tmp_path: Path) -> None:
+    """While it drives a camera: it asks, and nobody can ask it."""
+    with SimulatedQx10(SystemClock(), behaviour=QUICK) as camera, started(camera, tmp_path) as box:
+        listening = listening_sockets(box.pid)
+        box.send_signal(signal.SIGTERM)
+        box.communicate(timeout=60)
+    with socket.create_server(("127.0.0.1", 0)):
+        own = listening_sockets(os.getpid())
+
+    assert box.returncode == 0
+    assert listening == []
+    assert own  # the search does find something in a process that listens
+
+
+def listening_sockets(pid: int) -> list[str]:
+    """Inodes of the sockets of a process on which others may reach it: listening ones, and UDP without a peer."""
+    links = [link.readlink() for link in Path(f"/proc/{pid}/fd").iterdir() if link.is_symlink()]
+    own = {str(link)[8:-1] for link in links if str(link).startswith("socket:")}
+    states = {"tcp": "0A", "tcp6": "0A", "udp": "07", "udp6": "07"}
+    found = []
+    for name, state in states.items():
+        table = Path(f"/proc/{pid}/net/{name}")
+        rows = [line.split() for line in table.read_text("ascii").splitlines()[1:]] if table.exists() else []
+        found += [row[9] for row in rows if row[3] == state and row[9] in own]
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+def test_killed_recorder_loses_nothing_stored() -> None:
+    """Every frame that it had said was stored is there after recovering, byte for byte; the chain fits."""
+    done = kills(COUNT)
+
+    assert [kill for kill in done if kill.kept.faults] == []
+    assert sum(kill.kept.said > 0 for kill in done) >= COUNT // 5

@@ -3,49 +3,51 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from collections.abc import Callable
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
-from flight_file.frame import ClockReading
+from flight_file.frame import CameraStatus, ClockReading
 from flight_file.reader import open_flight
-from flight_file.reports import CameraStatus
 from flight_file.session import Session
 from flight_file.writer import SegmentWriter
-
-WriteConfig = Callable[..., Path]
-Result = subprocess.CompletedProcess[str]
-RECORDER = (sys.executable, "-c", "from recorder.cli import main; main()")
+from tests.recorder.helpers import recorder
 
 
-def recorder(*arguments: str | Path) -> Result:
-    """Run a command to its end."""
-    return subprocess.run([*RECORDER, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
+@pytest.fixture(scope="module")
+def box(tmp_path_factory: pytest.TempPathFactory, forty_pictures: Path) -> Path:
+    """A folder with a key, recorder.yaml and a signed flight of three segments, all made by the commands."""
+    folder = tmp_path_factory.mktemp("box")
+    key, config = folder / "recorder.key", folder / "recorder.yaml"
+    document = {
+        "camera": {"driver": "replay", "path": str(forty_pictures), "rate_hz": 4, "pace": "fastest"},
+        "storage": {"directory": "flights", "segment_s": 4},
+        "evidence": {"key": key.name},
+    }
+    config.write_text(yaml.safe_dump(document))
+    assert recorder("keygen", key).stdout == f"private key: {key}\npublic key:  {key}.pub\n"
+    assert len(recorder("run", "--config", config).stdout.splitlines()) == 3
+    return folder
 
 
 @pytest.fixture
-def key(tmp_path: Path) -> Path:
-    """A key made by the command."""
-    path = tmp_path / "recorder.key"
-    assert recorder("keygen", path).stdout == f"private key: {path}\npublic key:  {path}.pub\n"
-    return path
+def flight(box: Path, tmp_path: Path) -> list[Path]:
+    """The segments, in a copy of that folder."""
+    return sorted((shutil.copytree(box, tmp_path / "box") / "flights").glob("*.mcap"))
 
 
 @pytest.fixture
-def flight(write_config: WriteConfig, key: Path) -> list[Path]:
-    """A signed flight of three segments."""
-    config = write_config(storage={"segment_s": 4}, evidence={"key": key.name})
-    return [Path(line) for line in recorder("run", "--config", config).stdout.splitlines()]
+def key(flight: list[Path]) -> Path:
+    """The key that they were signed with."""
+    return flight[0].parents[1] / "recorder.key"
 
 
 def test_recorded_flight_fits_and_says_who_signed(flight: list[Path], key: Path) -> None:
     """One line for each segment, one for the recording; the same as JSON."""
-    public = f"{key}.pub"
-    page = recorder("verify", "--public-key", public, *flight)
+    page = recorder("verify", "--public-key", f"{key}.pub", *flight)
     (document,) = json.loads(recorder("verify", "--json", *flight).stdout)
 
     assert page.returncode == 0, page.stderr
@@ -73,28 +75,27 @@ def test_changed_picture_is_named(flight: list[Path]) -> None:
     assert first["frame"] is not None
 
 
-def test_missing_segment_exits_with_3(flight: list[Path]) -> None:
-    """What is there fits, and what is missing is named."""
-    page = recorder("verify", flight[0], flight[2])
-
-    assert page.returncode == 3
-    assert "missing segment: segment 1 was not given" in page.stdout
-
-
-def test_other_key_exits_with_1(flight: list[Path], tmp_path: Path) -> None:
-    """Signed by somebody else."""
+def test_missing_segment_and_another_key_are_told_apart(flight: list[Path], tmp_path: Path) -> None:
+    """What is there fits and what is missing is named (3); who signed is somebody else (1)."""
+    missing = recorder("verify", flight[0], flight[2])
     recorder("keygen", tmp_path / "other.key")
-    page = recorder("verify", "--public-key", tmp_path / "other.key.pub", *flight)
+    other = recorder("verify", "--public-key", tmp_path / "other.key.pub", *flight)
 
-    assert page.returncode == 1
-    assert "signed with another key" in page.stdout
+    assert (missing.returncode, other.returncode) == (3, 1)
+    assert "missing segment: segment 1 was not given" in missing.stdout
+    assert "signed with another key" in other.stdout
 
 
-def test_info_shows_the_evidence(flight: list[Path]) -> None:
-    """How many segments are chained, signed and marked."""
-    assert recorder("mark", "--directory", flight[0].parent, "why not").returncode == 0
+def test_mark_takes_the_directory_from_the_configuration_and_info_shows_it(flight: list[Path], key: Path) -> None:
+    """With the daemon's own recorder.yaml; neither or both is wrong usage. How many are chained, signed and marked."""
+    config = key.with_name("recorder.yaml")
+
+    assert recorder("mark", "--config", config, "why not").returncode == 0
+    assert (flight[2].parent / "marks" / f"{flight[2].name}.keep").exists()
+    assert recorder("mark").returncode == 2
+    assert recorder("mark", "--config", config, "--directory", key.parent).returncode == 2
+    assert recorder("mark", "--directory", key.parent / "none").returncode == 1
     page, document = recorder("info", *flight), recorder("info", "--json", *flight)
-
     assert "evidence:    chained 3 of 3, signed 3 of 3, marked 2 of 3\n" in page.stdout
     assert [file["marked"] for file in json.loads(document.stdout)["files"]].count(True) == 2
 
@@ -116,59 +117,45 @@ def test_power_cut_is_repaired(flight: list[Path], key: Path) -> None:
     assert recorder("verify", "--public-key", f"{key}.pub", *flight).returncode == 3
 
 
-def test_file_in_work_is_left_alone(tmp_path: Path) -> None:
-    """It says so, and that is no failure."""
-    at = ClockReading(10**18, 0)
-    writer = SegmentWriter(
-        tmp_path / "R_0000.mcap", session=Session("R", started=at), status=CameraStatus("connected"), attachments={}
-    )
-    result = recorder("recover", tmp_path / "R_0000.mcap.part")
+def test_what_cannot_be_recovered_does_not_stop_the_rest(flight: list[Path], tmp_path: Path) -> None:
+    """Each file has its sentence, also one that is in work; the exit code is the worst."""
+    (tmp_path / "empty.mcap.part").touch()
+    session = Session("R", started=ClockReading(10**18, 0))
+    writer = SegmentWriter(tmp_path / "R_0000.mcap", session=session, status=CameraStatus("connected"), attachments={})
+    parts = [tmp_path / f"{name}.mcap.part" for name in ("empty", "none", "R_0000")]
+    result, alone = recorder("recover", *parts, flight[0]), recorder("recover", parts[2])
     writer.abandon()
 
-    assert result.returncode == 0
+    assert (result.returncode, alone.returncode) == (1, 0)
+    assert len(result.stderr.splitlines()) == 2
+    assert "nothing to do" in result.stdout
     assert "left alone" in result.stdout
 
 
-def test_what_cannot_be_recovered_does_not_stop_the_rest(flight: list[Path], tmp_path: Path) -> None:
-    """Each file has its sentence; the exit code is the worst."""
-    (tmp_path / "empty.mcap.part").touch()
-    result = recorder("recover", tmp_path / "empty.mcap.part", tmp_path / "none.mcap.part", flight[0])
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620])
+def test_key_that_others_may_use_is_refused(key: Path, flight: list[Path], mode: int) -> None:
+    """By whatever would sign with it, as ssh does: one sentence, exit code 78."""
+    key.chmod(mode)
+    for words in (("run", "--config", key.with_name("recorder.yaml")), ("recover", "--key", key, flight[0])):
+        result = recorder(*words)
 
-    assert result.returncode == 1
-    assert len(result.stderr.splitlines()) == 2
-    assert "nothing to do" in result.stdout
-
-
-def test_mark_takes_the_directory_from_the_configuration(flight: list[Path], tmp_path: Path) -> None:
-    """With the daemon's own recorder.yaml; neither or both is wrong usage."""
-    config = tmp_path / "recorder.yaml"
-
-    assert recorder("mark", "--config", config).returncode == 0
-    assert flight[2].with_name(flight[2].name + ".keep").exists()
-    assert recorder("mark").returncode == 2
-    assert recorder("mark", "--config", config, "--directory", tmp_path).returncode == 2
-    assert recorder("mark", "--directory", tmp_path / "flights" / "none").returncode == 1
+        assert result.returncode == 78
+        assert result.stderr == (
+            f"Error: evidence.key: {key}: may be used by others than its owner; take their rights away (chmod 600).\n"
+        )
 
 
-def test_key_that_cannot_be_used_is_a_wrong_configuration(write_config: WriteConfig, tmp_path: Path) -> None:
-    """One sentence, exit code 78, nothing is recorded."""
-    result = recorder("run", "--config", write_config(evidence={"key": "none.key"}))
+def test_file_that_the_box_did_not_write_stays_unsigned(flight: list[Path], key: Path, tmp_path: Path) -> None:
+    """Whoever put it there: it is recovered, and said to prove nothing."""
+    recorder("keygen", tmp_path / "other.key")
+    part = flight[2].with_name(flight[2].name + ".part")
+    part.write_bytes(flight[2].read_bytes()[:-5000])
+    flight[2].unlink()
+    flight[2].with_name(flight[2].name + ".sig").unlink()
+    done = recorder("recover", "--key", tmp_path / "other.key", part)
+    page = recorder("verify", "--public-key", f"{key}.pub", *flight)
 
-    assert result.returncode == 78
-    assert result.stderr.startswith("Error: evidence.key: ")
-    assert result.stderr.count("\n") == 1
-    assert not list((tmp_path / "flights").glob("*.mcap*"))
-
-
-@pytest.mark.parametrize("command", ["recover", "verify", "mark", "keygen"])
-def test_help_has_examples(command: str) -> None:
-    """Every command shows how it is used."""
-    assert "Examples:\n" in recorder(command, "--help").stdout
-
-
-def test_unsigned_box_loads_no_cryptography() -> None:
-    """The package is loaded only where a key is used."""
-    code = "import sys, recorder.command_run, recorder.command_verify, recorder.command_recover; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-
-    assert not [name for name in done.stdout.split() if name.startswith("cryptography")]
+    assert done.returncode == 3
+    assert "not signed: nothing in the file proves that this key recorded it" in done.stdout
+    assert page.returncode == 1
+    assert "not signed: it has neither a signature nor a checkpoint: it proves nothing" in page.stdout

@@ -1,12 +1,15 @@
-"""The queue between camera and writer."""
+"""What waits between threads: frames for the writer, and lines of the log for the flight."""
 
 from __future__ import annotations
 
+import io
+import json
 import threading
 
-from flight_file.frame import ClockReading, Frame, HostTimes
-from flight_file.reports import CameraStatus
-from recorder.frame_queue import QUEUE_NOTICES, Arrival, Ended, FrameQueue, Notice
+from flight_file.frame import CameraStatus, ClockReading, Frame, HostTimes, LogLevel, LogLine
+from recorder.frame_queue import Arrival, Ended, FrameQueue, Notice
+from recorder.journal import Journal
+from recorder.thresholds import WAITING_LINES
 
 AT = ClockReading(0, 0)
 
@@ -22,71 +25,69 @@ def arrival(sequence: int, jpeg: bytes = b"") -> Arrival:
 
 
 def test_full_queue_keeps_the_newest() -> None:
-    """The oldest makes room, the producer hears of it, and the order is kept."""
+    """The oldest makes room, and the producer hears of it; it is full of bytes, too, but one picture always fits."""
     queue = FrameQueue(capacity=2)
 
     assert [queue.push(arrival(number)) for number in range(4)] == [0, 0, 1, 1]
     assert [queue.take(0), queue.take(0), queue.take(0)] == [arrival(2), arrival(3), None]
+    by_bytes = FrameQueue(capacity=10, capacity_bytes=100)
+    assert [by_bytes.push(arrival(size, bytes(size))) for size in (500, 1, 50, 50, 50)] == [0, 1, 0, 1, 1]
 
 
 def test_notices_keep_their_place_among_the_frames() -> None:
-    """A frame that makes room takes no notice with it."""
+    """A frame that makes room takes no notice with it; the end comes last, even when the queue is full."""
     queue = FrameQueue(capacity=1)
     for number in range(3):
         queue.notify(notice(str(number)))
         queue.push(arrival(number))
 
+    queue.end(Ended("over", AT))
+
     assert len(queue) == 1
-    assert [queue.take(0) for _ in range(4)] == [notice("0"), notice("1"), notice("2"), arrival(2)]
+    assert [queue.take(0) for _ in range(5)] == [*map(notice, "012"), arrival(2), Ended("over", AT)]
 
 
 def test_notices_do_not_fill_the_memory() -> None:
     """The oldest ones go, and are counted."""
     queue = FrameQueue()
-    for number in range(QUEUE_NOTICES + 3):
+    for number in range(WAITING_LINES + 3):
         queue.notify(notice(str(number)))
 
     assert queue.take(0) == notice("3")
     assert (queue.take_lost_notices(), queue.take_lost_notices()) == (3, 0)
 
 
-def test_end_is_never_refused() -> None:
-    """The end comes after the frames, even when the queue is full."""
-    queue = FrameQueue(capacity=1)
-    queue.push(arrival(0))
-    queue.end(Ended("over", AT))
-
-    assert [queue.take(0), queue.take(0)] == [arrival(0), Ended("over", AT)]
-
-
 def test_patient_producer_waits_for_room() -> None:
-    """`put` comes back when the consumer has made room."""
+    """`put` comes back when the consumer has made room; told to stop, it says that the frame was not taken."""
     queue = FrameQueue(capacity=1)
     queue.push(arrival(0))
-    results: list[bool] = []
-    producer = threading.Thread(target=lambda: results.append(queue.put(arrival(1), threading.Event())))
+    results, stop = list[bool](), threading.Event()
+    producer = threading.Thread(target=lambda: results.append(queue.put(arrival(1), stop)))
     producer.start()
     first = queue.take(5)
     producer.join(5)
+    stop.set()
 
     assert first == arrival(0)
     assert results == [True]
+    assert queue.put(arrival(2), stop) is False
     assert queue.take(5) == arrival(1)
 
 
-def test_patient_producer_gives_up_when_told_to_stop() -> None:
-    """`put` says that the frame was not taken."""
-    queue, stop = FrameQueue(capacity=1), threading.Event()
-    queue.push(arrival(0))
-    stop.set()
+def test_warnings_and_up_are_kept_for_the_flight() -> None:
+    """All lines go to the stream as JSON, warnings and up wait for the flight, once; a flood of them is counted."""
+    stream = io.StringIO()
+    journal = Journal(stream)
+    journal.log.info("recording_started")
+    journal.log.warning("frames_dropped", total=3)
+    journal.log.error("disk_failed")
 
-    assert queue.put(arrival(1), stop) is False
-
-
-def test_large_pictures_fill_it_by_their_bytes() -> None:
-    """Memory is what counts; but one picture always fits, however large it is."""
-    queue = FrameQueue(capacity=10, capacity_bytes=100)
-
-    assert queue.push(arrival(0, bytes(500))) == 0
-    assert queue.push(arrival(1, b"x")) == 1
-    assert [queue.push(arrival(number, bytes(50))) for number in range(2, 5)] == [0, 1, 1]
+    assert [json.loads(line)["level"] for line in stream.getvalue().splitlines()] == ["info", "warning", "error"]
+    assert journal.drain() == [
+        LogLine(LogLevel.WARNING, 'frames_dropped {"total": 3}'),
+        LogLine(LogLevel.ERROR, "disk_failed"),
+    ]
+    assert journal.drain() == []
+    for _ in range(WAITING_LINES + 5):
+        journal.log.warning("again")
+    assert [line.message for line in journal.drain()] == ["again"] * WAITING_LINES + ["log_lines_lost 5"]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from flight_file.frame import ClockReading
-from flight_file.reports import CameraStatus
-from flight_file.segments import FlightWriter, Plan
+from flight_file.flight_writer import FlightWriter, Plan
+from flight_file.frame import CameraStatus, ClockReading
 from flight_file.session import Session
 from recorder.errors import NothingToMarkError, NotMarkedError
-from recorder.marks import is_marked, mark
+from recorder.marks import is_marked, make_marks_folder, mark_newest, marked_names, tidy_marks
 
 NOON_NS = 1_525_435_200_000_000_000
 
@@ -23,76 +23,99 @@ def at(seconds: int) -> ClockReading:
 
 
 @pytest.fixture
-def writer(tmp_path: Path) -> FlightWriter:
+def writer(tmp_path: Path) -> Iterator[FlightWriter]:
     """A recording in its third segment."""
     writer = FlightWriter(
         Plan(tmp_path, Session("R"), {}, segment_ns=10**9), status=CameraStatus("connected"), at=at(0)
     )
+    assert mark(tmp_path) == ["R_0000.mcap.part"]  # there is none before it
+    (tmp_path / "marks" / "R_0000.mcap.keep").unlink()
     writer.make_room(at(1))
     writer.make_room(at(2))
-    return writer
+    yield writer
+    writer.abandon()
+
+
+def mark(directory: Path, note: str = "") -> list[str]:
+    """The names of the segments that are marked now."""
+    return [path.name for path in mark_newest(directory, note=note, realtime_ns=NOON_NS)]
 
 
 def marked(directory: Path) -> list[str]:
     """The segments that are marked."""
-    return sorted(path.name for path in directory.iterdir() if path.suffix != ".keep" and is_marked(path))
+    return sorted(path.name for path in directory.glob("*.mcap*") if path.suffix != ".keep" and is_marked(path))
 
 
 def test_segment_in_work_and_the_one_before_are_kept(tmp_path: Path, writer: FlightWriter) -> None:
     """Although another file is newer: what is being written is what happens now. The mark outlives the renaming."""
     (tmp_path / "Z_0000.mcap").touch()
-    found = mark(tmp_path, note="bird  strike\n", realtime_ns=NOON_NS)
+    found = mark(tmp_path, "bird  strike\n")
 
-    assert [path.name for path in found] == ["R_0001.mcap", "R_0002.mcap.part"]
+    assert found == ["R_0001.mcap", "R_0002.mcap.part"]
     assert marked(tmp_path) == ["R_0001.mcap", "R_0002.mcap.part"]
-    assert (tmp_path / "R_0002.mcap.keep").read_text() == "2018-05-04T12:00:00Z bird strike\n"
+    mark(tmp_path, "again")
+    assert (tmp_path / "marks" / "R_0002.mcap.keep").read_text() == (
+        "2018-05-04T12:00:00Z bird strike\n2018-05-04T12:00:00Z again\n"
+    )
     writer.finish("stopped", at(3))
     assert marked(tmp_path) == ["R_0001.mcap", "R_0002.mcap"]
 
 
 def test_without_a_recorder_the_newest_is_kept(tmp_path: Path, writer: FlightWriter) -> None:
-    """After the landing: the segment written last, and the one before."""
+    """The segment written last, and the one before; for the first segment of another recording that is the last."""
     writer.finish("stopped", at(3))
     for number in range(3):
         os.utime(tmp_path / f"R_000{number}.mcap", ns=(NOON_NS, NOON_NS + number))
 
-    assert [path.name for path in mark(tmp_path, note="", realtime_ns=NOON_NS)] == ["R_0001.mcap", "R_0002.mcap"]
-
-
-def test_first_segment_takes_the_recording_before_along(tmp_path: Path, writer: FlightWriter) -> None:
-    """The power failed between: the segment before is the last of the recording before."""
-    writer.finish("stopped", at(3))
-    for number in range(3):
-        os.utime(tmp_path / f"R_000{number}.mcap", ns=(NOON_NS, NOON_NS + number))
+    assert mark(tmp_path) == ["R_0001.mcap", "R_0002.mcap"]
     second = FlightWriter(Plan(tmp_path, Session("A"), {}), status=CameraStatus("connected"), at=at(4))
-
-    assert [path.name for path in mark(tmp_path, note="", realtime_ns=NOON_NS)] == ["R_0002.mcap", "A_0000.mcap.part"]
+    assert mark(tmp_path) == ["R_0002.mcap", "A_0000.mcap.part"]
     second.abandon()
-
-
-def test_marking_again_adds_a_line(tmp_path: Path, writer: FlightWriter) -> None:
-    """Both notes are kept."""
-    for note in ("one", "two"):
-        mark(tmp_path, note=note, realtime_ns=NOON_NS)
-
-    assert (tmp_path / "R_0002.mcap.keep").read_text().split() == [
-        "2018-05-04T12:00:00Z", "one", "2018-05-04T12:00:00Z", "two",
-    ]  # fmt: skip
-    writer.abandon()
-
-
-def test_only_segment_is_marked_alone(tmp_path: Path) -> None:
-    """There is none before it."""
-    writer = FlightWriter(Plan(tmp_path, Session("R"), {}), status=CameraStatus("connected"), at=at(0))
-
-    assert [path.name for path in mark(tmp_path, note="", realtime_ns=NOON_NS)] == ["R_0000.mcap.part"]
-    writer.abandon()
 
 
 def test_nothing_to_mark_is_one_sentence(tmp_path: Path) -> None:
     """An empty directory, and none at all."""
     (tmp_path / "notes.txt").touch()
     with pytest.raises(NothingToMarkError, match=r"no recording in it.*\.$"):
-        mark(tmp_path, note="", realtime_ns=NOON_NS)
+        mark(tmp_path)
     with pytest.raises(NotMarkedError, match=r"\.$"):
-        mark(tmp_path / "none", note="", realtime_ns=NOON_NS)
+        mark(tmp_path / "none")
+
+
+@pytest.mark.usefixtures("writer")
+def test_mark_of_an_older_recorder_counts(tmp_path: Path) -> None:
+    """It lies beside the segment."""
+    (tmp_path / "R_0000.mcap.keep").touch()
+
+    assert marked(tmp_path) == ["R_0000.mcap"]
+    assert marked_names(tmp_path) == {"R_0000.mcap"}
+
+
+@pytest.mark.usefixtures("writer")
+def test_marks_folder_lets_the_group_add_and_nobody_take_away(tmp_path: Path) -> None:
+    """Sticky, and writable for the group whatever the umask; so is each mark."""
+    mark(tmp_path)
+
+    assert (tmp_path / "marks").stat().st_mode & 0o7777 == 0o1770
+    assert (tmp_path / "marks" / "R_0002.mcap.keep").stat().st_mode & 0o777 == 0o660
+
+
+@pytest.mark.usefixtures("writer")
+def test_whatever_lies_among_the_marks_keeps_a_segment_and_does_no_more(tmp_path: Path) -> None:
+    """A link to a file of somebody's, a pipe, a folder, a file as large as the disk: nothing is followed or read."""
+    make_marks_folder(tmp_path)
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    (tmp_path / "marks" / "R_0000.mcap.keep").symlink_to(victim)
+    (tmp_path / "marks" / "R_0001.mcap.keep").mkdir()
+    os.mkfifo(tmp_path / "marks" / "R_0002.mcap.keep")
+    with (tmp_path / "marks" / "Z_0000.mcap.keep").open("wb") as huge:
+        huge.truncate(2**40)
+    with pytest.raises(NotMarkedError, match=r"\.$"):
+        mark(tmp_path, "x")
+
+    assert marked_names(tmp_path) == {"R_0000.mcap", "R_0001.mcap", "R_0002.mcap", "Z_0000.mcap"}
+    assert [path.name for path in tidy_marks(tmp_path)] == ["Z_0000.mcap.keep"]
+    assert (tmp_path / "marks" / "Z_0000.mcap.keep").stat().st_size == 0
+    assert victim.read_text() == "mine"
+    assert tidy_marks(tmp_path) == []

@@ -9,9 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from replayed import FLIGHTS, Rows, needles_of, read_rows, reference_of, replayed_flight_data
+from tests.references.replayed import FLIGHTS, Rows, needles_of, read_rows, reference_of, replayed_flight_data
 
 
 def moves(before: Rows, after: Rows, full_scales: Mapping[str, float]) -> list[str]:

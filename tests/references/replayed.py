@@ -8,11 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from recorder.clock import SimulatedClock
 from recorder.config import parse_config
+from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from recorder.testing import fixed_host
 
 HERE = Path(__file__).parent
 FLIGHTS = sorted((HERE.parents[1] / "fixtures").glob("*.mcap"))

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from replayed import FLIGHTS, needles_of, read_rows, reference_of, replayed_flight_data
+from tests.references.replayed import FLIGHTS, needles_of, read_rows, reference_of, replayed_flight_data
 
 # Other versions of OpenCV and NumPy may round otherwise: a twentieth of the fixtures' own reading errors.
 VALUE_PART = 2e-5

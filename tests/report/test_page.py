@@ -8,21 +8,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from playwright.sync_api import Page, expect
 
-from decoder.alignment_series import AlignmentSeries
-from decoder.camera import parse_camera
-from decoder.flight_data import FlightData
-from decoder.gauge import Gauge
-from decoder.panel_pictures import PanelPictures
-from decoder.reading import Status
-from decoder.report.report import Report
+from decoder.instruments.reading import Status
+from decoder.outputs.formats import Decoded
+from decoder.panel.camera import parse_camera
+from decoder.panel.gauge import Gauge
+from decoder.timeseries.flight_data import AlignmentSeries, FlightData
+from flight_file.session import Session
+from tests.report.reports import make_report, source, written
 
-MakeReport = Callable[..., Report]
-Write = Callable[..., Any]
 OpenReport = Callable[..., Page]
-Made = Any
 
 MARKS = {
     ("n1_pct", 10): Status.INTERPOLATED,
@@ -40,26 +38,26 @@ HOSTILE = '</script><img src=x onerror="alert(1)"><b>'
 
 
 @pytest.fixture(scope="module")
-def small(make_report: MakeReport, write: Write) -> Made:
+def small() -> bytes:
     """A short flight with every status, a lost panel, a loss, and a camera."""
     report = make_report(60, MARKS, {40: "knob not found (0.31)", 41: "knob not found (0.30)"}, losses=("a chunk",))
-    return write(replace(report, camera=CAMERA))
+    return written(replace(report, camera=CAMERA))
 
 
 @pytest.fixture(scope="module")
-def long(make_report: MakeReport, write: Write) -> Made:
+def long() -> bytes:
     """Two hours at 4 Hz with one single flag."""
-    return write(make_report(TWO_HOURS, {("ftit_c", ALONE): Status.MISSING, ("n1_pct", 900): Status.INTERPOLATED}))
+    return written(make_report(TWO_HOURS, {("ftit_c", ALONE): Status.MISSING, ("n1_pct", 900): Status.INTERPOLATED}))
 
 
 @pytest.fixture(scope="module")
-def page(small: Made, open_report: OpenReport) -> Page:
+def page(small: bytes, open_report: OpenReport) -> Page:
     """The short flight's report, open; tests leave it as they like."""
     return open_report(small)
 
 
 @pytest.fixture(scope="module")
-def long_page(long: Made, open_report: OpenReport) -> Page:
+def long_page(long: bytes, open_report: OpenReport) -> Page:
     """The long flight's report, open."""
     return open_report(long)
 
@@ -130,13 +128,11 @@ def test_single_flag_of_two_hours_is_seen(long_page: Page) -> None:
     expect(page.locator("#flags tbody tr")).to_have_count(2)
 
 
-def test_many_flags_are_thinned_but_their_extremes_stay(
-    make_report: MakeReport, write: Write, open_report: OpenReport
-) -> None:
+def test_many_flags_are_thinned_but_their_extremes_stay(open_report: OpenReport) -> None:
     """Zoomed out, marks that would lie over each other are left out, the highest and the lowest of a status never."""
     marks = {("n1_pct", row): Status.EDGE for row in range(0, TWO_HOURS, 2)}
-    report = make_report(TWO_HOURS, marks, frames=None)
-    page = open_report(write(report))
+    report = make_report(TWO_HOURS, marks)
+    page = open_report(written(report, 1))
     rows, value = plotted(page, 0, "mark")["rows"], report.data.series[0].value.astype(np.float32)
     shown = value[rows]
 
@@ -187,14 +183,6 @@ def test_click_shows_the_frame(page: Page) -> None:
     expect(page.locator("#evidence figure .needle")).to_have_count(0)
 
 
-def test_lost_frame_is_shown_whole(page: Page) -> None:
-    """A frame without panel is shown as it is, with the reason."""
-    page.keyboard.press("0")
-    page.locator("#flags tr", has_text="whole panel").get_by_role("button").click()
-
-    expect(page.locator("#evidence figure.whole")).to_contain_text("knob not found")
-
-
 def test_nearest_pictures_are_named(long_page: Page) -> None:
     """Where a frame's pictures are not in the report, the nearest are shown, and it is said."""
     page = long_page
@@ -237,37 +225,36 @@ def test_keys_do_what_the_pointer_does(page: Page) -> None:
     expect(page.locator("#evidence-strip")).to_be_visible()
 
 
-def test_what_the_flight_says_stays_text(
-    make_report: MakeReport, write: Write, open_report: OpenReport, source: PanelPictures
-) -> None:
+def test_what_the_flight_says_stays_text(open_report: OpenReport) -> None:
     """Names, units, reasons and losses that look like a page's own code are shown, and do nothing."""
     gauges = tuple(
-        gauge.model_copy(update={"name": HOSTILE + gauge.name, "unit": HOSTILE}) for gauge in source.panel.gauges
+        gauge.model_copy(update={"name": HOSTILE + gauge.name, "unit": HOSTILE}) for gauge in source().panel.gauges
     )
-    anchors = tuple(anchor.model_copy(update={"name": HOSTILE}) for anchor in source.panel.anchors)
+    anchors = tuple(anchor.model_copy(update={"name": HOSTILE}) for anchor in source().panel.anchors)
     panel = replace(
-        source, panel=source.panel.model_copy(update={"gauges": gauges, "anchors": anchors, "name": HOSTILE})
+        source(), panel=source().panel.model_copy(update={"gauges": gauges, "anchors": anchors, "name": HOSTILE})
     )
     report = make_report(
         20, {("n1_pct", 3): Status.EDGE}, {7: HOSTILE}, panel=panel, losses=(HOSTILE,), command=HOSTILE
     )
-    made = write(replace(report, camera=CAMERA.model_copy(update={"model": HOSTILE}), recorded_by=[(HOSTILE, HOSTILE)]))
+    made = written(
+        replace(
+            report,
+            camera=CAMERA.model_copy(update={"model": HOSTILE}),
+            session=Session(HOSTILE, camera_model=HOSTILE, host=HOSTILE),
+        )
+    )
     page = open_report(made)
     page.locator("#flags tr", has_text="whole panel").get_by_role("button").click()
 
     expect(page.locator("#evidence figure.whole")).to_contain_text(HOSTILE)
     expect(page.locator(".alerts")).to_contain_text(HOSTILE)
     assert page.locator("img").count() == 0
-    assert page.locator("script").count() == made.content.count(b'class="evidence"') + 4
-    assert (
-        b"<img"
-        not in made.content.replace(b"<image", b"")[
-            : made.content.index(b"<!--") if b"<!--" in made.content else 60_000
-        ]
-    )
+    assert page.locator("script").count() == made.count(b'class="evidence"') + 4
+    assert b"<img" not in made.replace(b"<image", b"")[: made.index(b"<!--") if b"<!--" in made else 60_000]
 
 
-def test_paper_has_everything(small: Made, open_report: OpenReport) -> None:
+def test_paper_has_everything(small: bytes, open_report: OpenReport) -> None:
     """Printed, all plots are there, nothing asks to be clicked, and tables are whole."""
     page = open_report(small, color_scheme="dark")
     assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")
@@ -282,73 +269,61 @@ def test_paper_has_everything(small: Made, open_report: OpenReport) -> None:
     )
 
 
-def odd_flights(source: PanelPictures, make: MakeReport) -> dict[str, Report]:
-    """Flights at the edge of what can be."""
-    everything = {(quantity.name, row): Status.MISSING for quantity in source.panel.quantities for row in range(9)}
-    backwards = make(30).data
-    gap = make(40).data
-    none = make(12)
-    return {
-        "no frame": make(0, frames=None),
-        "one frame": make(1),
-        "nothing read": make(9, everything),
-        "every frame lost": make(6, lost=dict.fromkeys(range(6), "the picture is damaged")),
-        "clock set back": make(
-            data=replace(backwards, time_ns=backwards.time_ns - np.where(np.arange(30) < 15, 0, 20_000_000_000))
-        ),
-        "long gap": make(data=replace(gap, time_ns=gap.time_ns + np.where(np.arange(40) < 20, 0, 3_600_000_000_000))),
-        "no alignment kept": replace(none, data=replace(none.data, alignments=AlignmentSeries()), frames=None),
-        "one moment": make(data=replace(backwards, time_ns=np.full(30, backwards.time_ns[0]))),
-    }
+def later(data: FlightData, offset_ns: npt.ArrayLike) -> FlightData:
+    """The same flight, its frames taken so much later."""
+    return replace(data, time_ns=data.time_ns + np.asarray(offset_ns))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "no frame",
-        "one frame",
-        "nothing read",
-        "every frame lost",
-        "clock set back",
-        "long gap",
-        "no alignment kept",
-        "one moment",
-    ],
-)
-def test_odd_flights_open(
-    name: str, make_report: MakeReport, write: Write, open_report: OpenReport, source: PanelPictures
-) -> None:
-    """The report of an odd flight opens without a complaint."""
-    page = open_report(write(odd_flights(source, make_report)[name]))
+def nothing_read() -> Decoded:
+    """A flight of which no needle was read."""
+    names = [series.quantity.name for series in make_report(1).data.series]
+    return make_report(9, {(name, row): Status.MISSING for name in names for row in range(9)})
+
+
+AN_HOUR_NS = 3_600_000_000_000
+ODD: dict[str, Callable[[], Decoded]] = {
+    "no frame": lambda: make_report(0),
+    "one frame": lambda: make_report(1),
+    "nothing read": nothing_read,
+    "every frame lost": lambda: make_report(6, lost=dict.fromkeys(range(6), "the picture is damaged")),
+    "clock set back": lambda: make_report(
+        data=later(make_report(30).data, np.where(np.arange(30) < 15, 0, -20_000_000_000))
+    ),
+    "long gap": lambda: make_report(data=later(make_report(40).data, np.where(np.arange(40) < 20, 0, AN_HOUR_NS))),
+    "no alignment kept": lambda: make_report(data=replace(make_report(12).data, alignments=AlignmentSeries())),
+    "one moment": lambda: make_report(data=later(make_report(30).data, -250_000_000 * np.arange(30))),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_flights_open(name: str, open_report: OpenReport) -> None:
+    """The report of a flight at the edge of what can be opens without a complaint."""
+    page = open_report(written(ODD[name]()))
     page.keyboard.press("End")
     page.keyboard.press("+")
 
     expect(page.locator(".track").first).to_be_visible()
 
 
-def test_curve_does_not_cross_a_long_gap(
-    make_report: MakeReport, write: Write, open_report: OpenReport, source: PanelPictures
-) -> None:
+def test_curve_does_not_cross_a_long_gap(open_report: OpenReport) -> None:
     """Where frames are missing for an hour nothing is drawn."""
-    page = open_report(write(odd_flights(source, make_report)["long gap"]))
+    page = open_report(written(ODD["long gap"]()))
 
     assert plotted(page, 0, "curve")["x"].count(None) == 1
     assert len(plotted(page, 0, "strip read")["x"]) == 6
 
 
-def test_round_scales_do_not_run_across(
-    make_report: MakeReport, write: Write, open_report: OpenReport, source: PanelPictures
-) -> None:
+def test_round_scales_do_not_run_across(open_report: OpenReport) -> None:
     """A heading that goes through north is not joined by a line down the whole plot."""
-    first = source.panel.gauges[0]
+    first = source().panel.gauges[0]
     heading = Gauge.model_validate(
         {"name": "heading °", "unit": "°", "centre": first.centre, "radius": first.radius, "sweep": [0, 360]}
         | {"wraps": 360, "scale": [[0, 0], [360, 360]], "card": {"name": "heading_deg", "index": 270.0}}
     )
-    panel = replace(source, panel=source.panel.model_copy(update={"gauges": (heading,)}))
+    panel = replace(source(), panel=source().panel.model_copy(update={"gauges": (heading,)}))
     data: FlightData = make_report(40, panel=panel).data
     series = replace(data.series[0], value=(340.0 + np.arange(40)) % 360.0)
-    page = open_report(write(make_report(panel=panel, data=replace(data, series=(series,)))))
+    page = open_report(written(make_report(panel=panel, data=replace(data, series=(series,)))))
 
     assert plotted(page, 0, "curve")["x"].count(None) == 1
     expect(page.locator(".track").first).to_contain_text("° · heading °")

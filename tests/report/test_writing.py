@@ -3,41 +3,43 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
-from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from decoder.commands.decoding import decoded_flight
-from decoder.flight_data import FlightData
-from decoder.panel_pictures import PanelPictures, panel_from_file
-from decoder.reading import Status
-from decoder.report.bundle import PLOTLY, plotly, script
-from decoder.report.choosing import Room, planned, scattered_order
-from decoder.report.flags import Kind, find_flags
-from decoder.report.integrity import checked
-from decoder.report.of_flight import report_of
-from decoder.report.panel_drawing import panel_drawing
-from decoder.report.report import PICTURES_BYTES, Report
-from decoder.report.truth_section import truth_section
-from decoder.truth_comparison import read_truth
-from decoder.truth_request import TruthRequest
-from flight_file.findings import Finding, FindingKind
+from decoder.imaging.panel_pictures import panel_from_file
+from decoder.instruments.reading import Status
+from decoder.outputs.formats import Decoded
+from decoder.outputs.report import PLOTLY, plotly, script, write_report
+from decoder.outputs.report_drawings import panel_drawing
+from decoder.outputs.report_facts import checked
+from decoder.outputs.report_flags import Kind, find_flags, planned, scattered_order
+from decoder.outputs.report_truth import truth_section
+from decoder.outputs.thresholds import LARGEST_BYTES
+from decoder.parallel.decoding import decoded_flight
+from decoder.timeseries.flight_data import FlightData
+from decoder.timeseries.truth_comparison import read_truth
+from decoder.timeseries.truth_request import TruthRequest
+from flight_file.errors import Finding, FindingKind
 from flight_file.reader import open_flight
 from flight_file.verification import RecordingCheck, SegmentCheck, verify
+from tests.programs import A2, FIXTURES
+from tests.report.reports import make_report, source, written
 
-MakeReport = Callable[..., Report]
-Write = Callable[..., Any]
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-A2 = FIXTURES / "thesis_a2.mcap"
 TWO_HOURS = 28_800
 LARGEST = 25_000_000
+
+
+@pytest.fixture(scope="module")
+def decoded() -> Decoded:
+    """The committed flight with reflections; nobody changes it."""
+    return decoded_flight(open_flight([A2]), None, "normxcorr")
 
 
 def rows_of(content: bytes) -> list[int]:
@@ -45,48 +47,44 @@ def rows_of(content: bytes) -> list[int]:
     return [int(row) for row in re.findall(rb'class="evidence" data-row="(\d+)"', content)]
 
 
-def test_two_hours_stay_within_the_size(make_report: MakeReport, write: Write) -> None:
+def test_two_hours_stay_within_the_size() -> None:
     """Two hours at 4 Hz with two hundred flags: under 25 MB, and every flag has a picture."""
     marks = {
         ("n1_pct", row): Status.INTERPOLATED for first in range(50, TWO_HOURS, 144) for row in range(first, first + 5)
     }
     report = make_report(TWO_HOURS, marks)
-    made = write(report)
-    flags, rows = find_flags(report.data), np.array(rows_of(made.content))
+    made = written(report)
+    flags, rows = find_flags(report.data), np.array(rows_of(made))
 
-    assert len(made.content) < LARGEST
+    assert len(made) < LARGEST
     assert len(flags) == 200
     assert all(((rows >= flag.first) & (rows <= flag.last)).any() for flag in flags)
     assert (
-        sum(len(block) for block in re.findall(rb'<script[^>]*class="evidence".*?</script>', made.content))
-        < PICTURES_BYTES
+        sum(len(block) for block in re.findall(rb'<script[^>]*class="evidence".*?</script>', made)) < LARGEST_BYTES / 2
     )
 
 
-def test_little_room_is_kept(make_report: MakeReport, write: Write) -> None:
-    """With next to no room some pictures are in all the same, those of the flag first, and no more than a megabyte."""
+def test_little_room_is_kept() -> None:
+    """With next to no room some pictures are in all the same, those of the flag first; with none the data are."""
     report = make_report(300, {("n2_pct", 200): Status.INTERPOLATED})
-    whole, small = write(report).content, write(report, 1).content
+    whole, none = written(report), written(report, 1)
+    small = written(report, len(none) + 200_000)
 
     assert 200 in rows_of(small)
     assert 0 < len(rows_of(small)) < len(rows_of(whole))
-    assert sum(len(block) for block in re.findall(rb'<script[^>]*class="evidence".*?</script>', small)) < 1_000_000
+    assert len(small) <= len(none) + 200_000
+    assert rows_of(none) == []
 
 
-def test_same_flight_same_bytes() -> None:
+def test_same_flight_same_bytes(decoded: Decoded) -> None:
     """Nothing of the time or place of writing is in it."""
-    import io  # noqa: PLC0415
+    again = decoded_flight(open_flight([A2]), None, "normxcorr")
+    one, other = io.BytesIO(), io.BytesIO()
+    write_report(decoded, one)
+    write_report(again, other)
+    text = one.getvalue().decode()
 
-    from decoder.report.report import write_report  # noqa: PLC0415
-
-    contents = []
-    for _ in range(2):
-        stream = io.BytesIO()
-        write_report(report_of(decoded_flight(open_flight([A2]), None, "normxcorr")), stream)
-        contents.append(stream.getvalue())
-    text = contents[0].decode()
-
-    assert contents[0] == contents[1]
+    assert one.getvalue() == other.getvalue()
     assert str(FIXTURES) not in text
     assert "decode thesis_a2.mcap --method normxcorr --format html" in text
     assert "http://" not in text.split("plotly.js (")[0]
@@ -104,26 +102,7 @@ def test_scattered_order_is_all_of_it(count: int) -> None:
             assert gaps.max() <= 2 * gaps.min() + 1
 
 
-@given(st.lists(st.integers(1, 100), min_size=1, max_size=60), st.integers(0, 2000), st.integers(0, 9))
-def test_room_is_never_overdrawn(sizes: list[int], size_bytes: int, seed: int) -> None:
-    """Whatever pictures take, what was taken is no more than there was."""
-    wanted = np.random.default_rng(seed).permutation(len(sizes)).tolist()
-    room = Room(wanted, size_bytes, 30)
-    taken = sum(size for row, size in enumerate(sizes) if room.has_for(row) and room.take(size))
-
-    assert taken <= size_bytes
-
-
-@given(st.integers(1, 60), st.integers(0, 60), st.integers(0, 9))
-def test_most_wanted_get_the_room(count: int, places: int, seed: int) -> None:
-    """Where all are of one size, exactly the most wanted are in, in whatever order they come."""
-    wanted = np.random.default_rng(seed).permutation(count).tolist()
-    room = Room(wanted, places * 10, 10)
-
-    assert {row for row in range(count) if room.has_for(row) and room.take(10)} == set(wanted[:places])
-
-
-def test_flags_come_with_their_reasons(make_report: MakeReport) -> None:
+def test_flags_come_with_their_reasons() -> None:
     """Runs, not rows; each says what is known of why."""
     marks = {("n1_pct", row): Status.INTERPOLATED for row in (5, 6, 7)} | {("fuel_al_lb", 9): Status.HIDDEN}
     flags = find_flags(make_report(20, marks, {2: "knob not found (0.31)", 3: "knob not found (0.29)"}).data)
@@ -138,7 +117,7 @@ def test_flags_come_with_their_reasons(make_report: MakeReport) -> None:
     assert flags[2].reason == "under fuel_fr_lb; it takes that needle's place"
 
 
-def test_flags_extremes_and_steps_are_planned(make_report: MakeReport) -> None:
+def test_flags_extremes_and_steps_are_planned() -> None:
     """The gravest flag comes first; the highest value, the largest step and both ends are among the planned."""
     data: FlightData = make_report(400, {("n1_pct", 77): Status.EDGE}, {150: "knob not found"}).data
     wanted = planned(data, find_flags(data))
@@ -150,10 +129,10 @@ def test_flags_extremes_and_steps_are_planned(make_report: MakeReport) -> None:
     assert len(wanted) == len(set(wanted))
 
 
-def test_drawing_has_marks_where_the_panel_says(source: PanelPictures) -> None:
+def test_drawing_has_marks_where_the_panel_says() -> None:
     """A mark ends on the perimeter at its angle, and a needle's tip, too."""
-    gauge = source.panel.gauges[0]
-    drawing = panel_drawing(source, {gauge.name: (1.0, -2.0)}).gauges[0]
+    gauge = source().panel.gauges[0]
+    drawing = panel_drawing(source(), {gauge.name: (1.0, -2.0)}).gauges[0]
     angle, _ = gauge.scale[0]
     x, y = map(float, drawing.marks[0].line.split(" ")[1].split(","))
 
@@ -172,30 +151,28 @@ def test_names_of_dials_in_one_case_do_not_cover_each_other() -> None:
     assert abs(one.name_at[1] - other.name_at[1]) > drawing.text_px
 
 
-def test_truth_gives_the_table_of_decode_accuracy() -> None:
+def test_truth_gives_the_table_of_decode_accuracy(decoded: Decoded) -> None:
     """The tables are those of `decode accuracy`, with units and full scale; the truth's values are for the plots."""
-    decoded = decoded_flight(open_flight([A2]), None, "normxcorr")
     truth = read_truth(TruthRequest(FIXTURES / "thesis_a2_truth.csv", limits=True))
     section = truth_section(decoded.data, decoded.provenance, truth)
     first = dict(zip(section.tables[0].header, section.tables[0].rows[0], strict=True))
 
     assert (first["needle"], first["status"], first["unit"]) == ("n1_pct", "all", "%")
     assert float(first["mean%FS"]) < 0.1
-    assert section.needles == list(range(7))
+    assert section.places == list(range(7))
     assert np.nanmax(np.abs(section.values["n2_pct"] - decoded.data.series[1].value)) < 1.0
     assert [table.title for table in section.tables][1:] == ["Against what is asked of recorders"]
 
 
-def test_needle_without_a_true_value_has_no_plot_of_errors(tmp_path: Path) -> None:
+def test_needle_without_a_true_value_has_no_plot_of_errors(decoded: Decoded, tmp_path: Path) -> None:
     """A column of a truth may be empty; the others are held against theirs."""
     header, *rows = csv.reader((FIXTURES / "thesis_a2_truth.csv").read_text(encoding="utf-8").splitlines())
     empty = header.index("n1_pct")
     with (tmp_path / "truth.csv").open("w", encoding="utf-8", newline="") as stream:
         csv.writer(stream).writerows([header, *([*row[:empty], "", *row[empty + 1 :]] for row in rows)])
-    decoded = decoded_flight(open_flight([A2]), None, "normxcorr")
     section = truth_section(decoded.data, decoded.provenance, read_truth(TruthRequest(tmp_path / "truth.csv")))
 
-    assert section.needles == list(range(1, 7))
+    assert section.places == list(range(1, 7))
 
 
 def segment_checks(*findings: Finding, signed_by: tuple[bytes | None, ...] = (None,)) -> list[RecordingCheck]:

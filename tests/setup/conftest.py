@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import http.client
+import json
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from decoder.setup.server import SetupServer, setup_server
+from decoder.setup.app import SetupServer, setup_server
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-
-FIXTURES = Path(__file__).parents[2] / "fixtures"
-A1 = FIXTURES / "thesis_a1.mcap"
-
+from tests.programs import A1
 
 expect.set_options(timeout=60_000)  # a busy machine is no failure
 
@@ -45,25 +45,65 @@ class Running:
 Start = Callable[..., Running]
 
 
+@contextmanager
+def serving(flight: Path, panel: Path | None, save_as: Path) -> Iterator[Running]:
+    """A server that ends with the block."""
+    session = SetupSession(open_source([flight]), panel, save_as)
+    server = setup_server(session)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    running = Running(server, session, thread)
+    yield running
+    running.stop()
+
+
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
     """Starts servers; a new panel is begun unless one is named."""
-    running: list[Running] = []
+    with ExitStack() as stack:
 
-    def begin(
-        flight: Path = A1, panel: Path | None = tmp_path / "new" / "panel.yaml", save_as: Path | None = None
-    ) -> Running:
-        target = save_as or panel or tmp_path / "panel.yaml"
-        session = SetupSession(open_source([flight]), panel, target)
-        server = setup_server(session)
-        thread = threading.Thread(target=server.run, daemon=True)
-        thread.start()
-        running.append(Running(server, session, thread))
-        return running[-1]
+        def begin(
+            flight: Path = A1, panel: Path | None = tmp_path / "new" / "panel.yaml", save_as: Path | None = None
+        ) -> Running:
+            return stack.enter_context(serving(flight, panel, save_as or panel or tmp_path / "panel.yaml"))
 
-    yield begin
-    for each in running:
-        each.stop()
+        yield begin
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A server with a flight and its own panel, for tests that leave its panel as it is, or save it whatever it is."""
+    with serving(A1, None, tmp_path_factory.mktemp("saved") / "folder" / "panel.yaml") as running:
+        yield running
+
+
+Answer = tuple[int, Any, Mapping[str, str]]
+Send = Callable[..., Answer]
+
+
+@pytest.fixture(scope="module")
+def send(server: Running) -> Send:
+    """Sends requests to a running page as they stand, and gives status, JSON or bytes, and headers."""
+    url = urlsplit(server.url)
+
+    def request(
+        method: str,
+        path: str,
+        body: str | bytes | Iterable[bytes] | None = None,
+        *,
+        token: str | None = None,
+        **headers: str,
+    ) -> Answer:
+        connection = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=60)
+        prefix = url.path.rstrip("/") if token is None else token
+        connection.request(method, prefix + path, body, {k.replace("_", "-"): v for k, v in headers.items()})
+        answer = connection.getresponse()
+        content = answer.read()
+        connection.close()
+        told = answer.getheader("content-type", "")
+        return answer.status, json.loads(content) if told == "application/json" else content, dict(answer.headers)
+
+    return request
 
 
 OpenPage = Callable[[Running], Page]
@@ -90,122 +130,3 @@ def open_page(browser: Browser) -> Iterator[OpenPage]:
     for page in pages:
         page.context.close()
     assert said == []
-
-
-DRAWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-XY = tuple[float, float]
-OnRing = Callable[[float, float], XY]
-"""Where in the picture an angle of a dial's ring of marks lies, and so many pixels further out."""
-# How far beside what they mean a person's clicks land, in pixels of the picture.
-UNSTEADY_PX = 0.6
-
-
-@dataclass
-class Hand:
-    """Draws on a page; `seed` decides how unsteady each click is."""
-
-    page: Page
-    seed: int = 5
-
-    def __post_init__(self) -> None:
-        self._chance = np.random.default_rng(self.seed)
-
-    def unsteady(self, place: XY) -> XY:
-        """A place as a hand hits it."""
-        right, down = self._chance.uniform(-UNSTEADY_PX, UNSTEADY_PX, 2)
-        return place[0] + float(right), place[1] + float(down)
-
-    def look(self) -> None:
-        """Waits until what was last changed is drawn."""
-        self.page.evaluate(DRAWN)
-
-    def press(self, key: str) -> None:
-        """A key, on the picture."""
-        self.page.locator("#picture").press(key)
-
-    def click(self, place: XY) -> None:
-        """A click on a place of the panel picture, once everything is drawn: nobody clicks on what is not there yet."""
-        self.look()
-        x, y = self.page.evaluate(
-            """([x, y]) => {
-                const place = new DOMPoint(x, y).matrixTransform(document.getElementById("picture").getScreenCTM());
-                return [place.x, place.y];
-            }""",
-            list(place),
-        )
-        self.page.mouse.click(x, y)
-
-    def type_into(self, path: str, text: str) -> None:
-        """A value, into the field of that path."""
-        field = self.page.locator(f'[id="f:{path}"]')
-        field.fill(text)
-        field.press("Tab")
-
-    def anchor(self, name: str, box: list[float]) -> None:
-        """An anchor by two corners."""
-        left, top, width, height = box
-        self.press("a")
-        self.click((left, top))
-        self.click((left + width, top + height))
-        index = int(self.page.evaluate("document.querySelectorAll('.anchor').length")) - 1
-        self.type_into(f"anchors[{index}].name", name)
-
-    def level(self, ends: list[list[float]]) -> None:
-        """The level edge."""
-        self.press("l")
-        for end in ends:
-            self.click((end[0], end[1]))
-
-    def reference(self, index: int, at: XY, inches: XY) -> None:
-        """A reference point, and where it is on the panel."""
-        self.press("r")
-        self.click(self.unsteady(at))
-        self.page.wait_for_selector(f'[id="f:reference_points[{index}].inches[0]"]:focus')
-        for axis in (0, 1):
-            self.type_into(f"reference_points[{index}].inches[{axis}]", f"{inches[axis]:g}")
-        self.press("Escape")
-
-    def gauge(
-        self, index: int, gauge: dict[str, Any], on_ring: OnRing, *, rim_deg: Sequence[float] = (150.0, 262.0, 390.0)
-    ) -> None:
-        """A gauge by clicks on the ring where its marks end, then its marks and their values."""
-        self.press("0")
-        self.press("g")
-        for angle in rim_deg:
-            self.click(self.unsteady(on_ring(angle, 0.0)))
-        self.page.wait_for_selector(f'[id="f:gauges[{index}].name"]:focus')
-        self.type_into(f"gauges[{index}].name", gauge["name"])
-        self.type_into(f"gauges[{index}].unit", gauge["unit"])
-        self.press("f")
-        self.press("t")
-        for number, (angle, value) in enumerate(sorted(gauge["scale"])):
-            self.click(self.unsteady(on_ring(angle, -2.0)))
-            self.page.wait_for_selector(f'[id="f:gauges[{index}].scale[{number}][1]"]:focus')
-            self.page.keyboard.type(f"{value:g}")
-            self.page.keyboard.press("Enter")
-            self.page.wait_for_selector("#picture:focus")
-        self.press("Escape")
-
-    def needle(self, index: int, needle: int, at: XY, name: str) -> None:
-        """A needle by pointing at it, and its name."""
-        self.press("n")
-        self.click(self.unsteady(at))
-        self.page.wait_for_selector(f'[id="f:gauges[{index}].needles[{needle}].name"]:focus')
-        self.type_into(f"gauges[{index}].needles[{needle}].name", name)
-
-    def open(self, name: str) -> None:
-        """A part of the inspector that is shut."""
-        part = self.page.locator(f'details[data-name="{name}"]')
-        if part.get_attribute("open") is None:
-            part.locator("summary").click()
-
-    def save(self) -> None:
-        """The panel."""
-        self.press("Control+s")
-        expect(self.page.locator("#banner")).to_contain_text("Saved to")
-
-
-@pytest.fixture
-def hand_on() -> Callable[[Page], Hand]:
-    """A hand to draw on a page."""
-    return Hand

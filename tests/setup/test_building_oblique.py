@@ -9,11 +9,10 @@ import json
 import math
 import re
 import subprocess
-import sys
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -23,14 +22,12 @@ from fixtures.cockpit.description import panel_yaml
 from fixtures.cockpit.flights import FLIGHTS
 from fixtures.cockpit.instruments import needle_angle_deg
 from fixtures.cockpit.panels import PANELS
-
-if TYPE_CHECKING:
-    from tests.setup.conftest import Hand
+from tests.programs import DECODE, ran
+from tests.setup.hand import Hand
 
 NAME = "standby_small"
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "oblique"
 FLIGHT, TRUTH = FIXTURES / f"{NAME}.mcap", FIXTURES / f"{NAME}_truth.csv"
-DECODE = Path(sys.executable).parent / "decode"
 WITHIN_PCT_OF_FULL_SCALE = 0.05
 MARKS_WITHIN_DEG, AXES_WITHIN_DEG = 0.6, 0.6
 # In this frame no needle points at a mark.
@@ -89,8 +86,7 @@ def decoding(folder: Path, *panel: str | Path) -> subprocess.Popen[bytes]:
 def errors(decoded: subprocess.Popen[bytes], folder: Path) -> dict[str, float]:
     """Mean error of what was read of each needle, in percent of full scale."""
     assert decoded.wait(120) == 0
-    held = [DECODE, "accuracy", folder / f"{NAME}.csv", TRUTH, "--json"]
-    done = subprocess.run(held, check=True, capture_output=True)
+    done = ran("decode", "accuracy", folder / f"{NAME}.csv", TRUTH, "--json")
     return {row["needle"]: row["by_status"]["read"]["mean_abs_pct_fs"] for row in json.loads(done.stdout)}
 
 
@@ -140,12 +136,12 @@ def take_offers(hand: Hand, gauges: list[str]) -> list[str]:
 
 @pytest.mark.slow
 def test_oblique_panel_drawn_by_hand_reads_like_the_written_one(
-    start: Callable[..., Any], open_page: Callable[..., Any], hand_on: Callable[..., Any], tmp_path: Path
+    start: Callable[..., Any], open_page: Callable[..., Any], tmp_path: Path
 ) -> None:
     """All dials of an oblique flight, from nothing, are within 0.05 % of full scale of the written panel."""
     written = decoding(tmp_path / "written")
     running, eyes = start(FLIGHT), Eyes(FRAME)
-    hand = hand_on(open_page(running))
+    hand = Hand(open_page(running))
     draw(hand, eyes)
     taken = take_offers(hand, [gauge["name"] for gauge in eyes.document["gauges"]])
     hand.save()

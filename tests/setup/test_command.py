@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-import sys
 import urllib.request
 from pathlib import Path
 
 import pytest
 
-DECODE = Path(sys.executable).parent / "decode"
-PICTURE = Path(__file__).parents[2] / "fixtures" / "panel.jpg"
+from tests.programs import FIXTURES, begun, ran, says
+
+PICTURE = FIXTURES / "panel.jpg"
 
 
 @pytest.mark.untraced
 def test_ctrl_c_ends_the_page_without_a_complaint(tmp_path: Path) -> None:
     """The address that is printed gives the page; Ctrl-C ends it with exit code 0 and not a word of anything lost."""
-    command = [DECODE, "setup", PICTURE, "--no-browser", "--save-as", tmp_path / "panel.yaml"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+    with begun("decode", "setup", PICTURE, "--no-browser", "--save-as", tmp_path / "panel.yaml") as running:
         try:
             assert running.stdout is not None
             found = re.search(r"http://127\.0\.0\.1:\d+/\S+/", running.stdout.readline())
@@ -32,3 +30,11 @@ def test_ctrl_c_ends_the_page_without_a_complaint(tmp_path: Path) -> None:
             running.kill()
 
     assert (running.returncode, complaint) == (0, "")
+
+
+def test_camera_that_is_none_is_said(tmp_path: Path) -> None:
+    """A camera.yaml that cannot be used ends the command before a page is opened."""
+    camera = tmp_path / "camera.yaml"
+    camera.write_text("lens: none\n", encoding="utf-8")
+
+    says(ran("decode", "setup", PICTURE, "--camera", camera, "--no-browser"), "camera.yaml")

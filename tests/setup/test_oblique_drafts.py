@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import traceback
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
-from decoder.camera import camera_from_file
-from decoder.gauge_reader import Method
-from decoder.panel_pictures import PanelPictures, panel_from_file
-from decoder.panel_reader import PanelReader
-from decoder.pictures import FramePicture, grey_picture
+from decoder.imaging.alignment import IDENTITY, Alignment
+from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
+from decoder.imaging.pictures import FramePicture, grey_picture
+from decoder.instruments.method import Method
+from decoder.learning.fit import reader_from_panel
+from decoder.panel.camera import camera_from_file
+from decoder.panel.errors import AlignmentLost
 from decoder.setup.answers import trial_answer
-from decoder.setup.drafts import problems_of
+from decoder.setup.drafts import AlignmentMemory, problems_of
 from decoder.setup.drawn_plane import Planes
 from decoder.setup.pasting import pasted
 from decoder.setup.requests import TrialQuestion
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
 from flight_file.reader import open_flight
+from tests.programs import FIXTURES
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
 FOLDER = FIXTURES / "oblique" / "t1a_small"
 FLIGHT = FIXTURES / "oblique" / "t1a_small.mcap"
 
@@ -40,7 +44,7 @@ def test_squared_up_angles_stay_when_a_panel_is_carried_over(written: Draft) -> 
     """On a frame that is rolled by five degrees the places move, and the angles of dials seen square on do not."""
     panel = panel_from_file(FOLDER / "panel.yaml")
     camera = camera_from_file(FOLDER / "camera.yaml")
-    reader = PanelReader.from_panel(PanelPictures(panel.panel, panel.pictures, "", camera), Method.NORMXCORR)
+    reader = reader_from_panel(PanelPictures(panel.panel, panel.pictures, "", camera), Method.NORMXCORR)
     frame = list(open_flight([FLIGHT]).frames())[5]
     target = FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
     done = pasted(written, reader.aligner, target, {}, camera)
@@ -80,18 +84,6 @@ def test_height_of_needles_is_offered(written: Draft, tmp_path: Path) -> None:
         ({"stops": [None, 300]}, "gauges[0].stops[0]"),
         ({"needle_height_inches": "high"}, "gauges[0].needle_height_inches"),
         ({"rim": [[0, 0], [1, 1]]}, "gauges[0].rim"),
-    ],
-)
-def test_problem_is_placed_beside_its_field(written: Draft, changes: Draft, path: str) -> None:
-    """What is wrong with a gauge as a whole is said beside the field that it is about."""
-    written["gauges"][0] |= changes
-
-    assert path in [each.path for each in problems_of(written, {})]
-
-
-@pytest.mark.parametrize(
-    ("changes", "path"),
-    [
         ({"covered_by": "nobody"}, "gauges[2].needles[0].covered_by"),
         ({"template": {"picture": "cut.png"}}, "gauges[2].needles[0].template"),
         ({"wraps": 12}, "gauges[2].needles[0]"),
@@ -99,8 +91,39 @@ def test_problem_is_placed_beside_its_field(written: Draft, changes: Draft, path
         ({"max_rate": -1}, "gauges[2].needles[0].max_rate"),
     ],
 )
-def test_problem_of_a_needle_is_placed_beside_its_field(written: Draft, changes: Draft, path: str) -> None:
-    """So is what is wrong with a needle, though the format judges it with its gauge or the panel."""
-    written["gauges"][2]["needles"][0] |= changes
+def test_problem_is_placed_beside_its_field(written: Draft, changes: Draft, path: str) -> None:
+    """Also what is judged with a gauge as a whole, or with the panel, is said beside the field that it is about."""
+    of_needle = path.startswith("gauges[2]")
+    changed = written["gauges"][2]["needles"][0] if of_needle else written["gauges"][0]
+    changed |= changes
 
     assert path in [each.path for each in problems_of(written, {})]
+
+
+def test_camera_on_the_command_line_is_used(written: Draft, tmp_path: Path) -> None:
+    """Needles above their face can be read where the camera is known, and only there."""
+    source, target = open_source([FOLDER / "panel.jpg"]), tmp_path / "panel.yaml"  # a picture alone carries no camera
+    camera = camera_from_file(FOLDER / "camera.yaml")
+    without = SetupSession(source, None, target).problems(written, "frame-0")
+    known = SetupSession(source, None, target, camera=camera).problems(written, "frame-0")
+
+    assert {each.path for each in without} == {f"gauges[{index}].needle_height_inches" for index in range(12)}
+    assert known == []
+
+
+def test_alignment_that_fails_is_remembered_and_does_not_grow() -> None:
+    """However often it is asked for, the frame is looked at once, and the error has no longer history."""
+    memory, frame, looks = AlignmentMemory(), np.zeros((4, 4), np.uint8), []
+
+    def find() -> Alignment:
+        looks.append(1)
+        raise AlignmentLost("not found")
+
+    depths = []
+    for _ in range(4):
+        with pytest.raises(AlignmentLost) as caught:
+            memory.recall(("align", 1, None, IDENTITY.elements), frame, find)
+        depths.append(len(traceback.extract_tb(caught.value.__traceback__)))
+
+    assert looks == [1]
+    assert len(set(depths[1:])) == 1

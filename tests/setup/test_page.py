@@ -11,14 +11,14 @@ import pytest
 import yaml
 from playwright.sync_api import Page, expect
 
-from decoder.panel import parse_content
-from decoder.setup.yaml_text import panel_text
+from decoder.panel.panel import parse_content
+from decoder.setup.saving import panel_text
+from tests.programs import FIXTURES
+from tests.setup.hand import Hand
 
-FIXTURES = Path(__file__).parents[2] / "fixtures"
 OBLIQUE = FIXTURES / "oblique" / "t1a_small"
 Start = Callable[..., Any]
 OpenPage = Callable[..., Page]
-HandOn = Callable[[Page], Any]
 Running = Any
 PICTURE = re.compile("^data:image/jpeg")
 
@@ -35,38 +35,29 @@ def drawn(running: Running) -> dict[str, Any]:
     return content
 
 
-def test_opened_panel_is_read_at_once(opened: Running, open_page: OpenPage) -> None:
-    """Every gauge of the flight's own panel is tried on the flight, and shown with value and score."""
-    page = open_page(opened)
+def test_opened_panel_is_read_at_once_and_a_wrong_setup_is_seen(server: Running, open_page: OpenPage) -> None:
+    """Every gauge is tried on the flight, and shown with value and score; one that is spoilt is no longer read well."""
+    page = open_page(server)
     expect(page.locator("#outline .dot.good")).to_have_count(6)
     page.locator("#outline li button", has_text="fuel_flow").click()
-
     expect(page.locator("#film .cell")).to_have_count(20)
     assert float(page.locator("#film .value").first.inner_text()) > 40_000
     assert page.locator("#film svg line.needle").count() == 20
     expect(page.locator("#unwrapped img")).to_have_attribute("src", PICTURE)
 
-
-def test_wrong_setup_is_seen(opened: Running, open_page: OpenPage) -> None:
-    """A gauge whose centre is pushed away is no longer read well, and undo brings it back."""
-    page = open_page(opened)
-    expect(page.locator("#outline .dot.good")).to_have_count(6)
     page.locator("#outline li button", has_text="n1").click()
-    field = page.locator('[id="f:gauges[0].needles[0].template.at"]')
-    field.fill("150")
-    field.press("Tab")
+    Hand(page).type_into("gauges[0].needles[0].template.at", "150")
     expect(page.locator("#outline .dot.good")).to_have_count(5)
-
     page.locator("#undo").click()
     expect(page.locator("#outline .dot.good")).to_have_count(6)
     page.locator("#redo").click()
     expect(page.locator('[id="f:gauges[0].needles[0].template.at"]')).to_have_value("150")
 
 
-def test_what_is_not_valid_is_said_beside_its_field(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+def test_what_is_not_valid_is_said_beside_its_field(server: Running, open_page: OpenPage) -> None:
     """A value that cannot be saved is marked where it stands; saving leads to it and writes nothing."""
-    page = open_page(opened)
-    hand = hand_on(page)
+    page = open_page(server)
+    hand = Hand(page)
     page.locator("#outline li button", has_text="n2").click()
     hand.type_into("gauges[1].sweep[0]", "460")
     problem = page.locator('[data-problem="gauges[1].sweep"]')
@@ -77,12 +68,12 @@ def test_what_is_not_valid_is_said_beside_its_field(opened: Running, open_page: 
     page.locator("#outline li button", has_text="ftit").click()
     page.locator("#save").click()
     expect(problem).to_be_visible()
-    assert not opened.session.target.exists()
+    assert not server.session.target.exists()
 
 
-def test_what_is_no_number_is_drawn_nowhere(opened: Running, open_page: OpenPage) -> None:
+def test_what_is_no_number_is_drawn_nowhere(server: Running, open_page: OpenPage) -> None:
     """Words in fields of numbers, one after the other: nothing is said on the console, and undo brings all back."""
-    page = open_page(opened)
+    page = open_page(server)
     fields = 0
     for item in ("knob", "level", "n1"):
         page.locator("#outline li button", has_text=item).first.click()
@@ -100,44 +91,57 @@ def test_what_is_no_number_is_drawn_nowhere(opened: Running, open_page: OpenPage
     expect(page.locator("#picture .gauge")).to_have_count(6)
 
 
-def test_two_tabs_do_not_overwrite_each_other(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
-    """The second tab to save is told, and may load the other's or save over it."""
+def test_two_tabs_do_not_overwrite_each_other(opened: Running, open_page: OpenPage) -> None:
+    """The second tab to save is told, and may load the other's, or save over it when asked to."""
     one, other = open_page(opened), open_page(opened)
-    hand_on(one).type_into("name", "first")
-    hand_on(one).save()
-    hand_on(other).type_into("name", "second")
+    Hand(one).type_into("name", "first")
+    Hand(one).save()
+    Hand(other).type_into("name", "second")
     other.locator("#save").click()
     expect(other.locator("#banner")).to_contain_text("saved from somewhere else")
     assert drawn(opened)["name"] == "first"
 
     other.locator("#loadtheirs").click()
     expect(other.locator('[id="f:name"]')).to_have_value("first")
-    hand_on(other).type_into("name", "third")
-    hand_on(other).save()
+    Hand(other).type_into("name", "third")
+    Hand(other).save()
     assert drawn(opened)["name"] == "third"
 
+    Hand(one).type_into("name", "fourth")
+    one.locator("#save").click()
+    one.locator("#saveover").click()
+    expect(one.locator("#banner")).to_contain_text("Saved to")
+    assert drawn(opened)["name"] == "fourth"
 
-def test_file_changed_by_another_program_is_not_overwritten(
-    opened: Running, open_page: OpenPage, hand_on: HandOn
-) -> None:
-    """What an editor wrote meanwhile is not lost silently either; saving over it must be asked for."""
-    page = open_page(opened)
-    hand_on(page).type_into("name", "mine")
-    opened.session.target.parent.mkdir(parents=True)
-    opened.session.target.write_text("name: theirs\n", encoding="utf-8")
+
+def test_panel_of_somebody_else_is_replaced_only_when_asked(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """Where another panel lies already, the page asks before it saves over it; until then nothing changes."""
+    target = tmp_path / "theirs" / "panel.yaml"
+    target.parent.mkdir()
+    target.write_text("name: theirs\n", encoding="utf-8")
+    running = start(panel=None, save_as=target)
+    page = open_page(running)
+    Hand(page).type_into("name", "mine")
     page.locator("#save").click()
-    expect(page.locator("#banner")).to_contain_text("saved from somewhere else")
-    assert drawn(opened)["name"] == "theirs"
+    expect(page.locator("#banner")).to_contain_text("panel.yaml in")
+    expect(page.locator("#banner")).to_contain_text("would be replaced")
+    assert drawn(running) == {"name": "theirs"}
+    assert [path.name for path in target.parent.iterdir()] == ["panel.yaml"]
 
-    page.locator("#saveover").click()
+    page.locator("#replace").click()
     expect(page.locator("#banner")).to_contain_text("Saved to")
-    assert drawn(opened)["name"] == "mine"
+    assert drawn(running)["name"] == "mine"
+    Hand(page).type_into("name", "mine still")
+    expect(page.locator("#state")).to_have_text("not saved")
+    page.locator("#save").click()
+    expect(page.locator("#state")).to_have_text("saved")
+    assert drawn(running)["name"] == "mine still"
 
 
-def test_lost_server_is_said(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+def test_lost_server_is_said(opened: Running, open_page: OpenPage) -> None:
     """When the program has ended the page says so, and keeps what was drawn."""
     page = open_page(opened, quiet=False)
-    hand_on(page).type_into("name", "not lost")
+    Hand(page).type_into("name", "not lost")
     opened.stop()
 
     expect(page.locator("#banner")).to_contain_text("The program has ended")
@@ -169,9 +173,9 @@ def test_keyboard_alone_draws(start: Start, open_page: OpenPage) -> None:
     expect(page.locator(".anchor")).to_have_count(0)
 
 
-def test_everything_has_a_name_for_screen_readers(opened: Running, open_page: OpenPage) -> None:
+def test_everything_has_a_name_for_screen_readers(server: Running, open_page: OpenPage) -> None:
     """No button, field or drawing is without a word that says what it is."""
-    page = open_page(opened)
+    page = open_page(server)
     for name in ("n1", "knob", "level", "F-16 animation"):
         page.locator("#outline li button", has_text=name).first.click()
         nameless = page.evaluate(
@@ -182,18 +186,6 @@ def test_everything_has_a_name_for_screen_readers(opened: Running, open_page: Op
                 .map((each) => each.outerHTML.slice(0, 120))"""
         )
         assert nameless == []
-
-
-def test_dark_and_light(opened: Running, open_page: OpenPage) -> None:
-    """The page follows the system's colours."""
-    page = open_page(opened)
-    grounds = {}
-    for scheme in ("dark", "light"):
-        page.emulate_media(color_scheme=scheme)
-        grounds[scheme] = page.evaluate("getComputedStyle(document.body).backgroundColor")
-
-    assert grounds["dark"] == "rgb(15, 20, 24)"
-    assert grounds["light"] == "rgb(243, 245, 247)"
 
 
 def test_picture_stays_under_the_pointer_whatever_is_said(start: Start, open_page: OpenPage) -> None:
@@ -217,9 +209,7 @@ def test_picture_stays_under_the_pointer_whatever_is_said(start: Start, open_pag
     assert picture.bounding_box() == before
 
 
-def test_panel_is_pasted_onto_another_flight(
-    start: Start, open_page: OpenPage, hand_on: HandOn, tmp_path: Path
-) -> None:
+def test_panel_is_pasted_onto_another_flight(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """A panel opened on another flight of the cockpit is carried over to one of its frames and reads there."""
     running = start(FIXTURES / "thesis_a2.mcap", FIXTURES / "panel.yaml", tmp_path / "pasted" / "panel.yaml")
     page = open_page(running)
@@ -229,7 +219,7 @@ def test_panel_is_pasted_onto_another_flight(
     page.locator("#useframe").click()
     expect(page.locator("#banner")).to_contain_text("Carried over: moved by")
     expect(page.locator("#frames output")).to_have_text("3 of 20")
-    hand_on(page).save()
+    Hand(page).save()
 
     saved = drawn(running)
     written = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
@@ -239,10 +229,10 @@ def test_panel_is_pasted_onto_another_flight(
     assert (running.session.target.parent / saved["picture"]).read_bytes() == frame.jpeg
 
 
-def test_needle_is_proposed_and_accepted(start: Start, open_page: OpenPage, hand_on: HandOn) -> None:
+def test_needle_is_proposed_and_accepted(start: Start, open_page: OpenPage) -> None:
     """What moves on a new gauge is offered as its needle."""
     page = open_page(start())
-    hand = hand_on(page)
+    hand = Hand(page)
     hand.press("g")
     for place in ((297.3, 117.4), (346.3, 168.4), (262.0, 205.0)):
         hand.click(place)
@@ -252,12 +242,12 @@ def test_needle_is_proposed_and_accepted(start: Start, open_page: OpenPage, hand
     assert angle == pytest.approx(359.5, abs=0.5)
 
 
-def test_needle_is_cropped_on_the_unwrapped_gauge(opened: Running, open_page: OpenPage, hand_on: HandOn) -> None:
+def test_needle_is_cropped_on_the_unwrapped_gauge(server: Running, open_page: OpenPage) -> None:
     """Dragging over the unwrapped gauge crops the selected needle there."""
-    page = open_page(opened)
+    page = open_page(server)
     page.locator("#outline li button", has_text="n1").click()
     page.locator(".card b", has_text="n1_pct").wait_for()
-    hand_on(page).press("v")
+    Hand(page).press("v")
     page.locator("#unwrapped svg .band").wait_for()
     box = page.locator("#unwrapped svg").bounding_box()
     assert box is not None
@@ -273,10 +263,10 @@ def test_needle_is_cropped_on_the_unwrapped_gauge(opened: Running, open_page: Op
     assert angle == pytest.approx(284.4545, abs=0.1)
 
 
-def test_oblique_rim_is_bent_by_clicks_and_keys(start: Start, open_page: OpenPage, hand_on: HandOn) -> None:
+def test_oblique_rim_is_bent_by_clicks_and_keys(start: Start, open_page: OpenPage) -> None:
     """Three clicks on an oblique dial make an ellipse; keys move its points, more clicks bend it, and it goes away."""
     page = open_page(start(OBLIQUE / "panel.jpg"))
-    hand = hand_on(page)
+    hand = Hand(page)
     hand.press("g")
     for place in ((295.6, 119.6), (327.3, 47.1), (351.6, 122.0)):  # 0, 60 and 110 % on a dial
         hand.click(place)
@@ -298,22 +288,24 @@ def test_oblique_rim_is_bent_by_clicks_and_keys(start: Start, open_page: OpenPag
     expect(points).to_have_count(8)
 
 
-def test_gauges_of_every_kind_are_kept_and_edited(
-    start: Start, open_page: OpenPage, hand_on: HandOn, tmp_path: Path
-) -> None:
+def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """Cards, stops, combined values, tails, rates, own scales: opened, changed in their fields, and saved whole."""
     running = start(FIXTURES / "oblique" / "odd_small.mcap", None, tmp_path / "panel.yaml")
     page = open_page(running)
-    hand = hand_on(page)
+    hand = Hand(page)
     written = yaml.safe_load(running.session.source.flight.attachments["panel.yaml"])
     index = {gauge["name"]: place for place, gauge in enumerate(written["gauges"])}
     altimeter = next(name for name, place in index.items() if "combined" in written["gauges"][place])
     card = next(name for name, place in index.items() if "card" in written["gauges"][place])
     stops = next(name for name, place in index.items() if "stops" in written["gauges"][place])
 
+    covered = written["gauges"][index[altimeter]]["needles"][0]["covered_by"]
     page.locator("#outline li button", has_text=altimeter).click()
     hand.type_into(f"gauges[{index[altimeter]}].combined.lowest", "-1000")
     hand.type_into(f"gauges[{index[altimeter]}].needles[0].max_rate", "99")
+    cover = page.locator(f'[id="f:gauges[{index[altimeter]}].needles[0].covered_by"]')
+    other = next(each["name"] for each in written["gauges"][index[altimeter]]["needles"][1:] if each["name"] != covered)
+    cover.select_option(other)
     page.locator("#outline li button", has_text=card).click()
     hand.type_into(f"gauges[{index[card]}].card.max_rate", "30")
     page.locator("#outline li button", has_text=stops).click()
@@ -324,7 +316,7 @@ def test_gauges_of_every_kind_are_kept_and_edited(
     hand.save()
 
     written["gauges"][index[altimeter]]["combined"]["lowest"] = -1000
-    written["gauges"][index[altimeter]]["needles"][0]["max_rate"] = 99
+    written["gauges"][index[altimeter]]["needles"][0] |= {"max_rate": 99, "covered_by": other}
     written["gauges"][index[card]]["card"]["max_rate"] = 30
     written["gauges"][index[stops]]["stops"][1] += 1
     assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import os
+import re
 import shutil
+import signal
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
+import yaml
+
+from recorder.cli import DONE_WITH_LOSS as LOSS
 
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 FILES = {
@@ -38,28 +46,25 @@ def tree(root: Path) -> dict[str, bytes]:
 
 
 def test_dry_run_says_what_it_would_do_and_does_nothing(tmp_path: Path) -> None:
-    """Each command is shown; nothing is there afterwards."""
-    done = install("--dry-run", "--root", str(tmp_path), *JOIN)
+    """Each command is shown, nothing is there afterwards, and it needs no right; what it does not know ends it."""
+    done, real = install("--dry-run", "--root", str(tmp_path), *JOIN), install("--dry-run")
 
     assert done.returncode == 0
     assert "recorder.service" in done.stdout
     assert all(line.startswith("would ") for line in done.stdout.splitlines())
     assert list(tmp_path.iterdir()) == []
-
-
-def test_dry_run_of_the_real_thing_shows_the_system_commands() -> None:
-    """It needs no right to do anything."""
-    done = install("--dry-run")
-
-    assert "would run: systemctl enable recorder.service" in done.stdout
-    assert "would run: systemd-sysusers" in done.stdout
-    assert "--require-hashes" in done.stdout
+    assert "would run: systemctl enable recorder.service" in real.stdout
+    assert "would run: systemd-sysusers" in real.stdout
+    assert "--require-hashes" in real.stdout
+    assert [install(*words).returncode for words in (("--nonsense",), ("--root",), ("--camera", ""))] == [2, 2, 2]
 
 
 def test_installing_twice_is_installing_once(tmp_path: Path) -> None:
-    """The same files, and a configuration that somebody wrote is never touched."""
+    """The same files, the camera's name and password in one; a configuration that somebody wrote is never touched."""
     first = install("--root", str(tmp_path), *JOIN)
     before = tree(tmp_path)
+    profile = tmp_path / "etc/NetworkManager/system-connections/camera.nmconnection"
+    lines = profile.read_text(encoding="utf-8").splitlines()
     config = tmp_path / "etc/recorder/recorder.yaml"
     config.write_text("mine", encoding="utf-8")
     second = install("--root", str(tmp_path), *JOIN)
@@ -67,19 +72,118 @@ def test_installing_twice_is_installing_once(tmp_path: Path) -> None:
 
     assert (first.returncode, second.returncode) == (0, 0), first.stderr + second.stderr
     assert set(before) == FILES
-    assert after == {**before, "etc/recorder/recorder.yaml": b"mine"}
-
-
-def test_profile_holds_the_camera_and_is_private(tmp_path: Path) -> None:
-    """Name, password and interface are filled in as they are, and only root may read them."""
-    install("--root", str(tmp_path), *JOIN)
-    profile = tmp_path / "etc/NetworkManager/system-connections/camera.nmconnection"
-    lines = profile.read_text(encoding="utf-8").splitlines()
-
     assert profile.stat().st_mode & 0o777 == 0o600
     assert {"ssid=DIRECT-reQ0:DSC-QX10", "psk=pass & word", "interface-name=wlan1"} <= set(lines)
     assert "routing-rule2=priority 1065 oif wlan1 table 1064" in lines
     assert not [line for line in lines if "@" in line and not line.startswith("#")]
+    assert after == {**before, "etc/recorder/recorder.yaml": b"mine"}
+
+
+@pytest.mark.parametrize(
+    ("name", "interface", "password", "sentence"),
+    [
+        ("n" * 33, "wlan0", "password", "1 to 32 bytes, not 33"),
+        ("\u20ac" * 11, "wlan0", "password", "1 to 32 bytes, not 33"),
+        ("camera", "wlan0\n[ipv4]\nmethod=disabled", "password", "cannot be the name of a network interface"),
+        ("camera", "a" * 16, "password", "cannot be the name of a network interface"),
+        ("camera", "wlan0", "seven77", "8 to 63 characters"),
+        ("camera", "wlan0", "", "8 to 63 characters"),
+        ("camera", "wlan0", "g" * 64, "8 to 63 characters"),
+        ("camera", "wlan0", "password\nand more", "8 to 63 characters"),
+    ],
+)
+def test_wifi_that_cannot_be_is_refused_before_anything_is_done(
+    tmp_path: Path, name: str, interface: str, password: str, sentence: str
+) -> None:
+    """In one sentence, which does not show the password."""
+    done = install("--root", str(tmp_path), "--camera", name, "--interface", interface, password=password)
+
+    assert done.returncode == 1
+    assert sentence in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not password or password not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_can_be_read_by_the_recorder_whatever_the_mask_of_who_installs(tmp_path: Path) -> None:
+    """All but the password; a root who keeps files private is no reason for a recorder that cannot start."""
+    command = f"umask 077; sh {SYSTEMD / 'install.sh'} --root {tmp_path / 'root'} --camera {JOIN[1]}"
+    subprocess.run(["sh", "-c", command], input="password", text=True, check=True, capture_output=True)
+    closed = {path.name for path in tmp_path.rglob("root/**/*") if path.is_file() and not path.stat().st_mode & 0o004}
+
+    assert closed == {"camera.nmconnection"}
+    assert [path.name for path in tmp_path.rglob("root/**/") if path.stat().st_mode & 0o777 not in {0o755, 0o700}] == []
+
+
+OFFLINE = "after connection broken by"  # pip, once for each time that it tries again
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recorder as install.sh puts it on a box, in an environment that has nothing else."""
+    folder = tmp_path_factory.mktemp("box") / "program"
+    command = ["sh", str(SYSTEMD / "install.sh"), "--program-only", str(folder)]
+    done = subprocess.run(command, env=bare(), capture_output=True, text=True, check=False, timeout=600)
+    if done.returncode != 0 and OFFLINE in done.stderr:
+        pytest.skip("PyPI cannot be reached")
+    assert done.returncode == 0, done.stderr
+    return folder / "bin" / "recorder"
+
+
+def bare() -> dict[str, str]:
+    """An environment without what would let a program find the packages of this one."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "COV", "VIRTUAL"))}
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+@pytest.mark.xdist_group("installed box")
+def test_installed_box_records_from_a_camera(program: Path, tmp_path: Path) -> None:
+    """Signed, from the simulated camera, with nothing but what install.sh installs."""
+
+    def start(*words: str | Path) -> subprocess.Popen[str]:
+        command, pipe = [program, *words], subprocess.PIPE
+        return subprocess.Popen(command, env=bare(), cwd=tmp_path, text=True, stdout=pipe, stderr=pipe)
+
+    def end(process: subprocess.Popen[str]) -> list[str]:
+        said, complained = process.communicate(timeout=60)
+        assert process.returncode in {0, LOSS}, complained  # it may be stopped while a picture is on its way
+        return said.splitlines()
+
+    end(start("keygen", "recorder.key"))
+    camera = start("simulate", "--shot-s", "0", "--ledger", "ledger")
+    assert camera.stdout is not None
+    config = {
+        "camera": {"driver": "qx10", "url": camera.stdout.readline().strip(), "interval_s": 0},
+        "storage": {"directory": "flights", "keep_free_gib": 0},
+        "evidence": {"key": "recorder.key"},
+    }
+    (tmp_path / "recorder.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+    box, limit = start("run", "--config", "recorder.yaml"), time.monotonic() + 60
+    ledger = tmp_path / "ledger"
+    while ledger.read_text("utf-8").count("\n") < 3 and box.poll() is None and time.monotonic() < limit:
+        time.sleep(0.05)
+    box.send_signal(signal.SIGTERM)
+    flights = end(box)
+    camera.send_signal(signal.SIGTERM)
+    end(camera)
+
+    told = json.loads("\n".join(end(start("info", "--json", *flights))))
+    assert told["frames"] >= 2
+    end(start("verify", "--public-key", "recorder.key.pub", *flights))
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+@pytest.mark.xdist_group("installed box")
+def test_every_command_of_the_installed_box_starts(program: Path) -> None:
+    """Each has a help, and none needs what is only on the desk."""
+    listed = subprocess.run([program, "--help"], env=bare(), capture_output=True, text=True, check=True).stdout
+    commands = re.findall(r"^  (\w+) ", listed.partition("Commands:")[2].partition("Examples:")[0], re.MULTILINE)
+
+    assert {"run", "simulate", "keygen", "verify", "replay"} <= set(commands)
+    for command in commands:
+        subprocess.run([program, command, "--help"], env=bare(), capture_output=True, check=True)
 
 
 def test_uninstalling_leaves_what_people_made(tmp_path: Path) -> None:
@@ -92,12 +196,6 @@ def test_uninstalling_leaves_what_people_made(tmp_path: Path) -> None:
 
     assert [result.returncode for result in done] == [0, 0]
     assert set(tree(tmp_path)) == {"etc/recorder/recorder.yaml", "var/lib/recorder/20180504T120000Z_0000.mcap"}
-
-
-@pytest.mark.parametrize(("words", "code"), [(("--nonsense",), 2), (("--help",), 0), (("--root",), 2)])
-def test_usage(words: tuple[str, ...], code: int) -> None:
-    """What it does not know ends it before anything is done."""
-    assert install(*words).returncode == code
 
 
 @pytest.mark.skipif(shutil.which("shellcheck") is None, reason="shellcheck is not installed")

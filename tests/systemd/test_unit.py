@@ -5,16 +5,20 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
-from recorder.config import load_config, parse_config
-from recorder.failures import WRONG_CONFIGURATION
-from recorder.settings import StorageSettings
-from recorder.signs_of_life import SILENCE_S
-from recorder.supervision import END_S
+from camera_drivers.qx10.discovery import NETWORKS
+from camera_drivers.qx10.options import SSDP_ADDRESS
+from recorder.cli import WRONG_CONFIGURATION
+from recorder.config import StorageSettings, load_config, parse_config
+from recorder.thresholds import END_S, SILENCE_S
 
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 UNIT = SYSTEMD / "recorder.service"
@@ -58,22 +62,35 @@ def test_unit_and_recorder_agree() -> None:
     assert setting("StartLimitIntervalSec") == "0"
 
 
-def test_example_is_a_configuration() -> None:
-    """The recorder takes it, and it records where the unit lets it write."""
-    config, _ = load_config(SYSTEMD / "recorder.yaml")
+def test_recorder_looks_for_a_camera_only_where_the_unit_lets_it() -> None:
+    """What it believes to be near is what it may talk to."""
+    allowed = set(setting("IPAddressAllow").split()) - {SSDP_ADDRESS[0]}
 
-    assert str(config.storage.directory) == f"/var/lib/{setting('StateDirectory')}"
-    assert config.camera.driver == "qx10"
+    assert {str(network).replace("127.0.0.0/8", "localhost") for network in NETWORKS} == allowed
+
+
+def test_group_reads_recordings_and_writes_marks_alone() -> None:
+    """In the folders as the unit and systemd-tmpfiles make them, and as the recorder does where they are missing."""
+    lines = (SYSTEMD / "recorder.tmpfiles").read_text(encoding="utf-8").splitlines()
+    modes = {line.split()[1]: line.split()[2:5] for line in lines if not line.startswith("#")}
+    state = f"/var/lib/{setting('StateDirectory')}"
+
+    assert modes[state] == [setting("StateDirectoryMode"), "recorder", "recorder"]
+    assert setting("StateDirectoryMode") == "0750"
+    assert modes[f"{state}/marks"] == ["1770", "recorder", "recorder"]
 
 
 def test_every_setting_of_the_storage_is_on_the_page() -> None:
-    """And its example is a configuration that the recorder takes."""
+    """Its example and the one that is installed are taken, and the latter records where the unit lets it write."""
+    installed, _ = load_config(SYSTEMD / "recorder.yaml")
     page = (SYSTEMD.parent / "docs" / "box.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```yaml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     config = parse_config(yaml.safe_load(example))
     defaults = StorageSettings(directory=Path())
     rows = dict(re.findall(r"^\| `storage\.(\w+)` \| ([^|]+) \|", page, re.MULTILINE))
 
+    assert str(installed.storage.directory) == f"/var/lib/{setting('StateDirectory')}"
+    assert installed.camera.driver == "qx10"
     assert config.storage.max_hours == 100
     assert set(rows) == set(StorageSettings.model_fields)
     assert {name: float(value) for name, value in rows.items() if value.isdigit()} == {
@@ -99,14 +116,44 @@ def test_camera_stays_out_of_the_way_of_other_networks() -> None:
     assert "to 10.0.0.1/32 table 1064" in profile
 
 
+def packages(lock: Path) -> dict[str, str]:
+    """Versions by name."""
+    return dict(re.findall(r"^([a-z0-9-]+)==([^ ;\\]+)", lock.read_text(encoding="utf-8"), re.MULTILINE))
+
+
 def test_box_gets_the_versions_that_are_tested() -> None:
     """Its list of packages is a part of the project's, and nothing of the desk is in it."""
-
-    def packages(path: Path) -> set[str]:
-        return set(re.findall(r"^([a-z0-9-]+==[^ ;\\]+)", path.read_text(encoding="utf-8"), re.MULTILINE))
-
     box = packages(SYSTEMD / "requirements.lock")
 
     assert box
-    assert box <= packages(SYSTEMD.parent / "requirements.lock")
+    assert box.items() <= packages(SYSTEMD.parent / "requirements.lock").items()
     assert not {name for name in box if name.startswith(("opencv", "numpy", "pytest"))}
+
+
+def test_box_gets_what_its_code_imports() -> None:
+    """And what that needs in turn; where this fails, `make lock` mends it."""
+    command = [sys.executable, SYSTEMD / "box_requirements.py"]
+    stated = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    box = packages(SYSTEMD / "requirements.lock")
+    needed = [Requirement(line) for line in stated]
+    for name in box:
+        lines = metadata.requires(name) or ()
+        needed += [each for each in map(Requirement, lines) if not each.marker or each.marker.evaluate({"extra": ""})]
+
+    assert {"defusedxml", "urllib3", "mcap"} <= {each.name for each in needed}
+    missing = {str(each) for each in needed if not each.specifier.contains(box.get(canonicalize_name(each.name), "0"))}
+    assert missing == set()
+
+
+def test_import_that_nobody_stated_is_refused(tmp_path: Path) -> None:
+    """`make lock` names the module, rather than let the box do without."""
+    for name in ("pyproject.toml", "systemd/box_requirements.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes((SYSTEMD.parent / name).read_bytes())
+    (tmp_path / "recorder").mkdir()
+    (tmp_path / "recorder" / "cli.py").write_text("def late():\n    import pytest\n", encoding="utf-8")
+    command = [sys.executable, tmp_path / "systemd" / "box_requirements.py"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert done.returncode == 1
+    assert done.stderr == "recorder/cli.py imports pytest, which pyproject.toml does not state; state it there.\n"

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
-from decoder.flight_fitting import fit_to_flight
-from decoder.frame_batch import Batch, batches
-from decoder.method import Method
-from decoder.panel_pictures import panel_from_attachments
-from decoder.panel_reader import PanelReader
-from decoder.pictures import FramePicture, grey_picture
+from decoder.imaging.panel_pictures import panel_from_attachments
+from decoder.imaging.pictures import FramePicture, grey_picture
+from decoder.instruments.frame_batch import Batch, batches
+from decoder.instruments.method import Method
+from decoder.instruments.panel_reader import PanelReader
+from decoder.learning.fit import fit_to_flight, reader_from_panel
 from flight_file.reader import open_flight
-
-FLIGHT = Path(__file__).parents[2] / "fixtures" / "thesis_a1.mcap"
+from tests.programs import A1
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +27,11 @@ class Fitted:
 @pytest.fixture(scope="session")
 def fitted() -> Fitted:
     """Of the flight with the frames of table A.1."""
-    flight = open_flight([FLIGHT])
-    panel = panel_from_attachments(flight.attachments, flight=FLIGHT.name)
+    flight = open_flight([A1])
+    panel = panel_from_attachments(flight.attachments, flight=A1.name)
 
     def sample(frames: int) -> list[FramePicture]:
         return [FramePicture(grey_picture(frame.jpeg)) for frame in flight.sample_frames(frames)]
 
-    reader = fit_to_flight(PanelReader.from_panel(panel, Method.NORMXCORR), sample).reader
+    reader = fit_to_flight(reader_from_panel(panel, Method.NORMXCORR), sample).reader
     return Fitted(reader, tuple(batches(flight.frames(), 4)))

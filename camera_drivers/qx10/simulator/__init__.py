@@ -1,9 +1,5 @@
-"""A QX10 that is none: the three services of the camera on loopback, and every way to misbehave.
+"""A simulated QX10: the camera's three services on loopback, as strict as the camera is known to be, with every fault.
 
-    ledger ◀── http_services ──▶ model ──▶ pictures
-                    │              │
-                 faults ───────────┘          search_answers (SSDP)
-
-It follows docs/qx10.md, is as strict as the camera is known to be, and imports nothing of the driver but the numbers of
-errors, so that both do not share one misunderstanding.
+In come calls and searches over the network, and orders to misbehave; of the driver it knows only the error numbers.
+Out go answers, pictures and liveview as docs/qx10.md has them, and a ledger of what was taken and delivered.
 """

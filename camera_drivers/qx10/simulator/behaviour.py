@@ -9,7 +9,7 @@ from camera_drivers.qx10.simulator.methods import FORBIDDEN
 
 @dataclass(frozen=True, slots=True)
 class Behaviour:
-    """How the simulated camera is.
+    """Timing and habits of the simulated camera.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ SHOT, DOWNLOAD, DESCRIPTION, STREAM, SEARCH = "shot", "download", "description",
 
 
 class UnknownFaultError(ValueError):
-    """There is no fault of this name, or it is not ordered as NAME or NAME@NUMBER."""
+    """A fault is unknown, or not given as NAME or NAME@NUMBER."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +72,8 @@ FAULTS: dict[str, Fault] = {fault.name: fault for fault in _TABLE}
 """By name."""
 
 
-class Mischief:
-    """Which faults are due when; for several threads."""
+class FaultSchedule:
+    """The schedule of faults; used by several threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -81,7 +81,7 @@ class Mischief:
         self._orders: dict[tuple[str, int], set[str]] = {}
 
     def order(self, name: str, *, at: int | None = None, times: int = 1) -> None:
-        """Misbehave.
+        """Schedule a fault.
 
         Parameters
         ----------
@@ -106,14 +106,14 @@ class Mischief:
                 self._orders.setdefault((place, number), set()).add(name)
 
     def order_as_text(self, text: str) -> None:
-        """The same from `NAME` or `NAME@NUMBER`; raises UnknownFaultError."""
+        """Order a fault given as `NAME` or `NAME@NUMBER`; raises UnknownFaultError."""
         name, separator, number = text.partition("@")
         if separator and not (number.isascii() and number.isdigit() and int(number) > 0):
             raise UnknownFaultError(f"{text!r} is no fault; write NAME, or NAME@NUMBER counted from 1.")
         self.order(name, at=int(number) if separator else None)
 
     def due(self, place: str) -> frozenset[str]:
-        """Something happens at this place: the faults that go with it."""
+        """Return the faults that are due at this event."""
         with self._lock:
             self._happened[place] += 1
             return frozenset(self._orders.pop((place, self._happened[place]), ()))

@@ -63,12 +63,12 @@ class Ledger:
         return list(dict.fromkeys(each.sha256 for each in self.deliveries if each.complete and each.intact))
 
     def take(self, name: str) -> None:
-        """A picture was taken."""
+        """Note that a picture was taken."""
         with self._lock:
             self._taken.append(name)
 
     def deliver(self, name: str, content: bytes, *, complete: bool, intact: bool) -> None:
-        """A picture was sent, or a part of it."""
+        """Note that a picture, or a part of it, was sent."""
         delivery = Delivery(name, hashlib.sha256(content).hexdigest(), complete, intact)
         with self._lock:
             self._deliveries.append(delivery)

@@ -14,13 +14,11 @@ from typing import Any
 from camera_drivers.clock import Clock
 from camera_drivers.qx10.remote_api import Code
 from camera_drivers.qx10.simulator.behaviour import Behaviour
-from camera_drivers.qx10.simulator.camera_time import CameraTime
-from camera_drivers.qx10.simulator.event_objects import snapshot
+from camera_drivers.qx10.simulator.body import DIRECTIONS, CameraTime, Lens, Settings
 from camera_drivers.qx10.simulator.ledger import Ledger
-from camera_drivers.qx10.simulator.lens import DIRECTIONS, Lens
-from camera_drivers.qx10.simulator.methods import CHOICES, SYSTEM_METHODS, offered
+from camera_drivers.qx10.simulator.methods import CHOICES, SYSTEM_METHODS, offered, snapshot
 from camera_drivers.qx10.simulator.pictures import Source, Taken, as_small, with_exif
-from camera_drivers.qx10.simulator.settings import Settings
+from flight_file.frame import NS_PER_S
 
 KEPT_PICTURES = 8
 POLL_LOOK_S = 0.02
@@ -29,7 +27,6 @@ UNFINISHED_ANSWERS = 2  # so often "not finished" after a shot that takes long
 
 # Not with a clock of the same second: pictures in the camera's own name carry whole seconds and a number.
 _QUERY = "?%211234%21http%2dget%3a%2a%3aimage%2fjpeg%3a%2a%21%21%21%21%21"
-_NS_PER_S = 1_000_000_000
 
 
 class RefusedCallError(Exception):
@@ -41,7 +38,7 @@ class RefusedCallError(Exception):
 
 
 class CameraModel:
-    """The camera, for several threads.
+    """The camera's state; used by several threads.
 
     Parameters
     ----------
@@ -65,7 +62,7 @@ class CameraModel:
         self.switch_on()
 
     def switch_on(self) -> None:
-        """As after switching it on: the lens at wide, every setting as it is at first, nothing under way."""
+        """Reset to the state after switching on: lens at wide, settings at their defaults, nothing under way."""
         with self._lock:
             self._lens = Lens(self._clock, self.behaviour.zoom_percent_per_s)
             self.settings = Settings(self._clock, self.behaviour.apply_s)
@@ -79,7 +76,7 @@ class CameraModel:
             self.liveview = False
 
     def turn_clock(self, seconds: float) -> None:
-        """Set the camera's clock ahead by so much, or behind."""
+        """Turn the camera's clock ahead by this much, or back."""
         with self._lock:
             self._time.turn(seconds)
 
@@ -89,23 +86,23 @@ class CameraModel:
             self._failed = failed
 
     def hide_last(self) -> None:
-        """The answer to the last shot got lost: only a camera that remembers tells it again."""
+        """Lose the answer to the last shot: only a camera that remembers repeats it."""
         with self._lock:
             if not self.behaviour.remembers_shot:
                 self._last = ""
 
     def stay_unfinished(self) -> None:
-        """The last shot takes longer than its answer."""
+        """Let the last shot take longer than its answer."""
         with self._lock:
             self._unfinished = UNFINISHED_ANSWERS
 
     def picture(self, name: str) -> bytes | None:
-        """A picture that was taken not too long ago."""
+        """Return a picture that the camera still holds."""
         with self._lock:
             return self._pictures.get(name)
 
     def live_picture(self) -> bytes:
-        """What the liveview shows now."""
+        """Return what the liveview shows now."""
         with self._lock:
             number = self._shots
             self._shots += 1
@@ -113,7 +110,7 @@ class CameraModel:
 
     @property
     def status(self) -> str:
-        """As it stands in `getEvent`."""
+        """The status in `getEvent`."""
         with self._lock:
             if self._failed:
                 return "Error"
@@ -122,7 +119,7 @@ class CameraModel:
             return "StillSaving" if self._clock.read().monotonic_ns < self._idle_at_ns else "IDLE"
 
     def call(self, service: str, method: str, params: list[Any], version: object) -> list[Any]:
-        """The result of a call; raises RefusedCallError."""
+        """Carry out a call and return its result; raises RefusedCallError."""
         if method in self.behaviour.forbidden:
             raise RefusedCallError(Code.FORBIDDEN)
         names = SYSTEM_METHODS if service == "system" else self._offered()
@@ -177,7 +174,7 @@ class CameraModel:
         with self._lock:
             name = self._keep_picture()
             self._capturing = False
-            self._idle_at_ns = self._clock.read().monotonic_ns + round(self.behaviour.save_s * _NS_PER_S)
+            self._idle_at_ns = self._clock.read().monotonic_ns + round(self.behaviour.save_s * NS_PER_S)
             self._changes += 1
         return [[self._url(name)]]
 
@@ -242,7 +239,7 @@ class CameraModel:
             self._polling = True
         try:
             before = self._news()
-            end_ns = self._clock.read().monotonic_ns + round(self.behaviour.long_poll_s * _NS_PER_S)
+            end_ns = self._clock.read().monotonic_ns + round(self.behaviour.long_poll_s * NS_PER_S)
             while self._news() == before:
                 if self._clock.read().monotonic_ns >= end_ns:
                     raise RefusedCallError(Code.TIMEOUT)
@@ -272,7 +269,7 @@ class CameraModel:
         return f"{self._address}/{name}{_QUERY}"
 
     def _sleep(self, seconds: float) -> None:
-        self._clock.wait_until(self._clock.read().monotonic_ns + round(seconds * _NS_PER_S), threading.Event())
+        self._clock.wait_until(self._clock.read().monotonic_ns + round(seconds * NS_PER_S), threading.Event())
 
 
 _CALLS: dict[str, Callable[[CameraModel, list[Any]], list[Any]]] = {

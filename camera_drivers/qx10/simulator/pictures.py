@@ -13,7 +13,8 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
-from camera_drivers.jpeg import EXIF_PREFIX, SOI
+from camera_drivers.jpeg import EXIF_PREFIX
+from flight_file.documents import SOI
 from flight_file.reader import open_flight
 
 Source = Callable[[int], bytes]
@@ -27,7 +28,7 @@ _DRAWN_PX = (640, 480)
 
 
 class NoPicturesError(ValueError):
-    """There is nothing to serve where it was looked for."""
+    """No picture to serve was found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class Taken:
 
 
 def open_pictures(path: Path | None) -> Source:
-    """A folder of JPEGs, a flight file, or None for drawn ones; raises NoPicturesError."""
+    """Open a folder of JPEGs, a flight file, or, for None, drawn pictures; raises NoPicturesError."""
     if path is None:
         return drawn_picture
     if path.is_dir():
@@ -56,7 +57,7 @@ def open_pictures(path: Path | None) -> Source:
 
 
 def drawn_picture(number: int) -> bytes:
-    """A dial with a needle, and the number of the shot."""
+    """Draw a dial with a needle and the number of the shot."""
     image = Image.new("RGB", _DRAWN_PX, (24, 26, 30))
     draw = ImageDraw.Draw(image)
     draw.ellipse((140, 60, 500, 420), outline=(220, 220, 220), width=4)
@@ -68,7 +69,7 @@ def drawn_picture(number: int) -> bytes:
 
 
 def as_small(jpeg: bytes) -> bytes:
-    """The picture in about two megapixels; one that is not larger stays as it is."""
+    """Reduce a picture to about two megapixels; a smaller one stays as it is."""
     with Image.open(io.BytesIO(jpeg)) as image:
         if image.width <= SMALL_PX[0] and image.height <= SMALL_PX[1]:
             return jpeg
@@ -80,7 +81,7 @@ def as_small(jpeg: bytes) -> bytes:
 
 
 def with_exif(jpeg: bytes, taken: Taken) -> bytes:
-    """The picture with the EXIF of a QX10; the coded picture stays byte for byte."""
+    """Add the EXIF of a QX10 to a picture; its coded data stays byte for byte."""
     exif = Image.Exif()
     exif.update({0x010F: "SONY", 0x0110: "DSC-QX10", 0x0131: "DSC-QX10 v3.00"})
     exif.get_ifd(0x8769).update(
@@ -100,7 +101,7 @@ def with_exif(jpeg: bytes, taken: Taken) -> bytes:
 
 
 def without_exif(jpeg: bytes) -> bytes:
-    """The picture without its EXIF segment, if it stands among the first ones."""
+    """Remove the EXIF segment if it is among the first ones."""
     position = len(SOI)
     while jpeg[position : position + 1] == b"\xff" and 0xE0 <= jpeg[position + 1] <= 0xEF:  # noqa: PLR2004 - APPn
         end = position + 2 + int.from_bytes(jpeg[position + 2 : position + 4], "big")

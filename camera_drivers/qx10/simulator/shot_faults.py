@@ -1,17 +1,111 @@
-"""What the simulated camera does wrong when asked for a picture: instead of taking it, or instead of the answer."""
+"""What the simulated camera does wrong instead of taking a picture or answering: reboot, hang, overheat, fail."""
 
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
-if TYPE_CHECKING:
-    from camera_drivers.qx10.simulator.http_services import Handler
+from camera_drivers.clock import Clock
+from camera_drivers.qx10.simulator.faults import FaultSchedule
+from camera_drivers.qx10.simulator.ledger import Ledger
+from camera_drivers.qx10.simulator.model import CameraModel
+from flight_file.frame import NS_PER_S
 
+_LOOK_S = 0.02
 _DRIP_S = 0.05
+
+
+class Power:
+    """Switches the camera on and off.
+
+    Parameters
+    ----------
+    set_on
+        Makes the camera's ports be there, or not.
+    """
+
+    def __init__(self, model: CameraModel, clock: Clock, set_on: Callable[[bool], None]) -> None:
+        self._model = model
+        self._clock = clock
+        self._set_on = set_on
+        self._silent_until_ns = 0
+        self._over = threading.Event()
+        self.is_on = True
+
+    def reboot(self) -> None:
+        """Disappear, and come back after a while as after switching on."""
+        self.is_on = False
+        self._later(0.0, self._gone)
+
+    def overheat(self) -> None:
+        """Report an error for a while, then disappear."""
+        self._model.fail(failed=True)
+        self._later(self._model.behaviour.error_s, self._gone)
+
+    def fall_silent(self) -> None:
+        """Answer nothing for a while."""
+        self._silent_until_ns = self._clock.read().monotonic_ns + round(self._model.behaviour.silent_s * NS_PER_S)
+
+    def wait_while_silent(self) -> None:
+        """Wait until there are answers again."""
+        while self._clock.read().monotonic_ns < self._silent_until_ns and not self._over.wait(_LOOK_S):
+            pass
+
+    def end(self) -> None:
+        """Cancel what was to happen later."""
+        self._over.set()
+
+    def _later(self, seconds: float, act: Callable[[], None]) -> None:
+        def wait_and_act() -> None:
+            if not self._over.wait(seconds):
+                act()
+
+        threading.Thread(target=wait_and_act, name="simulated power", daemon=True).start()
+
+    def _gone(self) -> None:
+        self.is_on = False
+        self._set_on(False)
+        if self._over.wait(self._model.behaviour.reboot_s):
+            return
+        self._model.switch_on()
+        self.is_on = True
+        self._set_on(True)
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The parts of the camera that faults act on."""
+
+    model: CameraModel
+    fault_schedule: FaultSchedule
+    ledger: Ledger
+    power: Power
+    address: str
+
+
+class Handler(Protocol):
+    """What a fault may do to its request."""
+
+    @property
+    def parts(self) -> Parts:
+        """The parts of the camera."""
+
+    def cut(self) -> None:
+        """Close the connection without an answer."""
+
+    def answer(self, document: dict[str, Any], status: int = 200) -> None:
+        """Send a document as JSON."""
+
+    def send_bytes(self, status: int, kind: str, body: bytes) -> None:
+        """Send a body whole."""
+
+    def send(self, status: int, kind: str, blocks: Iterator[bytes], *, length: int | None) -> None:
+        """Send a body block by block."""
 
 
 def _refuse(code: int) -> Callable[[Handler, dict[str, Any]], None]:

@@ -8,13 +8,12 @@ from typing import Self, TextIO
 
 from camera_drivers.clock import Clock
 from camera_drivers.qx10.simulator.behaviour import Behaviour
-from camera_drivers.qx10.simulator.faults import Mischief
-from camera_drivers.qx10.simulator.http_services import DESCRIPTION_PATH, CameraServer, Parts
+from camera_drivers.qx10.simulator.faults import FaultSchedule
 from camera_drivers.qx10.simulator.ledger import Ledger
 from camera_drivers.qx10.simulator.model import CameraModel
 from camera_drivers.qx10.simulator.pictures import Source, drawn_picture
-from camera_drivers.qx10.simulator.power import Power
-from camera_drivers.qx10.simulator.search_answers import SearchAnswers
+from camera_drivers.qx10.simulator.services import DESCRIPTION_PATH, CameraServer, SearchAnswers
+from camera_drivers.qx10.simulator.shot_faults import Parts, Power
 
 LOOPBACK = "127.0.0.1"
 
@@ -51,27 +50,29 @@ class SimulatedQx10:
         self._port = self._server.server_port
         self.address = f"http://{host}:{self._port}"
         self.url = self.address + DESCRIPTION_PATH
-        self.mischief = Mischief()
+        self.fault_schedule = FaultSchedule()
         self.ledger = Ledger(ledger_file)
         self.model = CameraModel(source, behaviour or Behaviour(), clock, self.ledger, self.address)
         self._power = Power(self.model, clock, self._set_on)
-        self._parts = Parts(self.model, self.mischief, self.ledger, self._power, self.address)
+        self._parts = Parts(self.model, self.fault_schedule, self.ledger, self._power, self.address)
         self._server.parts = self._parts
         self._lock = threading.Lock()
         self._searched: SearchAnswers | None = None
         if search_port is not None:
-            self._searched = SearchAnswers(self.url, self.mischief, host=host, port=search_port, group=search_group)
+            self._searched = SearchAnswers(
+                self.url, self.fault_schedule, host=host, port=search_port, group=search_group
+            )
 
     @property
     def search_address(self) -> tuple[str, int]:
-        """Where it answers searches."""
+        """The address at which it answers searches."""
         if self._searched is None:
             raise ValueError("this camera answers no searches")
         return self._searched.address
 
     def misbehave(self, name: str, *, at: int | None = None, times: int = 1) -> None:
-        """See `Mischief.order`."""
-        self.mischief.order(name, at=at, times=times)
+        """See `FaultSchedule.order`."""
+        self.fault_schedule.order(name, at=at, times=times)
 
     def __enter__(self) -> Self:
         if self._server is not None:

@@ -1,5 +1,6 @@
 // What happens to a gauge's angles when its plane or its centre changes: what was clicked stays where it is in the picture.
 import { nearest, rounded } from "./geometry.js";
+import { changeAngles } from "./kinds.js";
 
 const carriedMarks = (marks, carry) => marks.map(([angle, value]) => [carry(angle), value]);
 
@@ -23,7 +24,7 @@ export function recentre(gauge, plane, centre) {
 }
 
 // On another plane: its ends and stops go along as well.
-export function replane(gauge, from, to) {
+export function replane(store, gauge, from, to) {
   const outer = gauge.radius[1];
   carryAngles(gauge, from, to);
   for (const ends of [gauge.sweep, gauge.stops].filter(Boolean)) {
@@ -32,7 +33,7 @@ export function replane(gauge, from, to) {
     const last = span === 360 ? first + 360 : rounded(nearest(from.carry(ends[1], outer, to), ends[1]), 2);
     [ends[0], ends[1]] = [first, last];
   }
-  if (typeof gauge.card?.index === "number") gauge.card.index = from.carry(gauge.card.index, outer, to);
+  changeAngles(store, gauge, (angle) => from.carry(angle, outer, to));
 }
 
 // One end of the sweep dragged to a point.

@@ -1,5 +1,6 @@
 // The filmstrip: the selected gauge in frames spread over the flight, the found needles drawn in, value and score.
 import { byId, h, s } from "./dom.js";
+import { isDrawn, kindOf } from "./kinds.js";
 
 const DOUBTFUL_SCORE = 0.9;
 
@@ -56,7 +57,7 @@ export function showFilm(store, live) {
     if (!result) {
       const lacks = [
         !store.document.anchors?.length && "an anchor",
-        !gauge.needles?.length && "a needle",
+        !isDrawn(store, gauge) && kindOf(store, gauge).lacking,
         (gauge.scale || []).length < 2 && "two tick marks",
       ].filter(Boolean);
       say(lacks.length ? `To be read it still needs ${lacks.join(", ")}.` : "Reading …");

@@ -3,6 +3,7 @@ import { recentre } from "./dials.js";
 import { h } from "./dom.js";
 import { check, details, field, input, optionalPair, pair } from "./fields.js";
 import { rounded } from "./geometry.js";
+import { kindOf } from "./kinds.js";
 import { needlesPart } from "./needle_part.js";
 import { scalePart } from "./scale_part.js";
 import { findAxes, pick, unbendRim } from "./tools.js";
@@ -86,7 +87,7 @@ export function gaugePart(store, live, heading) {
       isOpen,
       optionalPair(store, `${path}.stops`, "Stops", ["angle of the first stop", "angle of the last stop"]),
       field("Needle height", input(store, `${path}.needle_height_inches`, { kind: "optional", placeholder: "inches above the face", write: raise(index) })),
-      !gauge.card && check(store, `${path}.tail`, "needles reach across their centre"),
+      kindOf(store, gauge).along.includes("tail") && check(store, `${path}.tail`, "needles reach across their centre"),
     );
   }
 
@@ -108,7 +109,7 @@ export function gaugePart(store, live, heading) {
       h("h3", { "data-path": `${path}.scale` }, "Tick marks"),
       ...scalePart(store, path, gauge.scale || [], { kind: "gauge", index }),
       ...turningPart(store, gauge, index),
-      ...(gauge.card ? [] : needles(gauge, index)),
+      ...(gauge.needles ? needles(gauge, index) : []),
     ].flat();
   };
 }

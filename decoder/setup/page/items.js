@@ -169,11 +169,10 @@ export function addMark(store, index, angle) {
   return `gauges[${index}]${own.needle === undefined ? "" : `.needles[${own.needle}]`}.scale[${place}][1]`;
 }
 
-// A column's name that no needle, card or combined value has yet.
+// A column's name that nothing on any gauge has yet.
 export function columnName(document, gauge) {
-  const taken = new Set(
-    (document.gauges || []).flatMap(({ needles = [], card, combined }) => [...needles, card, combined].filter(Boolean).map(({ name }) => name)),
-  );
+  const parts = (document.gauges || []).flatMap((each) => Object.values(each).flat());
+  const taken = new Set(parts.map((part) => part?.name).filter(Boolean));
   const stem = (gauge.name.replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "needle") + unitSuffix(gauge.unit);
   let name = stem;
   for (let number = 2; taken.has(name); number += 1) name = `${stem}_${number}`;

@@ -1,4 +1,5 @@
 // Every change is tried at once: the selected gauge first, then the others; answers that come too late are dropped.
+import { isDrawn } from "./kinds.js";
 import { ask, Lost, TAB } from "./server.js";
 
 const TRIAL_MS = 160;
@@ -20,7 +21,7 @@ export class Live {
     const { document, picture } = this.store.now;
     const gauge = document.gauges?.[index];
     if (!document.anchors?.length || !gauge) return null;
-    if (!gauge.card && (!gauge.needles?.length || (gauge.scale || []).length < 2)) return null;
+    if (!isDrawn(this.store, gauge) || (gauge.scale || []).length < 2) return null;
     return JSON.stringify([picture, document.anchors, document.level, document.reference_points, document.focal_length_mm, gauge]);
   }
 

@@ -36,15 +36,15 @@ export function showSaving(store) {
     say(`Not saved: ${count} thing${count > 1 ? "s" : ""} to put right first.`);
   }
 
-  async function save(over) {
+  // `asked` is what somebody was asked before: whether to save over what others saved, or over files of another panel.
+  async function save(asked = {}) {
     if (store.problems.length) {
       lead();
       return;
     }
     const now = JSON.stringify(store.now);
     const { document: drawn, picture } = store.now;
-    const body = { document: drawn, picture, revision: store.revision };
-    if (over === true) body.over = true;
+    const body = { document: drawn, picture, revision: store.revision, ...asked };
     try {
       const { revision, target } = await ask("panel", body, { method: "PUT" });
       store.revision = revision;
@@ -55,7 +55,8 @@ export function showSaving(store) {
       banner.classList.add("good");
     } catch (error) {
       banner.classList.remove("good");
-      if (error.why === "elsewhere") say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save(true) }, "Save this one over it"));
+      if (error.why === "elsewhere") say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save({ ...asked, over: true }) }, "Save this one over it"));
+      else if (error.why === "replace") say(error.message, h("button", { id: "replace", onclick: () => save({ ...asked, replace: true }) }, "Save over what is there"));
       else if (error.problems?.length) {
         store.problems = error.problems;
         lead();

@@ -43,7 +43,7 @@ export async function ask(path, body, { method = body === undefined ? "GET" : "P
   }
   told(false);
   if (response.status === 204) return null;
-  const answer = await response.json();
+  const answer = await response.json().catch(() => ({ declined: "cannot", error: `the program's answer was not understood (${response.status})` }));
   if (!response.ok || answer.declined) throw new Declined(answer);
   return answer;
 }

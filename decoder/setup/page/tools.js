@@ -97,7 +97,7 @@ export async function bendRim(store, point) {
   store.planes.keep(found, found.matrix);
   store.change("bend", (document) => {
     const own = document.gauges[index];
-    replane(own, before, new Plane(found.matrix));
+    replane(store, own, before, new Plane(found.matrix));
     own.radius = own.radius.map((each) => rounded((each * found.radius) / radius, 2));
     Object.assign(own, { centre: found.centre, rim: found.rim });
   });
@@ -109,7 +109,7 @@ export async function unbendRim(store, index) {
   const before = store.planes.of(index);
   const after = await store.planes.fetch({ ...gauge, rim: undefined });
   store.change("unbend", (document) => {
-    replane(document.gauges[index], before, after);
+    replane(store, document.gauges[index], before, after);
     delete document.gauges[index].rim;
   });
 }

@@ -1,45 +1,36 @@
-// What turns on a gauge: needles, or a card under an index; and the one value that several pointers show together.
+// What turns on a gauge, by its kind; and the one value that several pointers show together.
 import { h } from "./dom.js";
 import { field, input } from "./fields.js";
 import { columnName } from "./items.js";
-
-const UP_DEG = 270;
+import { becomes, kindOf } from "./kinds.js";
 
 export function turningPart(store, gauge, index) {
   const path = `gauges[${index}]`;
-  return [...kind(store, gauge, index), ...(gauge.card ? card(store, path) : []), ...(gauge.card ? [] : combined(store, gauge, index, path))];
+  const kind = kindOf(store, gauge);
+  const together = kind.along.includes("combined") ? combined(store, gauge, index, path) : [];
+  return [...choice(store, gauge, index), ...form(store, kind, path), ...together];
 }
 
-function kind(store, gauge, index) {
+function choice(store, gauge, index) {
   const turn = (event) =>
     store.change("what turns", (document) => {
       const own = document.gauges[index];
-      if (event.target.value === "card") {
-        delete own.needles;
-        delete own.combined;
-        delete own.tail;
-        own.card = { name: columnName(document, own), index: UP_DEG };
-      } else {
-        delete own.card;
-        own.needles = [];
-      }
+      becomes(store, own, event.target.value, columnName(document, own));
     });
-  const options = [["needles", "needles"], ["card", "a card under an index"]];
-  const select = h(
-    "select",
-    { id: `what-turns-${index}`, onchange: turn },
-    ...options.map(([value, words]) => h("option", { value, selected: (value === "card") === Boolean(gauge.card) }, words)),
-  );
-  return [h("h3", {}, "What turns"), field("On this dial", select)];
+  const now = kindOf(store, gauge);
+  const options = store.session.kinds.map((kind) => h("option", { value: kind.key, selected: kind === now }, kind.words));
+  return [h("h3", {}, "What turns"), field("On this dial", h("select", { id: `what-turns-${index}`, onchange: turn }, ...options))];
 }
 
-function card(store, path) {
+// The fields of a kind that has no editor of its own.
+function form(store, { key, controls, hint }, path) {
+  if (!controls.length) return [];
   return [
-    h("div", { "data-path": `${path}.card` }),
-    field("Name", input(store, `${path}.card.name`)),
-    field("Index at", input(store, `${path}.card.index`, { kind: "number", placeholder: "degrees; 270 is up" })),
-    field("Fastest change", input(store, `${path}.card.max_rate`, { kind: "optional", placeholder: "a second, if known" })),
-    h("p", { class: "quiet small" }, "Click its marks wherever the card is turned in this picture, and say what a turn is worth."),
+    h("div", { "data-path": `${path}.${key}` }),
+    ...controls.map(({ key: part, label, reads, placeholder }) =>
+      field(label, input(store, `${path}.${key}.${part}`, { kind: reads, placeholder: placeholder || undefined })),
+    ),
+    h("p", { class: "quiet small" }, hint),
   ];
 }
 

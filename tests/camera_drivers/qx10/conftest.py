@@ -17,9 +17,9 @@ from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
-from flight_file.frame import ClockReading, Frame
-from flight_file.reports import CameraStatus
-from recorder.clock import SystemClock
+from flight_file.frame import CameraStatus, ClockReading, Frame
+from recorder.host import SystemClock
+from tests.camera_drivers.qx10.strangers import Strangers
 
 LIMITS = Limits(
     search_s=2.0,
@@ -129,6 +129,15 @@ def listener() -> Listener:
 
 
 @pytest.fixture
+def strangers() -> Iterator[Strangers]:
+    """They serve until the test ends."""
+    with Strangers() as server:
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        yield server
+        server.shutdown()
+
+
+@pytest.fixture
 def make_bench(listener: Listener) -> Iterator[MakeBench]:
     """A simulated camera with faults and changes, and a driver with options; both end with the test."""
     with ExitStack() as stack:
@@ -144,7 +153,7 @@ def make_bench(listener: Listener) -> Iterator[MakeBench]:
                 SimulatedQx10(clock, behaviour=replace(QUICK, **(behaviour or {})), search_port=0)
             )
             for fault in faults:
-                simulated.mischief.order_as_text(fault)
+                simulated.fault_schedule.order_as_text(fault)
             wanted: dict[str, Any] = {"url": simulated.url, "interval_s": 0.0, "limits": LIMITS, **options}
             return Bench(simulated, Qx10Camera(Options(**wanted), clock, listener), listener)
 

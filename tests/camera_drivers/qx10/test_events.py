@@ -1,13 +1,18 @@
-"""The answers of `getEvent`, whatever is in them."""
+"""Questions and answers of the camera's calls, and the answers of `getEvent`, whatever is in them."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from camera_drivers.errors import CameraRefusedError, CameraSilentError
 from camera_drivers.qx10.events import CameraState, Events
+from camera_drivers.qx10.link import Answer
+from camera_drivers.qx10.remote_api import RemoteApi, _result
 
 ANSWER = [
     {"type": "availableApiList", "names": ["getEvent"]},
@@ -19,7 +24,10 @@ ANSWER = [
     [],
     [{"type": "storageInformation", "storageID": "Memory Card 1", "numberOfRecordableImages": 1730}],
 ]
-
+UNKNOWN = [
+    {"type": "zoomInformation", "zoomPosition": -1},
+    {"type": "storageInformation", "numberOfRecordableImages": -1},
+]
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
@@ -34,6 +42,72 @@ KINDS = {
 ITEMS = st.one_of(JSON, *(st.fixed_dictionaries({"type": st.just(kind), key: JSON}) for kind, key in KINDS.items()))
 
 
+class Recorded:
+    """A link that answers what it is told to, and keeps what it was asked."""
+
+    def __init__(self, answer: Any) -> None:  # noqa: ANN401 - JSON
+        self.answer = answer
+        self.asked: list[tuple[str, Any]] = []
+        self.limits = type("Limits", (), {"call_s": 1.0})
+
+    def post(self, _call: str, url: str, body: bytes, **_limits: object) -> Answer:
+        """As the camera answers."""
+        self.asked.append((url, json.loads(body)))
+        return Answer(200, json.dumps(self.answer | {"id": self.asked[-1][1]["id"]}).encode())
+
+
+def test_question_has_method_parameters_number_and_version() -> None:
+    """Numbers count from 1; a service that the camera lacks is as a call that it does not know."""
+    link = Recorded({"result": [0]})
+    api = RemoteApi(link, {"camera": "http://c/camera", "system": "http://c/system"})  # type: ignore[arg-type]  # a stand-in
+    api.call("setShootMode", "still")
+    api.call("getEvent", False, version="1.1")
+    api.call("setCurrentTime", {}, service="system")
+
+    assert link.asked == [
+        ("http://c/camera", {"method": "setShootMode", "params": ["still"], "id": 1, "version": "1.0"}),
+        ("http://c/camera", {"method": "getEvent", "params": [False], "id": 2, "version": "1.1"}),
+        ("http://c/system", {"method": "setCurrentTime", "params": [{}], "id": 3, "version": "1.0"}),
+    ]
+    with pytest.raises(CameraRefusedError) as caught:
+        api.call("getEvent", service="guide")
+    assert caught.value.code == 12
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "code"),
+    [
+        (200, b'{"id":7,"error":[40403,"anything"]}', 40403),
+        (200, b'{"error":[12,"actTakePicture"],"id":7}', 12),
+        (200, b'{"id":7,"error":"what"}', 1),
+        (403, b'{"id":7,"error":[403,"getAvailableCameraFunction"]}', 403),
+        (404, b'{"error":[404,"Not Found"]}', 404),
+        (500, b"<html>", 500),
+        (503, b"", 503),
+        (302, b"", 302),
+    ],
+)
+def test_error_is_its_code(status: int, body: bytes, code: int) -> None:
+    """With HTTP status 200 or another, with a number or without, the text means nothing."""
+    with pytest.raises(CameraRefusedError) as caught:
+        _result("m", 7, Answer(status, body))
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        *(b"", b"[]", b"null", b"<html>", b"[" * 100_000),
+        *(b'{"id":8,"result":[0]}', b'{"result":[0]}', b'{"id":7}', b'{"id":7,"result":0}'),
+    ],
+)
+def test_answer_that_does_not_fit_is_silence(body: bytes) -> None:
+    """No JSON, no object, another number or none, no result."""
+    with pytest.raises(CameraSilentError) as caught:
+        _result("m", 7, Answer(200, body))
+    assert caught.value.delivered
+
+
 class Told:
     """A camera's calls that give what they are told to."""
 
@@ -46,36 +120,19 @@ class Told:
 
 
 def test_state_is_looked_up_by_type() -> None:
-    """Wherever an object stands, also within a row."""
+    """Wherever an object stands, also within a row; null means nothing new, and -1 that it is not known."""
     for answer in (ANSWER, ANSWER[::-1]):
         events = Events()
         state = events.ask(Told(answer))  # type: ignore[arg-type]  # a stand-in
 
         assert state == CameraState("IDLE", 7.0, liveview=False, room=1730)
         assert events.pictures == ("http://10.0.0.1:60152/a.JPG",)
-
-
-def test_null_means_nothing_new() -> None:
-    """What was known stays known."""
-    events = Events()
-    events.ask(Told(ANSWER))  # type: ignore[arg-type]  # a stand-in
-    before = events.state
-
-    assert events.ask(Told([None] * 35)) == before  # type: ignore[arg-type]  # a stand-in
-
-
-def test_unknown_numbers_are_left_out() -> None:
-    """The camera writes -1 where it does not know."""
-    answer = [
-        {"type": "zoomInformation", "zoomPosition": -1},
-        {"type": "storageInformation", "numberOfRecordableImages": -1},
-    ]
-
-    assert Events().ask(Told(answer)) == CameraState()  # type: ignore[arg-type]  # a stand-in
+        assert events.ask(Told([None] * 35)) == state  # type: ignore[arg-type]  # a stand-in
+        assert Events().ask(Told(UNKNOWN)) == CameraState()  # type: ignore[arg-type]  # a stand-in
 
 
 @given(answer=st.lists(ITEMS, max_size=8))
-def test_any_answer_may_come(answer: list[Any]) -> None:
+def test_any_event_may_come(answer: list[Any]) -> None:
     """Nothing is raised, and the state has the types that it shall have."""
     state = Events().ask(Told(answer))  # type: ignore[arg-type]  # a stand-in
 

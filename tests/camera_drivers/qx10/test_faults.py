@@ -117,7 +117,7 @@ def test_camera_that_refuses_again_and_again_is_connected_again(make_quick_bench
     frames = bench.take(1)
 
     assert len(bench.failures) == 1
-    assert "5 times in a row" in str(bench.failures[0])
+    assert "4 times in a row" in str(bench.failures[0])
     assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import socket
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import count, takewhile
 from typing import Any
 
 import pytest
@@ -10,10 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraNotFoundError
-from camera_drivers.qx10.description import parse_description
-from camera_drivers.qx10.discovery import location
+from camera_drivers.qx10.discovery import first_camera, location, parse_description
+from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
-from recorder.clock import SystemClock
+from camera_drivers.qx10.waiting import Stopped, Waiter
+from camera_drivers.reporter import Reporter
+from camera_drivers.thresholds import MAX_DESCRIPTIONS
+from recorder.host import SystemClock
+from tests.camera_drivers.qx10.strangers import OK, Act, Strangers, drip, send, send_a_gigabyte
 
 MakeBench = Callable[..., Any]
 
@@ -27,11 +35,6 @@ def answer(status: str = "HTTP/1.1 200 OK", service: str = URN, url: str = LOCAT
     return f"{status}\r\nEXT: \r\nLOCATION: {url}\r\nServer: x\r\nst: {service}\r\n\r\n".encode("latin-1")
 
 
-def test_answer_of_the_camera_names_its_description() -> None:
-    """Headers in any case, and one without a value."""
-    assert location(answer(), CAMERA) == LOCATION
-
-
 @pytest.mark.parametrize(
     "strange",
     [
@@ -40,14 +43,23 @@ def test_answer_of_the_camera_names_its_description() -> None:
         answer(service="upnp:rootdevice"),
         answer(url="http://192.0.2.7:64321/DmsRmtDesc.xml"),
         answer(url="http://0.0.0.0:64321/DmsRmtDesc.xml"),
+        answer(url="http://10.0.0.1:64321/reboot?now=1"),
+        answer(url="http://admin@10.0.0.1:64321/DmsRmtDesc.xml"),
         answer(url="https://10.0.0.1/x"),
         answer(url=""),
         b"",
     ],
 )
 def test_answer_of_a_stranger_is_ignored(strange: bytes) -> None:
-    """Another service, another address than its sender's, or no answer at all."""
+    """Another service, another address than its sender's, or no answer at all; the camera's own names its page."""
     assert location(strange, CAMERA) is None
+    assert location(answer(), CAMERA) == LOCATION
+
+
+@pytest.mark.parametrize("sender", ["192.0.2.7", "8.8.8.8", "172.32.0.1", "0.0.0.0", "224.0.0.1"])  # noqa: S104
+def test_only_who_is_on_a_network_of_the_box_is_asked(sender: str) -> None:
+    """A sender can be forged: nobody out there is called because of an answer."""
+    assert location(answer(url=f"http://{sender}:64321/DmsRmtDesc.xml"), sender) is None
 
 
 @given(data=st.binary(max_size=200))
@@ -57,38 +69,119 @@ def test_any_datagram_may_come(data: bytes) -> None:
 
 
 def test_camera_is_found_among_strangers(make_bench: MakeBench) -> None:
-    """Without a URL: it is asked for on the network, and strangers that answer first are passed over."""
+    """Without a URL: it is asked for on the wanted network, and strangers that answer first are passed over."""
     bench = make_bench("stranger@1")
-    camera = make_bench(url=None, search_address=bench.simulated.search_address)
+    camera = make_bench(url=None, interface="lo", search_address=bench.simulated.search_address)
 
     assert len(camera.take(1)) == 1
     assert len(bench.simulated.ledger.taken) == 1
 
 
 def test_nobody_answers(make_bench: MakeBench) -> None:
-    """One sentence that says what can be done."""
+    """One sentence that says what can be done; another one where the interface is none that the system knows."""
     with SimulatedQx10(SystemClock(), search_port=0) as other:
         silent = other.search_address
-    bench = make_bench(url=None, search_address=silent)
+    bench, without = make_bench(url=None, search_address=silent), make_bench(url=None, interface="nothing0")
 
     with pytest.raises(CameraNotFoundError, match=r"check that it is on, or give camera\.url\."), bench.camera:
         pass
-
-
-def test_interface_that_is_not_there(make_bench: MakeBench) -> None:
-    """A name that the system does not know."""
-    bench = make_bench(url=None, interface="nothing0")
-
-    with pytest.raises(CameraNotFoundError, match="nothing0 cannot be used"), bench.camera:
+    with pytest.raises(CameraNotFoundError, match="nothing0 cannot be used"), without.camera:
         pass
 
 
-def test_camera_is_found_on_the_wanted_interface(make_bench: MakeBench) -> None:
-    """The question goes out where it shall."""
-    bench = make_bench()
-    camera = make_bench(url=None, interface="lo", search_address=bench.simulated.search_address)
+HOSTILE: dict[str, Act] = {
+    "drip": drip(OK + b"Content-Length: 99999\r\n\r\n"),
+    "silent": lambda connection: connection.recv(1),  # until the other side goes
+    "gigabyte": send_a_gigabyte(),
+    "redirect": send(b"HTTP/1.1 302 Found\r\nLocation: /silent\r\nContent-Length: 0\r\n\r\n"),
+    "nest": send(OK + b"\r\n" + b"<a>" * 80_000),
+}
+LONG = Limits(search_s=120.0, call_s=60.0)
+ENOUGH_S = 20.0  # a search that waits for one stranger takes longer
 
-    assert len(camera.take(1)) == 1
+
+@contextmanager
+def network(urls: Iterable[str]) -> Iterator[Options]:
+    """One on which every question is answered with these locations, in this order."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+
+        sock.settimeout(0.05)
+        over = threading.Event()
+
+        def serve() -> None:
+            while not over.is_set():
+                with suppress(TimeoutError):
+                    _, sender = sock.recvfrom(2048)
+                    for url in takewhile(lambda _: not over.is_set(), urls):
+                        sock.sendto(answer(url=url), sender)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield Options(search_address=sock.getsockname(), limits=LONG)
+        finally:
+            over.set()
+            thread.join()
+
+
+def look(urls: Iterable[str], listener: Reporter) -> tuple[str, str]:
+    """Address and name of the camera that is found among these."""
+    clock = SystemClock()
+    waiter = Waiter(clock, listener)
+    guard = threading.Timer(ENOUGH_S, waiter.stop.set)
+    guard.start()
+    try:
+        with network(urls) as options:
+            host, description = first_camera(options, clock, waiter)
+    finally:
+        guard.cancel()
+    return host, description.name
+
+
+@pytest.mark.parametrize("harm", HOSTILE)
+def test_stranger_that_does_harm_does_not_keep_the_camera_from_being_found(
+    strangers: Strangers, listener: Reporter, harm: str
+) -> None:
+    """Though it answers first, and could take longer than the search has time."""
+    with SimulatedQx10(SystemClock()) as camera:
+        assert look([strangers.url(HOSTILE[harm], harm), camera.url], listener) == ("127.0.0.1", "DSC-QX10")
+    assert strangers.asked == {harm: 1}
+
+
+def test_camera_is_found_behind_a_crowd(strangers: Strangers, listener: Reporter) -> None:
+    """A hundred strangers that keep whoever asks, each twice: so many are asked at once, and none twice."""
+    crowd = [strangers.url(HOSTILE[harm], f"{harm}-{number}") for number in range(50) for harm in ("silent", "drip")]
+    with SimulatedQx10(SystemClock()) as camera:
+        assert look([*crowd, *crowd, camera.url], listener) == ("127.0.0.1", "DSC-QX10")
+    assert len(strangers.asked) == 100
+    assert set(strangers.asked.values()) == {1}
+    assert MAX_DESCRIPTIONS // 2 <= strangers.most_threads <= MAX_DESCRIPTIONS
+
+
+@pytest.mark.parametrize("pages", [count(), range(9)], ids=["a flood without end", "strangers that say nothing"])
+def test_stop_ends_the_search_and_all_that_are_asked(
+    strangers: Strangers, listener: Reporter, pages: Iterable[int]
+) -> None:
+    """Also while answers come faster than they are read; nobody is left behind in a call."""
+    clock = SystemClock()
+    waiter = Waiter(clock, listener)
+    threading.Timer(0.5, waiter.stop.set).start()
+    with network(strangers.url(HOSTILE["silent"], f"{page}") for page in pages) as options, pytest.raises(Stopped):
+        first_camera(options, clock, waiter)
+    for thread in threading.enumerate():
+        if thread.name == "qx10 description":
+            thread.join(timeout=5)
+            assert not thread.is_alive()
+
+
+def test_nobody_but_strangers_is_one_sentence(strangers: Strangers, listener: Reporter) -> None:
+    """What the last one had instead of a description."""
+    clock = SystemClock()
+    with network([strangers.url(HOSTILE["redirect"])]) as options:
+        quick = Options(search_address=options.search_address, limits=Limits(search_s=0.5))
+        with pytest.raises(CameraNotFoundError, match=r"x: HTTP status 302; check camera\.url\.$"):
+            first_camera(quick, clock, Waiter(clock, listener))
 
 
 # Written after the recorded ones: blanks where nobody needs them, and an element without content.

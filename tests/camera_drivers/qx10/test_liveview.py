@@ -1,4 +1,4 @@
-"""The liveview of a simulated camera, and the times of its pictures."""
+"""The liveview: packets in, pictures out, whatever lies between; and the times of a simulated camera's pictures."""
 
 from __future__ import annotations
 
@@ -7,16 +7,81 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError
-from camera_drivers.qx10.liveview import Delay
+from camera_drivers.qx10.liveview import HEADER_BYTES, Delay, LivePicture, LiveviewParser
 from camera_drivers.qx10.simulator.pictures import drawn_picture
+from camera_drivers.qx10.simulator.services import information_packet, packet
 
+# A JPEG as short as one can be that its markers make sense: a table, a scan with stuffing and a restart, an end.
+SCANS = st.binary(max_size=400).map(lambda data: data.replace(b"\xff", b"\xff\x00"))
+JPEGS = SCANS.map(lambda scan: b"\xff\xd8\xff\xdb\x00\x04ab\xff\xda\x00\x03c" + scan + b"\xff\xd0" + b"x\xff\xd9")
+PICTURES = st.builds(LivePicture, st.integers(0, 65535), st.integers(0, 2**32 - 1), JPEGS)
+START = b"\x24\x35\x68\x79"
+LOOKALIKES = st.builds(
+    lambda size, tail: b"\xff\x01" + bytes(6) + START + size.to_bytes(3, "big") + b"\x00" + bytes(120) + tail,
+    st.integers(0, 2**24 - 1),
+    st.sampled_from((b"", b"\xff\xd8", b"\xff\xd8\xff\xda\x00\x02ab")),
+)
+PIECES = st.lists(st.integers(7, 700), min_size=1, max_size=5)
 MS = 1_000_000
-
 MakeBench = Callable[..., Any]
+
+
+JUNK = st.one_of(
+    st.binary(max_size=300),
+    st.sampled_from((b"", b"\xff", b"\xff\x01", START, b"\xff\x01" + bytes(6) + START, information_packet(7))),
+    LOOKALIKES,
+    # A packet that breaks off, in its header or in its picture.
+    PICTURES.flatmap(
+        lambda each: st.integers(0, HEADER_BYTES + len(each.jpeg) - 1).map(lambda cut: as_packet(each)[:cut])
+    ),
+)
+
+
+def as_packet(picture: LivePicture) -> bytes:
+    """A picture as the camera sends it, with junk after its end."""
+    return packet(picture.number, picture.timestamp_ms, picture.jpeg)
+
+
+def parsed(stream: bytes, sizes: list[int]) -> list[LivePicture]:
+    """The pictures of a stream that comes in pieces of these sizes, over and over."""
+    parser, found, position, turn = LiveviewParser(), [], 0, 0
+    while position < len(stream):
+        size = sizes[turn % len(sizes)]
+        found += parser.feed(stream[position : position + size])
+        position += size
+        turn += 1
+    return found
+
+
+@settings(max_examples=200)
+@given(parts=st.lists(st.tuples(JUNK, PICTURES), max_size=5), last=JUNK, pieces=PIECES)
+def test_junk_between_packets_costs_no_picture_and_adds_no_byte(
+    parts: list[tuple[bytes, LivePicture]], last: bytes, pieces: list[int]
+) -> None:
+    """Nothing or junk, headers that announce too much, packets that break off: each whole packet gives its picture."""
+    stream = b"".join(junk + as_packet(picture) for junk, picture in parts) + last
+    found = parsed(stream, pieces)
+
+    assert found == [picture for _, picture in parts]
+
+
+@given(stream=st.binary(max_size=2000), pieces=PIECES)
+def test_any_bytes_may_come(stream: bytes, pieces: list[int]) -> None:
+    """Nothing is raised, and nothing is made up."""
+    assert parsed(stream, pieces) == []
+
+
+def test_buffer_does_not_grow_on_junk() -> None:
+    """Megabytes without a packet leave nothing behind but what may be the beginning of one."""
+    parser = LiveviewParser()
+    for _ in range(64):
+        parser.feed(bytes(65536))
+
+    assert len(parser._buffer) < 2 * HEADER_BYTES
 
 
 def test_frames_are_the_pictures_of_the_stream(make_bench: MakeBench) -> None:

@@ -1,16 +1,17 @@
-"""Settings: asked for, set, read back, and not insisted upon."""
+"""Settings and zoom: asked for, set, read back, and what is done when the camera will not."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from camera_drivers.qx10.simulator.methods import CHOICES, FORBIDDEN, offered
+from camera_drivers.qx10.simulator.methods import CHOICES, FORBIDDEN
+from camera_drivers.thresholds import ZOOM_MAX_PICTURES, ZOOM_NEAR
 
 MakeBench = Callable[..., Any]
-
 WANTED = {
     "picture": "Original",
     "exposure_mode": "Program Auto",
@@ -33,58 +34,49 @@ SHOWN = {
 }
 
 
-def test_every_setting_is_as_wanted(make_bench: MakeBench) -> None:
-    """Modes first: only then the camera offers what depends on them."""
-    bench = make_bench(**WANTED)
+@pytest.mark.parametrize(
+    ("apply_s", "picture", "mode"), [(0.0, "Original", "still"), (0.3, "2M", "still"), (0.3, "Original", "movie")]
+)
+def test_every_setting_is_as_wanted(make_quick_bench: MakeBench, apply_s: float, picture: str, mode: str) -> None:
+    """Modes first: only then the camera offers what depends on them. A setting that shows late is waited for."""
+    bench = make_quick_bench(behaviour={"apply_s": apply_s}, **(WANTED | {"picture": picture}))
+    bench.simulated.model.settings.chosen["ShootMode"] = mode
     bench.take(1)
 
     assert set(SHOWN) == set(CHOICES)
-    assert bench.simulated.model.settings.chosen == SHOWN
+    assert bench.simulated.model.settings.chosen == SHOWN | {"PostviewImageSize": picture}
     assert bench.listener.reasons("setting") == []
 
 
-def test_setting_that_shows_late_is_waited_for(make_quick_bench: MakeBench) -> None:
-    """The answer comes before the camera has done it."""
-    bench = make_quick_bench(behaviour={"apply_s": 0.3}, **WANTED)
-    bench.take(1)
+@pytest.mark.parametrize(
+    ("behaviour", "wanted", "reason"),
+    [
+        (
+            {"apply_s": 60.0},
+            {"beep_mode": "Off", "picture": "2M"},
+            "BeepMode is not as wanted: it was accepted and does not show",
+        ),
+        (
+            {},
+            {"exposure_compensation": 2},
+            "ExposureCompensation is not as wanted: the camera does not offer it in its present mode",
+        ),
+        (
+            {"forbidden": FORBIDDEN | {"setBeepMode"}},  # though the camera lists the call
+            {"beep_mode": "Off"},
+            "BeepMode is not as wanted: the camera refuses it (error 403)",
+        ),
+        ({}, {"exposure_mode": "Manual"}, "ExposureMode is not as wanted: the camera refuses it (error 3)"),
+    ],
+)
+def test_setting_that_cannot_be_had_is_reported_once(
+    make_quick_bench: MakeBench, behaviour: dict[str, Any], wanted: dict[str, Any], reason: str
+) -> None:
+    """However often the camera is connected again; pictures come all the same."""
+    bench = make_quick_bench(behaviour=behaviour, **wanted)
 
-    assert bench.listener.reasons("setting") == []
-    assert bench.simulated.model.settings.chosen == SHOWN
-
-
-def test_setting_that_never_shows_is_reported(make_quick_bench: MakeBench) -> None:
-    """Pictures come all the same."""
-    bench = make_quick_bench(behaviour={"apply_s": 60.0}, beep_mode="Off", picture="2M")
-    bench.take(1)
-
-    assert bench.listener.reasons("setting") == ["BeepMode is not as wanted: it was accepted and does not show"]
-
-
-def test_setting_that_is_not_offered_is_reported_once(make_bench: MakeBench) -> None:
-    """However often the camera is connected again."""
-    bench = make_bench(exposure_compensation=2)
-    bench.take(1)
-    bench.take(1)
-
-    assert bench.listener.reasons("setting") == [
-        "ExposureCompensation is not as wanted: the camera does not offer it in its present mode"
-    ]
-
-
-def test_setting_that_is_refused_though_listed_is_reported(make_bench: MakeBench) -> None:
-    """Error 403 on a call that the camera itself lists."""
-    bench = make_bench(behaviour={"forbidden": FORBIDDEN | {"setBeepMode"}}, beep_mode="Off")
-    bench.take(1)
-
-    assert bench.listener.reasons("setting") == ["BeepMode is not as wanted: the camera refuses it (error 403)"]
-
-
-def test_value_that_the_camera_does_not_know_is_reported(make_bench: MakeBench) -> None:
-    """A wrong word in the configuration costs no pictures."""
-    bench = make_bench(exposure_mode="Manual")
-
-    assert len(bench.take(1)) == 1
-    assert bench.listener.reasons("setting") == ["ExposureMode is not as wanted: the camera refuses it (error 3)"]
+    assert [len(bench.take(1)) for _ in range(2)] == [1, 1]
+    assert bench.listener.reasons("setting") == [reason]
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -101,24 +93,62 @@ def test_size_is_set_in_whichever_order_the_camera_takes_it(
     assert model.settings.chosen["StillSize"] == ("16:9", "2M")
 
 
-def test_small_pictures_are_small(make_bench: MakeBench) -> None:
-    """What the camera calls 2M."""
-    bench = make_bench(picture="2M")
-    bench.take(1)
+@pytest.mark.parametrize(("zoom", "position", "focal_length_mm"), [("wide", 0, 4.45), ("tele", 100, 44.5)])
+def test_lens_goes_to_its_end(make_quick_bench: MakeBench, zoom: str, position: float, focal_length_mm: float) -> None:
+    """From anywhere, before the first picture; the picture confirms it."""
+    bench = make_quick_bench(zoom=zoom)
+    bench.simulated.model._lens._at = 40.0
+    (first, _) = bench.take(2)
 
-    assert bench.simulated.model.settings.chosen["PostviewImageSize"] == "2M"
-
-
-def test_camera_in_its_movie_mode_is_set_to_stills(make_bench: MakeBench) -> None:
-    """Its list of calls is asked for again after that."""
-    bench = make_bench(**WANTED)
-    bench.simulated.model.settings.chosen["ShootMode"] = "movie"
-    bench.take(1)
-
-    assert bench.simulated.model.settings.chosen == SHOWN
+    assert (first.zoom_position, first.exif.focal_length_mm) == (position, focal_length_mm)
+    assert bench.listener.reasons("zoom") == [f"pictures are taken at {focal_length_mm:g} mm"]
+    assert bench.simulated.model._lens._moving == 0
 
 
-def test_simulated_lists_have_the_recorded_lengths() -> None:
-    """Fifty calls in the automatic modes and 59 in Program Auto, as recorded from a real camera."""
-    assert len(offered("still", "Intelligent Auto")) == 50
-    assert len(offered("still", "Program Auto")) == 59
+@pytest.mark.parametrize("goal_mm", [4.45, 20.0, 44.5])
+def test_focal_length_is_reached_as_near_as_steps_allow(make_quick_bench: MakeBench, goal_mm: float) -> None:
+    """Every picture on the way is a frame; the last one is as near as a step."""
+    bench = make_quick_bench(zoom=goal_mm)
+    frames = bench.take(ZOOM_MAX_PICTURES + 2)
+    reached = frames[-1].exif.focal_length_mm
+    (said,) = bench.listener.reasons("zoom")
+
+    assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
+    assert abs(reached / goal_mm - 1) <= 0.06  # half of the largest step
+    assert said.startswith(f"{reached:g} mm is")
+    assert ("reached" in said) == (abs(reached / goal_mm - 1) <= ZOOM_NEAR)
+    assert frames[-1].exif.focal_length_mm == frames[-2].exif.focal_length_mm
+
+
+def test_camera_that_does_not_zoom_takes_pictures(make_quick_bench: MakeBench) -> None:
+    """A refusal is reported once."""
+    bench = make_quick_bench(zoom="tele", behaviour={"forbidden": FORBIDDEN | {"actZoom"}})
+
+    assert len(bench.take(2)) == 2
+    assert bench.listener.reasons("zoom")[0] == "the camera does not zoom in (error 403)"
+
+
+def test_pictures_without_focal_length_end_the_search(make_quick_bench: MakeBench) -> None:
+    """Where the pictures do not tell, as in a liveview, the guess stays, and it is said that it is one."""
+    bench = make_quick_bench("without_exif@1", zoom=20.0)
+    first, second = bench.take(2)
+
+    assert any("where it is guessed to be" in reason for reason in bench.listener.reasons("zoom"))
+    assert first.zoom_position == second.zoom_position
+    assert 15 < second.exif.focal_length_mm < 25
+    blind = make_quick_bench(zoom=20.0, mode="liveview")
+    assert 50 < blind.take(1)[0].zoom_position < 80
+
+
+@pytest.mark.parametrize("zoom", ["wide", 12.0])
+def test_lens_that_somebody_moves_is_set_again(make_quick_bench: MakeBench, zoom: str | float) -> None:
+    """The camera has a lever; a picture that shows it moved is followed by one as wanted."""
+    bench = make_quick_bench(zoom=zoom)
+    with bench.camera as camera:
+        frames = [camera.next_frame(threading.Event()) for _ in range(ZOOM_MAX_PICTURES + 2)]
+        bench.simulated.model._lens._at += 30
+        frames += [camera.next_frame(threading.Event()) for _ in range(ZOOM_MAX_PICTURES + 2)]
+    before, after = frames[ZOOM_MAX_PICTURES + 1], frames[-1]
+
+    assert abs(after.exif.focal_length_mm / before.exif.focal_length_mm - 1) < 0.1
+    assert sum("set again" in reason for reason in bench.listener.reasons("zoom")) == 1

@@ -1,0 +1,151 @@
+"""`python -m benchmarks.unsteady_hand [TITLE ...]`: what a panel costs that is drawn worse, or on another picture.
+
+Each source of `real_pictures` is decoded with its panel as it is, with centres and marks drawn by an unsteady hand, and
+drawn on other pictures of the same camera. The hand is the same in every run.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import yaml
+
+from benchmarks.real_pictures import Read, Source, available, decode_source, reads, truth_of
+from decoder.outputs.csv_output import text_table
+
+SEED = 19
+CENTRE_PARTS, MARK_DEG = (0.03, 0.08), 1.0
+HOLDS = 0.9
+OTHER_PICTURES = 6
+HEADER = ("source", "drawn", "needles", "valued", "read", "2 % off", "in 95 %", "rows in 95 %", "mean % FS")
+Document = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A way to draw a source's panel, and what came of it; no reads where `decode` refused it."""
+
+    title: str
+    manner: str
+    reads: Sequence[Read]
+
+
+def manners(source: Source, folder: Path) -> Iterator[tuple[str, Source]]:
+    """The source with its panel as it is, by unsteady hands, and on other pictures; panels are written to a folder."""
+    yield "as it is", source
+    document = yaml.safe_load(source.panel.read_text(encoding="utf-8"))
+    for part in CENTRE_PARTS:
+        hand = np.random.default_rng(SEED)
+        drawn = {**document, "gauges": [_unsteady(gauge, part, hand) for gauge in document["gauges"]]}
+        yield f"centres {part:.0%} off, marks {MARK_DEG:.0f} deg", _written(source, drawn, folder / f"{part}.yaml")
+    yield from _on_other_pictures(source, document, folder)
+
+
+def _unsteady(gauge: Document, part: float, hand: np.random.Generator) -> Document:
+    """A gauge whose centre is off by a part of its outer radius, in any direction, and each mark by itself."""
+    towards = hand.uniform(0, 2 * np.pi)
+    off_px = part * gauge["radius"][1] * np.array([np.cos(towards), np.sin(towards)])
+    centre = [float(at) for at in np.add(gauge["centre"], off_px)]
+    return {**gauge, "centre": centre, "scale": _shaken(gauge["scale"], hand)}
+
+
+def _shaken(scale: Sequence[Sequence[float]], hand: np.random.Generator) -> list[list[float]]:
+    angles = np.array([angle for angle, _ in scale], float) + hand.uniform(-MARK_DEG, MARK_DEG, len(scale))
+    return [[float(angle), value] for angle, (_, value) in zip(np.sort(angles), scale, strict=True)]
+
+
+def _on_other_pictures(source: Source, document: Document, folder: Path) -> Iterator[tuple[str, Source]]:
+    """With the needle's place in each: only where the camera stands still and the truth is known in every frame."""
+    pictures = sorted(source.folder.glob(source.pictures))
+    if not source.same_view or source.tolerance:
+        return
+    truth = truth_of(source, [picture.stem for picture in pictures])
+    for number in np.linspace(0, len(pictures) - 1, OTHER_PICTURES).round().astype(int):
+        drawn, picture = dict(document), pictures[number]
+        drawn["gauges"] = [
+            _seen(gauge, {name: each[number] for name, each in truth.items()}) for gauge in document["gauges"]
+        ]
+        on = replace(source, panel_picture=str(picture.relative_to(source.folder)))
+        yield f"on {picture.stem}", _written(on, {**drawn, "picture": picture.name}, folder / f"{picture.stem}.yaml")
+
+
+def _seen(gauge: Document, truth: Mapping[str, float]) -> Document:
+    """A gauge with its needles cut where they stand in a picture, or its card as it is turned there."""
+    if "card" in gauge:
+        turn = _angle(gauge["scale"], gauge.get("wraps"), truth[gauge["card"]["name"]]) - gauge["card"]["index"]
+        return {**gauge, "scale": [[angle - turn, value] for angle, value in gauge["scale"]]}
+    whole = truth.get(gauge.get("combined", {}).get("name", ""))
+    needles = []
+    for needle in gauge["needles"]:
+        scale, wraps = needle.get("scale", gauge["scale"]), needle.get("wraps", gauge.get("wraps"))
+        value = truth[needle["name"]] if whole is None else whole
+        at = _angle(scale, wraps, value)
+        needles.append({**needle, "template": {**needle["template"], "at": round(float(at), 1)}})
+    return {**gauge, "needles": needles}
+
+
+def _angle(scale: Sequence[Sequence[float]], wraps: float | None, value: float) -> float:
+    angles, values = np.array(scale, float).T
+    if wraps is None:
+        order = np.argsort(values)
+        return float(np.interp(value, values[order], angles[order]))
+    (first, start), (second, end) = scale[0], scale[1]
+    return float(first + (value - start) % wraps * (second - first) / (end - start))
+
+
+def _written(source: Source, document: Document, path: Path) -> Source:
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return replace(source, panel=path)
+
+
+def measure(source: Source) -> Iterator[Drawn]:
+    """Every manner of drawing a source's panel, one after the other."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for number, (manner, drawn) in enumerate(manners(source, folder)):
+            try:
+                found = reads(decode_source(drawn, folder / str(number)))
+            except SystemExit:  # refused, and why stands on stderr
+                found = []
+            yield Drawn(source.title, manner, found)
+
+
+def row(drawn: Drawn) -> tuple[str, ...]:
+    """What it costs, over all needles: a needle's row holds if its intervals hold in 90 % of its values."""
+    if not drawn.reads:
+        return (drawn.title, drawn.manner, "refused", *[""] * (len(HEADER) - 3))
+    valued, read, within, mean = (
+        np.array([getattr(needle, name) for needle in drawn.reads]) for name in ("valued", "read", "within_95", "mean")
+    )
+    return (
+        drawn.title,
+        drawn.manner,
+        str(len(drawn.reads)),
+        f"{valued.mean():.1%}",
+        f"{read.mean():.1%}",
+        str(sum(needle.gross for needle in drawn.reads)),
+        f"{np.nanmean(within):.0%}",
+        f"{(within >= HOLDS).sum()} of {len(within)}",
+        f"{np.nanmean(mean):.3f}",
+    )
+
+
+def main(titles: Sequence[str]) -> None:
+    """Print a table of all sources, or of those whose titles hold one of the words."""
+    rows = [
+        row(drawn)
+        for source in available()
+        if not titles or any(word in source.title for word in titles)
+        for drawn in measure(source)
+    ]
+    sys.stdout.write(text_table(HEADER, rows) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

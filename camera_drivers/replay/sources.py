@@ -1,0 +1,220 @@
+"""What can be replayed, in order, each picture with the time at which it was taken: a recorded flight, or a folder.
+
+A flight's frames come again as they were, with their times, EXIF and gaps. The JPEGs of a folder come in the order of
+their names and of the numbers in them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Protocol
+
+from camera_drivers.camera import CameraIdentity
+from camera_drivers.clock import Clock
+from camera_drivers.errors import ReplayError
+from camera_drivers.exif import exif_time_ns, read_exif
+from camera_drivers.jpeg import jpeg_facts
+from flight_file.errors import FlightFileError
+from flight_file.frame import NS_PER_S, Frame, HostTimes
+from flight_file.reader import open_flight
+
+FLIGHT_SUFFIXES = (".mcap", ".mcap.part")
+_CONFIGURATION = "recorder.yaml"  # describes the recorder that made the flight, not the one that replays it
+JPEG_SUFFIXES = frozenset({".jpg", ".jpeg"})
+_GIVE_RATE = "give rate_hz (--rate), the pictures per second."
+_HEAD_BYTES = 256 * 1024  # the markers before the picture; EXIF with its thumbnail is at most 64 KiB
+
+
+@dataclass(frozen=True, slots=True)
+class Upcoming:
+    """The next picture: when it was taken (realtime, ns), and how to take it when that time has come."""
+
+    captured_ns: int
+    take: Callable[[Clock], Frame]
+
+
+class ReplaySource(Protocol):
+    """Pictures that were taken before.
+
+    Attributes
+    ----------
+    identity
+        Of the camera they were taken with, as far as known.
+    start_ns
+        When the first was taken, realtime.
+    attachments
+        What the pictures bring along: a recorded flight's panel, camera and so on.
+    """
+
+    identity: CameraIdentity
+    start_ns: int
+    attachments: Mapping[str, bytes]
+
+    def pictures(self) -> Iterator[Upcoming]:
+        """Iterate over the pictures in order; raises ReplayError where one cannot be read."""
+        ...
+
+
+class FlightSource:
+    """The frames of a flight; host times stay those of the recorder that took them.
+
+    Raises
+    ------
+    ReplayError
+        The files cannot be opened as one flight, or no frame of it is whole.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        try:
+            self._flight = open_flight(paths)
+            first = next(self._flight.frames(), None)
+        except FlightFileError as error:
+            raise ReplayError(str(error)) from error
+        if first is None:
+            raise ReplayError(f"{paths[0]}: no picture in it is whole; there is nothing to replay.")
+        self.start_ns = first.captured_ns
+        self.attachments: Mapping[str, bytes] = {
+            name: content for name, content in self._flight.attachments.items() if name != _CONFIGURATION
+        }
+        session = self._flight.session
+        self.identity = CameraIdentity(
+            driver="replay",
+            model=session.camera_model,
+            serial=session.camera_serial,
+            note=f"the recording {session.recording}",
+        )
+
+    @property
+    def losses(self) -> int:
+        """The number of losses so far; lost frames are gaps in the replay."""
+        return len(self._flight.losses)
+
+    def pictures(self) -> Iterator[Upcoming]:
+        """Iterate over the frames that are whole."""
+        try:
+            for frame in self._flight.frames():
+                yield Upcoming(frame.captured_ns, _AsItWas(frame))
+        except FlightFileError as error:
+            raise ReplayError(str(error)) from error
+
+
+class _AsItWas:
+    """Returns a frame as it was recorded."""
+
+    __slots__ = ("_frame",)
+
+    def __init__(self, frame: Frame) -> None:
+        self._frame = frame
+
+    def __call__(self, _clock: Clock) -> Frame:
+        return self._frame
+
+
+class FolderSource:
+    """Pictures from a folder; anything that is not named like a JPEG is left alone and counted.
+
+    Parameters
+    ----------
+    folder
+        Where they lie.
+    rate_hz
+        Pictures per second: picture i was taken i / rate_hz after the first one, which was taken when its EXIF says, or
+        now. None: each was taken when its own EXIF says.
+    clock
+        Says what now is.
+
+    Raises
+    ------
+    ReplayError
+        There is no JPEG, or the EXIF times are needed and do not increase strictly.
+    """
+
+    def __init__(self, folder: Path, *, rate_hz: float | None, clock: Clock) -> None:
+        paths, ignored = _jpegs(folder)
+        if not paths:
+            raise ReplayError(f"{folder}: there is no JPEG in it; give a folder of pictures or flight files.")
+        self._paths = paths
+        self._captured_ns = _exif_times(paths) if rate_hz is None else _paced_times(paths, rate_hz, clock)
+        self.start_ns = self._captured_ns[0]
+        self.attachments: Mapping[str, bytes] = {}
+        self.identity = CameraIdentity(
+            driver="replay", note=f"{len(paths)} pictures from a folder, {ignored} other files in it ignored"
+        )
+
+    def pictures(self) -> Iterator[Upcoming]:
+        """Iterate over the pictures; each file is read when its time has come."""
+        for sequence, (path, captured_ns) in enumerate(zip(self._paths, self._captured_ns, strict=True)):
+            yield Upcoming(captured_ns, partial(_take, path, sequence, captured_ns))
+
+
+def _jpegs(folder: Path) -> tuple[list[Path], int]:
+    try:
+        files = sorted((path for path in folder.iterdir() if path.is_file()), key=_counted)
+    except OSError as error:
+        raise ReplayError(f"{folder}: the folder cannot be read ({error.strerror}); check its path.") from error
+    jpegs = [path for path in files if path.suffix.lower() in JPEG_SUFFIXES]
+    return jpegs, len(files) - len(jpegs)
+
+
+def _counted(path: Path) -> tuple[list[str | int], str]:
+    """Sort IMG_9 before IMG_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [int(part) if index % 2 else part for index, part in enumerate(parts)], path.name
+
+
+def _exif_time(path: Path) -> int | None:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return exif_time_ns(read_exif(jpeg_facts(head).exif).datetime)
+
+
+def _exif_times(paths: Sequence[Path]) -> list[int]:
+    times = []
+    for path in paths:
+        time_ns = _exif_time(path)
+        if time_ns is None:
+            raise ReplayError(f"{path}: the picture has no EXIF time; {_GIVE_RATE}")
+        times.append(time_ns)
+    for (before, after), path in zip(pairwise(times), paths[1:], strict=True):
+        if after <= before:
+            raise ReplayError(f"{path}: its EXIF time is not later than the one of the picture before; {_GIVE_RATE}")
+    return times
+
+
+def _paced_times(paths: Sequence[Path], rate_hz: float, clock: Clock) -> list[int]:
+    first = _exif_time(paths[0])
+    start_ns = clock.read().realtime_ns if first is None else first
+    return [start_ns + round(index * NS_PER_S / rate_hz) for index in range(len(paths))]
+
+
+def _take(path: Path, sequence: int, captured_ns: int, clock: Clock) -> Frame:
+    before = clock.read()
+    try:
+        jpeg = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    after = clock.read()
+    facts = jpeg_facts(jpeg)
+    return Frame(
+        sequence=sequence,
+        captured_ns=captured_ns,
+        jpeg=jpeg,
+        sha256=hashlib.sha256(jpeg).hexdigest(),
+        times=HostTimes(before_request=before, after_answer=after, downloaded=after),
+        exif=read_exif(facts.exif),
+        width_px=facts.width_px,
+        height_px=facts.height_px,
+    )
+
+
+def _unreadable(path: Path, error: OSError) -> ReplayError:
+    return ReplayError(f"{path}: the picture cannot be read ({error.strerror}); check the file and its permissions.")

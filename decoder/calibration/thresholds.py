@@ -1,0 +1,36 @@
+"""The limits of this room: what is compared with something, or clips it.
+
+| name | value | unit | meaning | source |
+| --- | --- | --- | --- | --- |
+| HAND_PART | 0.1 | - | a ruler's place and a line's length may be off | graduations lie further apart |
+| LEAST_PART | 0.5 | - | of the width for ticks; of the best correlation; of the mean tick | simulated rulers |
+| MIN_TICKS | 5 | ticks | on a line; marks before a tilt is fitted | chance makes fewer |
+| MIN_PERIOD_PX | 2.5 | px | between ticks | the picture's own resolution |
+| MIN_CONTRAST_LEVELS | 3.0 | levels | spread of the light along a line of ticks | noise stays below |
+| PERIODIC | 0.2 | - | autocorrelation of ticks | noise, numerals and edges stay below |
+| ALIKE | 0.85 | - | NCC of a tick with the mean tick | numerals that touch it stay below |
+| PER_PX | 4 | 1/px | samples along a line | finer gains nothing |
+| MIN_PHOTOGRAPHS | 3 | - | of a board at a zoom; zooms for a quadratic | as many unknowns |
+| MIN_CORNERS | 12 | corners | of a ChArUco board in one photograph | fewer lie on a line |
+| LEAST_TILT_DEG | 5.0 | deg | of the most tilted board | distance and focal length look alike below |
+| SEARCHED_SIDE_PX | 2048 | px | longer side, to look for a chessboard in | 18 MP took 3 GB, so 0.6 |
+| MOST_PIXELS | 2^25 | px | of a photograph | more than hand-held cameras make |
+| MAX_SIDE_PX | 8192 | px | of a picture squared up | memory |
+"""
+
+from __future__ import annotations
+
+HAND_PART = 0.1
+LEAST_PART = 0.5
+MIN_TICKS = 5
+MIN_PERIOD_PX = 2.5
+MIN_CONTRAST_LEVELS = 3.0
+PERIODIC = 0.2
+ALIKE = 0.85
+PER_PX = 4
+MIN_PHOTOGRAPHS = 3
+MIN_CORNERS = 12
+LEAST_TILT_DEG = 5.0
+SEARCHED_SIDE_PX = 2048
+MOST_PIXELS = 2**25
+MAX_SIDE_PX = 8192

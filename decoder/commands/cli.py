@@ -1,0 +1,103 @@
+"""The `decode` command line: which commands there are, and how expected failures end.
+
+`decode FLIGHT` is `decode flight FLIGHT`: decoding is what the program is for, so it needs no verb. What a command is
+for stands in a table, and its module is imported when it is run: `decode --help` imports none of them, and is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from decoder.commands.interrupts import EXIT_FAILED, INTERRUPTED, ends_at_once
+from decoder.panel.errors import DecoderError
+from flight_file.errors import FlightFileError
+from flight_file.untrusted import printable, say
+
+CommandTable = Mapping[str, tuple[str, str]]
+"""Name: the module that has the click command, as `command` or as what a colon names, and the line for `--help`."""
+
+COMMANDS = {
+    "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
+    "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
+    "fleet": ("decoder.commands.fleet", "Decode many flights, on this machine or on a cluster, with one index."),
+    "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
+    "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
+    "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
+    "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
+}
+DEFAULT_COMMAND = "flight"
+
+EPILOG = """\b
+Examples:
+  decode flight.mcap
+  decode flight_0000.mcap flight_0001.mcap -o results --panel panel.yaml
+  decode fleet 'archive/*/*.mcap' -o results
+  decode frames flight.mcap -o pictures --flagged
+  decode export results/flight.csv -o flight.parquet
+  decode setup flight.mcap --panel panel.yaml
+  decode accuracy results/flight.csv truth.csv
+"""
+
+
+class CommandGroup(click.Group):
+    """The commands of a table, imported late."""
+
+    def __init__(self, *, table: CommandTable, **options: Any) -> None:  # noqa: ANN401 - click's own, passed through
+        super().__init__(**options)
+        self.table = table
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """List the names in the table."""
+        return list(self.table)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+        """Import the command of that name."""
+        if cmd_name not in self.table:
+            return None
+        with ends_at_once():
+            module, _, name = self.table[cmd_name][0].partition(":")
+            command: click.Command = getattr(importlib.import_module(module), name or "command")
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Take the help of every command from the table, so that `--help` imports none of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in self.table.items()])
+
+
+class DecodeGroup(CommandGroup):
+    """A table of commands; an argument that names none of them is a flight to decode."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put the default command before arguments that start with no command."""
+        if args and args[0] not in self.table and args[0] not in ("--help", "--version"):
+            args = [DEFAULT_COMMAND, *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(cls=DecodeGroup, table=COMMANDS, epilog=EPILOG, no_args_is_help=True)
+@click.version_option(package_name="image-flight-recorder")
+def cli() -> None:
+    """Turn the pictures of a flight file into flight data."""
+
+
+def main() -> None:
+    """Run `decode`; expected failures are one sentence on stderr and exit code 1."""
+    try:
+        cli(prog_name="decode", standalone_mode=False)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.UsageError as error:
+        click.UsageError(printable(error.format_message()), error.ctx).show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        say(INTERRUPTED, err=True)
+        sys.exit(EXIT_FAILED)
+    except (DecoderError, FlightFileError) as error:
+        say(f"decode: {error}", err=True)
+        sys.exit(EXIT_FAILED)

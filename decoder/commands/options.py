@@ -1,0 +1,118 @@
+"""Arguments and options that several commands share; imports nothing that takes time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from decoder.instruments.method import Method
+from decoder.outputs.formats import FORMATS
+from decoder.timeseries.flight_part import EXAMPLES, TypedTime, typed_time
+from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S
+
+flights_argument = click.argument(
+    "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
+)
+panel_option = click.option(
+    "--panel", "panel_file", type=click.Path(path_type=Path), metavar="PANEL",
+    help="A panel.yaml to read with, instead of the one the flight file carries.",
+)  # fmt: skip
+camera_option = click.option(
+    "--camera", "camera_file", type=click.Path(path_type=Path), metavar="CAMERA",
+    help="A camera.yaml of the camera that took the pictures, instead of the one the flight file carries.",
+)  # fmt: skip
+method_option = click.option(
+    "--method", type=click.Choice([method.value for method in Method]), default=Method.NORMXCORR.value,
+    show_default=True, help="Normalized or plain cross-correlation; plain is for comparison.",
+)  # fmt: skip
+every_option = click.option(
+    "--every", type=click.IntRange(min=1), default=1, metavar="N",
+    help="Only the first of them and every N-th from there.",
+)  # fmt: skip
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(min=1), metavar="N",
+    help="Read with N processes.  [default: one for each core, one alone for a short flight]",
+)  # fmt: skip
+resume_option = click.option(
+    "--resume", is_flag=True, help="Go on with an earlier decode of this flight that was broken off."
+)
+images_option = click.option(
+    "--with-images", is_flag=True, help="Put the pictures into NAME.mcap, too; needs --format mcap."
+)
+
+
+def _offset(_context: click.Context, _option: click.Parameter, value: str | None) -> str | float | None:
+    if value is None or value == AUTO:
+        return value
+    try:
+        return float(value)
+    except ValueError as error:
+        raise click.BadParameter(f"{value!r} is neither auto nor a number of seconds") from error
+
+
+_OPTIONS = (
+    click.option("--map", "map_file", type=click.Path(path_type=Path), metavar="YAML",
+                 help="What the truth calls them."),
+    click.option("--time", "time_column", metavar="COLUMN",
+                 help=f"The truth's column of times.  [default: {TIME_COLUMN}]"),
+    click.option("--offset", callback=_offset, metavar="auto|SECONDS", help="What to add to the truth's times."),
+    click.option("--window", "window_s", type=click.FloatRange(min=1), default=WINDOW_S, show_default=True, metavar="S",
+                 help="How far `--offset auto` looks, seconds to either side."),
+    click.option("--limits", "wants_limits", is_flag=True, help="Judge parameters by published recorder accuracies."),
+)  # fmt: skip
+
+
+def truth_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add them: map_file, time_column, offset, window_s, wants_limits."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:
+    formats = tuple(dict.fromkeys(value.split(",")))
+    for name in formats:
+        if name not in FORMATS:
+            raise click.BadParameter(f"{name!r} is none of {', '.join(FORMATS)}")
+        lacking = FORMATS[name].lacking
+        if lacking is not None:
+            raise click.BadParameter(f"{name} {lacking}")
+    return formats
+
+
+def _time(_context: click.Context, _option: click.Parameter, value: str | None) -> TypedTime | None:
+    try:
+        return None if value is None else typed_time(value)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+start_option = click.option(
+    "--from", "start", callback=_time, metavar="T",
+    help=f"Only frames from T on: seconds or a clock from the flight's start, or UTC ({EXAMPLES}).",
+)  # fmt: skip
+end_option = click.option("--to", "end", callback=_time, metavar="T", help="Only frames up to T.")
+format_option = click.option(
+    "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
+    help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",
+)  # fmt: skip
+
+
+def refuse_unheld_images(formats: Sequence[str], *, with_images: bool) -> None:
+    """End with wrong usage where pictures are wanted and no format can hold them."""
+    if with_images and not any(FORMATS[name].takes_images for name in formats):
+        raise click.UsageError("--with-images needs --format mcap")
+
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def camera_output(command: Command) -> Command:
+    """`-o CAMERA`: what is measured takes its place in that file."""
+    return click.option(
+        "-o", "--output", "camera_file", type=click.Path(path_type=Path, dir_okay=False), default="camera.yaml",
+        show_default=True, metavar="CAMERA", help="The camera.yaml that this goes into; what else it says is kept.",
+    )(command)  # fmt: skip

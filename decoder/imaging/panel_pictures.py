@@ -1,0 +1,150 @@
+"""A panel with its pictures, brought from wherever they are: a folder, or the attachments of a flight file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path, PurePosixPath
+
+from decoder.imaging.dial_plane import dial_plane, inches_to_picture
+from decoder.imaging.optics import Optics
+from decoder.imaging.pictures import GreyPicture, grey_picture
+from decoder.imaging.planes import DialPlane, Raised
+from decoder.imaging.resampling import inside
+from decoder.imaging.unwrapping import PolarGrid, gauge_grid
+from decoder.panel.arrays import Floats
+from decoder.panel.attachments import PANEL_FILE
+from decoder.panel.camera import Camera
+from decoder.panel.errors import PanelError, PictureError
+from decoder.panel.panel import Panel, parse_panel
+from flight_file.untrusted import read_named_in, read_yaml_file
+
+
+@dataclass(frozen=True, slots=True)
+class PanelPictures:
+    """A panel and all pictures it names, grey, by name; `sha256` is of `panel.yaml` itself.
+
+    Attributes
+    ----------
+    camera
+        That took the pictures, if known.
+    planes
+        Of the dials, in the panel's order, where they are known better than from the panel alone.
+    """
+
+    panel: Panel
+    pictures: Mapping[str, GreyPicture]
+    sha256: str
+    camera: Camera | None = None
+    planes: tuple[DialPlane | None, ...] | None = None
+
+    @property
+    def picture(self) -> GreyPicture:
+        """The panel picture, (H, W) uint8."""
+        return self.pictures[self.panel.picture]
+
+    @property
+    def optics(self) -> Optics:
+        """How the panel picture was taken, and how frames are."""
+        height, width = self.picture.shape
+        return Optics((width, height), self.panel.focal_length_mm, self.camera)
+
+    def with_planes(self) -> PanelPictures:
+        """Work out the planes of its dials.
+
+        Raises
+        ------
+        PanelError
+            If reference points or a rim tell no plane.
+        CameraError
+            If the camera's calibration does not cover the panel picture.
+        """
+        if self.planes is not None:
+            return self
+        optics = self.optics
+        inches = inches_to_picture(self.panel, optics)
+        planes = [
+            dial_plane(gauge, f"gauges[{index}]", optics, inches) for index, gauge in enumerate(self.panel.gauges)
+        ]
+        return replace(self, planes=tuple(planes))
+
+    def grid(self, index: int) -> PolarGrid:
+        """Lay out the sample points of the gauge at this place in the panel."""
+        planes, gauge = self.with_planes().planes, self.panel.gauges[index]
+        grid = gauge_grid(gauge, None if planes is None else planes[index])
+        return replace(grid, raised=self._raised(index)) if gauge.needle_height_inches else grid
+
+    def check_shows(self, rim: Floats, path: str) -> None:
+        """PanelError unless the panel picture shows all that lies within a rim, as `PolarGrid.rim`."""
+        height, width = self.picture.shape
+        if not inside(rim, self.optics.own, width, height):
+            raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")
+
+    def _raised(self, index: int) -> Raised:
+        """Find the plane in which a gauge's needles turn, above its face."""
+        optics = self.optics
+        inches = inches_to_picture(self.panel, optics)
+        lacking = {
+            "four `reference_points`": inches is None,
+            "`focal_length_mm`": optics.focal_length_mm is None,
+            "a camera.yaml": optics.camera is None,
+        }
+        if inches is None or optics.lens is None:
+            missing = " and ".join(what for what, is_lacking in lacking.items() if is_lacking)
+            raise PanelError(
+                f"gauges[{index}].needle_height_inches", f"tells nothing without the camera's position: give {missing}"
+            )
+        height_inches = self.panel.gauges[index].needle_height_inches
+        return Raised(height_inches, tuple((inches / inches[2, 2]).ravel().tolist()))
+
+
+def panel_from_file(path: Path) -> PanelPictures:
+    """Read the panel in a file, its pictures beside it, or beside what it is a link to.
+
+    Raises
+    ------
+    PanelError
+        If a file cannot be read or is wrong, naming it and the path of the wrong value.
+    """
+
+    def read(name: str) -> bytes:
+        return read_named_in(path, name)
+
+    try:
+        text = read_yaml_file(path)
+    except OSError as error:
+        raise PanelError("", f"cannot be read: {error.strerror}", source=str(path)) from error
+    return _load(text, read, str(path))
+
+
+def panel_from_attachments(attachments: Mapping[str, bytes], *, flight: str) -> PanelPictures:
+    """Read the panel that a flight file carries.
+
+    Raises
+    ------
+    PanelError
+        If it or one of its pictures is wrong.
+    """
+
+    def read(name: str) -> bytes:
+        plain = str(PurePosixPath(name))
+        if plain not in attachments:
+            raise FileNotFoundError(0, "the flight file does not carry it")
+        return attachments[plain]
+
+    return _load(attachments[PANEL_FILE], read, f"{PANEL_FILE} in {flight}")
+
+
+def _load(text: bytes, read: Callable[[str], bytes], source: str) -> PanelPictures:
+    panel = parse_panel(text, source=source)
+    pictures: dict[str, GreyPicture] = {}
+    for name in panel.pictures:
+        key = "picture" if name == panel.picture else "template.picture"
+        try:
+            pictures[name] = grey_picture(read(name))
+        except OSError as error:
+            raise PanelError(key, f"{name} cannot be read: {error.strerror}", source=source) from error
+        except PictureError as error:
+            raise PanelError(key, f"{name}: {error}", source=source) from error
+    return PanelPictures(panel, pictures, sha256(text).hexdigest())

@@ -1,0 +1,134 @@
+"""Memory for the pictures of a batch, used again for the next: fresh memory costs a third of a decompression.
+
+Of a JPEG whose rows follow each other the first alone can be had, at so much less cost: what lies below the panel need
+not be decompressed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import simplejpeg
+
+from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.imaging.thresholds import MAX_BATCH_FRAMES, MAX_BATCH_PIXELS
+from flight_file.documents import picture_header
+
+ROWS_OF_BLOCKS = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TopOfFrame:
+    """The first rows of a frame that has `height_px` of them; `whole` decompresses all, and may raise PictureError."""
+
+    pixels: GreyPicture
+    height_px: int
+    focal_length_mm: float | None
+    whole: Callable[[], FramePicture]
+
+
+def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture | TopOfFrame:
+    """As `PictureBlock.frame`, of a frame of which so much is decompressed already.
+
+    Raises
+    ------
+    PictureError
+        As `PictureBlock.frame`, if more is wanted.
+    """
+    wanted = picture.height_px if rows is None else rows
+    if isinstance(picture, TopOfFrame):
+        if wanted > len(picture.pixels):
+            return picture.whole()
+        return TopOfFrame(picture.pixels[:wanted], picture.height_px, picture.focal_length_mm, picture.whole)
+    if wanted >= picture.height_px:
+        return picture
+    return TopOfFrame(picture.pixels[:wanted], picture.height_px, picture.focal_length_mm, lambda: picture)
+
+
+class PictureBlock:
+    """Decompresses pictures into memory of its own; each stays until the next is put into the same slot.
+
+    Slots lie side by side: large memory comes from the system in large pages, which costs a fifth of many small ones.
+    """
+
+    def __init__(self) -> None:
+        self._memory = np.empty((1, 0), np.uint8)
+        self._jpeg = bytearray()
+
+    def reserve(self, slots: int) -> None:
+        """Make room for so many pictures at once, which it would make one by one."""
+        if slots > len(self._memory):
+            room = self._memory.shape[1]
+            self._memory = np.empty((slots, room if slots * room <= MAX_BATCH_PIXELS else 0), np.uint8)
+
+    def grey_picture(self, encoded: bytes, slot: int) -> GreyPicture:
+        """As `pictures.grey_picture`, bit for bit.
+
+        Raises
+        ------
+        PictureError
+            If the bytes are no picture, or one that breaks off.
+        """
+        header = picture_header(encoded)
+        if header is None or header.objection(len(encoded)):
+            return grey_picture(encoded)  # the judge of what is odd
+        try:
+            buffer = self._slot(slot, header.height_px * header.width_px)
+            picture = simplejpeg.decode_jpeg(encoded, "GRAY", buffer=buffer)
+        except ValueError:  # whatever is odd about it, there is one judge
+            return grey_picture(encoded)
+        return np.asarray(picture[..., 0], np.uint8)
+
+    def frame(
+        self, encoded: bytes, slot: int, focal_length_mm: float | None, rows: int | None
+    ) -> FramePicture | TopOfFrame:
+        """Return a frame, or as many of its first rows as are wanted, if that spares anything.
+
+        Raises
+        ------
+        PictureError
+            As `grey_picture`.
+        """
+
+        def whole() -> FramePicture:
+            return FramePicture(self.grey_picture(encoded, slot), focal_length_mm)
+
+        header = None if rows is None else picture_header(encoded)
+        if rows is None or header is None or not header.is_sequential or rows >= header.height_px:
+            return whole()
+        if header.objection(len(encoded)):
+            return whole()  # which says it
+        # a decoder that is told of fewer rows stops after them
+        cut = self._with_height(encoded, header.height_at, rows)
+        try:
+            buffer = self._slot(slot, rows * header.width_px)
+            top = simplejpeg.decode_jpeg(cut, "GRAY", buffer=buffer, strict=False)
+        except ValueError:
+            return whole()
+        return TopOfFrame(np.asarray(top[..., 0], np.uint8), header.height_px, focal_length_mm, whole)
+
+    def _with_height(self, encoded: bytes, at: int, rows: int) -> memoryview:
+        """Return a JPEG with another height in its header, in memory that is used again."""
+        if len(self._jpeg) < len(encoded):
+            self._jpeg = bytearray(len(encoded))
+        cut = memoryview(self._jpeg)[: len(encoded)]
+        cut[:] = encoded
+        cut[at : at + 2] = rows.to_bytes(2)
+        return cut
+
+    def _slot(self, slot: int, size: int) -> GreyPicture:
+        self.reserve(slot + 1)
+        slots, room = self._memory.shape
+        if size > room:
+            if slots > 1 and slots * size > MAX_BATCH_PIXELS:
+                return np.empty(size, np.uint8)
+            self._memory = np.empty((slots, size), np.uint8)  # pictures that lie in the old memory keep it
+        return self._memory[slot, :size]
+
+
+def batch_frames(size_px: tuple[int, int]) -> int:
+    """How many frames make a batch where the panel picture is of this size (width, height)."""
+    width, height = size_px
+    return max(1, min(MAX_BATCH_FRAMES, MAX_BATCH_PIXELS // (width * height)))

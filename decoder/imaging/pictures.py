@@ -1,0 +1,98 @@
+"""Pictures as grey arrays: the one place where JPEGs are decompressed, always the same way.
+
+Grey is the JPEG's own luma plane, which saves the colour conversion; it differs by up to five levels from the grey of
+the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is never
+obeyed: a camera that senses it would turn its frames in flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.panel.errors import PictureError
+from flight_file.documents import picture_header
+
+GreyPicture = NDArray[np.uint8]
+ColourPicture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramePicture:
+    """A frame's grey levels, and the focal length at which it was taken, if it tells."""
+
+    pixels: GreyPicture
+    focal_length_mm: float | None = None
+
+    @property
+    def height_px(self) -> int:
+        """How many rows it has."""
+        return len(self.pixels)
+
+
+def grey_picture(encoded: bytes) -> GreyPicture:
+    """Decompress a picture's luma.
+
+    Parameters
+    ----------
+    encoded : JPEG or PNG bytes
+
+    Returns
+    -------
+    (H, W) uint8
+
+    Raises
+    ------
+    PictureError
+        As `decompressed`.
+    """
+    return decompressed(encoded, cv2.IMREAD_GRAYSCALE)
+
+
+def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
+    """(H, W) or (H, W, 3) uint8: a JPEG or PNG as OpenCV has it with these flags of its own.
+
+    Raises
+    ------
+    PictureError
+        If the bytes are neither, break off, or would take more memory or time than a picture may.
+    """
+    if not encoded:
+        raise PictureError("the picture is empty")
+    header = picture_header(encoded)
+    if header is None:
+        raise PictureError("the picture is damaged, or neither a JPEG nor a PNG; save it as one of these")
+    objection = header.objection(len(encoded))
+    if objection:
+        raise PictureError(objection)
+    try:
+        picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error as error:
+        raise PictureError("the picture cannot be decompressed") from error
+    if picture is None:
+        raise PictureError("the picture is damaged or cut short")
+    return np.asarray(picture, np.uint8)
+
+
+def colour_picture(encoded: bytes) -> ColourPicture:
+    """Decompress a picture in colour, for people to look at; nothing is ever read from it.
+
+    Parameters
+    ----------
+    encoded : JPEG or PNG bytes
+
+    Returns
+    -------
+    (H, W, 3) uint8, red, green, blue
+
+    Raises
+    ------
+    PictureError
+        As `decompressed`.
+    """
+    picture = decompressed(encoded, cv2.IMREAD_COLOR)
+    cv2.cvtColor(picture, cv2.COLOR_BGR2RGB, picture)
+    return picture

@@ -1,0 +1,104 @@
+"""Planes: a dial's face as seen square on, and the plane above it in which its needles turn.
+
+The needle's plane seen from the camera is the face's plane enlarged about the camera's foot, by its distance over its
+distance from the needle. Where the camera stands follows in each frame from where the panel lies in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.alignment import Alignment, Point
+from decoder.imaging.motion import carried, jacobian
+from decoder.panel.arrays import Floats
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Raised:
+    """A plane above the panel's.
+
+    Attributes
+    ----------
+    height_inches
+        Towards the camera.
+    inches
+        The nine elements of the matrix that carries inches on the panel to its picture, without distortion.
+    """
+
+    height_inches: float
+    inches: tuple[float, ...]
+
+    def px_at(self, point_px: tuple[float, float]) -> float:
+        """Convert the height to pixels of the panel picture, at a point of it without distortion."""
+        inches_a_pixel = jacobian(np.linalg.inv(np.array(self.inches).reshape(3, 3)), point_px)
+        return float(self.height_inches / np.sqrt(abs(np.linalg.det(inches_a_pixel))))
+
+    def seen_in(self, alignment: Alignment) -> Matrix:
+        """(3, 3), on the panel picture: from a point's foot on the panel to where the camera sees the raised point.
+
+        `alignment` must know the frame's lens.
+        """
+        if alignment.lens is None:
+            return np.eye(3)
+        inches = np.array(self.inches).reshape(3, 3)
+        x, y, distance = camera_over_panel(np.linalg.inv(alignment.lens.matrix) @ alignment.matrix @ inches)
+        enlarged = distance / (distance - self.height_inches)
+        about = np.array([[enlarged, 0, x * (1 - enlarged)], [0, enlarged, y * (1 - enlarged)], [0, 0, 1.0]])
+        return np.asarray(inches @ about @ np.linalg.inv(inches))
+
+
+def camera_over_panel(normalised: Matrix) -> tuple[float, float, float]:
+    """Find the camera's foot on a plane, and its distance from it, in the plane's units.
+
+    Parameters
+    ----------
+    normalised : (3, 3) from the plane to normalised coordinates of the camera
+    """
+    size = np.sqrt(np.linalg.norm(normalised[:, 0]) * np.linalg.norm(normalised[:, 1]))
+    columns = normalised / size
+    left, _, right = np.linalg.svd(columns[:, :2], full_matrices=False)
+    axes = left @ right  # the nearest two that are square to each other
+    rotation = np.column_stack([axes, np.cross(axes[:, 0], axes[:, 1])])
+    x, y, z = -rotation.T @ columns[:, 2]
+    return float(x), float(y), abs(float(z))
+
+
+@dataclass(frozen=True, slots=True)
+class DialPlane:
+    """The dial's own plane, in pixels from the pivot, x to 0 degrees, y to 90 degrees, on the panel picture.
+
+    `elements` are those of a (3, 3) matrix, row by row; the panel picture is without distortion.
+    """
+
+    elements: tuple[float, ...]
+
+    @classmethod
+    def of(cls, matrix: Floats) -> Self:
+        """With this matrix."""
+        return cls(tuple((matrix / matrix[2, 2]).ravel().tolist()))
+
+    @property
+    def matrix(self) -> Matrix:
+        """(3, 3)."""
+        return np.array(self.elements).reshape(3, 3)
+
+    def to_panel(self, points: Floats) -> Floats:
+        """(2, N) points of the dial in the panel picture."""
+        return carried(self.matrix, np.asarray(points, np.float64))
+
+    @property
+    def obliqueness(self) -> float:
+        """The tangent of the angle from which the camera sees the dial at its pivot; 0 square on."""
+        longest, shortest = np.linalg.svd(jacobian(self.matrix, (0.0, 0.0)), compute_uv=False)
+        return float(np.sqrt(max((longest / shortest) ** 2 - 1.0, 0.0)))
+
+    def around(self, offset_px: Point) -> DialPlane:
+        """Move the plane's pivot to a point of it."""
+        x, y = offset_px
+        return DialPlane.of(self.matrix @ np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]]))

@@ -1,0 +1,34 @@
+"""Sorting of small and of many arrays, where NumPy's own ways cost several times as much."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from decoder.panel.arrays import Floats
+
+# Of normal noise the standard deviation, for each unit of the median distance from its median.
+MAD_TO_SIGMA = 1.4826
+
+
+def median(values: Floats) -> Floats:
+    """Take the median of values (N,), none of them NaN: as `np.median`, to the bit."""
+    lower = (len(values) - 1) // 2
+    parted = np.partition(values, lower)  # to part them at two places takes three times as long
+    higher = parted[lower] if len(values) % 2 else parted[lower + 1 :].min()
+    middle: Floats = (parted[lower] + higher) / 2
+    return middle
+
+
+def median_of(views: Floats) -> Floats:
+    """Take the median of each pixel over K views, (K, ...): as `np.median` on axis 0, at a third of its cost."""
+    values = np.sort(views.reshape(len(views), -1).T.copy(), axis=1)
+    low, high = values[:, (len(views) - 1) // 2], values[:, len(views) // 2]
+    median: Floats = ((low + high) / 2).reshape(views.shape[1:])
+    return median
+
+
+def middle_views(views: Floats) -> tuple[Floats, Floats]:
+    """Sort views (N, ...) pixel by pixel: that at (N - 1) // 2, and the next if there is one."""
+    first = (len(views) - 1) // 2
+    ordered = np.sort(views, axis=0)
+    return ordered[first], ordered[min(first + 1, len(views) - 1)]

@@ -1,0 +1,48 @@
+"""The numbers that imaging compares something with.
+
+| name | value | unit | meaning | source |
+| --- | --- | --- | --- | --- |
+| MIN_ROWS_PER_DEG | 2 | rows | of an unwrapped gauge; twice as many at most | more gained nothing at 104 px |
+| COLUMN_PX | 1.5 | px | between columns | closer ones share their pixels |
+| MIN_COLUMNS | 3 | 1 | of an unwrapped gauge | a needle needs a direction |
+| MAX_COLUMNS | 64 | 1 | of an unwrapped gauge | more only cost |
+| MAX_ENLARGEMENT | 30.0 | 1 | of frames against the panel picture, by their size or zoom | the longest zoom lenses |
+| MAX_BATCH_FRAMES | 40 | frames | in a batch | the cache |
+| MAX_BATCH_PIXELS | 4 * 4896 * 3672 | px | in a batch, a byte each | four of the camera's largest pictures |
+| MIN_POINTS | 3 | 1 | reference points tell a camera position | six unknowns |
+| MIN_PAIRS | 4 | 1 | pairs of points tell a plane-to-plane map | eight unknowns |
+| LEAST_CONDITION | 2e-3 | 1 | of a map's equations: below it more than one fits | points on one line |
+| RIGID_PART | 1e-9 | 1 | that a shift and a roll may miss by | rounding |
+| LEAST_RIM_PX | 1.0 | px | a rim has: a smaller one is a point | a pixel |
+| MAX_RIM_MISS | 0.1 | radii | a point of a rim may lie off its circle | marked by hand |
+| MAX_REFERENCE_MISS | 0.03 | spans | reference points may lie off one plane | measured by hand |
+| AGREEMENT_INCHES | 1e-7 | inches | in which three points agree, or more stay | the thesis, 3.1.2 |
+| LEAST_DAMPING | 1e-6 | 1 | of Levenberg's steps; below it there is none | by trial |
+| TRUSTED_SIGMAS | 4.0 | sigma | tell two camera positions apart | one in 16,000 by chance |
+| NEARLY_REAL | 0.3 | 1 | imaginary part of a root that is still a guess | a double root split by noise |
+| MAX_SIDE_MISS | 0.05 | 1 | by which a guess may miss the triangle's third side | noise |
+| THINNEST | 0.02 | 1 | breadth over length of points that are no line | marked by hand |
+| SAME_POSE | 1e-5 | 1 | by which two iterations that ended alike differ | they end at 1e-7 |
+"""
+
+MIN_ROWS_PER_DEG = 2
+COLUMN_PX = 1.5
+MIN_COLUMNS = 3
+MAX_COLUMNS = 64
+MAX_ENLARGEMENT = 30.0
+MAX_BATCH_FRAMES = 40
+MAX_BATCH_PIXELS = 4 * 4896 * 3672
+MIN_POINTS = 3
+MIN_PAIRS = 4
+LEAST_CONDITION = 2e-3
+RIGID_PART = 1e-9
+LEAST_RIM_PX = 1.0
+MAX_RIM_MISS = 0.1
+MAX_REFERENCE_MISS = 0.03
+AGREEMENT_INCHES = 1e-7
+LEAST_DAMPING = 1e-6
+TRUSTED_SIGMAS = 4.0
+NEARLY_REAL = 0.3
+MAX_SIDE_MISS = 0.05
+THINNEST = 0.02
+SAME_POSE = 1e-5

@@ -1,0 +1,247 @@
+"""Unwrapping: gauges sampled in polar coordinates, all of one frame in a single resampling of its original pixels.
+
+In an unwrapped gauge rows are angle (0 degrees right, positive clockwise) and columns are radius, so that a turning
+needle only shifts up and down (thesis 3.2.2). Alignment and unwrapping are one map: no pixel is interpolated twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.planes import DialPlane, Raised
+from decoder.imaging.resampling import PointMap
+from decoder.imaging.thresholds import (
+    COLUMN_PX,
+    MAX_COLUMNS,
+    MIN_COLUMNS,
+    MIN_ROWS_PER_DEG,
+)
+from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG
+
+UnwrappedGauge = Floats
+
+RIM_POINTS = 25
+
+
+@dataclass(frozen=True, slots=True)
+class PolarGrid:
+    """The sample points of one unwrapped gauge.
+
+    Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
+    picture pixels. With `tail_columns` as many columns stand before these: what lies opposite, across the centre, from
+    the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row. With
+    a `plane` angles and radii are those of the dial seen square on; it tells where they lie in the panel picture. What
+    is `raised` above the panel is looked up where the camera sees it.
+    """
+
+    centre: tuple[float, float]
+    start_deg: float
+    step_deg: float
+    rows: int
+    inner_px: float
+    column_px: float
+    columns: int
+    tail_columns: int = 0
+    plane: DialPlane | None = None
+    raised: Raised | None = None
+
+    @property
+    def radii_px(self) -> Floats:
+        """(columns,): how far each column lies from the centre, negative across it."""
+        outward = self.inner_px + self.column_px * np.arange(self.columns - self.tail_columns)
+        radii: Floats = np.concatenate([-outward[: self.tail_columns][::-1], outward])
+        return radii
+
+    def points(self) -> Floats:
+        """(2, rows, columns) float32: x and y of every sample in the panel picture."""
+        return self.points_at(self.start_deg + self.step_deg * np.arange(self.rows), self.radii_px)
+
+    def points_at(self, angles_deg: Floats, radii_px: Floats) -> Floats:
+        """(2, len(angles_deg), len(radii_px)) float32: any points around the dial's centre, in its plane."""
+        angles, radii = np.radians(angles_deg)[:, None], radii_px[None, :]
+        if self.plane is not None:
+            square_on = np.stack([np.cos(angles) * radii, np.sin(angles) * radii])
+            return self.plane.to_panel(square_on.reshape(2, -1)).reshape(square_on.shape).astype(np.float32)
+        points = np.empty((2, len(angles_deg), len(radii_px)), np.float32)
+        for part, middle, across in zip(points, self.centre, (np.cos(angles), np.sin(angles)), strict=True):
+            np.add(middle, across * radii, out=part, casting="same_kind")
+        return points
+
+    def rim(self) -> Floats:
+        """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
+        rows = (np.arange(RIM_POINTS) * ((self.rows - 1) / (RIM_POINTS - 1))).round()
+        points = self.points_at(self.start_deg + self.step_deg * rows, self.radii_px[[-1, 0]])
+        return np.concatenate([points[:, :, 0], points[:, :, 1]], axis=1)
+
+    def at(self, angle_deg: float, rows: int) -> PolarGrid:
+        """Cut the grid down to one angle: an odd number of rows with `angle_deg` in the middle one."""
+        start_deg = angle_deg - (rows - 1) / 2 * self.step_deg
+        return replace(self, start_deg=start_deg, rows=rows)
+
+    def angle_deg(self, row: float) -> float:
+        """Convert a (fractional) row to its angle."""
+        return self.start_deg + row * self.step_deg
+
+    @property
+    def pixels_per_sample(self) -> float:
+        """How much of a frame's pixel one sample stands for at the mean radius, at most 1."""
+        sides = (self.columns - self.tail_columns, self.tail_columns)
+        mean_px = self.inner_px + self.column_px * sum(count * (count - 1) / 2 for count in sides) / self.columns
+        return min(1.0, math.radians(self.step_deg) * mean_px * self.column_px)
+
+
+def polar_grid(
+    centre: tuple[float, float],
+    radius_px: tuple[float, float],
+    start_deg: float,
+    end_deg: float,
+    *,
+    across: bool = False,
+    plane: DialPlane | None = None,
+) -> PolarGrid:
+    """Lay out the grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size.
+
+    With `across` it has what lies opposite as well. A dial that is not seen square on has a `plane`.
+    """
+    rows_per_deg = min(max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1]))), 2 * MIN_ROWS_PER_DEG)
+    length_px = radius_px[1] - radius_px[0]
+    columns = min(max(math.floor(length_px / COLUMN_PX) + 1, MIN_COLUMNS), MAX_COLUMNS)
+    rows = round((end_deg - start_deg) * rows_per_deg) + 1
+    tail_columns = columns if across else 0
+    column_px = length_px / (columns - 1)
+    return PolarGrid(
+        centre, start_deg, 1 / rows_per_deg, rows, radius_px[0], column_px, columns + tail_columns, tail_columns, plane
+    )
+
+
+class Unwrapper:
+    """Samples several grids from a frame at once."""
+
+    def __init__(self, grids: Sequence[PolarGrid]) -> None:
+        self.grids = tuple(grids)
+
+    @cached_property
+    def _map(self) -> PointMap | None:
+        flat = [grid for grid in self.grids if grid.raised is None]
+        return PointMap.of([grid.points().reshape(2, -1) for grid in flat]) if flat else None
+
+    @cached_property
+    def _raised(self) -> dict[int, tuple[Raised, PointMap]]:
+        return {
+            index: (grid.raised, PointMap.of([grid.points().reshape(2, -1)]))
+            for index, grid in enumerate(self.grids)
+            if grid.raised is not None
+        }
+
+    def points(self, flat: Sequence[int]) -> Floats:
+        """(N, 2) float32: x and y of every sample of some grids, none of them raised, one after the other."""
+        if self._map is None:
+            return np.empty((0, 2), np.float32)
+        pairs = self._map.folded.reshape(-1, 2)
+        parts = iter(self._map.slices)
+        slices = [None if grid.raised is not None else next(parts) for grid in self.grids]
+        return np.concatenate([pairs[slices[index]] for index in flat])
+
+    def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
+        """One (rows, columns) float32 array for each grid, in their order.
+
+        Samples outside the frame repeat its border; `inside` tells whether there are any.
+        """
+        parts = iter(self._flat_parts(frame, alignment))
+        unwrapped = []
+        for index, grid in enumerate(self.grids):
+            if index in self._raised:
+                raised, points = self._raised[index]
+                part = points.sample(frame, alignment.after(raised.seen_in(alignment)))
+            else:
+                part = next(parts)
+            unwrapped.append(part.reshape(grid.rows, grid.columns))
+        return unwrapped
+
+    def _flat_parts(self, frame: GreyPicture, alignment: Alignment) -> list[Floats]:
+        """Sample the grids that lie in the panel's own plane."""
+        if self._map is None:
+            return []
+        flat = self._map.sample(frame, alignment)
+        return [flat[part] for part in self._map.slices]
+
+
+def gauge_grid(gauge: Gauge, plane: DialPlane | None = None) -> PolarGrid:
+    """Lay out the unwrapped gauge's sample points."""
+    return polar_grid(gauge.centre, gauge.radius, *gauge.unwrapped_deg, across=gauge.tail, plane=plane)
+
+
+def rows_in_sweep(gauge: Gauge, grid: PolarGrid) -> NDArray[np.bool_]:
+    """(R,): the rows on which a needle's axis may lie."""
+    angles_deg = grid.angle_deg(0) + grid.step_deg * np.arange(grid.rows)
+    first_deg, last_deg = gauge.reach
+    return (angles_deg >= first_deg - gauge.beyond_deg) & (angles_deg <= last_deg + gauge.beyond_deg)
+
+
+def row_of_angle(grid: PolarGrid, angle_deg: float) -> float:
+    """Find the row of an angle on the grid, whole turns added or taken off: the one nearest to the grid's middle."""
+    middle = (grid.rows - 1) / 2
+    turn_rows = FULL_CIRCLE_DEG / grid.step_deg
+    off = (angle_deg - grid.start_deg) / grid.step_deg - middle
+    return middle + off - turn_rows * round(off / turn_rows)
+
+
+def turn_rows(gauge: Gauge, grid: PolarGrid) -> float | None:
+    """How many rows a full turn has where the dial is read all the way round."""
+    return FULL_CIRCLE_DEG / grid.step_deg if gauge.is_round else None
+
+
+def same_rows(row: float, turn: float | None) -> tuple[float, ...]:
+    """All rows at which what lies on one row shows again, on the grid or beyond it."""
+    return (row,) if turn is None else (row - turn, row, row + turn)
+
+
+def opposite_rows(row: float, grid: PolarGrid) -> tuple[float, ...]:
+    """List the rows at which what lies on one row shows with its columns the other way round; none without tails."""
+    half = FULL_CIRCLE_DEG / grid.step_deg / 2
+    return (row - 3 * half, row - half, row + half, row + 3 * half) if grid.tail_columns else ()
+
+
+def needle_places(grid: PolarGrid, touched: Mask, axis_row: float, turn: float | None) -> Mask:
+    """(R, C): all pixels of the grid that a needle with its axis on a row touches; `touched` (H, C) of its template."""
+    place = np.zeros((grid.rows, grid.columns), bool)
+    place.reshape(-1)[touched_pixels(grid, touched, axis_row, turn)] = True
+    return place
+
+
+def touched_pixels(grid: PolarGrid, touched: Mask, axis_row: float, turn: float | None) -> Indices:
+    """(N,): the same pixels, numbered through; some may be there twice."""
+    shape = (grid.rows, grid.columns)
+    return np.concatenate(
+        [needle_pixels(shape, touched, row) for row in same_rows(axis_row, turn)]
+        + [needle_pixels(shape, touched[:, ::-1], row) for row in opposite_rows(axis_row, grid)]
+    )
+
+
+def needle_pixels(shape: tuple[int, int], touched: Mask, axis_row: float) -> Indices:
+    """(N,): all pixels, numbered through, that a needle with its axis on a row touches on a gauge of R by C of them.
+
+    `touched` (H, C) are those of its template.
+    """
+    rows, columns = touched.shape
+    top = axis_row - (rows - 1) / 2
+    start = math.floor(top)
+    place = np.zeros((rows + 1, columns), bool)
+    place[:rows] = touched
+    if top > start:  # between two rows it touches what it would on either
+        place[1:] |= touched
+    first, last = max(start, 0), min(start + rows + 1, shape[0])
+    if first >= last:
+        return np.empty(0, np.intp)
+    pixels: Indices = np.flatnonzero(place[first - start : last - start]) + first * columns
+    return pixels

@@ -1,0 +1,304 @@
+"""Moving cards: how far a card, such as a heading indicator's, has turned, and what it looks like.
+
+In the unwrapped gauge the whole card shifts around the circle. The best shift comes from the circular NCC of card and
+gauge, by Fourier transforms along the rows; least squares on the pixels there give the fraction of a row and the
+uncertainty, as for a needle. What does not turn with the card, a lubber line or an aircraft symbol, has no weight.
+Light does not turn with it either: a reflection in the glass or a lamp at one side changes slowly around the dial, by
+more than fine print does, so what changes slowly is taken out first.
+
+Turned back by what was read of each frame, the card is what all frames share; what stays put instead, a lubber line
+or an aircraft symbol, is smeared out by that and shows where the frames differ from the card.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.instruments.appearance import CardPicture
+from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import (
+    CLEARLY_WORSE,
+    FRAMES_TO_LEARN,
+    LIKELY_SCORE,
+    MAX_CONDITION,
+    MIN_TURN_DEG,
+    STILL_ROWS,
+)
+from decoder.matching.strips import rows_at
+from decoder.matching.thresholds import (
+    MAX_PEAK_ROWS,
+    MIN_SPREAD_LEVELS,
+    NOISE_LEVELS,
+    OUTLIER_SPREADS,
+    SCORE_THRESHOLD,
+)
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.registration.placement import PRIOR_PX, UNKNOWN, Pivot
+
+FIT_STEPS = 3
+# Another place is one this far away; nearer, it is the same peak.
+RIVAL_REACH_DEG = 8.0
+EDGE_ROWS = 2
+ROUNDS = 3
+MORE_STARTS = 4
+# Waves to a turn: light on a dial has as many at most, and marks have more. On strangers' compass 2 and 12 read alike.
+SHADING_WAVES = 4
+
+Spectrum = NDArray[np.complexfloating[Any, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """How many rows a card has turned, the spread of that, its score, and whether no other turn matches as well."""
+
+    rows: float
+    sigma_rows: float
+    score: float
+    is_alone: bool
+
+
+def card_rows(grid: PolarGrid) -> int:
+    """How many rows of a card's grid are one turn: all but the last, which is the first again."""
+    return grid.rows - 1
+
+
+class CardReader:
+    """Reads the card of one gauge; `picture` is the card as it lies in the panel picture."""
+
+    def __init__(self, gauge: Gauge, grid: PolarGrid, picture: CardPicture) -> None:
+        self._index_deg = gauge.sweep[0] if gauge.card is None else gauge.card.index
+        self._first_deg = gauge.sweep[0]
+        self._grid = grid
+        self._rows = card_rows(grid)
+        self._picture = picture
+        weights = picture.weights
+        self._total = float(weights.sum())
+        transformed = np.fft.rfft(picture.card, axis=0).conj()
+        self._transformed = transformed
+        self._mean = self._shifted_sums(weights, transformed) / self._total
+        square = self._shifted_sums(weights, np.fft.rfft(picture.card**2, axis=0).conj()) / self._total
+        self._spread = np.sqrt(np.maximum(square - self._mean**2, 0.0))
+
+    def read(self, strips: Floats) -> list[Reading]:
+        """Read the card on the gauge in F frames: (F, R, C) float32."""
+        return [self._reading(strip) for strip in strips]
+
+    def turn(self, unwrapped: UnwrappedGauge) -> Turn:
+        """Tell how far the card has turned from where it lies in the panel picture."""
+        seen = evenly_lit(unwrapped, self._grid)
+        scores = self._scores(seen)
+        best = int(scores.argmax())
+        row, sigma_rows, score = self._fitted(seen, float(best))
+        alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(float(scores[best]), 1.0) ** 2)
+        return Turn(row, sigma_rows, score, alone)
+
+    def pivot(self, strips: Sequence[UnwrappedGauge]) -> Pivot:
+        """Estimate where the card turns, relative to where it is unwrapped, from F frames (R, C).
+
+        Around a centre beside its pivot the card goes round in a circle as it turns: least squares of all pixels for
+        that circle, beside each frame's own light and turn.
+        """
+        found = [(evenly_lit(strip, self._grid), self.turn(strip)) for strip in strips]
+        views = [(turned(strip, -turn.rows), turn.rows) for strip, turn in found if turn.score >= SCORE_THRESHOLD]
+        if len(views) < FRAMES_TO_LEARN:
+            return UNKNOWN
+        ways = np.stack([_turned_back(math.radians(rows * self._grid.step_deg)) for _, rows in views])
+        ways = ways - ways.mean(axis=0)  # what all frames share has gone into the learned card
+        told = [self._told(view, way) for (view, _), way in zip(views, ways, strict=True)]
+        normal, product, left = (np.sum(parts, axis=0) for parts in zip(*told, strict=True))
+        noise = max(float(left[0] / left[1]), 1.0) / self._grid.pixels_per_sample
+        covariance = np.linalg.inv(normal / noise + np.eye(2) / PRIOR_PX**2)
+        x, y = (covariance @ product / noise).tolist()
+        return replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance, alone_px=(x, y))
+
+    def _told(self, view: Floats, way: Floats) -> tuple[Floats, Floats, Floats]:
+        """Set up one frame's least squares for an offset that shows in it, turned back, turned by `way`.
+
+        Returns its normal matrix (2, 2), its right side (2,), and the squares it leaves with their
+        weight.
+        """
+        card = self._picture.card
+        around = (np.roll(card, -1, axis=0) - np.roll(card, 1, axis=0)) / 2
+        moved = -(self._gradient(around) @ way).reshape(-1, 2).T
+        known = np.stack([card, around, np.ones_like(card)]).reshape(3, -1).astype(np.float64)
+        weights = self._picture.weights
+        columns = np.concatenate([moved, view.reshape(1, -1)])
+        for _ in range(2):  # the second time without what the first does not explain
+            flat = known * weights.ravel()
+            shares = np.linalg.solve(flat @ known.T + np.eye(3), flat @ columns.T).T
+            left = columns - shares @ known
+            weights = self._picture.weights * _explained(left[2].reshape(view.shape), self._picture.weights)
+        gain, weighted = shares[2, 0], left * weights.ravel()
+        squares = np.array([float(weighted[2] @ left[2]), float(weights.sum())])
+        return gain**2 * weighted[:2] @ left[:2].T, gain * weighted[:2] @ left[2], squares
+
+    def _gradient(self, around: Floats) -> Floats:
+        """(P, C, 2): by how much the card's levels rise to the right and downwards, a pixel."""
+        angles = np.radians(self._grid.angle_deg(0) + self._grid.step_deg * np.arange(self._rows))
+        outward = np.gradient(self._picture.card, self._grid.column_px, axis=1)[..., None]
+        sideways = (around / math.radians(self._grid.step_deg) / self._grid.radii_px)[..., None]
+        out, side = (
+            np.stack([np.cos(angles), np.sin(angles)], axis=1),
+            np.stack([-np.sin(angles), np.cos(angles)], axis=1),
+        )
+        gradient: Floats = outward * out[:, None] + sideways * side[:, None]
+        return gradient
+
+    def _reading(self, strip: UnwrappedGauge) -> Reading:
+        turn = self.turn(strip)
+        angle_deg = self._index_deg - turn.rows * self._grid.step_deg
+        angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
+        status = Status.READ if turn.score >= SCORE_THRESHOLD and turn.is_alone else Status.MISSING
+        return Reading(status, angle_deg, turn.sigma_rows * self._grid.step_deg, turn.score)
+
+    def _scores(self, seen: Floats) -> Floats:
+        """Return the weighted NCC of a gauge (P, C) with the card turned by each number of rows: (P,) in [-1, 1]."""
+        weighted = self._picture.weights * seen
+        mean = float(weighted.sum()) / self._total
+        spread = math.sqrt(max(float((weighted * seen).sum()) / self._total - mean**2, 0.0))
+        if spread < MIN_SPREAD_LEVELS:
+            return np.zeros(self._rows, np.float32)
+        together = self._shifted_sums(weighted, self._transformed) / self._total - mean * self._mean
+        known = self._spread > MIN_SPREAD_LEVELS
+        scores = np.divide(together, self._spread * spread, out=np.zeros_like(together), where=known)
+        clipped: Floats = np.clip(scores, -1.0, 1.0)
+        return clipped
+
+    def _shifted_sums(self, image: Floats, transformed: Spectrum) -> Floats:
+        """Sum over all pixels of an image (P, C) times another turned by each number of rows: (P,)."""
+        spectrum = (np.fft.rfft(image, axis=0) * transformed).sum(axis=1)
+        sums: Floats = np.fft.irfft(spectrum, self._rows)
+        return sums
+
+    def _rival(self, scores: Floats, best: int) -> float:
+        """Return the best score elsewhere."""
+        reach = round(RIVAL_REACH_DEG / self._grid.step_deg)
+        elsewhere = np.roll(scores, -best)[reach:-reach]
+        return float(elsewhere.max(initial=0.0))
+
+    def _fitted(self, seen: Floats, row: float) -> tuple[float, float, float]:
+        """Row, spread and score by least squares for gain, offset and shift.
+
+        Outliers have no weight in the row, but all the weight in the score: few pixels match many places.
+        """
+        start, weights, sigma_rows, score = row, self._picture.weights, math.inf, 0.0
+        for _ in range(FIT_STEPS):
+            card = turned(self._picture.card, row)
+            slope = (np.roll(card, 1, axis=0) - np.roll(card, -1, axis=0)) / 2
+            columns = np.stack([card, slope, np.ones_like(card)]).reshape(3, -1).astype(np.float64)
+            normal = (columns * weights.ravel()) @ columns.T
+            if np.linalg.cond(normal) > MAX_CONDITION:  # a card without marks has no direction
+                return start, math.inf, 0.0
+            inverse = np.linalg.inv(normal)
+            gain, shift, _offset = solution = inverse @ (columns @ (weights.ravel() * seen.ravel()))
+            step_rows = float(shift / gain) if gain > 0 else math.inf
+            if not abs(row + step_rows - start) <= MAX_PEAK_ROWS:
+                return start, math.inf, 0.0
+            left = (seen.ravel() - solution @ columns).reshape(seen.shape)
+            noise = float((weights * left**2).sum() / weights.sum())
+            sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
+            score = _correlation(seen, left, self._picture.weights)
+            row += step_rows
+            weights = self._picture.weights * _explained(left, self._picture.weights)
+            if abs(step_rows) < STILL_ROWS:
+                break
+        return row, sigma_rows, score
+
+
+def _turned_back(turn: float) -> Floats:
+    """(2, 2): what turns a vector back by radians, clockwise ones."""
+    return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+
+
+def turned(card: Floats, rows: float) -> Floats:
+    """Return a card (P, C) turned clockwise by a number of rows, whole or not."""
+    around = np.concatenate([card[-EDGE_ROWS:], card, card[:EDGE_ROWS]])
+    return rows_at(around, np.mod(np.arange(len(card)) - rows, len(card)) + EDGE_ROWS)
+
+
+def _explained(left: Floats, weights: Floats) -> Floats:
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(left[weights > 0])))
+    return (np.abs(left) <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
+
+
+def _correlation(seen: Floats, left: Floats, weights: Floats) -> float:
+    total = float(weights.sum())
+    mean = float((weights * seen).sum()) / total
+    variance = float((weights * (seen - mean) ** 2).sum())
+    return math.sqrt(max(1.0 - float((weights * left**2).sum()) / variance, 0.0)) if variance > 0 else 0.0
+
+
+def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
+    """Return the card as the panel picture shows it, (R, C), with all that lies over it."""
+    card = evenly_lit(strip, grid)
+    return CardPicture(card, np.ones_like(card))
+
+
+def evenly_lit(strip: UnwrappedGauge, grid: PolarGrid) -> UnwrappedGauge:
+    """Return one turn of a dial (P, C) without what changes slowly around it, but for its mean."""
+    turn = strip[: card_rows(grid)]
+    waves = np.fft.rfft(turn, axis=0)
+    waves[1 : SHADING_WAVES + 1] = 0
+    return np.fft.irfft(waves, len(turn), axis=0).astype(np.float32)
+
+
+def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], given: CardPicture) -> CardPicture:
+    """Return the card from frames (R, C) in the panel picture's light; as it was given if they do not tell.
+
+    From the card of the panel picture frames that are turned far from it may be taken for others that look alike, and
+    what is learned then is no card: it must match the panel picture at one place only. If it does not, learning starts
+    from the card of a frame instead.
+    """
+    others = (CardPicture(evenly_lit(strips[index], grid), given.weights) for index in _apart(len(strips), MORE_STARTS))
+    for start in chain([given], others):
+        known = _learned_from(start, gauge, grid, strips)
+        if known is None:
+            continue
+        off = CardReader(gauge, grid, known).turn(given.card)
+        if off.score >= LIKELY_SCORE and off.is_alone:
+            return CardPicture(turned(known.card, off.rows), known.weights)
+    return given
+
+
+def _learned_from(
+    known: CardPicture, gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]
+) -> CardPicture | None:
+    """Learn the card in some rounds, at any turn; None where too few frames match, or the card hardly turns."""
+    for _ in range(ROUNDS):
+        reader = CardReader(gauge, grid, known)
+        found = [(evenly_lit(strip, grid), reader.turn(strip)) for strip in strips]
+        views = [(seen, turn.rows) for seen, turn in found if turn.score >= LIKELY_SCORE]
+        if len(views) < FRAMES_TO_LEARN or _spread_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
+            return None
+        known = _learned(views)
+    return known
+
+
+def _apart(count: int, wanted: int) -> list[int]:
+    """Choose so many of some things, spread evenly, by their numbers."""
+    return [count * (2 * index + 1) // (2 * wanted) for index in range(min(count, wanted))]
+
+
+def _learned(views: Sequence[tuple[Floats, float]]) -> CardPicture:
+    middle = np.median([turned(seen, -rows) for seen, rows in views], axis=0).astype(np.float32)
+    apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(middle, rows)) for seen, rows in views], axis=0)
+    weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(apart - NOISE_LEVELS, 0.0) ** 2)
+    return CardPicture(middle, weights.astype(np.float32))
+
+
+def _spread_deg(rows: Sequence[float], grid: PolarGrid) -> float:
+    """Return the arc that the card went through, degrees."""
+    angles_deg = np.sort(np.mod(np.array(rows) * grid.step_deg, FULL_CIRCLE_DEG))
+    gaps = np.diff(np.append(angles_deg, angles_deg[0] + FULL_CIRCLE_DEG))
+    return FULL_CIRCLE_DEG - float(gaps.max())

@@ -1,0 +1,132 @@
+"""What is found of needles, as arrays: one frame is a batch of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, rows_in_sweep, turn_rows
+from decoder.instruments.reading import Reading, Status
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG
+
+STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN, Status.MISSING)
+READ, EDGE, HIDDEN, MISSING = range(4)
+_COLUMNS = ("status", "row", "sigma_rows", "score")
+Which = Indices | Mask | tuple[Indices | slice, Indices | int]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Needles where they were found, arrays of one shape, by default (F, K): of K needles in F frames.
+
+    Attributes
+    ----------
+    status
+        Index into `STATUSES`.
+    row, sigma_rows
+        The gauge's row of the needle's axis, and the spread of that.
+    score
+        In [-1, 1].
+    """
+
+    status: Indices
+    row: Floats
+    sigma_rows: Floats
+    score: Floats
+
+    @classmethod
+    def missing(cls, shape: tuple[int, ...]) -> Found:
+        """Return needles of which nothing is known."""
+        return cls(np.full(shape, MISSING), np.full(shape, np.nan), np.full(shape, np.inf), np.zeros(shape))
+
+    @classmethod
+    def beside(cls, others: Sequence[Found]) -> Found:
+        """Put the needles of several gauges beside each other."""
+        return cls(*(np.concatenate([getattr(own, name) for own in others], axis=1) for name in _COLUMNS))
+
+    def part(self, which: Which) -> Found:
+        """Return some of them, with arrays of their own."""
+        return Found(*(getattr(self, name)[which].copy() for name in _COLUMNS))
+
+    def put(self, which: Which, others: Found) -> None:
+        """Put others in the place of some."""
+        for name in _COLUMNS:
+            getattr(self, name)[which] = getattr(others, name)
+
+    def instead(self, where: Mask, others: Found) -> Found:
+        """Return them with others, of the same shape, where so told."""
+        return Found(*(np.where(where, getattr(others, name), getattr(self, name)) for name in _COLUMNS))
+
+    def as_missing(self) -> Found:
+        """Return the same, not believed."""
+        return Found(np.full(self.status.shape, MISSING), self.row, self.sigma_rows, self.score)
+
+
+@dataclass(frozen=True, slots=True)
+class Needle:
+    """A needle as it is looked for: its place in the panel, its dial without needles, and what it looks like."""
+
+    name: str
+    gauge_index: int
+    gauge: Gauge
+    grid: PolarGrid
+    face: UnwrappedGauge
+    template: NeedleTemplate
+
+    @property
+    def axis(self) -> int:
+        """The template's middle row."""
+        return (self.template.rows - 1) // 2
+
+    @property
+    def half_width_rows(self) -> float:
+        """Half of the needle's width."""
+        return self.template.half_width_deg / self.template.step_deg
+
+    @property
+    def turn_rows(self) -> float | None:
+        """How many rows a full turn has where the dial is read all the way round."""
+        return turn_rows(self.gauge, self.grid)
+
+    @property
+    def allowed(self) -> Mask:
+        """(R,): the rows on which its axis may lie."""
+        return rows_in_sweep(self.gauge, self.grid)
+
+    @property
+    def covered_by(self) -> str | None:
+        """The needle above it."""
+        return next(needle.covered_by for needle in self.gauge.needles if needle.name == self.name)
+
+
+def readings_of(found: Found, needles: list[Needle], place_sigmas_deg: Floats) -> list[dict[str, Reading]]:
+    """By frame the readings by needle.
+
+    Parameters
+    ----------
+    found
+        (F, K).
+    place_sigmas_deg
+        (F, K): what the readings are uncertain by because the places of their dials are.
+    """
+    steps_deg = np.array([needle.grid.step_deg for needle in needles])
+    starts_deg = np.array([needle.grid.start_deg for needle in needles])
+    firsts_deg = np.array([needle.gauge.sweep[0] for needle in needles])
+    is_round = np.array([needle.gauge.is_round for needle in needles])
+    angles_deg = starts_deg + found.row * steps_deg
+    angles_deg = np.where(is_round, firsts_deg + (angles_deg - firsts_deg) % FULL_CIRCLE_DEG, angles_deg)
+    sigmas_deg = np.hypot(found.sigma_rows * steps_deg, place_sigmas_deg)
+    names = [needle.name for needle in needles]
+    columns = (found.status.tolist(), angles_deg.tolist(), sigmas_deg.tolist(), found.score.tolist())
+    return [
+        {
+            name: Reading(STATUSES[status], angle_deg, sigma_deg, score)
+            for name, status, angle_deg, sigma_deg, score in zip(names, *own, strict=True)
+        }
+        for own in zip(*columns, strict=True)
+    ]

@@ -1,0 +1,254 @@
+"""Needle lines: how far a needle is turned out of the radius, which tells of the pivot around which it turns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.imaging.sorting import MAD_TO_SIGMA, median
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import (
+    APART_DEG,
+    FRAMES_TO_LEARN,
+    HUBER_SPREADS,
+    MAX_CONDITION,
+    MIN_PLACES,
+    MISSING_PX,
+    MISSING_SPREADS,
+)
+from decoder.matching.fitting import PHASE_REACH, phases_of
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.strips import rows_at, rows_of_each
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.registration.placement import PRIOR_LIFT, PRIOR_PX, UNKNOWN, Pivot, across
+
+# Passes of robust least squares.
+ROBUST_PASSES = 4
+# What tilts claim to scatter counts for as much as so many tilts.
+CLAIM_COUNTS = 2
+# Where each dial is found by itself, errors of its place that all frames share do not scatter.
+PLACED_SCALE = 0.8
+# Uneven light and marks that are not quite known tilt a needle by about this, pixels.
+TILT_FLOOR_PX = 0.03
+
+
+SeenGauge = tuple[UnwrappedGauge, Mapping[str, Reading], tuple[float, float]]
+"""A gauge in one frame, unwrapped; what was read of it, and how far its dial lies from where anchors have it, px."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tilt:
+    """How far one needle in one frame is turned out of the radius, and where its dial stood against the anchors.
+
+    A needle `kappa_px` beside the point around which the dial is unwrapped appears `kappa_px / r` radians further on
+    at radius r. It is relative to the needle's template.
+    """
+
+    needle: str
+    angle_deg: float
+    kappa_px: float
+    sigma_px: float
+    dial_shift_px: tuple[float, float] = (0.0, 0.0)
+
+
+def tilts_of(
+    gauge: Gauge,
+    grid: PolarGrid,
+    face: UnwrappedGauge,
+    templates: Mapping[str, NeedleTemplate],
+    frames: Sequence[SeenGauge],
+) -> list[Tilt]:
+    """Return the tilts of a gauge's needles where they stand alone."""
+    tilts = []
+    for needle in gauge.needles:
+        alone = [
+            (strip, readings[needle.name].angle_deg, shift)
+            for strip, readings, shift in frames
+            if _stands_alone(needle.name, gauge, readings, templates)
+        ]
+        template = templates[needle.name]
+        rows = [_window(angle_deg, grid, template) for _, angle_deg, _ in alone]
+        whole = [index for index, own in enumerate(rows) if own[0] >= 0 and own[-1] <= grid.rows - 1]
+        if whole:
+            windows = np.stack([rows[index] for index in whole])
+            cuts = rows_of_each([alone[index][0] for index in whole], windows)
+            found = _tilts(cuts, windows, face, grid, template)
+            tilts += [
+                Tilt(needle.name, alone[index][1], *tilt, alone[index][2])
+                for index, tilt in zip(whole, found, strict=True)
+                if tilt is not None
+            ]
+    return tilts
+
+
+def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
+    """Fit the pivot that explains the tilts best: robust least squares, each needle with a tilt of its own."""
+    names = sorted({tilt.needle for tilt in tilts})
+    names = [name for name in names if sum(tilt.needle == name for tilt in tilts) >= FRAMES_TO_LEARN]
+    tilts = [tilt for tilt in tilts if tilt.needle in names]
+    if not tilts:
+        return UNKNOWN
+    own = np.array([[tilt.needle == name for name in names] for tilt in tilts], np.float64)
+    beside = across(np.array([tilt.angle_deg for tilt in tilts]))
+    shifts = np.array([tilt.dial_shift_px for tilt in tilts])
+    lifted = (beside * (shifts - shifts.mean(axis=0))).sum(axis=1, keepdims=True)
+    rows = np.concatenate([beside, own, lifted], axis=1)
+    seen = np.array([tilt.kappa_px for tilt in tilts])
+    sigma = np.hypot([tilt.sigma_px for tilt in tilts], TILT_FLOOR_PX)
+    prior = np.diag([1 / PRIOR_PX**2] * 2 + [1e-6] * len(names) + [1 / PRIOR_LIFT**2])
+    weights = 1 / sigma**2
+    for _ in range(ROBUST_PASSES):
+        normal = rows.T @ (weights[:, None] * rows) + prior
+        solution = np.linalg.solve(normal, rows.T @ (weights * seen))
+        spreads = np.abs(seen - rows @ solution) / sigma
+        scale = _scale(spreads, len(seen) - len(solution), least=PLACED_SCALE if shifts.any() else 0.0)
+        weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
+    covariances = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)
+    covariance = covariances[:2, :2]
+    if _places(tilts) < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
+        covariance = covariance + np.outer(solution[:2], solution[:2])
+    left = seen - rows @ solution
+    scatter_px2 = (MAD_TO_SIGMA * float(median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
+    own_px2 = float(median(np.array([tilt.sigma_px for tilt in tilts]))) ** 2
+    return Pivot(
+        offset_px=(float(solution[0]), float(solution[1])),
+        covariance_px2=covariance,
+        lift=float(solution[-1]),
+        lift_sigma=math.sqrt(float(covariances[-1, -1])),
+        scatter_px2=scatter_px2 - own_px2,
+        tilts=len(left),
+        own_px=dict(zip(names, solution[2:-1].tolist(), strict=True)),
+        alone_px=(float(solution[0]), float(solution[1])),
+    )
+
+
+def _places(tilts: Sequence[Tilt]) -> int:
+    """In how many places, well apart, the needles stood."""
+    count = 0
+    last = ("", -math.inf)
+    for needle, angle_deg in sorted((tilt.needle, tilt.angle_deg) for tilt in tilts):
+        if needle != last[0] or angle_deg - last[1] > APART_DEG:
+            count += 1
+            last = (needle, angle_deg)
+    return count
+
+
+def _scale(spreads: Floats, freedoms: int, *, least: float) -> float:
+    """By how much tilts scatter more than they claim, or less: then their claims count beside what they do."""
+    scale = MAD_TO_SIGMA * float(median(spreads))
+    if scale < 1.0:
+        known = max(freedoms, 0)
+        fitted = len(spreads) / max(known, 1)  # what is left is the less, the more was fitted
+        scale = math.sqrt((CLAIM_COUNTS + known * fitted * scale**2) / (CLAIM_COUNTS + known))
+    return max(scale, least)
+
+
+def tilt_of(
+    name: str,
+    strip: UnwrappedGauge,
+    readings: Mapping[str, Reading],
+    gauge: Gauge,
+    grid: PolarGrid,
+    *,
+    face: UnwrappedGauge,
+    templates: Mapping[str, NeedleTemplate],
+) -> Tilt | None:
+    """One needle's in one frame; None where it does not stand alone, or has no direction."""
+    if not _stands_alone(name, gauge, readings, templates):
+        return None
+    angle_deg = readings[name].angle_deg
+    window = _window(angle_deg, grid, templates[name])
+    if window[0] < 0 or window[-1] > grid.rows - 1:
+        return None
+    (tilt,) = _tilts(rows_at(strip, window)[None], window[None], face, grid, templates[name])
+    return None if tilt is None else Tilt(name, angle_deg, *tilt)
+
+
+def _stands_alone(
+    name: str, gauge: Gauge, readings: Mapping[str, Reading], templates: Mapping[str, NeedleTemplate]
+) -> bool:
+    """Whether a needle was read whole, with no other near enough to reach into its template."""
+    own = readings[name]
+    reach_deg = templates[name].rows * templates[name].step_deg / 2
+    return own.status is Status.READ and all(
+        readings[other.name].status is not Status.MISSING
+        and abs(readings[other.name].angle_deg - own.angle_deg) > reach_deg + templates[other.name].half_width_deg
+        for other in gauge.needles
+        if other.name != name
+    )
+
+
+def _window(angle_deg: float, grid: PolarGrid, template: NeedleTemplate) -> Floats:
+    """(H,): the fractional rows of a template with its axis at an angle."""
+    rows: Floats = (angle_deg - grid.start_deg) / grid.step_deg + np.arange(template.rows) - (template.rows - 1) / 2
+    return rows
+
+
+def _tilts(
+    cuts: Floats, windows: Floats, face: UnwrappedGauge, grid: PolarGrid, template: NeedleTemplate
+) -> list[tuple[float, float] | None]:
+    """Kappa and its spread by least squares of the pixels around M readings for gain, offset, shift and tilt.
+
+    `cuts` are (M, H, C), from the gauge's fractional rows `windows`, (M, H).
+    """
+    behind = rows_of_each([face] * len(cuts), windows)
+    phases = phases_of(template)
+    (light, light_slope), (transparency, transparency_slope) = (
+        phases.light[PHASE_REACH],
+        phases.transparency[PHASE_REACH],
+    )
+    rows = np.empty((len(cuts), 5, *template.pixels.shape))
+    rows[:, 0] = light + transparency * behind
+    rows[:, 1] = 1.0
+    rows[:, 2] = light_slope + transparency_slope * behind
+    np.multiply(rows[:, 2], math.degrees(1.0) / grid.step_deg / grid.radii_px, out=rows[:, 3])
+    rows[:, 4] = cuts
+    weights = template.trust.ravel().astype(np.float64)
+    flat = rows.reshape(len(cuts), 5, -1)
+    moments = (flat * weights) @ flat.transpose(0, 2, 1)
+    return _solved(moments, float(weights.sum()), grid.pixels_per_sample)
+
+
+def _solved(moments: Floats, total: float, pixels_per_sample: float) -> list[tuple[float, float] | None]:
+    """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (M, 5, 5)."""
+    normal, right = moments[:, :4, :4], moments[:, :4, 4]
+    tells = np.linalg.cond(normal) <= MAX_CONDITION
+    inverse = np.linalg.inv(np.where(tells[:, None, None], normal, np.eye(4)))
+    solution = (inverse @ right[..., None])[..., 0]
+    gain = solution[:, 0]
+    tells &= gain > 0
+    noise = np.maximum(moments[:, 4, 4] - (solution * right).sum(axis=1), 0.0) / total
+    gain = np.where(tells, gain, 1.0)
+    sigma = np.sqrt(noise * np.maximum(inverse[:, 3, 3], 0.0) / pixels_per_sample) / gain
+    found = zip((solution[:, 3] / gain).tolist(), sigma.tolist(), tells.tolist(), strict=True)
+    return [(kappa_px, sigma_px) if known else None for kappa_px, sigma_px, known in found]
+
+
+def with_lines_checked(
+    strip: UnwrappedGauge,
+    readings: Mapping[str, Reading],
+    gauge: Gauge,
+    grid: PolarGrid,
+    *,
+    face: UnwrappedGauge,
+    templates: Mapping[str, NeedleTemplate],
+    pivot: Pivot,
+) -> dict[str, Reading]:
+    """Mark a needle whose line misses its pivot by far as `edge`: it was seen in part, or not as it is."""
+    checked = dict(readings)
+    for name, own_px in pivot.own_px.items():
+        tilt = tilt_of(name, strip, readings, gauge, grid, face=face, templates=templates)
+        if tilt is None:
+            continue
+        reading = readings[name]
+        miss_px = abs(tilt.kappa_px - own_px - float(across(np.array([reading.angle_deg]))[0] @ pivot.alone_px))
+        spread_px = math.hypot(tilt.sigma_px, TILT_FLOOR_PX, math.sqrt(max(pivot.scatter_px2, 0.0)))
+        if miss_px > max(MISSING_SPREADS * spread_px, MISSING_PX):
+            sigma_deg = math.hypot(reading.sigma_deg, math.degrees(miss_px / (sum(gauge.radius) / 2)))
+            checked[name] = Reading(Status.EDGE, reading.angle_deg, sigma_deg, reading.score)
+    return checked

@@ -1,0 +1,215 @@
+"""The panel reader: one frame in, the readings of all needles out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import islice
+
+import numpy as np
+
+from decoder.imaging.alignment import Point
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
+from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.instruments.appearance import Appearance
+from decoder.instruments.kinds import InstrumentReaders
+from decoder.instruments.method import Method
+from decoder.instruments.needle_lines import with_lines_checked
+from decoder.instruments.reading import FrameReadings, Reading, Status
+from decoder.instruments.sampling import Samples
+from decoder.instruments.thresholds import SURE_SCORE
+from decoder.panel.errors import PictureError
+from decoder.registration.aligner import Aligner
+from decoder.registration.frame_placer import FramePlacer, Taken, UnwrappedFrame, UnwrappedPanel
+from decoder.registration.placement import Placement, PlaceUncertainty
+
+
+@dataclass(frozen=True)
+class PanelReader:
+    """Reads frames with one panel; keeps nothing from frame to frame.
+
+    Attributes
+    ----------
+    drawn
+        The panel, its grids, and the panel picture on them.
+    placement
+        Where the panel and its dials are, as far as the flight has told.
+    placer
+        Tells where the panel lies in frames.
+    instruments
+        Read what it shows, by what the flight has told of its looks.
+    block
+        Memory for frames.
+    """
+
+    drawn: UnwrappedPanel
+    placement: Placement
+    placer: FramePlacer
+    instruments: InstrumentReaders
+    block: PictureBlock = field(default_factory=PictureBlock)
+
+    @classmethod
+    def of(
+        cls,
+        source: PanelPictures,
+        method: Method,
+        appearance: Appearance,
+        placement: Placement,
+        drawn: UnwrappedPanel | None = None,
+    ) -> PanelReader:
+        """Return the reader of a panel; `drawn` is the same panel with its grids, if it is at hand.
+
+        Raises
+        ------
+        PanelError
+            If an anchor or the level edge does not fit the panel picture.
+        """
+        drawn = drawn or UnwrappedPanel(source)
+        instruments = InstrumentReaders(drawn.source.panel.gauges, drawn.unwrapper, appearance, method)
+        return cls(drawn, placement, FramePlacer(drawn, placement), instruments)
+
+    def with_appearance(self, appearance: Appearance) -> PanelReader:
+        """Return the same reader with another appearance."""
+        return replace(self, instruments=self.instruments.with_appearance(appearance), block=PictureBlock())
+
+    def with_placement(self, placement: Placement) -> PanelReader:
+        """Return the same reader with another placement."""
+        is_same = placement.searches_as(self.placement)
+        placer = self.placer if is_same else FramePlacer(self.drawn, placement)
+        return replace(self, placement=placement, placer=placer, block=PictureBlock())
+
+    @property
+    def source(self) -> PanelPictures:
+        """The panel and its pictures."""
+        return self.drawn.source
+
+    @property
+    def appearance(self) -> Appearance:
+        """What its instruments look like."""
+        return self.instruments.appearance
+
+    @property
+    def method(self) -> Method:
+        """How needles are found."""
+        return self.instruments.method
+
+    @property
+    def grids(self) -> list[PolarGrid]:
+        """By gauge."""
+        return self.drawn.grids
+
+    @property
+    def own_gauges(self) -> list[UnwrappedGauge]:
+        """The gauges of the panel picture, unwrapped."""
+        return self.drawn.gauges
+
+    @property
+    def aligner(self) -> Aligner:
+        """Tells where the panel as a whole lies in frames."""
+        return self.placer.aligner
+
+    @cached_property
+    def _places(self) -> PlaceUncertainty:
+        return PlaceUncertainty(self.source, self.placement)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the panel leaves wanting, a sentence each."""
+        return tuple(filter(None, [self.aligner.shortcoming, self.source.optics.shortcoming]))
+
+    def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
+        """Return a frame aligned and unwrapped; `focal_length_mm` is its own, if it tells.
+
+        Raises
+        ------
+        PictureError
+            If the frame is of another shape than the panel picture, or the panel is not found in it.
+        """
+        (unwrapped,) = self.placer.unwrap_many([FramePicture(frame, focal_length_mm)])
+        if isinstance(unwrapped, PictureError):
+            raise unwrapped
+        return unwrapped
+
+    def read(self, frames: Iterable[Taken]) -> list[FrameReadings | PictureError]:
+        """Read each frame, or tell why it cannot be; to the bit the same whatever the frames beside it."""
+        placed = self.placer.placed(frames)
+        there = [one for one in placed if not isinstance(one, PictureError)]
+        sampler = self.instruments.sampler
+        samples = [
+            sampler.of_unwrapped(frame.gauges) if frame.gauges else sampler.of_frame(picture, frame.alignment)
+            for picture, frame in there
+        ]
+        read = iter(self._readings([frame for _, frame in there], samples))
+        return [one if isinstance(one, PictureError) else next(read) for one in placed]
+
+    def read_unwrapped(self, frames: Sequence[UnwrappedFrame]) -> list[FrameReadings]:
+        """Read frames that are unwrapped already."""
+        return self._readings(frames, [self.instruments.sampler.of_unwrapped(frame.gauges) for frame in frames])
+
+    def _readings(self, frames: Sequence[UnwrappedFrame], samples: Sequence[Samples]) -> list[FrameReadings]:
+        """Return what is read of each frame, as uncertain as the places of its dials make it."""
+        sigmas_px = self._places.sigmas_px([frame.alignment for frame in frames])
+        for sigma_px, frame in zip(sigmas_px, frames, strict=True):
+            if frame.dial_sigmas_px:
+                sigma_px[:] = frame.dial_sigmas_px
+        radii_px = np.array([sum(gauge.radius) / 2 for gauge in self.source.panel.gauges])
+        readings = self.instruments.read(samples, [frame.whole for frame in frames], np.degrees(sigmas_px / radii_px))
+        return [
+            FrameReadings(frame.alignment, self._checked(frame, own), self._needle_shifts_px(frame))
+            for frame, own in zip(frames, readings, strict=True)
+        ]
+
+    def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
+        """By needle its reading; doubted needles that do not match well are missing."""
+        checked = dict(readings)
+        gauges, seen = self.source.panel.gauges, self.appearance
+        # Where dials are found by themselves, each needle's line is held against its pivot.
+        for gauge, grid, face, pivot, strip in zip(
+            gauges, self.grids, seen.faces, self.placement.pivots, frame.gauges, strict=False
+        ):
+            checked |= with_lines_checked(strip, checked, gauge, grid, face=face, templates=seen.templates, pivot=pivot)
+        for name in seen.doubted:
+            if checked[name].score < SURE_SCORE:
+                checked[name] = replace(checked[name], status=Status.MISSING)
+        return checked
+
+    def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
+        """How far the needles of each gauge lie from where the alignment has them: their dial's shift, and the lift."""
+        shifts_px = unwrapped.dial_shifts_px
+        if not shifts_px:
+            return ()
+        lifts = self.placement.lifts or (0.0,) * len(self.grids)
+        return tuple((x * (1.0 + lift), y * (1.0 + lift)) for (x, y), lift in zip(shifts_px, lifts, strict=False))
+
+
+def read_picture(reader: PanelReader, picture: GreyPicture, focal_length_mm: float | None = None) -> FrameReadings:
+    """Read one frame: a batch of one.
+
+    Raises
+    ------
+    PictureError
+        As `PanelReader.unwrap`.
+    """
+    (read,) = reader.read([FramePicture(picture, focal_length_mm)])
+    if isinstance(read, PictureError):
+        raise read
+    return read
+
+
+def taken(frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> Iterator[FramePicture | TopOfFrame]:
+    """Return the frames of a sample, those without a focal length too."""
+    return (FramePicture(frame) if isinstance(frame, np.ndarray) else frame for frame in frames)
+
+
+def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> list[UnwrappedFrame]:
+    """Those of the frames that can be aligned, unwrapped."""
+    sampled = taken(frames)
+    height, width = reader.source.picture.shape
+    samples: list[UnwrappedFrame] = []
+    while batch := tuple(islice(sampled, batch_frames((width, height)))):
+        # what is not found is reported when the flight is read
+        samples += [one for one in reader.placer.unwrap_many(batch) if not isinstance(one, PictureError)]
+    return samples

@@ -1,0 +1,62 @@
+"""A reading: one needle in one frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from decoder.imaging.alignment import Alignment, Point
+
+
+class Status(StrEnum):
+    """How a value came about; there is no value without one."""
+
+    READ = "read"
+    """The whole needle matched."""
+    EDGE = "edge"
+    """Another needle covers it in part; what is left matched."""
+    HIDDEN = "hidden"
+    """Another needle covers it wholly; it takes that needle's place."""
+    INTERPOLATED = "interpolated"
+    """It could not be read; its value lies on the line between the nearest frames in which it could."""
+    MISSING = "missing"
+    """There is no value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One needle in one frame, before time is considered.
+
+    Attributes
+    ----------
+    status
+        READ, EDGE, HIDDEN, or MISSING where the score stays below the threshold.
+    angle_deg, sigma_deg
+        Where the needle points and the standard uncertainty of that; of the best match even if it is MISSING.
+    score
+        NCC of the match, in [-1, 1].
+    """
+
+    status: Status
+    angle_deg: float
+    sigma_deg: float
+    score: float
+
+    def in_place_within(self, sigma_deg: float) -> Reading:
+        """Return the same of a dial whose place is so uncertain, seen from its pivot."""
+        return Reading(self.status, self.angle_deg, math.hypot(self.sigma_deg, sigma_deg), self.score)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameReadings:
+    """One frame's alignment, and its readings by needle.
+
+    `dial_shifts_px` are how far the needles of dials that were found by themselves lie from where the alignment has
+    them, (x, y) in the panel picture's pixels, in the panel's order; empty where all lie where it says.
+    """
+
+    alignment: Alignment
+    readings: Mapping[str, Reading]
+    dial_shifts_px: Sequence[Point] = ()

@@ -1,0 +1,163 @@
+"""Sampling: the grey levels of a panel's unwrapped gauges, straight from a frame's own pixels, as they are asked for.
+
+The samples of all gauges are numbered through, gauge by gauge, row by row; so a number means the same place in every
+frame. Those that are searched are taken at once, the others as windows are looked at.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.alignment import Alignment
+from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.resampling import PointMap, levels_at
+from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
+from decoder.instruments.thresholds import AT_HAND_PX
+from decoder.matching.searching import interleave_rows
+from decoder.panel.arrays import Floats, Indices
+
+Levels = NDArray[Any]
+"""Grey levels, whole ones where a frame is sampled."""
+
+
+class Samples(Protocol):
+    """The samples of one frame."""
+
+    searched: Levels
+    """(S,) float32 or uint8: of each gauge what is searched, as `searching.interleave_rows` has it."""
+
+    def runs(self, first: Indices, size: int) -> Levels:
+        """(len(first), size): from each of these numbers on so many samples."""
+        ...
+
+    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
+        """(R, C): a whole gauge, by the number of its first sample."""
+        ...
+
+
+class GaugeSampler:
+    """Samples the gauges of one panel; `searched` are those that are searched, by their places in the panel.
+
+    Attributes
+    ----------
+    first
+        By gauge the number of its first sample.
+    shapes
+        By gauge its rows and columns.
+    """
+
+    def __init__(self, unwrapper: Unwrapper, searched: Sequence[int]) -> None:
+        self._unwrapper = unwrapper
+        self.searched = tuple(searched)
+        self.shapes = [(grid.rows, grid.columns) for grid in unwrapper.grids]
+        self.first: list[int] = np.cumsum([0, *(rows * columns for rows, columns in self.shapes)]).tolist()
+        self._is_flat = all(grid.raised is None for grid in unwrapper.grids)
+        parts = [interleave_rows(self._numbers(index)) for index in self.searched]
+        self.searched_shapes = [own.shape for own in parts]
+        ends = np.cumsum([0, *(own.size for own in parts)]).tolist()
+        self.searched_parts = [slice(first, end) for first, end in pairwise(ends)]
+
+    def _numbers(self, index: int) -> Indices:
+        return np.arange(self.first[index], self.first[index + 1]).reshape(self.shapes[index])
+
+    def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Samples:
+        """Sample a frame where the panel lies in it; needles that stand above their dials move with the camera."""
+        if not self._is_flat:
+            return self.of_unwrapped(self._unwrapper.unwrap(frame, alignment))
+        if not self.searched:
+            return _FrameSamples(self._points, frame, alignment, np.empty(0, np.uint8))
+        places = self._map.places(alignment)
+        for left, top, right, bottom in places.reshape(-1)[self._ends].astype(np.intp).tolist():
+            # Points around a dial lie scattered in memory, each to be waited for: row by row the processor reads ahead.
+            frame[top : bottom + 2, left : right + 2].copy()
+        searched = levels_at(frame, places)[: self._map.slices[-1].stop]
+        return _FrameSamples(self._points, frame, alignment, searched)
+
+    def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Samples:
+        """Take all samples from a frame's unwrapped gauges, in the panel's order."""
+        return _UnwrappedSamples(gauges, self.first, self.searched)
+
+    def strips(self, frames: Sequence[Samples], index: int) -> Floats:
+        """Unwrap one gauge from frames: (F, R, C) float32."""
+        first, shape = self.first[index], self.shapes[index]
+        strips: Floats = np.stack([frame.strip(first, shape) for frame in frames]).astype(np.float32)
+        return strips
+
+    @cached_property
+    def _points(self) -> Floats:
+        return self._unwrapper.points(range(len(self.shapes)))
+
+    @cached_property
+    def _map(self) -> PointMap:
+        return PointMap.of([self._points[interleave_rows(self._numbers(index)).ravel()].T for index in self.searched])
+
+    @cached_property
+    def _ends(self) -> Indices:
+        return _ends(self._map.folded.reshape(-1, 2), self._map.slices)
+
+
+class _FrameSamples:
+    def __init__(self, points: Floats, frame: GreyPicture, alignment: Alignment, searched: Levels) -> None:
+        self._points, self._frame, self._alignment = points, frame, alignment
+        self.searched = searched
+
+    def runs(self, first: Indices, size: int) -> Levels:
+        places = self._alignment.places(_runs(self._points, size)[first])
+        return levels_at(self._frame, places).reshape(-1, size)
+
+    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
+        rows, columns = shape
+        return self.runs(first + columns * np.arange(rows), columns)
+
+
+class _UnwrappedSamples:
+    """`first` are the numbers of the gauges' first samples."""
+
+    def __init__(self, gauges: Sequence[UnwrappedGauge], first: Sequence[int], searched: Sequence[int]) -> None:
+        self._gauges, self._first = [gauge.ravel() for gauge in gauges], first
+        parts = [interleave_rows(gauges[index]).ravel() for index in searched]
+        self.searched = np.concatenate(parts) if parts else np.empty(0, np.float32)
+
+    def runs(self, first: Indices, size: int) -> Levels:
+        runs = np.empty((len(first), size), np.float32)
+        for run, number in zip(runs, first.tolist(), strict=True):
+            index = bisect_right(self._first, number) - 1
+            start = number - self._first[index]
+            run[:] = self._gauges[index][start : start + size]
+        return runs
+
+    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
+        return self._gauges[self._first.index(first)].reshape(shape)
+
+
+def _ends(points: Floats, parts: Sequence[slice]) -> Indices:
+    """(N, 4): of boxes around points (M, 2), which of their numbers are the left, top, right and bottom ends.
+
+    Parts side by side share a box; there are none where they hold more pixels than stay at hand.
+    """
+    boxes: list[Indices] = []
+    for part in sorted(parts, key=lambda part: float(points[part, 1].min())):
+        own = np.arange(part.start, part.stop)
+        if boxes and points[own, 1].min() <= points[boxes[-1], 1].max():
+            boxes[-1] = np.concatenate([boxes[-1], own])
+        else:
+            boxes.append(own)
+    first = [own[points[own].argmin(axis=0)] for own in boxes]
+    last = [own[points[own].argmax(axis=0)] for own in boxes]
+    ends = 2 * np.hstack([first, last]) + [0, 1, 0, 1]
+    left, top, right, bottom = points.reshape(-1)[ends].T
+    return ends if ((right - left) * (bottom - top)).sum() <= AT_HAND_PX else ends[:0]
+
+
+def _runs(values: Levels, size: int) -> Levels:
+    """(N - size + 1, size, ...): a view on (N, ...) that shows for each of them the next so many."""
+    stride, *others = values.strides
+    shape = (len(values) - size + 1, size, *values.shape[1:])
+    return np.ndarray(shape, values.dtype, values, strides=(stride, stride, *others))

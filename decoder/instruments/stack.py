@@ -1,0 +1,266 @@
+"""Stacks: several needles on one dial, read by what is known of all the others, in many frames at once.
+
+An altimeter has such needles, or a clock; and a pair is read so where its needles cannot be told one after the other.
+Each needle is searched for with those below it drawn over the face that lies behind it, and without the pixels of
+those above it. As better places of one make better places of the others, this is done a few times over, from the
+uppermost needle down.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from decoder.imaging.unwrapping import PolarGrid, needle_places, opposite_rows, same_rows
+from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
+from decoder.instruments.thresholds import (
+    CLEAR_SCORE,
+    CLEARLY_WORSE,
+    LIKELY_SCORE,
+    SURE_SCORE,
+)
+from decoder.matching.correlation import face_moments, partial_normxcorr
+from decoder.matching.fitting import Fits, WindowFitter, settle
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.searching import COARSE_STEP, thinned
+from decoder.matching.strips import blocks_of, rows_at
+from decoder.matching.thresholds import HALF, MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
+from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.panel.scale import shortest
+
+ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Where one needle seems to be in F frames, how surely, and how much of its contrast shows; (F,) each.
+
+    `rival` is its next best score; `under` the number of the needle below which nothing would show of it, if there is
+    just one place for that, else -1; and `reach_rows` how far from that it would still not show.
+    """
+
+    row: Floats
+    sigma_rows: Floats
+    score: Floats
+    visible: Floats
+    rival: Floats
+    under: Indices
+    reach_rows: Floats
+
+    @property
+    def is_sure(self) -> Mask:
+        """Whether what shows of the needle matches well enough, and nowhere else."""
+        needed = np.where(self.visible >= HALF, SCORE_THRESHOLD, SURE_SCORE)
+        alone = 1.0 - np.maximum(self.rival, 0.0) ** 2 > CLEARLY_WORSE * (1.0 - np.minimum(self.score, 1.0) ** 2)
+        sure: Mask = (self.visible >= MIN_VISIBLE) & (self.score >= needed) & alone
+        return sure
+
+    @property
+    def is_likely(self) -> Mask:
+        """Whether it is taken into account when the others are read."""
+        likely: Mask = self.score >= LIKELY_SCORE
+        return likely
+
+
+class StackReader:
+    """Reads the needles of one gauge, in their order in the panel."""
+
+    def __init__(self, needles: Sequence[Needle]) -> None:
+        first = needles[0]
+        self._grid, self._face, self._turn_rows = first.grid, first.face, first.turn_rows
+        self._allowed = first.allowed
+        names = [needle.name for needle in needles]
+        self._above = [_all_above(needles, names, index) for index in range(len(needles))]
+        self._order = sorted(range(len(needles)), key=lambda index: len(self._above[index]))
+        self._templates = [_without_dial(needle.template, first.grid) for needle in needles]
+        self._coarse = [thinned(template) for template in self._templates]
+        self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
+        self._axes = [needle.axis for needle in needles]
+        self._half_widths_rows = [needle.half_width_rows for needle in needles]
+
+    def read(self, strips: Floats) -> Found:
+        """Find the needles on a gauge in F frames, (F, R, C) float32: (F, K)."""
+        places: dict[int, _Places] = {}
+        for _ in range(ROUNDS):
+            for index in self._order:
+                places[index] = self._placed(strips, index, places)
+        found = Found.missing((len(strips), len(self._templates)))
+        for index in self._order:
+            found.put((slice(None), index), self._found(strips, index, places))
+        return found
+
+    def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
+        """Find the best places for one needle, the others where they seem to be."""
+        others = {other: place for other, place in places.items() if other != index}
+        behind = self._drawn(
+            strips, [o for o in reversed(self._order) if o in others and o not in self._above[index]], others
+        )
+        masks = np.ones(strips.shape, np.float32)
+        for other in self._above[index]:
+            if other in others:
+                touched = self._templates[other].touched
+                for frame in np.flatnonzero(others[other].is_likely).tolist():
+                    row = float(others[other].row[frame])
+                    masks[frame, needle_places(self._grid, touched, row, self._turn_rows)] = 0.0
+        rows, scores, visible = self._searched(strips, behind, masks, index)
+        under, reach_rows = self._hiding_places(rows, visible, index, others)
+        allowed = self._allowed[rows]
+        scores = np.where(allowed & (visible >= MIN_VISIBLE), scores, 0.0)
+        every, best = np.arange(len(strips)), scores.argmax(axis=1)
+        axis, height, windows = (
+            self._axes[index],
+            2 * self._axes[index] + 1,
+            blocks_of(strips, 2 * self._axes[index] + 1),
+        )
+
+        def fit(open_: Indices, at: Indices, guess_rows: Floats) -> Fits:
+            top = at - axis
+            masked, faces = blocks_of(masks, height)[open_, top], blocks_of(behind, height)[open_, top]
+            return self._fitters[index].fit(windows[open_, top], faces, guess_rows, masks=masked)
+
+        start, top_score = rows[best].astype(np.float64), scores[every, best]
+        half_width = self._half_widths_rows[index]
+        found = settle(fit, start, (axis, strips.shape[1] - axis - 1), half_width)
+        rival = self._elsewhere(rows, scores, start, half_width + MAX_PEAK_ROWS)
+        return _Places(
+            row=np.where(found.is_settled, found.row, start),
+            sigma_rows=np.where(found.is_settled, found.sigma_rows, np.inf),
+            score=np.where(found.is_settled, found.score, np.minimum(top_score, LIKELY_SCORE)),
+            visible=visible[every, best],
+            rival=rival,
+            under=under,
+            reach_rows=reach_rows,
+        )
+
+    def _searched(self, strips: Floats, behind: Floats, masks: Floats, index: int) -> tuple[Indices, Floats, Floats]:
+        """Return the rows (N,) that are searched, the NCC of what shows there, and how much that is: (F, N) each."""
+        template = self._coarse[index]
+        seen, face, mask = (each[:, ::COARSE_STEP, ::COARSE_STEP] for each in (strips, behind, masks))
+        scores, moments = partial_normxcorr(seen, face, template, mask)
+        whole = face_moments(face, template)
+        visible = moments.needle_contrast / np.maximum(whole.needle_contrast, 1e-6)
+        rows = COARSE_STEP * ((template.rows - 1) // 2 + np.arange(scores.shape[1]))
+        return rows, scores, visible
+
+    def _hiding_places(
+        self, rows: Indices, visible: Floats, index: int, others: dict[int, _Places]
+    ) -> tuple[Indices, Floats]:
+        """Return which needle above can hide this one wholly, and how far from its axis this one's can then be."""
+        under, reach_rows = np.full(len(visible), -1), np.zeros(len(visible))
+        first = np.zeros(len(visible))
+        shows = np.where(self._allowed[rows] & (visible >= MIN_VISIBLE), rows, np.inf)
+        clash = np.zeros(len(visible), bool)
+        for other in self._above[index]:
+            if other not in others:
+                continue
+            row = others[other].row
+            at = limited(np.rint((row - rows[0]) / COARSE_STEP), 0, len(rows) - 1).astype(np.intp)
+            hides = others[other].is_likely & (visible[np.arange(len(visible)), at] < MIN_VISIBLE)
+            reach = np.abs(shows - row[:, None]).min(axis=1)
+            reach = np.where(hides, np.where(np.isfinite(reach), reach, len(self._allowed)), 0.0)
+            reach_rows = np.maximum(reach_rows, reach)
+            clash |= hides & (under >= 0) & (np.abs(shortest(row - first, self._turn_rows)) > reach_rows)
+            first = np.where(hides & (under < 0), row, first)
+            under = np.where(hides & (under < 0), other, under)
+        return np.where(clash, -1, under), reach_rows
+
+    def _elsewhere(self, rows: Indices, scores: Floats, best: Floats, reach_rows: float) -> Floats:
+        """Return the highest peak of the scores (F, N) that is not this one's."""
+        peaks = np.zeros(scores.shape, bool)
+        peaks[:, 1:-1] = (scores[:, 1:-1] >= scores[:, :-2]) & (scores[:, 1:-1] >= scores[:, 2:])
+        for turn in same_rows(0.0, self._turn_rows):
+            peaks &= np.abs(rows - (best + turn)[:, None]) > reach_rows
+        highest: Floats = scores.max(axis=1, where=peaks, initial=0.0)
+        return highest
+
+    def _drawn(self, strips: Floats, order: Sequence[int], places: dict[int, _Places]) -> Floats:
+        """(F, R, C): the face with those needles drawn on it that are likely, the lowest first."""
+        pictures = np.repeat(self._face[None], len(strips), axis=0)
+        for index in order:
+            template = self._templates[index]
+            light, transparency = template.light, template.transparency
+            for frame in np.flatnonzero(places[index].is_likely).tolist():
+                row = float(places[index].row[frame])
+                for same in same_rows(row, self._turn_rows):
+                    _draw(pictures[frame], light, transparency, same)
+                for opposite in opposite_rows(row, self._grid):
+                    _draw(pictures[frame], light[:, ::-1], transparency[:, ::-1], opposite)
+        return pictures
+
+    def _found(self, strips: Floats, index: int, places: dict[int, _Places]) -> Found:
+        """Judge one needle's places: it must explain, with all the others, what is seen around it."""
+        own = places[index]
+        sure, covered = own.is_sure, own.under >= 0
+        above = [places[other] for other in range(len(self._templates))]
+        cover = [
+            np.stack([getattr(each, name) for each in above]) for name in ("row", "sigma_rows", "score", "is_sure")
+        ]
+        row, sigma_rows, score, cover_sure = (each[own.under, np.arange(len(strips))] for each in cover)
+        looked_at = np.where(sure | ~covered, own.row, row)
+        explained = self._explained(strips, looked_at, self._axes[index], places)
+        read, hidden = sure & explained, ~sure & explained & covered & cover_sure & (score >= CLEAR_SCORE)
+        status = np.where(read, np.where(own.visible >= WHOLE_VISIBLE, READ, EDGE), np.where(hidden, HIDDEN, MISSING))
+        return Found(
+            status,
+            np.where(hidden, row, own.row),
+            np.where(hidden, np.hypot(sigma_rows, own.reach_rows / math.sqrt(3.0)), own.sigma_rows),
+            np.where(hidden, score, own.score),
+        )
+
+    def _explained(self, strips: Floats, rows: Floats, axis: int, places: dict[int, _Places]) -> Mask:
+        """(F,): whether all needles where they seem to be explain what is seen around these rows."""
+        drawn = self._drawn(strips, self._order[::-1], places)
+        windows = [slice(max(row - axis, 0), row + axis + 1) for row in np.rint(rows).astype(int).tolist()]
+        parts = zip(drawn, strips, windows, strict=True)
+        correlations = [_correlation(one[window], other[window]) for one, other, window in parts]
+        return np.array(correlations) >= CLEAR_SCORE
+
+
+def _correlation(one: Floats, other: Floats) -> float:
+    """Correlate two pictures; 0 where either is flat."""
+    one, other = one - one.mean(), other - other.mean()
+    spread = math.sqrt(float((one * one).sum()) * float((other * other).sum()))
+    return float((one * other).sum()) / spread if spread > 0 else 0.0
+
+
+def _without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
+    """Return a template without what lies beyond the needle's tip, where a first picture takes numerals for needle."""
+    axis = (template.rows - 1) // 2
+    covered = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > HALF
+    beyond = np.zeros(grid.columns, bool)
+    tail = grid.tail_columns
+    beyond[tail:] = _beyond_tip(covered[tail:])
+    beyond[:tail] = _beyond_tip(covered[:tail][::-1])[::-1]
+    light = np.where(beyond, 0.0, template.light).astype(np.float32)
+    return replace(template, light=light, transparency=np.where(beyond, 1.0, template.transparency).astype(np.float32))
+
+
+def _beyond_tip(covered: Mask) -> Mask:
+    """(C,): which columns, from the centre outwards, lie beyond a needle that covers its axis in some of them."""
+    bare = ~covered
+    ends = np.flatnonzero(bare[:-2] & bare[1:-1] & bare[2:] & (np.cumsum(covered)[:-2] > 0))
+    first = int(ends[0]) + 1 if ends.size else len(covered)  # the tip's own blurred edge is the needle's
+    return np.arange(len(covered)) >= first
+
+
+def _all_above(needles: Sequence[Needle], names: Sequence[str], index: int) -> tuple[int, ...]:
+    """All needles that turn above one, the next first."""
+    above: list[int] = []
+    cover = needles[index].covered_by
+    while cover is not None:
+        above.append(names.index(cover))
+        cover = needles[above[-1]].covered_by
+    return tuple(above)
+
+
+def _draw(picture: Floats, light: Floats, transparency: Floats, row: float) -> None:
+    """Draw a needle (H, C) with its axis on a row of a picture (R, C)."""
+    rows = len(light)
+    first = math.floor(row) - (rows - 1) // 2
+    start, end = max(first, 0), min(first + rows, len(picture))
+    if start < end:
+        own = np.arange(start, end) - first - (row - math.floor(row))
+        picture[start:end] = rows_at(transparency, own) * picture[start:end] + rows_at(light, own)

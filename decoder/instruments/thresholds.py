@@ -1,0 +1,48 @@
+"""Thresholds of the instruments. "Drawn" is what was found by trial on our own renderings, to be kept by tests there.
+
+| name | value | unit | meaning | source |
+| --- | --- | --- | --- | --- |
+| CLEARLY_WORSE | 2.0 | of unexplained variance | a place that leaves no more than so many times the best may be the needle's | drawn: bugs, tails |
+| DOUBTFUL_WORSE | 6.0 | of unexplained variance | the same beside the needle or right opposite, where scores say less | drawn: bugs, tails |
+| OPPOSITE_REACH_DEG | 4.0 | degrees | so near to a half turn a place is opposite | drawn |
+| MIN_RIVAL | 0.7 | NCC | a place that matches less is no rival | under `SCORE_THRESHOLD` by what a search loses |
+| RIVAL_REACH_DEG | 3.0 | degrees | so near another needle that matches better takes the place | a needle's width |
+| SLACK_ROWS | 1.5 | rows | so far a covering needle may lie from where the search has it | half of the search's step |
+| SATURATED_LEVEL | 245.0 | grey levels | brighter pixels say nothing of what lies below | JPEG rings by some levels around 255 |
+| LIKELY_SCORE | 0.6 | NCC | a needle is taken into account when others are read, a card when it is learned | drawn: altimeters |
+| CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
+| SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
+| MISSING_SPREADS | 5.0 | sigma | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
+| MISSING_PX | 0.5 | pixels | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
+| MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
+| STILL_ROWS | 0.01 | rows | a card that moves less has settled | a tenth of its sigma |
+| FRAMES_TO_LEARN | 5 | frames | so many teach a card, or tell of a needle's pivot | drawn |
+| MIN_TURN_DEG | 20.0 | degrees | only a card that turned by so much tells itself from what stands still | drawn |
+| HUBER_SPREADS | 2.0 | sigma | tilts that are further off count less | Huber: 1.5 to 2 |
+| APART_DEG | 3.0 | degrees | needles further apart lie over other marks | the spacing of marks |
+| MIN_PLACES | 3 | places | beyond one a needle that a pivot must be told by | two unknowns, one to spare |
+| AT_HAND_PX | 2**18 | pixels | as many stay in a processor's cache until they are sampled | measured |
+"""  # noqa: E501 - a table
+
+from __future__ import annotations
+
+CLEARLY_WORSE = 2.0
+DOUBTFUL_WORSE = 6.0
+OPPOSITE_REACH_DEG = 4.0
+MIN_RIVAL = 0.7
+RIVAL_REACH_DEG = 3.0
+SLACK_ROWS = 1.5
+SATURATED_LEVEL = 245.0
+LIKELY_SCORE = 0.6
+CLEAR_SCORE = 0.9
+SURE_SCORE = 0.95
+MISSING_SPREADS = 5.0
+MISSING_PX = 0.5
+MAX_CONDITION = 1e12
+STILL_ROWS = 0.01
+FRAMES_TO_LEARN = 5
+MIN_TURN_DEG = 20.0
+HUBER_SPREADS = 2.0
+APART_DEG = 3.0
+MIN_PLACES = 3
+AT_HAND_PX = 1 << 18

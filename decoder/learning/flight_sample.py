@@ -1,0 +1,239 @@
+"""The sample of a flight that its reader is fitted to, and what it tells of where the camera stands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from decoder.imaging.alignment import Alignment, Matrix, is_rigid
+from decoder.imaging.picture_block import PictureBlock, TopOfFrame
+from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.imaging.sorting import median, median_of
+from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
+from decoder.learning.thresholds import (
+    FEW,
+    IN_PLACE_PX,
+    LOOKED_AT,
+    MIN_SAMPLES,
+    SAMPLE_FRAMES,
+    SIGHTS,
+    STILL_PX,
+)
+from decoder.panel.errors import PictureError
+from decoder.registration.frame_placer import UnwrappedFrame
+from decoder.registration.placement import Placement
+from decoder.registration.sift_localizer import SiftLocalizer
+from flight_file.frame import Frame
+from flight_file.reader import Flight, spread
+
+# Eight pictures of 18 megapixels, or all that are looked at of smaller ones.
+KEPT_BYTES = 144 * 2**20
+
+Taken = FramePicture | TopOfFrame
+
+# Where anchors and dials move against each other, needles tell less of their pivots.
+MORE_FRAMES = 3 * SAMPLE_FRAMES
+
+Sample = Callable[[int], Iterable[GreyPicture | FramePicture | TopOfFrame]]
+"""Gives so many frames, spread over the flight; the same ones each time. Of each the first rows may be all there is."""
+
+
+class FlightSample:
+    """Gives so many frames, spread over the flight; pictures are kept as long as there is room for them.
+
+    Of each frame so many first `rows` as show the panel are decompressed, until more is asked of too many; None if it
+    is not known how many. Room is held back for those that are looked at once more in the end.
+    """
+
+    def __init__(self, flight: Flight, rows: int | None = None, *, kept_bytes: int = KEPT_BYTES) -> None:
+        self._flight = flight
+        self._rows = rows
+        self._too_few = 0
+        self._kept: dict[int, Taken] = {}
+        self._by_rank: dict[int, int] = {}
+        self._room = kept_bytes
+
+    def __call__(self, frames: int) -> Iterator[Taken]:
+        """Give the same frames each time for the same number; those that cannot be opened are left out."""
+        ranks = sorted(spread(self._flight.count(), frames))
+        if all(rank in self._by_rank for rank in ranks):
+            return (self._kept[self._by_rank[rank]] for rank in ranks)
+        return self._read(frames, ranks)
+
+    def given_up(self, frame: Frame) -> Taken | None:
+        """Hand over the picture of a frame, if it was kept, and keep it no longer."""
+        self._by_rank.clear()
+        return self._kept.pop(frame.sequence, None)
+
+    def _read(self, frames: int, ranks: list[int]) -> Iterator[Taken]:
+        """From the file, but for pictures that are kept."""
+        given = []
+        often = spread(self._flight.count(), LOOKED_AT)
+        for rank, frame in zip(ranks, self._flight.sample_frames(frames), strict=False):
+            taken = self._kept.get(frame.sequence)
+            if taken is None:
+                try:
+                    taken = self._decompressed(frame)
+                except PictureError:
+                    continue  # reported when the flight is read
+                self._keep(frame, taken, 0 if rank in often else sum(later > rank for later in often))
+            given.append(frame.sequence)
+            yield taken
+        if len(given) == len(ranks) and all(sequence in self._kept for sequence in given):  # none was left out
+            self._by_rank |= dict(zip(ranks, given, strict=True))
+
+    def _decompressed(self, frame: Frame) -> Taken:
+        focal_length_mm = frame.exif.lens_mm
+        if self._rows is None:
+            return FramePicture(grey_picture(frame.jpeg), focal_length_mm)
+        taken = PictureBlock().frame(frame.jpeg, 0, focal_length_mm, self._rows)
+        return replace(taken, whole=partial(self._whole, frame)) if isinstance(taken, TopOfFrame) else taken
+
+    def _whole(self, frame: Frame) -> FramePicture:
+        """All of a frame whose first rows did not do: if they often do not, no more of them are tried."""
+        self._too_few += 1
+        if self._too_few > FEW:
+            self._rows = None
+        picture = FramePicture(grey_picture(frame.jpeg), frame.exif.lens_mm)
+        if frame.sequence in self._kept:
+            self._room += _size(frame, self._kept[frame.sequence]) - _size(frame, picture)
+            self._kept[frame.sequence] = picture
+        return picture
+
+    def _keep(self, frame: Frame, taken: Taken, held_back: int) -> None:
+        """If there is room for it, and for as many more as it is `held_back` for."""
+        size = _size(frame, taken)
+        if (1 + held_back) * size <= self._room:
+            self._room -= size
+            self._kept[frame.sequence] = taken
+
+
+def _size(frame: Frame, taken: Taken) -> int:
+    """Bytes that a picture keeps in memory: if it is not whole, its JPEG too."""
+    return taken.pixels.nbytes + (len(frame.jpeg) if isinstance(taken, TopOfFrame) else 0)
+
+
+def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list[UnwrappedFrame]]:
+    """Align and unwrap a sample, once it is known where the camera stands and whether dials move."""
+    samples = unwrapped(reader, sample(SAMPLE_FRAMES))
+    usual = None if 2 * len(samples) >= SAMPLE_FRAMES else _first_sight(reader, sample, len(samples))
+    if usual is not None:
+        reader = reader.with_placement(replace(reader.placement, usual=usual))
+        samples = unwrapped(reader, sample(SAMPLE_FRAMES))
+    if _camera_moves(reader, samples):
+        agree = _anchors_agree(reader, samples)
+        one_by_one = reader.with_placement(replace(reader.placement, dials_move=True, anchors_agree=agree))
+        if _dials_move(one_by_one, sample):
+            return one_by_one, unwrapped(one_by_one, sample(frames_wanted(one_by_one.placement)))
+    return reader, samples
+
+
+def with_usual_place(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
+    """Let searches start where the camera mostly was; with too few frames the reader stays as it was."""
+    if len(samples) < MIN_SAMPLES:
+        return reader
+    matrices = _at_panels_zoom(reader, samples)
+    usual = _usual(samples, matrices)
+    placement = replace(
+        reader.placement,
+        usual=usual,
+        motions=_motions(samples, matrices, usual),
+        rows=reader.placer.rows_wanted([sample.alignment for sample in samples]),
+    )
+    return reader.with_placement(placement)
+
+
+def _usual(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix]) -> Alignment:
+    """Take the median alignment, at the panel picture's zoom; a shift and a roll where all others are."""
+    usual = median_of(np.array(matrices))
+    if all(is_rigid(matrix) for matrix in matrices):
+        usual[:2, :2] /= np.hypot(usual[0, 0], usual[1, 0])
+    return Alignment.of(usual, float(median(np.array([sample.alignment.score for sample in samples]))))
+
+
+def _motions(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix], usual: Alignment) -> tuple[Matrix, ...]:
+    """How those samples moved that show most of the panel."""
+    models = [0 if each.alignment.covariance is None else each.alignment.covariance.model for each in samples]
+    there = np.linalg.inv(usual.matrix)
+    most = max(models)
+    return tuple(matrix @ there for matrix, model in zip(matrices, models, strict=True) if model == most)
+
+
+def _at_panels_zoom(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Matrix]:
+    """(3, 3) each: frames' alignments, had they been taken at the panel picture's zoom and size."""
+    optics = reader.aligner.optics
+    kinds = [(sample.focal_length_mm, sample.size_px or optics.size_px) for sample in samples]
+    back = {kind: np.linalg.inv(optics.zoom(*kind)) for kind in dict.fromkeys(kinds)}
+    matrices = [back[kind] @ sample.alignment.matrix for kind, sample in zip(kinds, samples, strict=True)]
+    return [matrix / matrix[2, 2] for matrix in matrices]
+
+
+def frames_wanted(placement: Placement) -> int:
+    """How many frames a sample is to have."""
+    return MORE_FRAMES if placement.dials_move and not placement.anchors_agree else SAMPLE_FRAMES
+
+
+def _pictures(frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> Iterator[FramePicture]:
+    """Decompress the frames of a sample whole."""
+    for frame in taken(frames):
+        try:
+            yield frame.whole() if isinstance(frame, TopOfFrame) else frame
+        except PictureError:
+            continue  # damaged below its first rows: reported when the flight is read
+
+
+def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
+    """Whether the camera stands so far from where the panel picture was taken that depth may show."""
+    height, width = reader.source.picture.shape
+    corners = [(x, y) for x in (0.0, float(width)) for y in (0.0, float(height))]
+    shifts_px = [math.dist(corner, sample.alignment.to_frame(corner)) for sample in samples for corner in corners]
+    return max(shifts_px, default=0.0) > STILL_PX
+
+
+def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
+    """Whether all anchors tell the same, in most frames."""
+    return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
+
+
+def _dials_move(reader: PanelReader, sample: Sample) -> bool:
+    """Whether dials lie elsewhere than the anchors have them, in some of the sampled frames."""
+    shifts_px: list[float] = []
+    frames = 0
+    for frame in _pictures(sample(SAMPLE_FRAMES)):
+        try:
+            shifts = reader.placer.dial_shifts_px(frame.pixels, frame.focal_length_mm)
+        except PictureError:
+            continue
+        shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
+        frames += 1
+        if frames == LOOKED_AT:
+            break
+    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
+
+
+def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
+    """Where the camera stands, by the first frames that first sight makes out; None where it makes out too few."""
+    if 2 * found >= sum(1 for _ in sample(SAMPLE_FRAMES)):
+        return None
+    optics, sight = reader.aligner.optics, SiftLocalizer(reader.source.picture)
+    seen: list[Matrix] = []
+    for frame in _pictures(sample(SAMPLE_FRAMES)):
+        height, width = frame.pixels.shape
+        try:
+            zoom = optics.zoom(frame.focal_length_mm, (width, height))
+        except PictureError:
+            continue  # of another shape, or a zoom that is not calibrated: reported when the flight is read
+        motion = sight.find(frame.pixels)
+        if motion is not None:
+            at_panels_zoom = np.linalg.inv(zoom) @ motion
+            seen.append(at_panels_zoom / at_panels_zoom[2, 2])
+        if len(seen) == SIGHTS:
+            break
+    if not seen:
+        return None
+    apart = [sum(float(np.abs(one - other)[:2, 2].sum()) for other in seen) for one in seen]
+    return Alignment.of(seen[int(np.argmin(apart))], 1.0)

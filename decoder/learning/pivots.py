@@ -1,0 +1,241 @@
+"""Pivots: where the needles of a flight really turn, told by the needles themselves, dial by dial and together.
+
+A needle lies on a line through its pivot. If the dial is unwrapped around a point beside the pivot, the needle's inner
+end is turned further than its tip, and how far changes as the needle goes round: over a flight that gives the pivot to
+some hundredths of a pixel, whatever the needle looks like. A pivot that is off by one pixel on a dial 100 pixels wide
+moves readings by a degree and a half to and fro.
+
+The panel picture is one more frame in which all needles' angles are known: by how much a needle's line was turned there
+tells the pivot even if the needle hardly moves in flight. Where it tells little all the same, half a pixel is to be
+feared; but where the other gauges of the panel turn within hundredths of a pixel of where they are drawn, so will it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from decoder.imaging.sorting import median
+from decoder.imaging.unwrapping import PolarGrid, row_of_angle
+from decoder.instruments.appearance import Instrument
+from decoder.instruments.kinds import kind_of
+from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.reading import Reading, Status
+from decoder.learning.thresholds import DRAWN_PX, SEARCHED_PART, SETTLED_LIFT, SETTLED_PX
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.registration.frame_placer import UnwrappedFrame
+from decoder.registration.placement import PRIOR_PX, Pivot
+
+# How carefully a panel may be drawn, pixels; each is as likely as the next before any needle is seen.
+CARES_PX = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+# So many gauges of a panel are drawn with less care than the others, whatever these tell.
+CARELESS_PART = 0.1
+
+Vector = tuple[float, float]
+
+
+def estimate_pivots(
+    reader: PanelReader,
+    samples: Sequence[UnwrappedFrame],
+    found: Sequence[Mapping[str, Reading]],
+    paths: Sequence[PivotPath],
+) -> tuple[Pivot, ...]:
+    """Estimate each gauge's pivot, relative to where it was unwrapped, in the panel's order.
+
+    Parameters
+    ----------
+    samples, found
+        Frames, and by frame the readings of their needles.
+    paths
+        By gauge: how far its pivot was moved already from where it is drawn.
+    """
+    pivots = []
+    parts = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, paths, strict=True)
+    for index, (gauge, grid, face, path) in enumerate(parts):
+        frames = [
+            (sample.gauges[index], readings, sample.dial_shifts_px[index] if sample.dial_shifts_px else (0.0, 0.0))
+            for sample, readings in zip(samples, found, strict=True)
+        ]
+        if not reader.placement.dials_move:  # else the panel picture shows the dial from another side
+            frames.append((reader.own_gauges[index], _drawn_readings(gauge, grid), (0.0, 0.0)))
+        pivot = kind_of(gauge).pivot(Instrument(index, gauge, grid, face), reader.appearance, frames)
+        pivots.append(path.with_search(pivot, gauge.radius[1]))
+    return empirical_bayes(pivots, [path.beside_px for path in paths])
+
+
+def _drawn_readings(gauge: Gauge, grid: PolarGrid) -> dict[str, Reading]:
+    """Needles as the panel has them in its picture; one that was cut elsewhere is missing there."""
+    return {
+        needle.name: Reading(Status.MISSING, math.nan, math.inf, 0.0)
+        if needle.at_deg is None or needle.hides_deg is None
+        else Reading(Status.READ, grid.angle_deg(row_of_angle(grid, needle.at_deg)), 0.0, 1.0)
+        for needle in gauge.turning
+    }
+
+
+def empirical_bayes(pivots: Sequence[Pivot], moved_px: Sequence[tuple[float, float]]) -> tuple[Pivot, ...]:
+    """Each pivot by its own needles and by how far the others are from where they were drawn.
+
+    The offsets of a panel come from one normal distribution of unknown spread or, one in ten, from the one that is
+    feared of every panel: empirical Bayes, with the spread averaged over, not chosen (Efron, Large-Scale Inference,
+    2010, chapter 1).
+
+    Parameters
+    ----------
+    pivots
+        Each with the prior that knows of no other gauge.
+    moved_px
+        By the same order: how far each was moved from where it is drawn.
+    """
+    told = [_Told.of(pivot, moved) for pivot, moved in zip(pivots, moved_px, strict=True)]
+    spreads_px = np.array([*CARES_PX, PRIOR_PX])
+    evidence = np.array([one.log_evidence(spreads_px) for one in told])
+    careful = evidence[:, :-1] + np.log1p(-CARELESS_PART)
+    either = np.logaddexp(careful, evidence[:, -1:] + np.log(CARELESS_PART))
+    panel = either.sum(axis=0)
+    by_care = np.exp(panel - np.logaddexp.reduce(panel)) * np.exp(careful - either)
+    weights = np.concatenate([by_care, 1.0 - by_care.sum(axis=1, keepdims=True)], axis=1)
+    return tuple(
+        _replaced(pivot, moved, *one.mixed(spreads_px, own))
+        for pivot, moved, one, own in zip(pivots, moved_px, told, weights, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What a gauge's own needles tell of its pivot's offset from where it is drawn, as if nothing were known before.
+
+    `information` (2, 2) is the inverse of its covariance, `product` (2,) the information times the offset.
+    """
+
+    information: Floats
+    product: Floats
+
+    @classmethod
+    def of(cls, pivot: Pivot, moved_px: tuple[float, float]) -> Self:
+        """Return a pivot without its prior."""
+        inverse = np.linalg.inv(pivot.covariance_px2)
+        values, vectors = np.linalg.eigh(inverse - np.eye(2) / PRIOR_PX**2)
+        information = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        return cls(information, inverse @ np.array(pivot.offset_px) + information @ np.array(moved_px))
+
+    def log_evidence(self, spreads_px: Floats) -> Floats:
+        """(S,): how likely that is if offsets have each of these spreads; up to a constant."""
+        variances_px2 = spreads_px[:, None, None] ** 2
+        fit = np.linalg.inv(self.information + np.eye(2) / variances_px2) @ self.product @ self.product
+        _, size = np.linalg.slogdet(np.eye(2) + variances_px2 * self.information)
+        evidence: Floats = (fit - size) / 2
+        return evidence
+
+    def mixed(self, spreads_px: Floats, weights: Floats) -> tuple[Floats, Floats]:
+        """Mean (2,) and covariance (2, 2) of the offset, over spreads (S,) with these weights."""
+        covariances = np.linalg.inv(self.information + np.eye(2) / spreads_px[:, None, None] ** 2)
+        means = covariances @ self.product
+        mean = weights @ means
+        beside = means - mean
+        covariance = np.einsum("s,sij->ij", weights, covariances) + np.einsum("s,si,sj->ij", weights, beside, beside)
+        return mean, covariance
+
+
+def _replaced(pivot: Pivot, moved_px: tuple[float, float], mean_px: Floats, covariance_px2: Floats) -> Pivot:
+    x, y = (mean_px - moved_px).tolist()
+    return replace(pivot, offset_px=(x, y), covariance_px2=covariance_px2)
+
+
+@dataclass(frozen=True, slots=True)
+class PivotPath:
+    """How far a pivot has been moved, (x, y) pixels of its dial's own plane.
+
+    Attributes
+    ----------
+    far_px
+        As far as it was drawn beside where a search found it.
+    is_found
+        Whether a search need not go on.
+    moved_px
+        From there, in all.
+    step_px
+        At last; None if it stayed.
+    """
+
+    far_px: Vector = (0.0, 0.0)
+    is_found: bool = False
+    moved_px: Vector = (0.0, 0.0)
+    step_px: Vector | None = None
+
+    @property
+    def beside_px(self) -> Vector:
+        """How far it was moved from where it is drawn."""
+        return self.far_px[0] + self.moved_px[0], self.far_px[1] + self.moved_px[1]
+
+    def from_afar(self, step_px: Vector | None) -> PivotPath:
+        """Go on to where a search found it; None if it found nothing better."""
+        if step_px is None:
+            return replace(self, is_found=True)
+        return replace(self, far_px=(self.far_px[0] + step_px[0], self.far_px[1] + step_px[1]))
+
+    @property
+    def was_moved(self) -> bool:
+        """Whether it ever was."""
+        return self.beside_px != (0.0, 0.0)
+
+    def is_right(self, pivot: Pivot) -> bool:
+        """Whether needles turn where it is: to what is drawn if it was never moved, else to what a step settles to."""
+        if self.was_moved:
+            return math.hypot(*pivot.shrunk_px) <= SETTLED_PX
+        return math.hypot(*pivot.offset_px) <= DRAWN_PX or not pivot.is_certain
+
+    def with_search(self, pivot: Pivot, radius_px: float) -> Pivot:
+        """Let what a search found count beside what needles' tilts tell."""
+        if self.far_px == (0.0, 0.0):
+            return pivot
+        told = np.linalg.inv(pivot.covariance_px2)
+        searched = np.eye(2) / (SEARCHED_PART * radius_px) ** 2
+        covariance = np.linalg.inv(told + searched)
+        x, y = (covariance @ (told @ np.array(pivot.offset_px) - searched @ np.array(self.moved_px))).tolist()
+        return replace(pivot, offset_px=(x, y), covariance_px2=covariance)
+
+    def next(self, pivot: Pivot) -> PivotPath:
+        """Step on to where the needles turn, as far as their tilts tell it; a pivot that is right stays.
+
+        A needle that is learned around a wrong pivot takes in a part of what its tilts tell, so a step to where they
+        point falls short, and the next one goes on from there.
+        """
+        if self.is_right(pivot):
+            return replace(self, step_px=None)
+        x, y = pivot.shrunk_px.tolist()
+        return replace(self, moved_px=(self.moved_px[0] + x, self.moved_px[1] + y), step_px=(x, y))
+
+    def with_doubt(self, pivot: Pivot, first: Pivot) -> Pivot:
+        """Add to a pivot's covariance what its steps, of which `first` told the first, leave in doubt."""
+        if not self.was_moved:
+            return pivot
+        settled = pivot.settled(first.offset_px, self.moved_px)
+        return settled if self.is_right(pivot) else settled.unsettled()
+
+
+def care_px(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> float:
+    """Tell how far beside their pivots a panel's centres are drawn, to each side, by those whose needles tell.
+
+    It is the spread of a normal distribution with the same median.
+    """
+    told = [path for path, pivot in zip(paths, pivots, strict=True) if path.was_moved or pivot.sigma_px <= DRAWN_PX]
+    if not told:
+        return 0.0
+    squares_px2 = np.array([x * x + y * y for x, y in (path.beside_px for path in told)])
+    return math.sqrt(float(median(squares_px2)) / (2 * math.log(2)))
+
+
+def lifts_missing(lifts: Sequence[float], pivots: Sequence[Pivot]) -> list[float]:
+    """How far needles go beyond their dials besides `lifts`; nothing where that is not sure yet."""
+    return [pivot.shrunk_lift if lift or pivot.is_lifted else 0.0 for lift, pivot in zip(lifts, pivots, strict=True)]
+
+
+def any_lift_is_off(missing: Sequence[float]) -> bool:
+    """Whether some needle goes another way than it was thought to, by more than lifts settle to."""
+    return any(abs(lift) > SETTLED_LIFT for lift in missing)

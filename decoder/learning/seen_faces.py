@@ -1,0 +1,142 @@
+"""The dial behind a needle of the panel picture, as frames show it.
+
+A needle cut from one picture is cut with the marks behind it. Where these outshine a dim needle, they match themselves
+in every frame, and the needle seems to stand still where the panel picture has it. If the frames mostly show something
+else there, that is the dial. Without this a thin needle, or one before a numeral, is found in no frame of some flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
+from decoder.instruments.needle_cuts import face_behind
+from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import APART_DEG
+from decoder.learning.thresholds import (
+    CLEAR_PART,
+    MIN_SAMPLES,
+    MOSTLY,
+    NEEDLE_PART,
+    NOISE_LEVELS,
+    NOISE_SPREADS,
+    SEEN_PART,
+)
+from decoder.matching.faces import LitViews
+from decoder.matching.needle_layer import layer_over
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.panel.arrays import Floats, Mask
+from decoder.panel.gauge import Gauge
+from decoder.panel.kind import Pointer
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+
+
+def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mapping[str, Reading]]) -> PanelReader:
+    """Show the reader the dials behind the panel picture's needles, where these mostly stand elsewhere.
+
+    A needle that is `found` to move, by frame, is not in doubt: the marks behind it are not what is matched.
+    """
+    source, before = reader.source, reader.appearance
+    own = reader.own_gauges
+    faces, templates = list(before.faces), dict(before.templates)
+    for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
+        seen = [view for view in views[index] if view is not None]
+        doubted = any(_seems_still(needle, found) for needle in _cut_needles(gauge))
+        if len(seen) < MIN_SAMPLES or not doubted or not _may_be_bared(gauge, grid, templates, faces[index], seen):
+            continue
+        usual = median_of(np.stack(seen)).astype(np.float32)
+        for needle in _bared(gauge, grid, templates, _Dial(own[index], usual, faces[index]), seen):
+            rows = _window(needle, grid, templates[needle.name])
+            faces[index] = np.where(rows[:, None], usual, faces[index]).astype(np.float32)
+            cut = templates[needle.name]
+            behind = face_behind(faces[index], grid, needle.at_deg, cut.rows)
+            templates[needle.name] = layer_over(cut.pixels, behind, cut.step_deg)
+    if all(face is same for face, same in zip(faces, before.faces, strict=True)):
+        return reader
+    return reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
+
+
+@dataclass(frozen=True, slots=True)
+class _Dial:
+    """One unwrapped gauge: in the panel picture, as frames mostly show it, and as it was thought to be bare."""
+
+    drawn: UnwrappedGauge
+    usual: UnwrappedGauge
+    face: UnwrappedGauge
+
+
+def _seems_still(needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> bool:
+    """Tell whether a needle is mostly read where the panel picture has it, or not at all."""
+    at = 0.0 if needle.at_deg is None else needle.at_deg
+    readings = [readings[needle.name] for readings in found]
+    still = [
+        each.status is Status.MISSING
+        or abs(float(shortest(np.array(each.angle_deg - at), FULL_CIRCLE_DEG))) <= APART_DEG
+        for each in readings
+    ]
+    return 2 * sum(still) > len(still)
+
+
+def _may_be_bared(
+    gauge: Gauge, grid: PolarGrid, templates: Mapping[str, NeedleTemplate], face: UnwrappedGauge, seen: Sequence[Floats]
+) -> bool:
+    """Tell whether frames mostly show another dial in a needle's window than was thought."""
+    windows = [_window(needle, grid, templates[needle.name]) for needle in _cut_needles(gauge)]
+    off = (np.abs(face[rows] - median_of(np.stack([view[rows] for view in seen]))) for rows in windows)
+    return any(float((each > NOISE_LEVELS).mean()) > NEEDLE_PART for each in off)
+
+
+def _cut_needles(gauge: Gauge) -> list[Pointer]:
+    """Name those that are cut from the panel picture."""
+    return [each for each in gauge.turning if each.hides_deg is not None]
+
+
+def _bared(
+    gauge: Gauge,
+    grid: PolarGrid,
+    templates: Mapping[str, NeedleTemplate],
+    dial: _Dial,
+    seen: Sequence[UnwrappedGauge],
+) -> list[Pointer]:
+    """Name the needles that mostly stand elsewhere, and behind which there is another dial than was thought."""
+    needles = _cut_needles(gauge)
+    windows = [_window(needle, grid, templates[needle.name]) for needle in needles]
+    beside = ~np.any(windows, axis=0) if windows else np.zeros(0, bool)
+    if not beside.any():
+        return []
+    noise = MAD_TO_SIGMA * float(np.median(np.abs(dial.drawn - dial.usual)[beside]))
+    least = max(NOISE_SPREADS * noise, NOISE_LEVELS)
+    elsewhere = [int((np.abs(view - dial.usual)[beside] > least).sum()) for view in seen]
+    bared = []
+    for needle, rows in zip(needles, windows, strict=True):
+        gone = dial.drawn[rows] - _in_light_of(dial.drawn[rows], dial.usual[rows])
+        low, high = np.quantile(dial.drawn[rows], (0.02, 0.98))
+        clear = max(least, CLEAR_PART * float(high - low))
+        area = int((np.abs(gone) > clear).sum())
+        if (
+            area > NEEDLE_PART * gone.size
+            and float(np.mean([count > SEEN_PART * area for count in elsewhere])) > MOSTLY
+            and float((np.abs(dial.face[rows] - dial.usual[rows]) > least).mean()) > NEEDLE_PART
+        ):
+            bared.append(needle)
+    return bared
+
+
+def _in_light_of(wanted: Floats, seen: Floats) -> Floats:
+    """Bring a part of a dial into the light of another picture of it, so that other light makes no other dial."""
+    spread = seen - seen.mean()
+    gain = float((spread * (wanted - wanted.mean())).sum()) / max(float((spread * spread).sum()), 1.0)
+    lit: Floats = wanted.mean() + gain * spread
+    return lit
+
+
+def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
+    """(R,): which rows of the gauge a needle of the panel picture was cut from."""
+    middle = row_of_angle(grid, 0.0 if needle.at_deg is None else needle.at_deg)
+    rows: Mask = np.abs(np.arange(grid.rows) - middle) <= (template.rows - 1) / 2
+    return rows

@@ -1,0 +1,211 @@
+"""Correlation of unwrapped gauges with a needle template along their rows: plain, normalized, and over a face.
+
+`xcorr` is plain cross-correlation, `normxcorr` the normalized one (thesis eq. 1.3 and 1.4, after Lewis 1995), here
+with a weight for each pixel of the template: equal weights give the thesis's NCC. The template spans all columns, so
+the search is in angle only. A window or a template without variance scores 0, never 1 and never NaN.
+
+Over a face F the needle shows as `n = light + (transparency - 1) F` on top of it. The score is the partial
+correlation of the gauge with n, given F and a constant: the NCC of gauge and needle after both have lost what the
+face can explain. On a plain dial it is the thesis's NCC; over marks and numerals it does not suffer from them, and
+where only the face is to be seen it is about 0.
+
+All sums slide along the rows; results are by the row on which the template starts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_SPREAD_LEVELS
+from decoder.panel.arrays import Floats, limited
+
+ROUNDING = np.finfo(np.float32).eps  # keeps a division by the weight of no pixels finite
+
+
+def sliding_sums(images: Floats, kernels: Floats) -> Floats:
+    """Sum `images[..., i + j, c] * kernels[k, j, c]` over j and c, for every k and i.
+
+    Parameters
+    ----------
+    images : (..., R, C) float32
+    kernels : (K, H <= R, C) float32
+
+    Returns
+    -------
+    (K, ..., R - H + 1) float32
+    """
+    count, height, width = kernels.shape
+    products = images @ kernels.reshape(count * height, width).T  # the sums that are wanted lie on its diagonals
+    *outer, row, column = products.strides
+    shape = (count, *images.shape[:-2], images.shape[-2] - height + 1, height)
+    strides = (height * column, *outer, row, row + column)
+    diagonals: Floats = np.ndarray(shape, products.dtype, products, strides=strides)
+    sums: Floats = np.add.reduce(diagonals, axis=-1)
+    return sums
+
+
+def normxcorr(image: Floats, template: Floats, weights: Floats) -> Floats:
+    """Weighted normalized cross-correlation along the rows.
+
+    Parameters
+    ----------
+    image : (R, C) float32
+        Unwrapped gauge.
+    template : (H <= R, C) float32
+    weights : (H, C) float32, >= 0
+        How much each pixel of the template counts.
+
+    Returns
+    -------
+    (R - H + 1,) float32, in [-1, 1]
+        Score of the template with its first row on row i.
+    """
+    total = float(weights.sum())
+    centred = template - float((weights * template).sum()) / total if total > 0 else template
+    energy = float((weights * centred * centred).sum())
+    if total <= 0 or energy <= total * MIN_SPREAD_LEVELS**2:
+        return np.zeros(image.shape[0] - template.shape[0] + 1, np.float32)
+    image = image - image.mean()  # keeps the sums of squares small enough for float32
+    covariance, mean = sliding_sums(image, np.stack([weights * centred, weights]))
+    mean = mean / total
+    variance = np.maximum(sliding_sums(image * image, weights[None])[0] / total - mean * mean, 0.0)
+    spread = np.sqrt(variance)
+    scores = np.divide(
+        covariance / np.sqrt(energy * total), spread, out=np.zeros_like(spread), where=spread > MIN_SPREAD_LEVELS
+    )
+    return limited(scores, -1.0, 1.0)
+
+
+def xcorr(images: Floats, template: Floats) -> Floats:
+    """Plain cross-correlation along the rows of images (..., R, C): (..., R - H + 1), in grey levels squared."""
+    sums: Floats = sliding_sums(images, template[None])[0]
+    return sums
+
+
+@dataclass(frozen=True, slots=True)
+class FaceMoments:
+    """Weighted moments of face and needle under a template, arrays of one shape: all that the gauge does not change.
+
+    Attributes
+    ----------
+    total
+        The weight of all pixels.
+    face_mean, face_variance, needle_mean
+        Of each pixel's weight.
+    needle_per_face
+        How much of the needle goes along with the face.
+    needle_left
+        The needle's variance that the face does not explain.
+    """
+
+    total: Floats
+    face_mean: Floats
+    face_variance: Floats
+    needle_mean: Floats
+    needle_per_face: Floats
+    needle_left: Floats
+
+    @classmethod
+    def of_means(cls, total: Floats, means: tuple[Floats, Floats, Floats, Floats, Floats]) -> FaceMoments:
+        """Return them by the means of the face, its square, the needle, the needle times the face, and its square."""
+        face, face_square, needle, needle_face, needle_square = means
+        face_variance = np.maximum(face_square - face**2, 0.0) + FACE_NOISE_LEVELS**2
+        per_face = (needle_face - needle * face) / face_variance
+        left = np.maximum(needle_square - needle**2, 0.0) - per_face**2 * face_variance
+        return cls(total, face, face_variance, needle, per_face, np.maximum(left, 0.0))
+
+    @property
+    def needle_contrast(self) -> Floats:
+        """The needle's variance that the face does not explain, times the weights it was seen with."""
+        contrast: Floats = self.needle_left * self.total
+        return contrast
+
+
+def partial_ncc(known: FaceMoments, mean: Floats, square: Floats, with_face: Floats, with_needle: Floats) -> Floats:
+    """Return the partial correlation of gauge and needle, given the face.
+
+    Parameters
+    ----------
+    known
+        Of face and needle.
+    mean, square, with_face, with_needle
+        The means of the gauge, its square, and the gauge times the face and times the needle: arrays of one shape.
+
+    Returns
+    -------
+    In [-1, 1]; 0 where face and gauge, or face and needle, leave nothing to correlate.
+    """
+    of_face = with_face - mean * known.face_mean
+    left = square - mean * mean - of_face * of_face / known.face_variance
+    shared = with_needle - mean * known.needle_mean - of_face * known.needle_per_face
+    usable = (left > MIN_SPREAD_LEVELS**2) & (known.needle_left > MIN_SPREAD_LEVELS**2)
+    spread = np.sqrt(np.where(usable, left * known.needle_left, 1.0))
+    return limited(np.where(usable, shared / spread, np.zeros_like(shared)), -1.0, 1.0)
+
+
+def face_moments(faces: Floats, template: NeedleTemplate, masks: Floats | None = None) -> FaceMoments:
+    """Return the moments of a template on each row of faces, of the pixels that the masks leave.
+
+    Parameters
+    ----------
+    faces : (..., R, C) float32
+    masks : (..., R, C) float32
+        0 where pixels are left out.
+
+    Returns
+    -------
+    (..., R - H + 1) each
+    """
+    one, light, cover = template.trust, template.light, template.transparency - 1
+    none = np.zeros_like(one)
+    kernels: list[list[Floats]] = [
+        [one, none, none],
+        [none, one, none],
+        [none, none, one],
+        [one * light, one * cover, none],
+        [none, one * light, one * cover],
+        [one * light**2, 2 * one * light * cover, one * cover**2],
+    ]
+    seen = np.ones_like(faces) if masks is None else masks
+    sums = _sums_over(kernels, seen, seen * faces, seen * faces * faces)
+    total = np.maximum(sums[0], ROUNDING)
+    face, face_square, needle, needle_face, needle_square = (each / total for each in sums[1:])
+    return FaceMoments.of_means(total, (face, face_square, needle, needle_face, needle_square))
+
+
+def partial_normxcorr(
+    gauges: Floats, faces: Floats, template: NeedleTemplate, masks: Floats | None = None
+) -> tuple[Floats, FaceMoments]:
+    """Return the partial correlation of gauges with a needle, given their faces, and the moments that it took.
+
+    Parameters
+    ----------
+    gauges, faces : (..., R, C) float32
+    masks : (..., R, C) float32
+        0 where pixels are left out.
+
+    Returns
+    -------
+    (..., R - H + 1) float32, in [-1, 1]
+    """
+    one, light, cover = template.trust, template.light, template.transparency - 1
+    none = np.zeros_like(one)
+    kernels: list[list[Floats]] = [
+        [one, none, none],
+        [none, none, one],
+        [none, one, none],
+        [one * light, one * cover, none],
+    ]
+    known = face_moments(faces, template, masks)
+    seen = gauges if masks is None else masks * gauges
+    mean, square, with_face, with_needle = _sums_over(kernels, seen, seen * faces, seen * gauges) / known.total
+    return partial_ncc(known, mean, square, with_face, with_needle), known
+
+
+def _sums_over(kernels: list[list[Floats]], *images: Floats) -> Floats:
+    """Slide several kernels, of three parts each, along as many images side by side."""
+    blocks = np.stack([np.concatenate(parts, axis=1) for parts in kernels]).astype(np.float32)
+    return sliding_sums(np.concatenate(images, axis=-1), blocks)

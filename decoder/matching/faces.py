@@ -1,0 +1,109 @@
+"""Faces: what an unwrapped dial shows where no needle is, learned from frames with the needles in many places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from decoder.imaging.sorting import median, middle_views
+from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_VIEWS, NOISE_LEVELS
+from decoder.panel.arrays import Floats, Indices, Mask
+
+LIGHT_STRIDE = 3
+LIGHT_PASSES = 2
+MIDDLE_GREY = 128.0
+
+
+LitViews = Sequence[Sequence[Floats | None]]
+"""By gauge and frame the unwrapped gauge in the panel picture's light; None where it cannot be had."""
+
+
+def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
+    """Unwrapped gauges, each in the light of a reference picture of it; None if they have nothing in common.
+
+    Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
+    differ.
+    """
+    wanted = _thinned(reference)
+    return [_lit(wanted, strip) for strip in strips]
+
+
+def _thinned(strip: Floats) -> Floats:
+    """(N,): some of a gauge's pixels, counted from the middle grey: that keeps sums small enough for float32."""
+    thinned: Floats = strip.ravel()[::LIGHT_STRIDE] - np.float32(MIDDLE_GREY)
+    return thinned
+
+
+def _lit(wanted: Floats, strip: Floats) -> Floats | None:
+    """One gauge in the light of such pixels."""
+    seen = _thinned(strip)
+    off = wanted - seen
+    gain, offset = 1.0, float(median(off))
+    off -= np.float32(offset)
+    for step in range(LIGHT_PASSES):
+        if step:
+            np.multiply(seen, np.float32(gain), out=off)
+            off += np.float32(offset)
+            off -= wanted
+        is_near = np.abs(off, out=off) < 5 * NOISE_LEVELS
+        near = is_near.astype(np.float32)
+        here = seen * near
+        # one product after the other: for so few rows a matrix product costs three times as much
+        count, sum_x, sum_y = np.count_nonzero(is_near), float(seen @ near), float(wanted @ near)
+        spread = float(here @ seen) / count - (sum_x / count) ** 2 if count else 0.0
+        if spread < 1.0:
+            return None
+        gain = (float(here @ wanted) / count - sum_x * sum_y / count**2) / spread
+        offset = (sum_y - gain * sum_x) / count
+    if gain < MIN_LIGHT_GAIN or gain > 1 / MIN_LIGHT_GAIN:
+        return None
+    lit: Floats = strip * np.float32(gain)
+    lit += np.float32(offset + MIDDLE_GREY * (1.0 - gain))
+    return lit
+
+
+def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: Floats) -> Floats:
+    """Return the dial's face: the median of each pixel over the frames in which no needle lies on it.
+
+    Parameters
+    ----------
+    strips
+        (R, C) each, in one light.
+    without
+        Of each the pixels, numbered through, on which a needle lies; some may be there twice.
+    fallback
+        (R, C): stands where fewer than three frames show a pixel without a needle, or two differ.
+
+    Returns
+    -------
+    (R, C) float32
+    """
+    views = np.stack(strips)
+    count = np.full(fallback.size, len(views), np.uint16)
+    # As much lies far below as far above: what is seen of a pixel stays around the middle.
+    far = np.full(fallback.size, -np.inf, np.float32)
+    for view, covered in zip(views.reshape(len(views), -1), without, strict=True):
+        view[covered] = far[covered]
+        far[covered] *= -1
+        count[covered] -= 1
+    low, high = middle_views(views)
+    counts = count.reshape(fallback.shape)
+    alone = low if len(views) % 2 else high  # of an odd number of values
+    with np.errstate(invalid="ignore"):  # where no value is left
+        middle = np.where(counts & 1, alone, (low + high) / 2)
+    seen = (counts >= MIN_VIEWS) | ((counts == MIN_VIEWS - 1) & (high <= low + 2 * NOISE_LEVELS))
+    face: Floats = np.where(seen, middle, fallback).astype(np.float32)
+    return face
+
+
+def bare_face(strip: Floats, place: Mask) -> Floats:
+    """Return a dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
+    columns = np.where(place, np.inf, strip).T.copy()
+    columns.sort(axis=1)
+    count = len(place) - place.sum(axis=0)
+    middle, every = np.maximum(count - 1, 0), np.arange(len(columns))
+    low, high = columns[every, middle // 2], columns[every, (middle + 1) // 2]
+    plain = (low + high) / 2 if count.all() else np.where(count > 0, (low + high) / 2, np.median(strip))
+    face: Floats = np.where(place, plain, strip).astype(np.float32)
+    return face

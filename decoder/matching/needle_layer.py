@@ -1,0 +1,170 @@
+"""The needle as a layer over the dial's face: what it adds, and how much of the face shows through.
+
+Each pixel of the needle is a line `light + transparency * face`, fitted over the frames. On the needle the
+transparency is 0, beside it 1, at its blurred edges in between; where the face never changes behind a pixel the fit
+leans on what the contrast suggests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.thresholds import (
+    FADED_PART,
+    HALF,
+    MIN_CONTRAST_PART,
+    MIN_HALF_PART,
+    MIN_LIGHT_GAIN,
+    NOISE_LEVELS,
+    OUTLIER_SPREADS,
+    OUTLINE_PART,
+)
+from decoder.panel.arrays import Floats, Mask
+
+PRIOR_SPREAD = 0.2
+MAX_EDGE_ROWS = 6
+
+
+def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> NeedleTemplate:
+    """Return the needle that best explains many cuts of it.
+
+    Parameters
+    ----------
+    cuts
+        (K, H, C) float32: the gauge around the needle in K frames, its axis in the middle row, in one light.
+    faces
+        (K, H, C) float32: the dial's face behind each cut.
+    before
+        (H, C): what was known of the needle before: its picture elsewhere on the dial.
+    step_deg
+        Degrees from row to row.
+    """
+    plain = median_of(faces.reshape(-1, faces.shape[2]))
+    pixels = median_of(cuts).astype(np.float32)
+    # A mark behind one of the two is not the needle's.
+    expected = np.maximum(_expected_transparency(pixels, plain), _expected_transparency(before, plain))
+    mean_cut, mean_face = cuts.mean(axis=0), faces.mean(axis=0)
+    cut, face = cuts - mean_cut, faces - mean_face
+    unexplained = np.abs(cut - _slopes(cut, face, face, expected) * face)
+    spread = MAD_TO_SIGMA * median_of(unexplained)
+    # once more, without outliers
+    weights = (unexplained <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS / 2)).astype(np.float32)
+    total = np.maximum(weights.sum(axis=0), 1e-6)
+    off_cut, off_face = (_summed(weights, own) / total for own in (cut, face))
+    cut -= off_cut
+    face -= off_face
+    transparency = _slopes(cut, face, weights * face, expected)
+    light = mean_cut + off_cut - transparency * (mean_face + off_face)
+    spread = MAD_TO_SIGMA * median_of(np.abs(cut - transparency * face))
+    shown = _columns_with_edges(expected)
+    # Beside the needle there is nothing but the face: a fit can only pick up accidents there.
+    covered = _with_edges(expected)
+    light = np.where(covered, light, np.float32(0.0))
+    transparency = np.where(covered, transparency, np.float32(1.0))
+    return NeedleTemplate(pixels, light, transparency, shown * _trust(spread), step_deg)
+
+
+def first_layer(pixels: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
+    """Return a needle of which one picture is known, as if it were all light.
+
+    Parameters
+    ----------
+    pixels
+        (H, C) float32: the picture, the needle's axis in the middle row.
+    plain
+        (C,) float32: what the dial mostly shows at each radius.
+    step_deg
+        Degrees from row to row.
+    """
+    transparency = _expected_transparency(pixels, plain)
+    trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
+    return NeedleTemplate(pixels, pixels, transparency, trust, step_deg)
+
+
+def cut_over(layer: NeedleTemplate, behind: Floats) -> NeedleTemplate:
+    """Take out of a first layer what shines through it: the dial's face there, (H, C) float32, as far as known."""
+    light = layer.pixels - layer.transparency * behind
+    return NeedleTemplate(layer.pixels, light, layer.transparency, layer.trust, layer.step_deg)
+
+
+def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplate:
+    """Return a needle of which one picture is known, and what lies behind it there; (H, C) float32 each."""
+    transparency = _expected_transparency(pixels, behind)
+    trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
+    light = (pixels - transparency * behind).astype(np.float32)
+    return NeedleTemplate(pixels, light, transparency, trust, step_deg)
+
+
+def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
+    """Cuts brought to the light of what the template expects there; (K, H, C). Light falls unevenly on a dial."""
+    flat = cuts.reshape(len(cuts), -1)
+    weights = template.trust.ravel()
+    total = weights.sum()
+    expected = (template.light + template.transparency * behind).reshape(flat.shape)
+    mean, expected_mean = ((image @ weights / total)[:, None] for image in (flat, expected))
+    wanted = np.subtract(expected, expected_mean, out=expected)
+    weighted = wanted * weights
+    energy = np.einsum("kx,kx->k", weighted, wanted)[:, None]
+    gain = np.einsum("kx,kx->k", flat - mean, weighted)[:, None] / np.maximum(energy, 1e-6)
+    like: Floats = ((flat - mean) / np.maximum(gain, MIN_LIGHT_GAIN) + expected_mean).astype(np.float32)
+    return like.reshape(cuts.shape)
+
+
+def _slopes(cut: Floats, face: Floats, weighted: Floats, expected: Floats) -> Floats:
+    """(H, C) float32: the transparency of each pixel by ridge regression of its cuts on its faces, (K, H, C) each.
+
+    Both are counted from their means; `weighted` are the faces by their weights.
+    """
+    hold = NOISE_LEVELS**2 / PRIOR_SPREAD**2
+    slopes = (_summed(weighted, cut) + hold * expected) / (_summed(weighted, face) + hold)
+    within: Floats = np.clip(slopes, 0.0, 1.0).astype(np.float32)
+    return within
+
+
+def _summed(one: Floats, other: Floats) -> Floats:
+    """(H, C): the sums of products over K views."""
+    summed: Floats = np.einsum("khc,khc->hc", one, other)
+    return summed
+
+
+def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
+    """(H, C): 1 where the needle's picture is like the plain dial, 0 where it has the contrast of that half of it.
+
+    The dial is told pixel by pixel, or by column, (C,).
+    """
+    difference = np.abs(pixels - plain)
+    axis = len(difference) // 2
+    halves = [difference[: axis + 1].max(axis=0), difference[axis:].max(axis=0)]
+    least = np.maximum(MIN_HALF_PART * np.maximum(*halves), NOISE_LEVELS)
+    first, last = (np.maximum((1.0 - MIN_CONTRAST_PART) * half, least) for half in halves)
+    contrast = np.where((np.arange(len(difference)) < axis)[:, None], first, last)
+    expected: Floats = np.clip(1.0 - difference / contrast, 0.0, 1.0).astype(np.float32)
+    return expected
+
+
+def _with_edges(transparency: Floats) -> Mask:
+    """(H, C): where a needle covers anything of the dial, to the end of its blurred edges."""
+    covered = transparency < 1.0 - OUTLINE_PART
+    fading = transparency < 1.0 - FADED_PART
+    for _ in range(MAX_EDGE_ROWS):
+        grown = covered.copy()
+        grown[1:] |= covered[:-1]
+        grown[:-1] |= covered[1:]
+        grown &= fading
+        covered = grown
+    return covered
+
+
+def _columns_with_edges(transparency: Floats) -> Floats:
+    """(C,): 1, but 0 where a needle fills the whole of its template: there it has no edge to be found by."""
+    rows = max(1, len(transparency) // 10)
+    first, last = transparency[:rows].mean(axis=0), transparency[-rows:].mean(axis=0)
+    shown: Floats = ((first >= HALF) | (last >= HALF)).astype(np.float32)
+    return shown if shown.any() else np.ones_like(shown)
+
+
+def _trust(spread: Floats) -> Floats:
+    trust: Floats = (NOISE_LEVELS**2 / (NOISE_LEVELS**2 + spread**2)).astype(np.float32)
+    return trust

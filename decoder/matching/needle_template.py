@@ -1,0 +1,115 @@
+"""Needle templates: what an unwrapped needle looks like, and which of its pixels to trust.
+
+A template is cut once per gauge from the panel picture, or given as a cropped unwrapped picture (thesis 3.2.1). Its
+rows are angle around the needle's axis, an odd number of them, the axis in the middle row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.sorting import median_of
+from decoder.matching.thresholds import LIKE_ENDS_PART, OUTLINE_PART
+from decoder.panel.arrays import Floats
+
+T = TypeVar("T")
+
+# Of a needle's full contrast, where its blurred edge has faded out.
+TOUCH_LEVEL = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class NeedleTemplate:
+    """An unwrapped needle.
+
+    All arrays are (H, C) float32, H odd: rows of angle, the axis in the middle one, by columns of radius.
+
+    Attributes
+    ----------
+    pixels
+        The needle on a plain dial: what is searched for.
+    light, transparency
+        The needle over any background: it shows as `light + transparency * background`. Where nothing is known of the
+        background, `light` is all there is.
+    trust
+        In [0, 1]: how far each pixel follows `light` and `transparency`.
+    step_deg
+        Degrees from one row to the next.
+    """
+
+    pixels: Floats
+    light: Floats
+    transparency: Floats
+    trust: Floats
+    step_deg: float
+    _made: dict[Callable[..., object], object] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what was worked out from it: equal templates are equal bytes."""
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        return own | {"_made": {}}
+
+    def once(self, make: Callable[[NeedleTemplate], T]) -> T:
+        """Return what a function makes of this template: made when it is first asked for."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        return cast("T", self._made[make])
+
+    @cached_property
+    def both_layers(self) -> Floats:
+        """(H, 2 C): light and transparency side by side."""
+        return np.concatenate([self.light, self.transparency], axis=1)
+
+    @property
+    def rows(self) -> int:
+        """H, an odd number."""
+        return int(self.pixels.shape[0])
+
+    def place(self, level: float) -> NDArray[np.bool_]:
+        """(H, C): where the needle differs from its surroundings by more than this part of its full contrast."""
+        difference, contrast = self._difference
+        place: NDArray[np.bool_] = (difference > level * contrast) & (contrast > contrast.max() / 4)
+        return place
+
+    @cached_property
+    def _difference(self) -> tuple[Floats, Floats]:
+        """(H, C) and (C,): how much the needle differs from its surroundings, and how much at most around its axis."""
+        edge = max(1, self.rows // 10)
+        surroundings = median_of(np.concatenate([self.pixels[:edge], self.pixels[-edge:]]))
+        difference = np.abs(self.pixels - surroundings)
+        return difference, difference[self.rows // 4 : self.rows - self.rows // 4].max(axis=0)
+
+    @cached_property
+    def touched(self) -> NDArray[np.bool_]:
+        """(H, C): where the needle shows at all, its blurred edge with it."""
+        return self.place(TOUCH_LEVEL)
+
+    @cached_property
+    def outline(self) -> NDArray[np.bool_]:
+        """(H, C): where the needle itself is, without its surroundings."""
+        return self.place(OUTLINE_PART)
+
+    @cached_property
+    def has_like_ends(self) -> bool:
+        """Whether tip and tail of a needle whose columns go across the dial cannot be told apart."""
+        trust = self.trust * self.trust[:, ::-1]
+        mean = float((trust * self.pixels).sum() / max(float(trust.sum()), 1e-9))
+        apart = float((trust * (self.pixels - self.pixels[:, ::-1]) ** 2).sum())
+        return apart < LIKE_ENDS_PART * float((trust * (self.pixels - mean) ** 2).sum())
+
+    @cached_property
+    def half_width_deg(self) -> float:
+        """Half of the outline's extent in angle, at its widest."""
+        rows = np.flatnonzero(self.outline.any(axis=1))
+        return float(np.abs(rows - (self.rows - 1) / 2).max()) * self.step_deg if rows.size else 0.0
+
+
+def odd_rows(span_deg: float, step_deg: float) -> int:
+    """Return the odd number of rows that covers a span."""
+    return 2 * round(span_deg / step_deg / 2) + 1

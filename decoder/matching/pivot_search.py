@@ -1,0 +1,318 @@
+"""The search for pivots that are drawn beside where needles and cards turn, by up to a tenth of the dial's radius.
+
+Tilts tell a pivot to hundredths of a pixel (`decoder.learning.pivots`), but only of needles that are found; and around
+a centre that is drawn too far off they are not, for a needle that has turned lies askew. Here needles are looked for
+askew, and one pivot must explain how askew they lie in all frames. A card is looked for around many centres: around
+the right one all frames show the same card, only turned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Self
+
+import cv2
+import numpy as np
+
+from decoder.imaging.sorting import median_of
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
+from decoder.matching.correlation import sliding_sums
+from decoder.matching.needle_template import odd_rows
+from decoder.matching.thresholds import FAR_GAIN, FAR_PART, NOISE_LEVELS, REACH_PART
+from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.registration.placement import across
+
+Vector = tuple[float, float]
+Score = Callable[[Floats], Floats]
+"""How well pivots at offsets (N, 2) px explain all frames: (N,) in [0, 1]."""
+
+# As coarse as this a needle that is askew by a fiftieth of the radius still shows.
+ROW_DEG, COLUMNS = 1.0, 16
+# A card's marks are finer, but a turn is searched for at once.
+CARD_ROW_DEG, FINE_ROW_DEG = 2.0, 1.0
+MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
+# The steps of the search, and those around the best, of the radius: from there tilts tell the rest.
+STEP_PART, LAST_STEP_PART = 0.02, 0.01
+# So far from where it is drawn a needle of the panel picture is looked for.
+BESIDE_DEG = 10.0
+# Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
+ELSEWHERE = 3
+
+
+def needle_pivot(
+    grid: PolarGrid,
+    allowed: Mask,
+    cuts: Sequence[tuple[float, float]],
+    own: UnwrappedGauge,
+    strips: Sequence[UnwrappedGauge],
+) -> Vector | None:
+    """Search for the pivot of a gauge's needles.
+
+    Parameters
+    ----------
+    allowed
+        (R,): the rows on which a needle's axis may lie.
+    cuts
+        By needle: at which angle it stands in the panel picture, and how many degrees it is cut with.
+    own, strips
+        (R, C) each: the gauge in the panel picture, and in frames that were brought into its light.
+
+    Returns
+    -------
+    (x, y) from the centre, pixels of the dial's own plane; None where frames tell none that is far from it.
+    """
+    if not strips:
+        return None
+    dial = _CoarseDial.of(grid, allowed, own, strips)
+    banks = [bank for bank in (_bank(dial, at_deg, span) for at_deg, span in cuts) if bank is not None]
+    if not banks:
+        return None
+
+    def score(offsets_px: Floats) -> Floats:
+        explained: Floats = np.mean([bank.score(offsets_px) for bank in banks], axis=0)
+        return explained
+
+    radius_px = float(grid.radii_px[-1])
+    return _best(score, radius_px, REACH_PART * radius_px)
+
+
+def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
+    """Search for the pivot of a card, as `needle_pivot`: around it frames show the same card, only turned."""
+    strips = _spread(strips, MOST_CARD_FRAMES)
+    radius_px = float(grid.radii_px[-1])
+    reach_px = min(
+        REACH_PART * radius_px, (radius_px - grid.inner_px) / 3
+    )  # what turns with it is to be seen all round
+    pairs = np.array(list(combinations(range(len(strips)), 2))).T
+    if not pairs.size:
+        return None
+
+    def score_in(row_deg: float, columns: int) -> Score:
+        ring = (
+            np.arange(0.0, FULL_CIRCLE_DEG, row_deg),
+            np.linspace(grid.inner_px + reach_px, radius_px - reach_px, columns),
+        )
+        wide = max(1, round(row_deg / grid.step_deg / 2)), max(1, round(len(grid.radii_px) / columns / 2))
+        blurred = [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips]
+
+        def score(offsets_px: Floats) -> Floats:
+            rings = (_around(grid, blurred, offset_px, *ring) for offset_px in offsets_px)
+            return np.array([_alike(each, pairs) for each in rings])
+
+        return score
+
+    found = _best(score_in(CARD_ROW_DEG, COLUMNS), radius_px, reach_px)
+    if found is None:
+        return None
+    return _finest(score_in(FINE_ROW_DEG, 2 * COLUMNS), np.array(found), LAST_STEP_PART * radius_px / 2)
+
+
+def _finest(score: Score, offset_px: Floats, step_px: float) -> Vector:
+    """Climb to the peak of a score in ever smaller steps."""
+    for _ in range(2):
+        steps = step_px * _disc(1.5, 1.0)
+        offset_px = offset_px + _peak(steps, score(offset_px + steps), step_px)
+        step_px /= 2
+    return float(offset_px[0]), float(offset_px[1])
+
+
+def _around(
+    grid: PolarGrid, strips: Sequence[Floats], offset_px: Floats, angles_deg: Floats, radii_px: Floats
+) -> Floats:
+    """(F, A, N): strips sampled around another centre."""
+    angles = np.radians(angles_deg)[:, None]
+    x, y = offset_px[0] + np.cos(angles) * radii_px, offset_px[1] + np.sin(angles) * radii_px
+    middle_deg = grid.angle_deg((grid.rows - 1) / 2)
+    turned_deg = middle_deg + (np.degrees(np.arctan2(y, x)) - middle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
+    rows = ((turned_deg - grid.start_deg) / grid.step_deg).astype(np.float32)
+    columns = ((np.hypot(x, y) - grid.inner_px) / grid.column_px + grid.tail_columns).astype(np.float32)
+    return np.stack([cv2.remap(strip, columns, rows, cv2.INTER_LINEAR) for strip in strips])
+
+
+def _alike(rings: Floats, pairs: Indices) -> float:
+    """Return how well pairs of F frames, (F, angles, radii), match where one is turned: the mean of their best NCCs."""
+    rings = rings - rings.mean(axis=1, keepdims=True)
+    rings = rings - median_of(rings)  # what does not turn
+    energy = np.sqrt(np.square(rings).sum(axis=(1, 2)) + rings[0].size * NOISE_LEVELS**2)
+    spectra = np.fft.rfft(rings, axis=1)
+    one, other = pairs
+    products = np.fft.irfft((spectra[one] * spectra[other].conj()).sum(axis=2), rings.shape[1], axis=1)
+    return float((products.max(axis=1) / (energy[one] * energy[other])).mean())
+
+
+@dataclass(frozen=True, slots=True)
+class _CoarseDial:
+    """A gauge on coarse rows and columns.
+
+    `own` (R, C) is the panel picture's, `frames` (F, R, C) are the sample's, `moving` (F, R, C) what of them is not
+    always there.
+    """
+
+    own: Floats
+    frames: Floats
+    moving: Floats
+    step_deg: float
+    angles_deg: Floats
+    radii_px: Floats
+    radius_px: float
+    allowed: Mask
+    row_of: Callable[[float], float]
+
+    @classmethod
+    def of(cls, grid: PolarGrid, allowed: Mask, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> Self:
+        """Thin a gauge out, each sample the mean of those around it."""
+        outward = grid.columns - grid.tail_columns
+        every = math.ceil(ROW_DEG / grid.step_deg), math.ceil(outward / COLUMNS)
+        columns = grid.tail_columns + np.arange(every[1] // 2, outward, every[1])
+        blurred = (cv2.blur(strip, every[::-1])[:: every[0], columns] for strip in (own, *_spread(strips, MOST_FRAMES)))
+        drawn, *frames = (np.asarray(each, np.float32) for each in blurred)
+        seen = np.stack(frames)
+        return cls(
+            drawn,
+            seen,
+            seen - median_of(seen),
+            grid.step_deg * every[0],
+            grid.start_deg + grid.step_deg * every[0] * np.arange(len(drawn)),
+            grid.radii_px[columns],
+            float(grid.radii_px[-1]),
+            allowed[:: every[0]],
+            lambda angle_deg: row_of_angle(grid, angle_deg) / every[0],
+        )
+
+    def sheared(self, askew_px: float) -> Floats:
+        """(F, R, C): what moves, so that a needle that passes the pivot at this distance lies along a row."""
+        beside = np.arcsin(limited(askew_px / self.radii_px, -0.9, 0.9))
+        rows = np.rint(np.arange(len(self.own))[:, None] + np.degrees(beside) / self.step_deg).astype(np.intp)
+        sheared: Floats = self.moving[:, np.clip(rows, 0, len(self.own) - 1), np.arange(len(self.radii_px))]
+        return sheared
+
+
+@dataclass(frozen=True, slots=True)
+class _Bank:
+    """How well a needle matches F frames on each row, as askew as each of some steps: `scores` (F, S, R).
+
+    `at_deg` is where it stands in the panel picture; `askew_px` (S,) rise evenly.
+    """
+
+    at_deg: float
+    angles_deg: Floats
+    askew_px: Floats
+    scores: Floats
+
+    def score(self, offsets_px: Floats) -> Floats:
+        """(N,): the mean square of frames' best scores if the pivot lies at each of some offsets (N, 2)."""
+        askew_px = offsets_px @ (across(self.angles_deg) - across(np.array([self.at_deg]))).T
+        step = (askew_px - self.askew_px[0]) / (self.askew_px[1] - self.askew_px[0])
+        step = limited(step, 0.0, len(self.askew_px) - 1.001)
+        below, rows = step.astype(np.intp), np.arange(len(self.angles_deg))
+        part = step - below
+        found = []
+        for start, rest in zip(below, part, strict=True):
+            at = self.scores[:, start, rows] * (1 - rest) + self.scores[:, start + 1, rows] * rest
+            found.append(float(np.square(at.max(axis=1)).mean()))
+        return np.array(found)
+
+
+def _bank(dial: _CoarseDial, at_deg: float, span_deg: float) -> _Bank | None:
+    """Match one needle of the panel picture with all frames; None where it never leaves its place."""
+    needle = _needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg))
+    if needle is None:
+        return None
+    middle, pixels = needle
+    steps = round(2 * REACH_PART / STEP_PART)
+    askew_px = STEP_PART * dial.radius_px * np.arange(-steps, steps + 1)
+    scores = np.zeros((len(dial.frames), len(askew_px), len(dial.own)), np.float32)
+    half = len(pixels) // 2
+    for index, askew in enumerate(askew_px):
+        scores[:, index, half : len(dial.own) - half] = _ncc(dial.sheared(askew), pixels)
+    scores[:, :, ~dial.allowed] = 0.0
+    return _Bank(float(dial.angles_deg[middle]), dial.angles_deg, askew_px, np.maximum(scores, 0.0))
+
+
+def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> tuple[int, Floats] | None:
+    """Cut a needle out of the panel picture without the dial behind it, and tell the row in the middle of it."""
+    half, around = height // 2, round(BESIDE_DEG / dial.step_deg)
+    drawn = dial.row_of(at_deg)
+    first, end = max(round(drawn) - half - around, 0), min(round(drawn) + half + around + 1, len(dial.own))
+    if end - first < height:
+        return None
+    apart = np.abs(dial.frames[:, first:end] - dial.own[first:end]).mean(axis=(1, 2))
+    elsewhere = np.argsort(-apart, kind="stable")[: 1 + len(apart) // ELSEWHERE]
+    needle = dial.own[first:end] - median_of(dial.frames[elsewhere, first:end])
+    shown = np.maximum(np.abs(needle) - 3 * NOISE_LEVELS, 0.0).mean(axis=1)
+    wide = np.convolve(shown, np.ones(2 * (half // 2) + 1), "same")
+    middles = np.arange(half, len(wide) - half)
+    best = middles[wide[middles].argmax()]
+    own = slice(best - half, best + half + 1)
+    if not shown[own].any():
+        return None
+    balance = np.arange(len(wide))[own] @ shown[own] / shown[own].sum()
+    middle = int(np.clip(np.rint(balance), half, len(wide) - half - 1))
+    return first + middle, needle[middle - half : middle + half + 1].astype(np.float32)
+
+
+def _ncc(images: Floats, template: Floats) -> Floats:
+    """(F, R - H + 1): the NCC of images (F, R, C) with a template (H, C); noise alone scores little."""
+    one = np.ones((1, *template.shape), np.float32)
+    centred = template - template.mean()
+    covariance, total = sliding_sums(images, np.concatenate([centred[None], one]))
+    square = sliding_sums(images * images, one)[0]
+    variance = np.maximum(square - total * total / template.size, 0.0) + template.size * NOISE_LEVELS**2
+    scores: Floats = covariance / np.sqrt(variance * float(np.square(centred).sum()))
+    return scores
+
+
+def _best(score: Score, radius_px: float, reach_px: float) -> Vector | None:
+    """Search for the offset that explains frames best; None where that is near, or none explains them clearly better.
+
+    Between two that explain as much, as where a needle hardly turns, the nearer one is taken.
+    """
+
+    def liked(offsets_px: Floats) -> Floats:
+        far = np.hypot(*offsets_px.T) / (REACH_PART * radius_px)
+        likely: Floats = 1.0 - score(offsets_px) + (1.0 - FAR_GAIN) * far**2 * (1.0 - drawn)
+        return -likely
+
+    drawn = float(score(np.zeros((1, 2)))[0])
+    first = _disc(reach_px, STEP_PART * radius_px)
+    start = first[liked(first).argmax()]
+    last_px = LAST_STEP_PART * radius_px
+    steps = np.stack(np.meshgrid([-last_px, 0.0, last_px], [-last_px, 0.0, last_px]), axis=-1).reshape(-1, 2)
+    likings = liked(start + steps)
+    offset = start + _peak(steps, likings, last_px)
+    is_better = -float(likings.max()) < FAR_GAIN * (1.0 - drawn)
+    if not is_better or math.hypot(*offset) < FAR_PART * radius_px:
+        return None
+    return float(offset[0]), float(offset[1])
+
+
+def _disc(reach: float, step: float) -> Floats:
+    """(N, 2): a square grid of offsets up to a distance."""
+    count = math.floor(reach / step)
+    ticks = step * np.arange(-count, count + 1)
+    offsets = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    near: Floats = offsets[np.hypot(*offsets.T) <= reach]
+    return near
+
+
+def _peak(places: Floats, heights: Floats, reach: float) -> Floats:
+    """(2,): where a parabola through heights at places (N, 2) has its peak; the highest place if it has none near."""
+    x, y = places.T
+    _, slope_x, slope_y, xx, xy, yy = np.linalg.lstsq(np.stack([x * 0 + 1, x, y, x * x, x * y, y * y], 1), heights)[0]
+    curvature = np.array([[2 * xx, xy], [xy, 2 * yy]])
+    if np.linalg.eigvalsh(curvature).max() >= 0:
+        highest: Floats = places[heights.argmax()]
+        return highest
+    peak: Floats = -np.linalg.solve(curvature, [slope_x, slope_y])
+    return limited(peak, -reach, reach)
+
+
+def _spread(strips: Sequence[UnwrappedGauge], most: int) -> Sequence[UnwrappedGauge]:
+    """Return at most so many, spread evenly."""
+    if len(strips) <= most:
+        return strips
+    return [strips[index] for index in np.linspace(0, len(strips) - 1, most).round().astype(int)]

@@ -1,0 +1,154 @@
+"""Strips: rows of unwrapped gauges, cut around a needle in many frames, and what a needle leaves of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from decoder.panel.arrays import Floats, Indices, Mask, limited
+
+
+@dataclass(frozen=True, slots=True)
+class Strips:
+    """The part of one gauge around a needle in M frames.
+
+    Attributes
+    ----------
+    pixels
+        (N, S, C) float32: of these frames and maybe others.
+    frames
+        (M,): which of them they are.
+    first
+        (M,): the gauge's row that is the first of them.
+    face
+        (R, C) float32: the dial without needles.
+    """
+
+    pixels: Floats
+    frames: Indices
+    first: Indices
+    face: Floats
+
+    @classmethod
+    def of(cls, pixels: Floats, first: Indices, face: Floats) -> Self:
+        """Of all frames whose pixels these are."""
+        return cls(pixels, np.arange(len(pixels)), first, face)
+
+    def part(self, which: Indices | Mask) -> Strips:
+        """Return some of the frames."""
+        return Strips(self.pixels, self.frames[which], self.first[which], self.face)
+
+    def rows(self, index: Indices, step: int = 1) -> tuple[Floats, Floats]:
+        """Gauge and face on rows (M, H) of the gauge, every so many columns of them: (M, H, C') each."""
+        pixels = self.pixels[:, :, ::step]
+        own = limited(index - self.first[:, None], 0, pixels.shape[1] - 1)
+        seen = pixels[self.frames[:, None], own]
+        return seen, self.face[limited(index, 0, len(self.face) - 1), ::step]
+
+    def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:
+        """Gauge and face around a row of each frame, (M,), as near to it as they reach: (M, H * C) each."""
+        height, top_rows = 2 * axis + 1, rows - axis
+        pixels, face = blocks_of(self.pixels, height), blocks_of(self.face, height)
+        seen = pixels[self.frames, limited(top_rows - self.first, 0, pixels.shape[1] - 1)]
+        return seen, face[limited(top_rows, 0, len(face) - 1)]
+
+
+def blocks_of(pixels: Floats, height: int) -> Floats:
+    """(..., S - H + 1, H * C): a view on contiguous pixels, (..., S, C), that shows all blocks of so many rows."""
+    *others, rows, columns = pixels.shape
+    shape, strides = (*others, rows - height + 1, height * columns), pixels.strides
+    return np.ndarray(shape, pixels.dtype, pixels, strides=strides)
+
+
+def rows_at(strip: Floats, rows: Floats) -> Floats:
+    """Interpolate an unwrapped gauge at fractional rows by cubics: (len(rows), C); beyond its ends, its end rows."""
+    first = np.floor(rows).astype(np.intp)
+    if len(rows) > 1 and first[0] >= 1 and rows[-1] - rows[0] == len(rows) - 1 and first[-1] + 2 < len(strip):
+        return _shifted(strip, int(first[0]), len(rows), float(rows[0]) - int(first[0]))
+    index = np.minimum(np.maximum(first + np.arange(-1, 3)[:, None], 0), len(strip) - 1)
+    part = rows - first
+    if not part.any():
+        whole: Floats = strip[index[1]]
+        return whole
+    weights = np.stack(cubic_weights(part)).astype(np.float32)
+    interpolated: Floats = np.einsum("kr,krc->rc", weights, strip[index])
+    return interpolated
+
+
+def rows_of_each(strips: Sequence[Floats], rows: Floats) -> Floats:
+    """`rows_at` of K unwrapped gauges of one shape, each at rows of its own, (K, H): (K, H, C)."""
+    first = np.floor(rows[:, 0]).astype(np.intp)
+    follow = np.abs(rows[:, -1] - rows[:, 0] - (rows.shape[1] - 1)) < np.finfo(np.float32).eps
+    follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
+    if not follow.all():
+        return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
+    count, height, columns = *rows.shape, strips[0].shape[1]
+    parts = np.empty((count, height + 3, columns), np.float32)
+    for part, strip, start in zip(parts, strips, (first - 1).tolist(), strict=True):
+        part[:] = strip[start : start + height + 3]
+    one, row, column = parts.strides
+    taps = np.ndarray((count, 4, height * columns), parts.dtype, parts, strides=(one, row, column))
+    weights = np.array([cubic_weights(behind) for behind in (rows[:, 0] - first).tolist()], np.float32)
+    found: Floats = np.einsum("kt,ktx->kx", weights, taps)
+    return found.reshape(count, height, columns)
+
+
+def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
+    """Of the row before a place, its own, and the two behind, for a place so far behind its own (Catmull and Rom)."""
+    square = part * part
+    return (
+        -0.5 * part + square - 0.5 * square * part,
+        1.0 - 2.5 * square + 1.5 * square * part,
+        0.5 * part + 2.0 * square - 1.5 * square * part,
+        0.5 * square * (part - 1.0),
+    )
+
+
+def _shifted(strip: Floats, first: int, count: int, part: float) -> Floats:
+    """`rows_at` for rows that follow each other: no row of the strip is looked up by itself."""
+    if part == 0.0:
+        return strip[first : first + count].copy()
+    weights = [np.float32(weight) for weight in cubic_weights(part)]
+    parts = [strip[first + tap : first + tap + count] for tap in (-1, 0, 1, 2)]
+    shifted: Floats = weights[0] * parts[0]
+    for weight, rows in zip(weights[1:], parts[1:], strict=True):
+        shifted += weight * rows
+    return shifted
+
+
+class UncoveredPixels:
+    """The pixels beside a needle, in blocks of so many rows: every so many rows and columns.
+
+    Parameters
+    ----------
+    touched
+        (H, C): the pixels that the needle touches.
+    rows, step
+        How many rows a block has, and how many rows and columns they are apart.
+    """
+
+    def __init__(self, touched: Mask, rows: int, step: int = 1) -> None:
+        reach = (rows - 1) * step + 1
+        self._margin = reach + 1
+        whole = np.pad(touched[:, ::step], ((self._margin, self._margin), (0, 0)))
+        between = whole.copy()
+        between[1:] |= whole[:-1]
+        left = np.logical_not([whole, between]).astype(np.float32)
+        (_, length, columns), (layer, row, column) = left.shape, left.strides
+        shape, strides = (2, length - reach + 1, rows, columns), (layer, row, step * row, column)
+        self._blocks = np.ndarray(shape, left.dtype, left, strides=strides)
+
+    def at(self, first_rows: Indices, needle_rows: Floats) -> Floats:
+        """(M, rows, C') float32: 1 where a pixel is left, in blocks from rows (M,) on.
+
+        The needle's own first rows, (M,), may lie between two others: then it touches the pixels of either.
+        """
+        before = np.floor(needle_rows)
+        start = first_rows - before.astype(np.intp) + self._margin
+        left: Floats = self._blocks[
+            (needle_rows > before).astype(np.intp), limited(start, 0, self._blocks.shape[1] - 1)
+        ]
+        return left

@@ -1,0 +1,64 @@
+"""Thresholds of matching. "Drawn" is what was found by trial on our own renderings, to be kept by tests there.
+
+| name | value | unit | meaning | source |
+| --- | --- | --- | --- | --- |
+| SCORE_THRESHOLD | 0.8 | NCC | a needle that matches less is not read | thesis 3.2.3, by trial; others for infrared targets |
+| MIN_SPREAD_LEVELS | 0.2 | grey levels | below it there is nothing but rounding to correlate with | rounding of 8 bits has 0.29 |
+| FACE_NOISE_LEVELS | 1.0 | grey levels | a face with less spread explains nothing but noise | a quiet sensor's noise |
+| NOISE_LEVELS | 4.0 | grey levels | spread of a pixel over the frames that is sensor and JPEG noise | measured on JPEGs of quality 75 to 90 |
+| OUTLIER_SPREADS | 3.5 | standard deviations | what is further off is another thing | 1 in 2,000 of normal noise |
+| MIN_CONTRAST_PART | 0.05 | of a needle's contrast | less is no needle, and covers nothing | drawn |
+| OUTLINE_PART | 0.35 | of a needle's contrast | at its outline | drawn: half widths are right to a tenth of a degree |
+| FADED_PART | 0.06 | of a needle's contrast | at the end of its blurred edge | drawn |
+| MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
+| SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
+| HALF | 0.5 | of a needle's contrast | half of it | by its meaning |
+| LIKE_ENDS_PART | 0.01 | of a needle's variance | by less its ends differ by noise alone | a pixel of length makes half more |
+| MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
+| MIN_VIEWS | 3 | frames | so many show a pixel of the face without a needle | least number that has a middle |
+| MIN_VISIBLE | 0.15 | of a needle's contrast | with less in sight a template matches too many things | drawn |
+| WHOLE_VISIBLE | 0.97 | of a needle's contrast | with more in sight it is whole; of NCC, that touching needles explain all | drawn |
+| MAX_FRACTION_ROWS | 0.75 | rows | a fit that points further lies in another window | half a row, and half of that |
+| MAX_PEAK_ROWS | 3.0 | rows | how far a fit may end from the peak of the search | the search's step |
+| MAX_STEPS | 4 | windows | after so many moves a window is lost | each moves a row or more |
+| SETTLED_ROWS | 0.2 | rows | two needles that move less have settled | a fifth of what a sliver is read to |
+| SHOWN_PIXELS | 3.0 | original pixels | a lower needle that shows so much is told | drawn |
+| MUCH_BETTER | 0.8 | of the noise | a pair must leave so much less than its upper needle alone | drawn |
+| SLIVER_THRESHOLD | 0.85 | NCC | a sliver is few pixels: it must match better than a whole needle | drawn |
+| MIN_PAIR_CORRELATION | 0.98 | NCC | two needles are told only where they explain so much: else it may be a glare | drawn |
+| MAX_STEP_ROWS | 1.5 | rows | a step of needles fitted together is cut to | a window's linear reach |
+| REACH_PART | 0.12 | of the radius | pivots are searched for as far from where they are drawn | an ordinary hand |
+| FAR_PART | 0.015 | of the radius | a pivot nearer to where it is drawn is told by tilts alone | half of what these do without |
+| FAR_GAIN | 0.95 | of what is unexplained | so much at most a pivot far off must leave, or the drawn one stays | strangers' pictures, drawn by a careful hand |
+"""  # noqa: E501 - a table
+
+from __future__ import annotations
+
+SCORE_THRESHOLD = 0.8
+MIN_SPREAD_LEVELS = 0.2
+FACE_NOISE_LEVELS = 1.0
+NOISE_LEVELS = 4.0
+OUTLIER_SPREADS = 3.5
+MIN_CONTRAST_PART = 0.05
+OUTLINE_PART = 0.35
+FADED_PART = 0.06
+MIN_HALF_PART = 0.3
+SHOWN_PART = 0.2
+HALF = 0.5
+LIKE_ENDS_PART = 0.01
+MIN_LIGHT_GAIN = 0.2
+MIN_VIEWS = 3
+MIN_VISIBLE = 0.15
+WHOLE_VISIBLE = 0.97
+MAX_FRACTION_ROWS = 0.75
+MAX_PEAK_ROWS = 3.0
+MAX_STEPS = 4
+SETTLED_ROWS = 0.2
+SHOWN_PIXELS = 3.0
+MUCH_BETTER = 0.8
+SLIVER_THRESHOLD = 0.85
+MIN_PAIR_CORRELATION = 0.98
+MAX_STEP_ROWS = 1.5
+REACH_PART = 0.12
+FAR_PART = 0.015
+FAR_GAIN = 0.95

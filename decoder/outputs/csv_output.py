@@ -1,0 +1,118 @@
+"""Tables: `NAME.csv` and `NAME_alignment.tsv`, a row for each frame, and what `decode` prints for people."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import IO
+
+from decoder.outputs.thresholds import DIGITS_OF_FULL_SCALE
+from decoder.panel.panel import LEADING_COLUMNS, NEEDLE_SUFFIXES
+from decoder.panel.scale import Quantity
+from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries, status_counts
+from flight_file.untrusted import printable, to_cell
+
+SCORE_DECIMALS = 4
+TIME_DECIMALS = 6
+
+COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shift_y_px", "roll_deg", "scale")
+
+
+def write_csv(data: FlightData, stream: IO[str]) -> None:
+    """Write flight data as CSV: UTF-8, LF, floats always with a decimal point."""
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*LEADING_COLUMNS, *(s.quantity.name + suffix for s in data.series for suffix in NEEDLE_SUFFIXES)])
+    decimals = [value_decimals(series) for series in data.series]
+    time_s = data.time_s
+    for row in range(len(data.frame)):
+        fields = [str(data.frame[row]), utc_text(int(data.time_ns[row])), f"{time_s[row]:.{TIME_DECIMALS}f}"]
+        for series, places in zip(data.series, decimals, strict=True):
+            fields += [
+                _number(value_within_turn(series.value[row], places, series.quantity), places),
+                STATUSES[series.status[row]].value,
+                _number(series.score[row], SCORE_DECIMALS),
+                _number(series.sigma[row], places + 1),
+            ]
+        writer.writerow(fields)
+
+
+def value_decimals(series: NeedleSeries) -> int:
+    """Decimals of a needle's values: a millionth of full scale, at least one."""
+    return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
+
+
+def value_within_turn(value: float, decimals: int, quantity: Quantity) -> float:
+    """Round a value as it is written: one that rounds up to a full turn becomes the lowest."""
+    if quantity.wraps is None or not math.isfinite(value):
+        return value
+    return quantity.lowest + (round(value, decimals) - quantity.lowest) % quantity.wraps
+
+
+def utc_text(time_ns: int) -> str:
+    """ISO 8601 UTC with microseconds."""
+    seconds, rest = divmod(time_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{rest // 1000:06d}Z"
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if math.isfinite(value) else ""
+
+
+def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str]) -> None:
+    """Write one row for each frame; shift, roll and scale are those at the panel picture's middle.
+
+    Parameters
+    ----------
+    size_px : width and height of the panel picture
+    """
+    writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
+    writer.writerow(COLUMNS)
+    middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
+    for row, (frame, time_ns) in enumerate(zip(data.frame.tolist(), data.time_ns.tolist(), strict=True)):
+        alignment = data.alignments[row]
+        fields = [str(frame), utc_text(time_ns)]
+        failed = to_cell(";".join(data.alignments.failed(row)))
+        if alignment is None:
+            writer.writerow([*fields, "", failed, "", "", "", ""])
+            continue
+        motion = alignment.motion_at(middle)
+        (right, down), roll_deg, scale = motion.shift_px, motion.roll_deg, motion.scale
+        numbers = [f"{right:.3f}", f"{down:.3f}", f"{roll_deg:.4f}", f"{scale:.6f}"]
+        writer.writerow([*fields, f"{alignment.score:.4f}", failed, *(_unsigned(number) for number in numbers)])
+
+
+def _unsigned(number: str) -> str:
+    """Drop the sign that rounding leaves on a zero."""
+    return number.removeprefix("-") if float(number) == 0 else number
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Align rows under their header, two blanks between columns."""
+    lines = [[printable(cell) for cell in row] for row in (header, *rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+
+    def text(line: Sequence[str]) -> str:
+        first, *others = line
+        cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        return "  ".join(cells).rstrip()
+
+    rule = "  ".join("-" * width for width in widths)
+    return "\n".join([text(lines[0]), rule, *(text(line) for line in lines[1:])])
+
+
+def summary_table(data: FlightData) -> str:
+    """Summarize a flight in a text table, one row for each needle."""
+    rows = []
+    for series in data.series:
+        score, counts = series.lowest_score, status_counts(series)
+        rows.append(
+            [
+                series.quantity.name,
+                series.quantity.unit,
+                *(str(counts[status.value]) for status in STATUSES),
+                "-" if score is None else f"{score:.3f}",
+            ]
+        )
+    return text_table(["needle", "unit", *(status.value for status in STATUSES), "lowest score"], rows)

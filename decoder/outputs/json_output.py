@@ -1,0 +1,118 @@
+"""`NAME.json`: what the flight data are made of, where they have gaps, and why."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import IO, Any
+
+import numpy as np
+
+from decoder.instruments.reading import Status
+from decoder.outputs.csv_output import utc_text
+from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
+from decoder.timeseries.outliers import Outlier, find_outliers
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file that went into the flight data, by name and SHA-256."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where flight data come from."""
+
+    recording: str
+    software: str
+    method: str
+    flight_files: tuple[SourceFile, ...]
+    panel: SourceFile
+    camera: SourceFile | None
+    losses: tuple[str, ...]
+
+
+def write_json(data: FlightData, provenance: Provenance, stream: IO[str]) -> None:
+    """Write the description of flight data as JSON."""
+    json.dump(describe(data, provenance), stream, indent=2, ensure_ascii=False, allow_nan=False)
+    stream.write("\n")
+
+
+def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
+    """Describe flight data in plain dictionaries and lists."""
+    return {
+        **asdict(provenance),
+        **_part(data),
+        "frames": len(data.frame),
+        "start_utc": utc_text(int(data.time_ns[0])) if len(data.frame) else None,
+        "end_utc": utc_text(int(data.time_ns[-1])) if len(data.frame) else None,
+        "duration_s": round(float(data.time_s[-1] - data.time_s[0]), 6) if len(data.frame) else 0.0,
+        "needles": {series.quantity.name: _needle(series) for series in data.series},
+        "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
+        "warnings": list(data.warnings),
+        "failed_anchors": data.alignments.failures(),
+        "missing_frames": [
+            {"first_frame": int(data.frame[first]), "last_frame": int(data.frame[last]), "reason": reason}
+            for first, last, reason in lost_runs(data)
+        ],
+        "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
+        "gaps": [gap for series in data.series for gap in _gaps(data, series)],
+    }
+
+
+def _part(data: FlightData) -> dict[str, Any]:
+    if data.part is None:
+        return {}
+    return {
+        "part": {
+            "every": data.part.ranks.step,
+            "frames_in_flight": data.part.frames_in_flight,
+            "flight_start_utc": utc_text(data.part.began_ns),
+        }
+    }
+
+
+def _needle(series: NeedleSeries) -> dict[str, Any]:
+    quantity = series.quantity
+    scale_min, scale_max = quantity.range
+    return {
+        "gauge": quantity.gauge,
+        "unit": quantity.unit,
+        "scale_min": scale_min,
+        "scale_max": scale_max,
+        **({} if quantity.wraps is None else {"wraps": quantity.wraps}),
+        "frames": status_counts(series),
+        "lowest_score": series.lowest_score,
+    }
+
+
+def _outlier(data: FlightData, outlier: Outlier) -> dict[str, Any]:
+    return {
+        "needle": outlier.needle,
+        "first_frame": int(data.frame[outlier.first]),
+        "last_frame": int(data.frame[outlier.last]),
+        "reason": outlier.reason.value,
+    }
+
+
+def _gaps(data: FlightData, series: NeedleSeries) -> list[dict[str, Any]]:
+    """List runs of frames in which a needle was not seen though the panel was found."""
+    return [
+        {
+            "needle": series.quantity.name,
+            "status": status.value,
+            "first_frame": int(data.frame[first]),
+            "last_frame": int(data.frame[last]),
+            "lowest_score": round(float(np.min(series.score[first : last + 1])), 4),
+        }
+        for status in (Status.HIDDEN, Status.INTERPOLATED, Status.MISSING)
+        for first, last in _runs(series, status)
+    ]
+
+
+def _runs(series: NeedleSeries, status: Status) -> Sequence[tuple[int, int]]:
+    return spans(series.has(status) & np.isfinite(series.score))

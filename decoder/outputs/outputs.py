@@ -1,0 +1,129 @@
+"""Writing outputs: what the files are called, and that they are there whole or not at all.
+
+Every file is made beside its final name and put in place only when all of them are complete, so that a decode that is
+broken off leaves nothing half-written. A link that lies under one of the names is replaced, never followed. The same
+flight data always give the same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO
+
+from decoder.panel.errors import OutputError
+from flight_file.reader import Flight
+from flight_file.session import parse_segment_name
+from flight_file.untrusted import file_name, printable, read_beside
+
+Write = Callable[[IO[bytes]], None]
+
+JOURNAL_SUFFIX = ".decode-journal"
+
+
+def as_text(write: Callable[[IO[str]], None]) -> Write:
+    """Turn a writer of text into one of bytes: UTF-8, line ends as they are written, half a surrogate as its escape."""
+
+    def write_bytes(stream: IO[bytes]) -> None:
+        text = io.TextIOWrapper(stream, encoding="utf-8", errors="backslashreplace", newline="")
+        write(text)
+        text.flush()
+        text.detach()
+
+    return write_bytes
+
+
+def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
+    """Write files by name into a directory, which is made if it is not there; returns their paths.
+
+    Raises
+    ------
+    OutputError
+        If any cannot be written; then none is.
+    """
+    finals = [directory / name for name in writers]
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for final in finals:
+            if final.is_dir():
+                raise IsADirectoryError(0, f"{final.name} is a folder")
+        with _parts(finals) as parts:
+            for part, write in zip(parts, writers.values(), strict=True):
+                part.unlink(missing_ok=True)
+                with part.open("xb") as stream:
+                    write(stream)
+            for part, final in zip(parts, finals, strict=True):
+                part.replace(final)
+    except OSError as error:
+        raise OutputError(
+            f"{directory}: the flight data cannot be written: {error.strerror}; choose another with -o"
+        ) from error
+    return finals
+
+
+def part_of(final: Path) -> Path:
+    """Where a file is while it is written; no flight file in work is called so."""
+    return final.with_name(f".{final.name}.part")
+
+
+@contextlib.contextmanager
+def _parts(finals: list[Path]) -> Iterator[list[Path]]:
+    parts = [part_of(final) for final in finals]
+    try:
+        yield parts
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
+
+
+def output_name(flight: Flight) -> str:
+    """Name the outputs after the recording, or after a single file that somebody renamed."""
+    if _is_of_segments(flight):
+        return file_name(flight.recording)
+    return file_name(flight.paths[0].name.removesuffix(".part").removesuffix(".mcap"))
+
+
+def _is_of_segments(flight: Flight) -> bool:
+    return len(flight.paths) > 1 or parse_segment_name(flight.paths[0]) is not None
+
+
+def refuse_another_recording(flight: Flight, directory: Path) -> None:
+    """Refuse to replace the flight data of another recording that brings the same name along.
+
+    Raises
+    ------
+    OutputError
+        Naming the other recording.
+    """
+    if not _is_of_segments(flight):
+        return
+    name, own = f"{output_name(flight)}.json", printable(flight.recording)
+    try:
+        found = json.loads(read_beside(directory, name))
+    except (OSError, ValueError, RecursionError):
+        return  # no description of ours
+    there = found.get("recording") if isinstance(found, dict) else None
+    if isinstance(there, str) and there != own:
+        raise OutputError(
+            f"{directory / name}: is of the recording {there}, this one is {own}; choose another folder with -o"
+        )
+
+
+def refuse_overwriting(inputs: Sequence[Path], outputs: Sequence[Path]) -> None:
+    """Keep what is read from being replaced by what is made of it.
+
+    Raises
+    ------
+    OutputError
+        Naming the file.
+    """
+    for path in inputs:
+        if any(_are_one(path, each) for output in outputs for each in (output, part_of(output))):
+            raise OutputError(f"{path}: would be overwritten; choose another name or folder for what is written")
+
+
+def _are_one(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)

@@ -1,0 +1,318 @@
+"""`NAME.html`: the report. The page is made first, then the frames are read again, and pictures of some put into it.
+
+Values need no more than single precision beside their uncertainty, a status is a byte; seven needles of a two-hour
+flight at 4 Hz take 2.6 MB so.
+
+Frames pass one at a time and are written as they come, so memory does not grow with the pictures. Nothing of the time
+of writing goes in: the same flight gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from base64 import b64encode
+from collections.abc import Iterator, Sequence
+from hashlib import sha256
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import IO, Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from decoder.imaging.pictures import colour_picture
+from decoder.outputs import report_facts
+from decoder.outputs.csv_output import utc_text
+from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces, label_decimals
+from decoder.outputs.formats import Decoded
+from decoder.outputs.frame_picture import matched_frames
+from decoder.outputs.report_drawings import calibration_charts, panel_drawing
+from decoder.outputs.report_facts import AlignmentTrack, Order, alignment_tracks, order_of
+from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, evidence, find_flags, wanted_rows
+from decoder.outputs.thresholds import LARGEST_BYTES
+from decoder.panel.camera import Camera
+from decoder.panel.errors import PictureError
+from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
+from flight_file.frame import Frame
+
+PAGE = files("decoder.outputs") / "report_page"
+SHARED = files("decoder.setup") / "page"
+PLOTLY = files("decoder.outputs") / "vendor" / "plotly-basic.min.js"
+STYLES = ("style.css", "parts.css", "print.css")
+_IMPORT = re.compile(r'^import \{[^}]*\} from "\./([a-z]+\.js)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:const|class|function|async) )", re.MULTILINE)
+
+PLACE_OF_EVIDENCE = "<!--evidence-->"
+INTEGRITY_SAYS = {"good": "fits", "warn": "see below", "bad": "DOES NOT FIT", "open": "not checked"}
+
+
+def style() -> str:
+    """Read all style sheets."""
+    return "\n".join((PAGE / name).read_text(encoding="utf-8") for name in STYLES)
+
+
+def script() -> str:
+    """All modules that `main.js` needs, each after those it imports, in one scope of their own."""
+    done: dict[str, str] = {}
+    _collect("main.js", done)
+    return '"use strict";\n{\n' + "\n".join(done.values()) + "}\n"
+
+
+def plotly() -> str:
+    """plotly.js with its basic kinds of plots, as its makers publish it; `vendor/README.md` says from where."""
+    return PLOTLY.read_text(encoding="utf-8")
+
+
+def security_policy(scripts: Iterator[str]) -> str:
+    """Allow a page these scripts, its own styles and embedded pictures, and no network."""
+    hashes = " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
+    return (
+        f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:;"
+        " base-uri 'none'; form-action 'none'"
+    )
+
+
+def _collect(name: str, done: dict[str, str]) -> None:
+    text = _module(name).read_text(encoding="utf-8")
+    for needed in _IMPORT.findall(text):
+        if needed not in done:
+            _collect(needed, done)
+    done[name] = _EXPORT.sub("", _IMPORT.sub("", text))
+
+
+def _module(name: str) -> Traversable:
+    own = PAGE / name
+    return own if own.is_file() else SHARED / name
+
+
+def packed(values: NDArray[Any], kind: str) -> dict[str, str]:
+    """Encode an array for the page; `kind` is numpy's name for its numbers, such as `f4`."""
+    return {"kind": kind, "data": base64.b64encode(np.ascontiguousarray(values, "<" + kind).tobytes()).decode()}
+
+
+def columns(data: FlightData, order: Order) -> dict[str, Any]:
+    """Encode times, frame numbers and needles for the page."""
+    start_ns = int(data.time_ns[order[0]]) if order.size else 0
+    return {
+        "rows": int(order.size),
+        "start_ms": start_ns / 1e6,
+        "start_utc": utc_text(start_ns),
+        "since_first_ms": float(data.time_ns[0] - start_ns) / 1e6 - float(data.time_s[0]) * 1e3 if order.size else 0.0,
+        "time_ms": packed((data.time_ns[order] - start_ns) / 1e6, "f8"),
+        "frame": packed(data.frame[order], "f8"),
+        "needles": [_needle(series, order) for series in data.series],
+    }
+
+
+def _needle(series: NeedleSeries, order: Order) -> dict[str, Any]:
+    quantity = series.quantity
+    return {
+        "name": quantity.name,
+        "gauge": quantity.gauge,
+        "unit": quantity.unit,
+        "decimals": label_decimals(series),
+        "wraps": quantity.wraps,
+        "full_scale": quantity.full_scale,
+        "value": packed(series.value[order], "f4"),
+        "sigma": packed(series.sigma[order], "f4"),
+        "score": packed(series.score[order], "f4"),
+        "status": packed(series.status[order], "u1"),
+    }
+
+
+def write_report(report: Decoded, stream: IO[bytes], *, largest_bytes: int = LARGEST_BYTES) -> None:
+    """Write the report as one HTML page that needs nothing else.
+
+    Parameters
+    ----------
+    largest_bytes
+        How large it may become; as few pictures as that allows are put in, but its data are never thinned out.
+
+    Raises
+    ------
+    OutputError
+        If the flight file does not give the frames that it gave before.
+    PanelError, CameraError
+        If the panel cannot be drawn.
+    """
+    flags, order = find_flags(report.data), order_of(report.data)
+    page = _page(report, flags, order)
+    before, after = (part.encode(errors="backslashreplace") for part in page.split(PLACE_OF_EVIDENCE))
+    stream.write(before)
+    room_bytes = min(largest_bytes // 2, largest_bytes - len(before) - len(after))
+    for block in _evidence(report, flags, order, room_bytes):
+        stream.write(block)
+    stream.write(after)
+
+
+def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: int) -> Iterator[bytes]:
+    """Cut pictures out of one frame after the other, as many as there is room for."""
+    data = report.data
+    places, position = ReadingPlaces(report.source, data), _positions(order)
+    needles = {series.quantity.name: place for place, series in enumerate(data.series)}
+    wanted = wanted_rows(data, flags, len(report.source.panel.gauges), room_bytes)
+    for row, frame in enumerate(matched_frames(data, report.frames)):
+        if row not in wanted:
+            continue
+        found = _evidence_of(frame, places, row, needles)
+        head = f'<script type="application/json" class="evidence" data-row="{position[row]}">'
+        block = f"{head}{_json(found)}</script>\n".encode(errors="backslashreplace")
+        room_bytes -= len(block)
+        if room_bytes < 0:  # they are larger than was thought
+            return
+        yield block
+
+
+def _evidence_of(frame: Frame, places: ReadingPlaces, row: int, needles: dict[str, int]) -> Evidence:
+    try:
+        return evidence(colour_picture(frame.jpeg), places.frame(row), needles)
+    except PictureError as error:
+        return {"trouble": str(error)}
+
+
+def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
+    environment = Environment(
+        loader=PackageLoader("decoder.outputs", "report_page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    tracks = alignment_tracks(report.data, report.source.optics.size_px)
+    scripts = {"plotly": plotly(), "script": script()}
+    charts = [] if report.camera is None else calibration_charts(report.camera, report.source.panel.focal_length_mm)
+    page: str = environment.get_template("report.html").render(
+        **_texts(report, flags, order),
+        policy=security_policy(iter(scripts.values())),
+        style=Markup(style()),  # noqa: S704 - our own file
+        **{name: Markup(text) for name, text in scripts.items()},  # noqa: S704 - our own, and plotly's
+        flight_json=Markup(_json(_flight(report, flags, order, tracks))),  # noqa: S704 - no `<` is left in it
+        charts_json=Markup(_json(charts)),  # noqa: S704 - the same
+        alignment=report_facts.alignment_facts(tracks),
+        charts=charts,
+    )
+    return page
+
+
+def _texts(report: Decoded, flags: Sequence[Flag], order: Order) -> dict[str, Any]:
+    """Gather what the template says outside its scripts."""
+    data, source, provenance = report.data, report.source, report.provenance
+    listed, left_out = report_facts.listed_flags(data, flags, _positions(order))
+    counts = [(kind.value, sum(flag.kind is kind for flag in flags)) for kind in KINDS]
+    checked = report_facts.checked(report.check())
+    return {
+        "provenance": provenance,
+        "when": report_facts.when(data),
+        "sections": _sections(report),
+        "facts": report_facts.head_facts(
+            data,
+            flags,
+            provenance.losses,
+            report_facts.Fact("recording's chain", INTEGRITY_SAYS[checked[0].state], checked[0].state),
+        ),
+        "alerts": report_facts.alerts(data, provenance.losses, order),
+        "statuses": report_facts.STATUS_WORDS,
+        "status_colours": {status.value: colour for status, colour in STATUS_COLOURS.items()},
+        "has_outliers": any(flag.kind is Kind.OUTLIER for flag in flags),
+        "needles": [report_facts.needle_facts(series) for series in data.series],
+        "kinds": [(kind, count) for kind, count in counts if count],
+        "flags": listed,
+        "left_out": left_out,
+        "json_name": f"{report.name}.json",
+        "truth": report.truth,
+        "failed_anchors": report_facts.failed_anchors(data.alignments),
+        "panel": source.panel,
+        "drawing": panel_drawing(source, dict(data.moved_pivots_px)),
+        "has_points": bool(source.panel.reference_points),
+        "gauge_rows": report_facts.gauge_rows(source, data),
+        "camera_words": _camera_words(report.camera),
+        "checked": checked,
+        "files": _files(report),
+        "made_with": _made_with(report),
+    }
+
+
+def _sections(report: Decoded) -> list[tuple[str, str]]:
+    wanted = [
+        ("data", "Flight data", True),
+        ("flagged", "Gaps and flags", True),
+        ("accuracy", "Accuracy", report.truth is not None),
+        ("alignment", "Alignment", bool(report.data.alignments)),
+        ("setup", "Set-up", True),
+        ("calibration", "Calibration", report.camera is not None),
+        ("provenance", "Provenance", True),
+    ]
+    return [(name, title) for name, title, is_there in wanted if is_there]
+
+
+def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequence[AlignmentTrack]) -> dict[str, Any]:
+    """Gather what the page's scripts read."""
+    data = report.data
+    position, row_of = _positions(order), {int(frame): row for row, frame in enumerate(data.frame)}
+    needles = {series.quantity.name: place for place, series in enumerate(data.series)}
+    content = columns(data, order)
+    for place, needle in enumerate(content["needles"]):
+        truth = None if report.truth is None else report.truth.values.get(data.series[place].quantity.name)
+        needle["truth"] = None if truth is None else packed(truth[order], "f4")
+    return {
+        **content,
+        "statuses": [status.value for status in STATUSES],
+        "flags": [
+            [
+                *sorted((int(position[flag.first]), int(position[flag.last]))),
+                flag.kind.value,
+                needles.get(flag.needle, -1),
+            ]
+            for flag in flags
+        ],
+        "lost": {str(position[row_of[missing.frame]]): missing.reason for missing in data.missing_frames},
+        "alignment": [
+            {"values": packed(track.values[order], "f4"), "least": track.least, "name": track.name} for track in tracks
+        ],
+    }
+
+
+def _files(report: Decoded) -> list[dict[str, str]]:
+    provenance = report.provenance
+    rows = [{"name": file.name, "what": "flight file", "sha256": file.sha256} for file in provenance.flight_files]
+    rows.append({"name": provenance.panel.name, "what": "panel", "sha256": provenance.panel.sha256})
+    if provenance.camera is not None:
+        rows.append({"name": provenance.camera.name, "what": "camera", "sha256": provenance.camera.sha256})
+    if report.truth is not None:
+        rows.append({"name": report.truth.name, "what": "truth", "sha256": report.truth.sha256})
+    return rows
+
+
+def _made_with(report: Decoded) -> list[tuple[str, str]]:
+    own = [
+        ("software", report.provenance.software),
+        ("method", report.provenance.method),
+        ("command", report.command),
+    ]
+    return [*own, *report_facts.recorded_by(report.session)]
+
+
+def _camera_words(camera: Camera | None) -> str:
+    if camera is None:
+        return ""
+    low, high = camera.focal.range_mm
+    name = camera.model or "A camera without a name"
+    lens = "with distortion" if camera.distortion else "no distortion was measured, none is taken out"
+    return f"{name}, calibrated from {low:g} to {high:g} mm; {lens}."
+
+
+def _positions(order: Order) -> Order:
+    """(N,): the place of each row in the order of time."""
+    position = np.empty_like(order)
+    position[order] = np.arange(order.size)
+    return position
+
+
+def _json(content: object) -> str:
+    """JSON that a script element can hold: nothing in it can end the element."""
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

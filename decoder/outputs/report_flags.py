@@ -1,0 +1,240 @@
+"""The report's flags and evidence: the spans to look at first, and crops of the pictures that show them.
+
+First come the frames of every flag, then the extremes and the steps of each needle, then an even sample. Each group is
+in an order of which every beginning is spread over the flight, so that whatever there is room for is no one's pick.
+
+Crops are cut where the frame's alignment has each gauge. Needles are not drawn into the pixels: the page draws them
+over the crop, so that they can be taken away. A frame without alignment is shown whole.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from decoder.imaging.pictures import ColourPicture
+from decoder.instruments.reading import Status
+from decoder.matching.thresholds import SCORE_THRESHOLD
+from decoder.outputs.drawn_readings import DrawnGauge, Point
+from decoder.panel.scale import shortest
+from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans
+from decoder.timeseries.outliers import find_outliers
+
+STEPS = 3
+SAMPLE = 240
+
+REACH = 1.22
+"""How much of a gauge's surroundings is seen, in its radii."""
+GAUGE_PX = 160
+WHOLE_PX = 560
+JPEG_QUALITY = 80
+BYTES_OF_PIXEL = 0.25  # what such a crop takes as JPEG, about
+RIM_STEP = 3
+
+Evidence = dict[str, Any]
+
+
+class Kind(StrEnum):
+    """What a flag says, the gravest first."""
+
+    OUTLIER = "outlier"
+    """Values that the frames around them make hard to believe."""
+    LOST = "panel not found"
+    """Frames that could not be read at all."""
+    MISSING = "missing"
+    INTERPOLATED = "interpolated"
+    HIDDEN = "hidden"
+    EDGE = "edge"
+
+
+KINDS = tuple(Kind)
+_NEEDLE_KINDS = {
+    Status.MISSING: Kind.MISSING,
+    Status.INTERPOLATED: Kind.INTERPOLATED,
+    Status.HIDDEN: Kind.HIDDEN,
+    Status.EDGE: Kind.EDGE,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A run of frames; `first` and `last` are rows of the flight data, both included.
+
+    Attributes
+    ----------
+    needle
+        Empty where it is about the whole panel.
+    reason
+        As far as the flight data tell it.
+    """
+
+    kind: Kind
+    needle: str
+    first: int
+    last: int
+    reason: str
+
+    @property
+    def frames(self) -> int:
+        """How many frames it covers."""
+        return self.last - self.first + 1
+
+
+def find_flags(data: FlightData) -> list[Flag]:
+    """All flags, by time; of one time in the order of `Kind`."""
+    combined = {combination.quantity.name for combination in data.combinations}
+    flags = [
+        Flag(Kind.OUTLIER, outlier.needle, outlier.first, outlier.last, outlier.reason.value)
+        for outlier in find_outliers(data)
+    ]
+    flags += [Flag(Kind.LOST, "", first, last, reason) for first, last, reason in lost_runs(data)]
+    for series in data.series:
+        flags += _of_needle(series, is_combined=series.quantity.name in combined)
+    return sorted(flags, key=lambda flag: (flag.first, KINDS.index(flag.kind)))
+
+
+def _of_needle(series: NeedleSeries, *, is_combined: bool) -> Iterator[Flag]:
+    for status, kind in _NEEDLE_KINDS.items():
+        for first, last in spans(series.has(status) & np.isfinite(series.score)):
+            score = float(np.min(series.score[first : last + 1]))
+            yield Flag(kind, series.quantity.name, first, last, _reason(series, kind, score, is_combined=is_combined))
+
+
+def _reason(series: NeedleSeries, kind: Kind, score: float, *, is_combined: bool) -> str:
+    cover = series.quantity.covered_by
+    if kind is Kind.HIDDEN:
+        return f"under {cover}; it takes that needle's place" if cover else "under another needle"
+    if kind is Kind.EDGE:
+        what = f"{cover}, a glare or a bug" if cover else "another needle, a glare or a bug"
+        return f"{what} covers a part; the rest matched (lowest score {score:.2f})"
+    end = "the value is on the line between its neighbours" if kind is Kind.INTERPOLATED else "there is no value"
+    if is_combined:
+        return f"a pointer was not seen, or they contradict each other; {end}"
+    if score == 0.0:
+        return f"the gauge was not found, or not whole in the frame; {end}"
+    if score < SCORE_THRESHOLD:
+        return f"nothing matched well enough (lowest score {score:.2f}); {end}"
+    return f"what matched was not believed: it could be another needle, or lies where the needle cannot be; {end}"
+
+
+def planned(data: FlightData, flags: Sequence[Flag]) -> list[int]:
+    """Rows of the flight data whose pictures are wanted, the most wanted first."""
+    last = len(data.frame) - 1
+    wanted: dict[int, None] = {}
+
+    def want(rows: Iterable[int]) -> None:
+        wanted.update(dict.fromkeys(row for row in rows if 0 <= row <= last))
+
+    for kind in KINDS:
+        own = [flag for flag in flags if flag.kind is kind]
+        scattered = [own[index] for index in scattered_order(len(own))]
+        want((flag.first + flag.last) // 2 for flag in scattered)
+    for kind in KINDS:
+        own = [flag for flag in flags if flag.kind is kind]
+        want(row for index in scattered_order(len(own)) for row in (own[index].first, own[index].last))
+    want([0, last])
+    for series in data.series:
+        want(_extremes(series))
+        want(_steps(series))
+    for kind in KINDS[:2]:
+        want(row for flag in flags if flag.kind is kind for row in (flag.first - 1, flag.last + 1))
+    even = np.unique(np.linspace(0, max(last, 0), SAMPLE).round().astype(int)).tolist()
+    want(even[index] for index in scattered_order(len(even)))
+    return list(wanted)
+
+
+def scattered_order(count: int) -> list[int]:
+    """Order the numbers below `count` so that every beginning is spread evenly (van der Corput's sequence)."""
+    bits = max(count - 1, 0).bit_length()
+    reversed_bits = (int(f"{number:0{bits}b}"[::-1], 2) if bits else 0 for number in range(1 << bits))
+    return [number for number in reversed_bits if number < count]
+
+
+def _extremes(series: NeedleSeries) -> list[int]:
+    """Find the rows of the lowest and highest value, and of the lowest score of any value."""
+    valued = np.flatnonzero(np.isfinite(series.value))
+    if not valued.size:
+        return []
+    value, score = series.value[valued], series.score[valued]
+    return [int(valued[place]) for place in (value.argmin(), value.argmax(), score.argmin())]
+
+
+def _steps(series: NeedleSeries) -> list[int]:
+    """Find the rows before and after the largest steps between neighbouring values."""
+    valued = np.flatnonzero(np.isfinite(series.value))
+    sizes = np.abs(shortest(np.diff(series.value[valued]), series.quantity.wraps))
+    largest = np.argsort(-sizes, kind="stable")[:STEPS]
+    return [int(row) for place in largest if sizes[place] > 0 for row in (valued[place], valued[place + 1])]
+
+
+def wanted_rows(data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int) -> frozenset[int]:
+    """Choose the rows whose pictures go into so much room, about, the most wanted first."""
+    likely_bytes = max(gauges, 1) * GAUGE_PX**2 * BYTES_OF_PIXEL * 4 / 3
+    return frozenset(planned(data, flags)[: max(0, int(room_bytes / likely_bytes))])
+
+
+def evidence(picture: ColourPicture, gauges: Sequence[DrawnGauge], places: dict[str, int]) -> Evidence:
+    """Cut the pictures of one frame.
+
+    Parameters
+    ----------
+    picture : (H, W, 3) uint8
+    gauges : as they lie in it; none where the panel was not found
+    places : of each needle's name, its place among the page's needles
+    """
+    if not gauges:
+        height, width = picture.shape[:2]
+        return {"whole": _crop(picture, (0, 0, width, height), WHOLE_PX)}
+    return {"gauges": [found for gauge in gauges if (found := _gauge(picture, gauge, places)) is not None]}
+
+
+def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int]) -> Evidence | None:
+    height, width = picture.shape[:2]
+    left, top, right, bottom = gauge.box_px
+    x, y, reach = (left + right) / 2, (top + bottom) / 2, REACH * max(right - left, bottom - top) / 2
+    box = (max(0, x - reach), max(0, y - reach), min(width, x + reach), min(height, y + reach))
+    left, top, right, bottom = (math.floor(side) for side in box)
+    if right - left < 2 or bottom - top < 2:  # noqa: PLR2004 - it lies outside the frame
+        return None
+    return {
+        "name": gauge.name,
+        **_crop(picture, (left, top, right, bottom), GAUGE_PX),
+        "pivot": _rounded([gauge.pivot_px]),
+        "rim": _rounded(gauge.rim_px[::RIM_STEP]),
+        "needles": [
+            {"at": places[reading.name], "line": None if reading.line_px is None else _rounded(reading.line_px)}
+            for reading in gauge.readings
+        ],
+    }
+
+
+def _crop(picture: ColourPicture, box: tuple[int, int, int, int], size_px: int) -> Evidence:
+    """Cut a part out of a picture, at most so many pixels wide or high; `box` is left, top, right, bottom."""
+    left, top, right, bottom = box
+    part = picture[top:bottom, left:right]
+    smaller = min(1.0, size_px / max(right - left, bottom - top))
+    if smaller < 1.0:
+        size = (max(1, round((right - left) * smaller)), max(1, round((bottom - top) * smaller)))
+        part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return {"box": [left, top, right - left, bottom - top], "jpeg": jpeg_text(part)}
+
+
+def jpeg_text(pixels: ColourPicture, quality: int = JPEG_QUALITY) -> str:
+    """Encode a picture, (H, W) or (H, W, 3) uint8, as JPEG in base64."""
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "JPEG", quality=quality, optimize=True)
+    return base64.b64encode(stream.getvalue()).decode()
+
+
+def _rounded(points: Sequence[Point]) -> list[float]:
+    """X and y by turns, where the pixel's corner is the origin as a drawing has it."""
+    return [round(coordinate + 0.5, 2) for point in points for coordinate in point]

@@ -1,0 +1,124 @@
+"""The truth in the report: the tables of `decode accuracy`, and the truth's values for the plots."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from decoder.outputs.csv_output import write_csv
+from decoder.outputs.json_output import Provenance, describe
+from decoder.panel.arrays import Floats
+from decoder.timeseries.accuracy import truth_at
+from decoder.timeseries.flight_data import FlightData
+from decoder.timeseries.tables import FlightTable, Table, flight_table_of
+from decoder.timeseries.truth_comparison import (
+    HEADER,
+    LIMITS_HEADER,
+    NO_LIMITS,
+    Truth,
+    accuracy_rows,
+    compared,
+    limit_rows,
+    offset_text,
+    source_lines,
+)
+
+COLUMNS_SAY = (
+    "Percent columns: % of the true value, %FS of full scale, then in the gauge's own unit; mean and max are of the"
+    " absolute error, signed of the signed one. in95%: frames whose error is within 1.96 sigma. Near a true value of 0"
+    " its percentages grow beyond all measure; those of full scale do not."
+)
+LIMITS_TITLE = "Against what is asked of recorders"
+WORDS = frozenset({"needle", "status", "unit", "limit", "of", "verdict"})
+BY_FRAME = "Rows were matched by frame."
+BY_TIME = "Rows were matched by time_s, the truth interpolated between its rows."
+
+
+@dataclass(frozen=True, slots=True)
+class TruthTable:
+    """A table with its notes."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+
+    @property
+    def aligned(self) -> list[str]:
+        """Of each column, how its cells are set: numbers to the right."""
+        return ["" if title in WORDS else "number" for title in self.header]
+
+
+@dataclass(frozen=True, slots=True)
+class TruthSection:
+    """What the flight was held against.
+
+    Attributes
+    ----------
+    name, sha256
+        Of the file.
+    words
+        How its rows were matched.
+    values
+        By needle: (N,), the truth at every row of the flight data, NaN where there is none.
+    places
+        Of those needles among the flight data's.
+    """
+
+    name: str
+    sha256: str
+    words: str
+    tables: Sequence[TruthTable]
+    values: Mapping[str, Floats]
+    places: Sequence[int]
+
+
+def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> TruthSection:
+    """Hold the flight data against a truth, as `decode accuracy` would hold their CSV against it.
+
+    Raises
+    ------
+    DecoderError
+        As `compared`.
+    OSError
+        If the truth cannot be read any more.
+    """
+    flight = _as_table(data, provenance)
+    result = compared(flight, truth)
+    names = [needle for needle in flight.names if needle in result.truth.columns]
+    tables = [TruthTable("Accuracy", HEADER, accuracy_rows(result.accuracies), [COLUMNS_SAY])]
+    if truth.request.limits and result.limits:
+        rows = limit_rows(result.limits)
+        tables.append(TruthTable(LIMITS_TITLE, LIMITS_HEADER, rows, source_lines(result.limits)))
+    elif truth.request.limits:
+        tables.append(TruthTable(LIMITS_TITLE, LIMITS_HEADER, [], [NO_LIMITS]))
+    by_frame = result.applied_s is None and "frame" in result.truth.columns
+    found = {
+        name: truth_at(flight.table, result.truth, name, flight.described(name).wraps, result.applied_s)
+        for name in names
+    }
+    values = {name: own for name, own in found.items() if np.isfinite(own).any()}
+    return TruthSection(
+        name=truth.table.path.name,
+        sha256=sha256(truth.table.path.read_bytes()).hexdigest(),
+        words=offset_text(result) + "." if truth.request.has_own_clock else BY_FRAME if by_frame else BY_TIME,
+        tables=tables,
+        values=values,
+        places=[place for place, name in enumerate(flight.names) if name in values],
+    )
+
+
+def _as_table(data: FlightData, provenance: Provenance) -> FlightTable:
+    """Round the flight data as if they were read back from their CSV."""
+    text = io.StringIO()
+    write_csv(data, text)
+    text.seek(0)
+    header, *rows = csv.reader(text)
+    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    return flight_table_of(Table(Path("the flight data"), columns), describe(data, provenance))

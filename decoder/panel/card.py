@@ -1,0 +1,71 @@
+"""A card that turns under a fixed index, as `panel.yaml` describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from decoder.panel.arrays import Degrees
+from decoder.panel.description import Name, Positive, Strict
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer
+from decoder.panel.scale import Quantity
+
+UP_DEG = 270.0
+
+
+class Card(Strict):
+    """A card that turns under a fixed index, at an angle of the dial. The gauge's scale is the card's own.
+
+    The scale tells the angles at which its marks lie in the panel picture.
+    """
+
+    name: Name
+    """Column of the flight data, as of a needle."""
+    index: Degrees
+    """The angle on the dial at which it is read."""
+    max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second."""
+
+    form: ClassVar[Form] = Form(
+        "card",
+        "a `card` that turns under an index",
+        "a card under an index",
+        "a card",
+        begun={"index": UP_DEG},
+        controls=(
+            Control("name", "Name"),
+            Control("index", "Index at", "number", "degrees; 270 is up", is_angle=True),
+            Control("max_rate", "Fastest change", "optional", "a second, if known"),
+        ),
+        hint="Click its marks wherever the card is turned in this picture, and say what a turn is worth.",
+    )
+    has_still_face: ClassVar[bool] = False
+
+    def check(self, dial: Dial) -> None:
+        """ValueError where it does not go all the way round."""
+        if dial.wraps is None or dial.tail:
+            raise ValueError("a `card` goes all the way round: give `wraps`, the value of a turn, and no `tail`")
+
+    def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
+        """Return the one that stands under the index."""
+        return (Quantity(self.name, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate),)
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return the index."""
+        return (Pointer(self.name, self.index, is_fixed=True),)
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return one turn."""
+        return dial.sweep
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return none: what it looks like is in the panel picture."""
+        return {}
+
+    @staticmethod
+    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
+        """Turn the index; the scale lies as the card is turned there."""
+        card = gauge["card"]
+        card_turn_deg = float(card["index"] - angles_deg.get(card["name"], card["index"]))
+        card["index"] = round(card["index"] + turn_deg, 4)
+        return card_turn_deg

@@ -1,0 +1,237 @@
+"""One gauge as `panel.yaml` describes it: a dial, and the instrument of one kind that is on it.
+
+A part of the panel format, see `decoder.panel.panel`; for its writers docs/panel.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Annotated, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from decoder.panel.arrays import NO_TRUTH, Degrees, Number, at_most
+from decoder.panel.card import Card
+from decoder.panel.description import Name, Point, Positive, Strict, Text
+from decoder.panel.kind import DescribedKind, Pointer
+from decoder.panel.needles import Needle, Needles
+from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Combination, Marks, Quantity, check_turn, monotone
+from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+
+RadiusPx = Annotated[Positive, at_most(10_000)]
+
+# A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
+OVERLAP_DEG = 2.0
+
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card)
+
+
+class Combined(Strict):
+    """A value that several pointers of one gauge show together, such as the altitude of a three-pointer altimeter.
+
+    Values lie in a turn of the coarsest pointer that begins at `lowest`. `tolerance` is how far a coarser pointer may
+    be from where the finer one puts it, in turns of the finer.
+    """
+
+    name: Name
+    """Column of the flight data, as of a needle."""
+    needles: Annotated[tuple[Name, ...], Field(min_length=2, max_length=20)]
+    """Which count for each other; a turn of each is a whole number of turns of the next finer."""
+    tolerance: Annotated[float, Field(gt=0, lt=0.5), NO_TRUTH] = 0.2
+    """How far a coarser needle may be from where the finer one puts it, in turns of the finer."""
+    lowest: Number = 0.0
+    """Where its values begin."""
+    max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second."""
+
+
+class Gauge(Strict):
+    """One dial: where it is, what it covers, what its marks mean, and the needles that turn on it."""
+
+    name: Text
+    """Of the dial; `decode frames --gauge` calls it so."""
+    centre: Point
+    """Where the needle turns, which need not be the middle of the dial."""
+    radius: tuple[RadiusPx, RadiusPx]
+    """From the bottom of the needle, clear of the hub, to the outer perimeter, pixels."""
+    rim: Annotated[tuple[Point, ...], Field(max_length=MOST_POINTS)] | None = None
+    """Five points or more all round a circle about the pivot, on an oblique dial."""
+    needle_height_inches: Annotated[float, Field(ge=0, le=2)] = 0.0
+    """How high the needles turn above the face; their parallax is then taken out."""
+    sweep: tuple[Degrees, Degrees]
+    """First and last angle that the needle points to, clockwise; may pass 360."""
+    stops: tuple[Degrees, Degrees] | None = None
+    """Angles at which the needle comes to rest beyond the scale, around the sweep."""
+    tail: bool = False
+    """The needle reaches across its centre into the ring, and its tail may be taken for its tip."""
+    unit: Text = ""
+    """Of the values; the flight data carry it."""
+    scale: Marks
+    """[angle, value] of two marks or more; straight in between, and beyond the outermost."""
+    wraps: Positive | None = None
+    """What a full turn is worth, where values begin again after it; the sweep is then 360 degrees."""
+    needles: Annotated[tuple[Needle, ...], Field(min_length=1, max_length=20)] = ()
+    """In any order; either these or a card."""
+    card: Card | None = None
+    """A scale that turns under a fixed index, instead of needles."""
+    combined: Combined | None = None
+    """A value that several needles of the dial show together."""
+
+    @field_validator("radius")
+    @classmethod
+    def _radius_grows(cls, radius: tuple[float, float]) -> tuple[float, float]:
+        if radius[1] - radius[0] < 2:  # noqa: PLR2004 - fewer than two pixels hold no needle
+            raise ValueError("must run outward from the bottom of the needle to the outer perimeter, at least 2 pixels")
+        return radius
+
+    @field_validator("rim")
+    @classmethod
+    def _rim_is_enough(cls, rim: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
+        if rim is not None and len(rim) < 5:  # noqa: PLR2004 - an ellipse has five parameters
+            raise ValueError("needs five points or more, all round a circle about the pivot")
+        return rim
+
+    @field_validator("sweep")
+    @classmethod
+    def _sweep_is_not_empty(cls, sweep: tuple[float, float]) -> tuple[float, float]:
+        if not 0 < sweep[1] - sweep[0] <= FULL_CIRCLE_DEG:
+            raise ValueError("is empty or more than a turn; give it clockwise, such as [120, 420]")
+        return sweep
+
+    @field_validator("scale")
+    @classmethod
+    def _scale_is_monotone(cls, scale: Marks) -> Marks:
+        return monotone(scale)
+
+    @property
+    def _given(self) -> list[DescribedKind]:
+        """What is described on it: one kind, if the panel is right."""
+        each: tuple[DescribedKind | None, ...] = (Needles(self.needles) if self.needles else None, self.card)
+        return [kind for kind in each if kind is not None]
+
+    @property
+    def kind(self) -> DescribedKind:
+        """What is on it."""
+        return self._given[0]
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> Self:
+        if len(self._given) != 1:
+            raise ValueError(f"needs either {' or '.join(kind.form.said for kind in KINDS)}")
+        self.kind.check(self)
+        return self
+
+    @model_validator(mode="after")
+    def _turn_closes(self) -> Self:
+        if any(wraps is not None for wraps in (self.wraps, *(quantity.wraps for quantity in self.quantities))):
+            if self.sweep[1] - self.sweep[0] != FULL_CIRCLE_DEG:
+                raise ValueError("`wraps` needs a `sweep` of exactly 360 degrees: such a needle goes all the way round")
+            if self.stops is not None:
+                raise ValueError("a scale that `wraps` has no `stops`: such a needle goes all the way round")
+        if self.wraps is not None:
+            check_turn(self.scale, self.wraps)
+        return self
+
+    @model_validator(mode="after")
+    def _stops_hold_the_sweep(self) -> Self:
+        if self.stops is not None:
+            first, last = self.stops
+            if not (first <= self.sweep[0] and self.sweep[1] <= last and last - first <= FULL_CIRCLE_DEG):
+                raise ValueError(
+                    "`stops` must hold the `sweep` and be no more than a turn; give both clockwise, such as [110, 425]"
+                )
+        return self
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the gauge shows, in the order of the flight data's columns."""
+        return self.kind.quantities(self)
+
+    @property
+    def pointers(self) -> tuple[Pointer, ...]:
+        """What is drawn of it in pictures and in the report."""
+        return self.kind.pointers()
+
+    @property
+    def turning(self) -> tuple[Pointer, ...]:
+        """Those of its pointers that turn over its face."""
+        return tuple(pointer for pointer in self.pointers if not pointer.is_fixed)
+
+    @property
+    def unwrapped_deg(self) -> tuple[float, float]:
+        """The first and the last angle that are unwrapped."""
+        return self.kind.unwrapped_deg(self)
+
+    @property
+    def pictures(self) -> Mapping[str, str]:
+        """The pictures that it needs besides the panel picture, by their paths below the gauge."""
+        return self.kind.pictures()
+
+    @model_validator(mode="after")
+    def _pointers_combine(self) -> Self:
+        if self.combined is not None:
+            turns = [quantity.wraps for quantity in self._parts(self.combined)]
+            if len(turns) < len(set(self.combined.needles)) or len(turns) < len(self.combined.needles):
+                raise ValueError("`combined` names a needle that this gauge does not have, or one twice")
+            if any(coarser is None or finer is None for finer, coarser in pairwise(turns)):
+                raise ValueError("`combined` needs needles that go all the way round: give each `scale` and `wraps`")
+            ratios = [(coarser or 0.0) / (finer or 1.0) for finer, coarser in pairwise(turns)]
+            if any(ratio < 2 or ratio != round(ratio) for ratio in ratios):  # noqa: PLR2004 - a counter counts
+                raise ValueError("`combined`: a turn of each needle must be a whole number of turns of the next finer")
+        return self
+
+    def _parts(self, combined: Combined) -> list[Quantity]:
+        """List the pointers of a combined value, the finest first."""
+        parts = [quantity for quantity in self.quantities if quantity.name in combined.needles]
+        return sorted(parts, key=lambda quantity: quantity.wraps or 0.0)
+
+    @property
+    def combination(self) -> Combination | None:
+        """What several of its pointers show together, if they do."""
+        if self.combined is None:
+            return None
+        parts, own = self._parts(self.combined), self.combined
+        turn = parts[-1].wraps or 0.0
+        quantity = Quantity(
+            name=own.name,
+            gauge=self.name,
+            unit=self.unit,
+            marks=((0.0, own.lowest), (FULL_CIRCLE_DEG, own.lowest + turn)),
+            wraps=turn,
+            covered_by=None,
+            max_rate=own.max_rate,
+            lowest=own.lowest,
+        )
+        names = tuple(part.name for part in parts)
+        return Combination(quantity, names, turn, own.tolerance)
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Where needles go: from stop to stop, or along the sweep."""
+        return self.stops or self.sweep
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the dial is read all the way round, with no seam."""
+        return self.sweep[1] - self.sweep[0] == FULL_CIRCLE_DEG
+
+    @property
+    def beyond_deg(self) -> float:
+        """How far beyond its reach a needle's axis may lie."""
+        if self.is_round:
+            return OVERLAP_DEG
+        first_deg, last_deg = self.reach
+        return min(BEYOND_SWEEP_DEG, (FULL_CIRCLE_DEG - (last_deg - first_deg)) / 2)
+
+
+def stand_in_gauge(centre: Point) -> dict[str, object]:
+    """Describe a gauge only so that anchors and level are a panel: what finds the panel needs no dials."""
+    return {
+        "name": "stand-in",
+        "centre": list(centre),
+        "radius": [2.0, 6.0],
+        "sweep": [0.0, 90.0],
+        "scale": [[0.0, 0.0], [90.0, 1.0]],
+        "needles": [{"name": "stand_in", "template": {"at": 0.0, "span": 4.0}}],
+    }

@@ -1,0 +1,146 @@
+"""What a kind of instrument says of itself in `panel.yaml`, in drawings and on the set-up page: one protocol.
+
+How it is read is said in `decoder.instruments.kinds`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Protocol
+
+from decoder.panel.scale import Marks, Quantity
+
+Drawn = dict[str, Any]
+"""A part of a draft, in the words of `panel.yaml`, however wrong it still is."""
+
+
+class Dial(Protocol):
+    """What a kind needs of its gauge, as `decoder.panel.gauge.Gauge`."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - said there
+    @property
+    def sweep(self) -> tuple[float, float]: ...  # noqa: D102
+    @property
+    def reach(self) -> tuple[float, float]: ...  # noqa: D102
+    @property
+    def beyond_deg(self) -> float: ...  # noqa: D102
+    @property
+    def is_round(self) -> bool: ...  # noqa: D102
+    @property
+    def tail(self) -> bool: ...  # noqa: D102
+    @property
+    def unit(self) -> str: ...  # noqa: D102
+    @property
+    def scale(self) -> Marks: ...  # noqa: D102
+    @property
+    def wraps(self) -> float | None: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """What is drawn of a quantity: a line at the angle that is read, or one that stays at an index.
+
+    `at_deg` is where it lies in the panel picture, if the panel says so. Where the panel picture shows it, and it hides
+    what lies below, it hides so much: `hides_deg`.
+    """
+
+    name: str
+    at_deg: float | None
+    is_fixed: bool
+    hides_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """One value that the set-up page lets people type: its key, its label, and what stands there while it is empty."""
+
+    key: str
+    label: str
+    reads: Literal["text", "number", "optional"] = "text"
+    placeholder: str = ""
+    is_angle: bool = False
+    """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """How a kind is drawn on the set-up page.
+
+    Attributes
+    ----------
+    key
+        Of the gauge in `panel.yaml`.
+    said
+        The same in a sentence.
+    words
+        What turns on the dial, for people to choose.
+    lacking
+        What is still missing while nothing of it is drawn.
+    along
+        Other keys of a gauge that only this kind has.
+    begun
+        What it begins with besides a name; None where it begins with none of several.
+    controls
+        Its fields; none where it has an editor of its own.
+    hint
+        What else people are to do.
+    """
+
+    key: str
+    said: str
+    words: str
+    lacking: str
+    along: tuple[str, ...] = ()
+    begun: Mapping[str, float | str] | None = None
+    controls: tuple[Control, ...] = ()
+    hint: str = ""
+
+
+class DescribedKind(Protocol):
+    """What the description of one instrument of a kind tells."""
+
+    form: ClassVar[Form]
+
+    has_still_face: ClassVar[bool]
+    """Whether its dial's marks stay where they are, so that the dial can be found by them."""
+
+    def check(self, dial: Dial) -> None:
+        """ValueError where it does not go with its dial."""
+        ...
+
+    def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
+        """Return what it shows, in the order of the flight data's columns."""
+        ...
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return what is drawn of it."""
+        ...
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return the first and the last angle that are unwrapped."""
+        ...
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the pictures that it needs besides the panel picture, by their paths below the gauge."""
+        ...
+
+    @staticmethod
+    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
+        """Turn what a draft says of it along with its dial, onto another picture.
+
+        Parameters
+        ----------
+        gauge
+            Of the draft; changed.
+        turn_deg
+            By which the dial is turned there.
+        angles_deg
+            By name what is read there, in the draft's own angles.
+
+        Returns
+        -------
+        By how much its scale is turned there besides.
+        """
+        ...

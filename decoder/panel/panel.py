@@ -1,0 +1,141 @@
+"""The panel: what `panel.yaml` says of one cockpit, checked once at the edge and never again.
+
+All positions are (x, y) in the panel picture's pixels, pixel centres on whole numbers; dial angles are degrees, 0 =
+right, positive clockwise; a sweep may pass 360. Unknown keys are errors, and every message names the path of the
+wrong value. The format is described for its writers in docs/panel.md.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import Annotated, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from decoder.panel.arrays import NO_TRUTH, at_most
+from decoder.panel.description import (
+    FocalLength,
+    PictureName,
+    Pixels,
+    Point,
+    Strict,
+    Text,
+    check_description,
+    parse_description,
+)
+from decoder.panel.errors import PanelError
+from decoder.panel.gauge import Gauge
+from decoder.panel.needles import Needle
+from decoder.panel.scale import MOST_POINTS, Combination, Quantity
+from decoder.panel.thresholds import MOST_NEEDLES
+
+# No cockpit has half as many; each gauge and each anchor is looked for in every frame.
+MOST_GAUGES, MOST_ANCHORS = 200, 200
+LEADING_COLUMNS = ("frame", "time_utc", "time_s")
+NEEDLE_SUFFIXES = ("", "_status", "_score", "_sigma")
+
+
+class ReferencePoint(Strict):
+    """A place on the panel known in inches."""
+
+    at: Point
+    """The place in the panel picture."""
+    inches: Point
+    """The same place on the panel; y may count up or down."""
+
+
+Side = Annotated[float, Field(ge=8, allow_inf_nan=False), NO_TRUTH, at_most(1e5)]
+
+
+class Anchor(Strict):
+    """A fixed feature of the panel, found in every frame by NCC. `box` is left, top, width, height in pixels."""
+
+    name: Text
+    """What the flight data call it where it failed."""
+    box: tuple[Pixels, Pixels, Side, Side]
+    """Left, top, width, height, pixels; needs contrast and a shape that stands nowhere else."""
+
+
+class Panel(Strict):
+    """The instrument panel of one cockpit."""
+
+    name: Text
+    """Of the cockpit."""
+    picture: PictureName
+    """File beside the panel.yaml, or attached to the flight file under this name."""
+    focal_length_mm: FocalLength | None = None
+    """The zoom at which the picture was taken; frames of another are looked for at its scale."""
+    reference_points: Annotated[tuple[ReferencePoint, ...], Field(max_length=MOST_POINTS)] = ()
+    """Known places in inches: square up an oblique view, and tell where the camera was. Four or more, or three with a
+    camera.yaml."""
+    level: tuple[Point, Point] | None = None
+    """Both ends of an edge that is vertical on the panel; tells the roll where there is one anchor."""
+    anchors: Annotated[tuple[Anchor, ...], Field(min_length=1, max_length=MOST_ANCHORS)]
+    """One gives the shift; with `level`, or two, roll too; four or more the full perspective."""
+    gauges: Annotated[tuple[Gauge, ...], Field(min_length=1, max_length=MOST_GAUGES)]
+    """At least one."""
+
+    @field_validator("level")
+    @classmethod
+    def _level_has_length(cls, level: tuple[Point, Point] | None) -> tuple[Point, Point] | None:
+        if level is not None and abs(level[1][1] - level[0][1]) + abs(level[1][0] - level[0][0]) < 16:  # noqa: PLR2004
+            raise ValueError("is shorter than 16 pixels; mark a longer edge")
+        return level
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        if len(self.needles) > MOST_NEEDLES:
+            raise ValueError(f"has {len(self.needles)} needles, more than the {MOST_NEEDLES} that a panel may have")
+        names = [quantity.name for quantity in self.quantities]
+        columns = [*LEADING_COLUMNS, *(name + suffix for name in names for suffix in NEEDLE_SUFFIXES)]
+        for column in _twice(columns):
+            raise ValueError(f"two columns of the flight data would be called {column}; rename a needle")
+        for name in _twice(gauge.name for gauge in self.gauges):
+            raise ValueError(f"two gauges are called {name}; rename one")
+        for name in _twice(anchor.name for anchor in self.anchors):
+            raise ValueError(f"two anchors are called {name}; rename one")
+        return self
+
+    @property
+    def needles(self) -> tuple[Needle, ...]:
+        """All needles, in the order of the file."""
+        return tuple(needle for gauge in self.gauges for needle in gauge.needles)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All that the flight data have columns for."""
+        return tuple(quantity for gauge in self.gauges for quantity in gauge.quantities) + tuple(
+            combination.quantity for combination in self.combinations
+        )
+
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """All values that several needles show together."""
+        return tuple(gauge.combination for gauge in self.gauges if gauge.combination is not None)
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """The names of all pictures that the panel refers to, each once, the panel picture first."""
+        others = (name for gauge in self.gauges for name in gauge.pictures.values())
+        return tuple(dict.fromkeys([self.picture, *others]))
+
+
+def _twice(names: Iterable[str]) -> list[str]:
+    return sorted(name for name, count in Counter(names).items() if count > 1)
+
+
+def parse_panel(text: bytes | str, *, source: str = "panel.yaml") -> Panel:
+    """Parse a panel's YAML.
+
+    Raises
+    ------
+    PanelError
+        Naming the path of the first wrong value, such as `gauges[2].sweep`.
+    """
+    return parse_description(Panel, text, error=PanelError, thing="panel", page="docs/panel.md", source=source)
+
+
+def parse_content(content: object) -> Panel:
+    """Check a content that is no YAML text any more; see `parse_panel`."""
+    return check_description(Panel, content, error=PanelError, thing="panel", source="panel.yaml")

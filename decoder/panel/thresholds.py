@@ -1,0 +1,18 @@
+"""The limits of this room: what is compared with something, or clips it.
+
+| name | value | unit | meaning | source |
+| --- | --- | --- | --- | --- |
+| FOCAL_TOLERANCE | 0.005 | - | beyond a calibration that still counts as within | EXIF rounds focal lengths |
+| BEYOND_SWEEP_DEG | 4.0 | degrees | beyond the sweep that a needle may stand | the stop behind the last mark |
+| MOST_NEEDLES | 200 | needles | of a panel | no cockpit has half as many |
+| LEAST_DEG | 1e-3 | deg | between two marks of a scale | nearer ones are one, or a slip |
+| LEAST_VALUE | 1e-9 | unit | between two marks, and of anything that is divided by | slopes stay numbers |
+"""
+
+from __future__ import annotations
+
+FOCAL_TOLERANCE = 0.005
+BEYOND_SWEEP_DEG = 4.0
+MOST_NEEDLES = 200
+LEAST_DEG = 1e-3
+LEAST_VALUE = 1e-9

@@ -1,0 +1,239 @@
+"""Decoding one flight: with its panel and camera, and for a fleet from its store to that of the results."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from socket import gethostname
+
+import cv2
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
+from decoder.instruments.frame_batch import ReadBatches, read_here
+from decoder.instruments.method import Method
+from decoder.learning.fit import reader_from_panel
+from decoder.outputs.csv_output import utc_text
+from decoder.outputs.formats import Decoded, planned_files
+from decoder.outputs.json_output import Provenance, SourceFile
+from decoder.outputs.outputs import output_name, write_all
+from decoder.panel.attachments import CAMERA_FILE, PANEL_FILE
+from decoder.panel.camera import Camera, parse_camera
+from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing
+from decoder.parallel.flights import FleetFlight
+from decoder.parallel.index import JOINED, Finished, Outcome, State, decoded_outcome, failed, from_marker, to_marker
+from decoder.parallel.order import Order, installed, refuse_mismatch
+from decoder.parallel.store import MARKER, join, parent, working_folder
+from decoder.parallel.stores import store_of
+from decoder.timeseries.flight_data import FlightData
+from decoder.timeseries.flight_decoder import Progress, decode_flight
+from decoder.timeseries.flight_part import FlightPart
+from flight_file.errors import FlightFileError
+from flight_file.frame import Frame
+from flight_file.reader import Flight, open_flight
+from flight_file.untrusted import printable, read_yaml_file
+from flight_file.verification import verify
+
+
+def decoded_flight(
+    flight: Flight,
+    panel_file: Path | None,
+    method: str,
+    camera_file: Path | None = None,
+    *,
+    shown: Progress | None = None,
+    read: ReadBatches = read_here,
+    part: FlightPart | None = None,
+) -> Decoded:
+    """Decode a flight with its panel and camera.
+
+    `shown` wraps its frames, by default to show progress on a terminal; `read` reads them, by default in this process;
+    `part` is which, by default all.
+    """
+    cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
+    with threadpool_limits(1):
+        camera, camera_source = _camera(flight, camera_file)
+        source = replace(_panel(flight, panel_file), camera=camera)
+        data = decode_flight(
+            flight,
+            reader_from_panel(source, Method(method)),
+            shown or progress("decode", flight.count() if part is None else len(part.ranks)),
+            read=read,
+            part=part,
+        )
+        return Decoded(
+            source=source,
+            camera=camera,
+            data=data,
+            provenance=_provenance(flight, source, panel_file, camera_source, method),
+            frames=partial(flight.frames, None if part is None else part.ranks),
+            check=partial(verify, flight.paths),
+            session=flight.session,
+            name=output_name(flight),
+            command=_command(flight, panel_file, method, camera_file, data),
+        )
+
+
+def progress(words: str, frames: int) -> Progress:
+    """Show how many of the frames went by, how fast, and how long the others will take, on a terminal only."""
+
+    def shown(through: Iterator[Frame]) -> Iterator[Frame]:
+        yield from tqdm(through, total=frames, desc=words, unit=" frames", disable=None, leave=False)
+
+    return shown
+
+
+def _command(flight: Flight, panel_file: Path | None, method: str, camera_file: Path | None, data: FlightData) -> str:
+    """Write the command that makes the report again, files by their names alone."""
+    words = ["decode", *(path.name for path in flight.paths)]
+    words += [] if panel_file is None else ["--panel", panel_file.name]
+    words += [] if camera_file is None else ["--camera", camera_file.name]
+    if data.part is not None:
+        first, last = (utc_text(int(data.time_ns[row])) for row in (0, -1))
+        words += ["--from", first, "--to", last, "--every", str(data.part.ranks.step)]
+    return printable(shlex.join([*words, "--method", method, "--format", "html"]))
+
+
+def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
+    if panel_file is not None:
+        return panel_from_file(panel_file)
+    if PANEL_FILE not in flight.attachments:
+        raise PanelMissing(str(flight.paths[0]))
+    return panel_from_attachments(flight.attachments, flight=flight.paths[0].name)
+
+
+def _camera(flight: Flight, camera_file: Path | None) -> tuple[Camera | None, SourceFile | None]:
+    """Read the camera that the command line names, or else the one that the flight carries."""
+    if camera_file is not None:
+        try:
+            text = read_yaml_file(camera_file)
+        except OSError as error:
+            raise CameraError("", f"cannot be read: {error.strerror}", source=str(camera_file)) from error
+        name, source = camera_file.name, str(camera_file)
+    elif CAMERA_FILE in flight.attachments:
+        text, name, source = flight.attachments[CAMERA_FILE], CAMERA_FILE, f"{CAMERA_FILE} in {flight.paths[0].name}"
+    else:
+        return None, None
+    return parse_camera(text, source=source), SourceFile(printable(name), sha256(text).hexdigest())
+
+
+def _provenance(
+    flight: Flight, source: PanelPictures, panel_file: Path | None, camera: SourceFile | None, method: str
+) -> Provenance:
+    return Provenance(
+        recording=printable(flight.recording),
+        software=f"image-flight-recorder {version('image-flight-recorder')}",
+        method=method,
+        flight_files=tuple(
+            SourceFile(printable(path.name), digest) for path, digest in flight.sha256_of_files().items()
+        ),
+        panel=SourceFile(printable(panel_file.name) if panel_file else PANEL_FILE, source.sha256),
+        camera=camera,
+        losses=tuple(printable(f"{loss.path.name}: {loss.reason}") for loss in flight.losses),
+    )
+
+
+def decode_one(flight: FleetFlight, order: Order) -> Outcome:
+    """Decode a flight, unless its results are there already; what can be expected to fail is told in the outcome.
+
+    Raises
+    ------
+    VersionMismatch
+        If this process would not decode as the one that asks.
+    """
+    refuse_mismatch(order.versions, installed(order.formats), f"the worker on {gethostname()}")
+    threadpool_limits(1)  # for good: two flights in threads of one process would set each other's limit back
+    begun = time.monotonic()
+    try:
+        return _ensured(flight, order, begun)
+    except (DecoderError, FlightFileError) as error:
+        return replace(failed(flight, str(error)), seconds=_since(begun))
+    except OSError as error:
+        return replace(failed(flight, f"{type(error).__name__}: {error}"), seconds=_since(begun))
+
+
+def _ensured(flight: FleetFlight, order: Order, begun: float) -> Outcome:
+    folder = join(order.output, flight.name)
+    output, source = store_of(folder), store_of(flight.addresses[0])
+    stamps = tuple(map(source.stamp, flight.addresses))
+    earlier = from_marker(output.read(join(folder, MARKER)))
+    if earlier is not None and earlier.still_holds(order.key, stamps):
+        return replace(earlier.outcome, status=State.KEPT)
+    known = [] if earlier is None else earlier.files
+    _refuse_strangers(folder, output.strangers(folder, known), flight)
+    with _staging(flight) as staged:
+        opened = open_flight(source.fetch(flight.addresses, staged))
+        if earlier is not None and earlier.may_hold(order.key, stamps) and _digests(opened) == earlier.outcome.sha256:
+            _mark_again(replace(earlier, stamps=stamps), folder)
+            return replace(earlier.outcome, status=State.KEPT)
+        decoded = _decoded(opened, order, staged)
+        with output.results(folder, known) as working:
+            outputs = _write(decoded, order.formats, working)
+            outcome = replace(
+                decoded_outcome(flight, decoded, outputs),
+                size_bytes=sum(stamp.size_bytes for stamp in stamps),
+                seconds=_since(begun),
+            )
+            _mark(Finished(order.key, stamps, outcome), working)
+    return outcome
+
+
+def _decoded(opened: Flight, order: Order, staged: Path) -> Decoded:
+    panel, camera = (
+        None if given is None else given.fetched(staged / kind)
+        for given, kind in ((order.panel, "panel"), (order.camera, "camera"))
+    )
+    decoded = decoded_flight(opened, panel, order.method, camera, shown=iter)
+    return replace(decoded, with_images=order.with_images)
+
+
+def _write(decoded: Decoded, formats: Sequence[str], working: Path) -> list[str]:
+    files = planned_files(decoded.name, formats)
+    write_all(working, {name: writer(decoded) for name, writer in files.items()})
+    return sorted(files)
+
+
+@contextmanager
+def _staging(flight: FleetFlight) -> Iterator[Path]:
+    """Make a temporary folder; what fails in it is told by the flight's address."""
+    with working_folder() as folder:
+        try:
+            yield folder
+        except (DecoderError, FlightFileError) as error:
+            told = str(error).replace(str(folder), parent(flight.addresses[0]))
+            raise DecoderError(told) from error
+
+
+def _refuse_strangers(folder: str, strangers: list[str], flight: FleetFlight) -> None:
+    if strangers:
+        raise OutputError(
+            f"{folder}: holds {strangers[0]}, which is no result of {flight.name}; "
+            "move it away or choose another folder with -o"
+        )
+
+
+def _digests(opened: Flight) -> str:
+    return JOINED.join(opened.sha256_of_files().values())
+
+
+def _mark(finished: Finished, folder: Path) -> Path:
+    marker = folder / MARKER
+    marker.write_text(to_marker(finished), encoding="utf-8")
+    return marker
+
+
+def _mark_again(finished: Finished, folder: str) -> None:
+    with working_folder() as working:
+        store_of(folder).put(_mark(finished, working), join(folder, MARKER))
+
+
+def _since(begun: float) -> float:
+    return round(time.monotonic() - begun, 3)

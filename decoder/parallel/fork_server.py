@@ -1,0 +1,154 @@
+"""Worker processes, each forked from a server that has the libraries loaded; imports nothing that takes time.
+
+Forking this process would copy its threads' locks, and starting each worker afresh would load the libraries each time.
+Ctrl-C is for this process alone to deal with.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import forkserver, get_context, resource_tracker
+from multiprocessing.connection import wait
+from multiprocessing.context import ForkServerContext
+from types import FrameType
+from typing import ParamSpec, TypeVar
+
+from decoder.parallel.processes import ONE_EACH
+
+PRELOADED = ["decoder.parallel.worker"]
+SHORT_FOLDER = "/tmp"  # noqa: S108 - multiprocessing makes a folder in it that is nobody else's
+PATIENCE_S = 20.0  # for a process that was told to stop, on a busy machine; one that does not is killed
+ALONE_S = 3.0  # for a process whose parent is gone
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def begin() -> ForkServerContext:
+    """Start the process that others are forked from, unless it runs, and come back without waiting for it."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    os.environ.update(ONE_EACH)  # a thread pool that a fork leaves behind must never have been made
+    resource_tracker.ensure_running()  # the fork server would start it, which lets held interrupts go
+    with interrupts_held(), _temporary_folder_for_sockets():
+        forkserver.ensure_running()
+    return context
+
+
+class WorkerProcess:
+    """A process that does one thing after another.
+
+    It has a pool of its own: a process that dies breaks its pool, and a pool that breaks gives up all it holds. So only
+    what this process held is lost with it, and it is known what that was.
+    """
+
+    def __init__(self) -> None:
+        before = {child.pid for child in multiprocessing.active_children()}
+        with interrupts_held():  # interrupted here, the new process would wait for the rest of what it is to do
+            self._pool = ProcessPoolExecutor(1, begin(), _begin_worker)
+            self._pool.submit(_clean_up_when_told)  # starts it
+        self._process = next(child for child in multiprocessing.active_children() if child.pid not in before)
+
+    def submit(self, work: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> Future[R]:
+        """Have it call a function; raises BrokenProcessPool if the process has ended."""
+        return self._pool.submit(work, *arguments, **options)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+
+    def last_words(self) -> str:
+        """Say how it ended; for one that has."""
+        self._pool.shutdown()  # the pool has then waited for it
+        code = self._process.exitcode
+        return f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"ended with exit code {code}"
+
+    def end(self, until: float) -> None:
+        """Wait until it has ended, and kill it if it has not by `until` (monotonic seconds)."""
+        if not wait([self._process.sentinel], max(0.0, until - time.monotonic())):
+            self._process.kill()
+        self._pool.shutdown(cancel_futures=True)
+
+    def dismiss(self) -> None:
+        """Let it end what it holds, and end."""
+        self._pool.shutdown()
+
+    def tell_to_stop(self) -> None:
+        """Have it stop what it does, and clean up."""
+        self._process.terminate()
+
+
+def stop(workers: Iterable[WorkerProcess]) -> None:
+    """Stop processes whatever they do; none of them is left."""
+    workers = list(workers)
+    for worker in workers:
+        worker.tell_to_stop()
+    until = time.monotonic() + PATIENCE_S
+    for worker in workers:
+        worker.end(until)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Keep Ctrl-C from what is started in the `with` block, which inherits the mask, and from the block itself.
+
+    The mask alone would not do for the block: a library's thread may take the signal, and the main thread is then told.
+    """
+    pressed: list[int] = []
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    handler = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number)) if is_main else None
+    try:
+        yield
+    finally:
+        if is_main:
+            signal.signal(signal.SIGINT, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number in pressed[:1]:
+            signal.raise_signal(number)
+
+
+@contextmanager
+def _temporary_folder_for_sockets() -> Iterator[None]:
+    """Have sockets made in a folder with a short path: theirs may not be long, but TMPDIR may."""
+    before = tempfile.gettempdir()
+    tempfile.tempdir = SHORT_FOLDER
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
+
+
+def _begin_worker() -> None:
+    """In a new process: end when told to, or when the parent is gone; Ctrl-C is the parent's.
+
+    Until it has something to clean up it ends at once: an exception in here would be printed.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+
+
+def _clean_up_when_told() -> None:
+    signal.signal(signal.SIGTERM, _leave)
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    sys.exit(1)  # an exception: temporary folders are removed on its way
+
+
+def _follow(parent: int) -> None:
+    wait([parent])
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(ALONE_S)  # for clean-up; the pool's own loop would then wait for work that never comes
+    os._exit(1)

@@ -1,0 +1,81 @@
+"""What a process that reads frames does, and the plain form in which readings travel and are kept in a journal."""
+
+from __future__ import annotations
+
+import pickle
+from contextvars import ContextVar
+from dataclasses import astuple, replace
+from typing import Any
+
+import cv2
+from threadpoolctl import threadpool_limits
+
+from decoder.imaging.alignment import Alignment
+from decoder.instruments.frame_batch import Batch, Outcome, Unread, read_batch
+from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.reading import FrameReadings, Reading, Status
+from decoder.panel.lens import Lens
+
+Packed = dict[str, Any]
+"""An outcome as JSON can hold it."""
+
+_READER: ContextVar[PanelReader] = ContextVar("reader")
+
+
+def pack(outcome: Outcome) -> Packed:
+    """Reduce an outcome to plain values, without the alignment's covariance, which has done its work by then."""
+    if isinstance(outcome, Unread):
+        return {"reason": outcome.reason, "failed": outcome.failed}
+    alignment = outcome.alignment
+    return {
+        "elements": alignment.elements,
+        "score": alignment.score,
+        "failed": alignment.failed,
+        "lens": None if alignment.lens is None else astuple(alignment.lens),
+        "shifts_px": outcome.dial_shifts_px,
+        "readings": {
+            name: (reading.status.value, reading.angle_deg, reading.sigma_deg, reading.score)
+            for name, reading in outcome.readings.items()
+        },
+    }
+
+
+def unpack(packed: Packed) -> Outcome:
+    """Inverse of `pack`, to the last bit."""
+    failed = tuple(packed["failed"])
+    if "reason" in packed:
+        return Unread(packed["reason"], failed)
+    lens = None if packed["lens"] is None else Lens(*map(_frozen, packed["lens"]))
+    return FrameReadings(
+        Alignment(tuple(packed["elements"]), packed["score"], failed, lens),
+        {name: Reading(Status(status), *numbers) for name, (status, *numbers) in packed["readings"].items()},
+        tuple((x, y) for x, y in packed["shifts_px"]),
+    )
+
+
+def _frozen(field: Any) -> Any:  # noqa: ANN401 - a number, or a list of them
+    return tuple(field) if isinstance(field, list) else field
+
+
+def recipe(reader: PanelReader) -> bytes:
+    """All that it takes to make the same reader again, in another process."""
+    return pickle.dumps(
+        (reader.source, reader.method, reader.appearance, reader.placement), protocol=pickle.HIGHEST_PROTOCOL
+    )
+
+
+def begin_reading(told: bytes) -> None:
+    """Make this process's reader, by its recipe."""
+    cv2.setNumThreads(1)
+    threadpool_limits(1)
+    _READER.set(PanelReader.of(*pickle.loads(told)))  # noqa: S301 - from the process that started us
+
+
+def without_pictures(frames: Batch) -> Batch:
+    """Frames as they are sent: each process decompresses its own."""
+    return tuple(replace(frame, picture=None) for frame in frames)
+
+
+def read_packed(batch: Batch) -> list[Packed]:
+    """Read a batch with this process's reader."""
+    return [pack(outcome) for outcome in read_batch(_READER.get(), batch)]

@@ -1,0 +1,165 @@
+"""The aligner: from a frame to its alignment with the panel picture, or the reason why there is none.
+
+It knows how the panel looks at each zoom and size of frames; one frame's search is in `frame_search`. A frame that is
+rolled, nearer or further than the search looks is first located by SIFT features before it is given up.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from copy import copy
+
+import numpy as np
+
+from decoder.imaging.alignment import IDENTITY, Alignment
+from decoder.imaging.optics import Optics
+from decoder.imaging.pictures import GreyPicture
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import AlignmentLost, PanelError
+from decoder.panel.panel import Panel
+from decoder.registration.anchors import check_anchor
+from decoder.registration.features import level_feature
+from decoder.registration.frame_search import FrameSearch
+from decoder.registration.seen_panel import SeenPanel
+from decoder.registration.sift_localizer import SiftLocalizer
+from decoder.registration.thresholds import DOUBTED_ROLL_DEG, FEW_FAILED, KEPT, MIN_FEATURE_SCORE, MOST_ANCHORED
+
+
+class Aligner:
+    """Aligns frames with one panel picture.
+
+    `usual` is where the camera mostly was during the flight, at the panel picture's zoom (`IDENTITY` if nothing is
+    known): searches start there, and what the features found cannot tell stays as it is there.
+    """
+
+    def __init__(
+        self, panel: Panel, picture: GreyPicture, usual: Alignment = IDENTITY, optics: Optics | None = None
+    ) -> None:
+        height, width = picture.shape
+        for index, anchor in enumerate(panel.anchors):
+            check_anchor(anchor, picture, path=f"anchors[{index}]")
+        if sum(anchor.box[2] * anchor.box[3] for anchor in panel.anchors) > MOST_ANCHORED * height * width:
+            raise PanelError("anchors", f"cover the panel picture more than {MOST_ANCHORED} times; box small features")
+        if panel.level is not None:
+            _check_level(panel.level, picture)
+        self.usual = usual
+        self._panel = panel
+        self._picture = picture
+        self._localizer = SiftLocalizer(picture)
+        self.optics = optics or Optics((width, height), panel.focal_length_mm)
+        self._seen: OrderedDict[tuple[float | None, int, int], SeenPanel] = OrderedDict()
+
+    def at(self, usual: Alignment) -> Aligner:
+        """Align frames of a camera that mostly was there."""
+        other = copy(self)
+        vars(other).update(usual=usual, _seen=OrderedDict())
+        return other
+
+    @property
+    def shortcoming(self) -> str | None:
+        """What the panel's anchors leave wanting, as a sentence; None if nothing."""
+        return self._own.shortcoming
+
+    def outline(self) -> Floats:
+        """(2, M) float32: points of the panel picture around all that frames are aligned by."""
+        boxes = [anchor.box for anchor in self._panel.anchors]
+        corners = [
+            (x, y) for left, top, width, height in boxes for x in (left, left + width) for y in (top, top + height)
+        ]
+        return np.array([*corners, *(self._panel.level or ())], np.float32).T
+
+    @property
+    def _own(self) -> SeenPanel:
+        """The panel at the panel picture's own zoom and size."""
+        return self.seen_at(self.optics.focal_length_mm, self.optics.size_px)
+
+    def align(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """Where the panel picture's points lie in the frame.
+
+        Raises
+        ------
+        AlignmentLost
+            Naming what was not found and its score.
+        PictureError
+            If the frame is of another shape than the panel picture, or its zoom outside the camera's calibration.
+        """
+        seen = self._seen_in(frame, focal_length_mm)
+        (as_usual,) = seen.as_usual([seen.look_at(frame)])
+        return self._searched(seen, frame) if as_usual is None else as_usual
+
+    def search(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """Align a frame in which the panel is known not to lie where it usually does.
+
+        Raises
+        ------
+        AlignmentLost, PictureError
+            As `align`.
+        """
+        return self._searched(self._seen_in(frame, focal_length_mm), frame)
+
+    def _searched(self, seen: SeenPanel, frame: GreyPicture) -> Alignment:
+        """Search a frame around where the panel usually is; what that leaves in doubt, around where SIFT has it."""
+        lost: AlignmentLost | None = None
+        try:
+            found = FrameSearch(seen, frame).alignment()
+        except AlignmentLost as error:
+            lost = error
+        else:
+            if not found.failed or abs(found.roll_deg - self.usual.roll_deg) <= DOUBTED_ROLL_DEG:
+                return found
+        motion = self._localizer.find(frame)
+        if motion is not None:
+            try:
+                return FrameSearch(seen.at(motion), frame).alignment()
+            except AlignmentLost as error:
+                lost = lost or error
+        if lost is not None:
+            raise lost
+        return found
+
+    def seen_at(self, focal_length_mm: float | None, size_px: tuple[int, int]) -> SeenPanel:
+        """Return the panel as frames of one size and zoom usually show it.
+
+        Raises
+        ------
+        PictureError
+            As `align`.
+        """
+        key = (focal_length_mm, *size_px)
+        if key not in self._seen:
+            zoom = self.optics.zoom(focal_length_mm, size_px)
+            lens = self.optics.frame_lens(focal_length_mm, size_px)
+            usual = self.usual.matrix if (zoom == np.eye(3)).all() else zoom @ self.usual.matrix
+            self._seen[key] = SeenPanel(self._panel, self._picture, usual, self.optics, lens)
+            if len(self._seen) > KEPT:
+                self._seen.popitem(last=False)
+        return self._seen[key]
+
+    def _seen_in(self, frame: GreyPicture, focal_length_mm: float | None) -> SeenPanel:
+        height, width = frame.shape
+        return self.seen_at(focal_length_mm, (width, height))
+
+    def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """Align a panel that is no plane: where its features disagree, roughly, by what most anchors agree on.
+
+        Raises
+        ------
+        AlignmentLost, PictureError
+            As `align`.
+        """
+        search = FrameSearch(self._seen_in(frame, focal_length_mm), frame)
+        rough = search.rough_alignment()
+        return self.align(frame, focal_length_mm) if rough is None else rough
+
+    def agrees(self, alignment: Alignment) -> bool:
+        """Whether most anchors match where an alignment has them all: then they lie in a plane."""
+        anchors = self._panel.anchors
+        return sum(anchor.name in alignment.failed for anchor in anchors) <= FEW_FAILED * len(anchors)
+
+
+def _check_level(level: tuple[tuple[float, float], tuple[float, float]], picture: GreyPicture) -> None:
+    height, width = picture.shape
+    if not all(0 <= x < width and 0 <= y < height for x, y in level):
+        raise PanelError("level", f"lies outside the {width} x {height} panel picture")
+    if float(level_feature(picture, level).pixels.std()) < MIN_FEATURE_SCORE:
+        raise PanelError("level", "lies on no visible edge of the panel picture")

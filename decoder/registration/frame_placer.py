@@ -1,0 +1,273 @@
+"""The frame placer: where the panel lies in frames, and with it each gauge, or each gauge by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from decoder.imaging.alignment import Alignment, Matrix, Point
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.picture_block import ROWS_OF_BLOCKS, TopOfFrame
+from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.imaging.resampling import as_places, each_inside, inside
+from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import AlignmentLost, PanelError, PictureError
+from decoder.registration.aligner import Aligner
+from decoder.registration.dial_places import GaugePlacer, place_all
+from decoder.registration.placement import Placement
+from decoder.registration.registration import Look
+from decoder.registration.seen_panel import SeenPanel
+from decoder.registration.thresholds import MOST_SAMPLES
+
+# Rims are looked at in some points only; between these they bulge by less.
+RIM_MARGIN_PX = 8
+# The panel's lower end must not leave the rows that are decompressed where a camera shakes more than in the sample: so
+# many pixels are allowed for that at least, so many times what it shakes there, and no more than a row of blocks.
+LEAST_SHAKE_PX, SHAKES = 2, 2
+
+
+Taken = FramePicture | TopOfFrame | PictureError
+"""A frame as it was taken from the flight, or why there is none."""
+
+
+class UnwrappedPanel:
+    """The grids of a panel's gauges, and the panel picture on them, by gauge.
+
+    Raises
+    ------
+    PanelError
+        If reference points or a rim tell no plane, or a needle's height nothing; or gauges have too many pixels.
+    """
+
+    def __init__(self, source: PanelPictures) -> None:
+        self.source = source.with_planes()
+        self.grids = [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
+        samples = sum(grid.rows * grid.columns for grid in self.grids)
+        if samples > MOST_SAMPLES:
+            problem = (
+                f"cover {samples / 1e6:.0f} million pixels unwrapped, more than {MOST_SAMPLES // 10**6} million;"
+                " make the panel picture smaller"
+            )
+            raise PanelError("gauges", problem)
+        self.unwrapper = Unwrapper(self.grids)
+
+    @cached_property
+    def aligner(self) -> Aligner:
+        """Finds the panel in frames, whose camera may be anywhere.
+
+        Raises
+        ------
+        PanelError
+            If an anchor or the level edge does not fit the panel picture.
+        """
+        return Aligner(self.source.panel, self.source.picture, optics=self.source.optics)
+
+    @cached_property
+    def rims(self) -> list[Floats]:
+        """By gauge, as `PolarGrid.rim`."""
+        return [grid.rim() for grid in self.grids]
+
+    @cached_property
+    def gauges(self) -> list[UnwrappedGauge]:
+        """As the panel picture shows them."""
+        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own)
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrappedFrame:
+    """One frame's alignment, and its unwrapped gauges in the panel's order.
+
+    `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
+    `dial_shifts_px` are how far dials that were found by themselves lie from where the anchors have them, and
+    `dial_sigmas_px` how uncertain that is.
+    """
+
+    alignment: Alignment
+    gauges: Sequence[UnwrappedGauge]
+    whole: Sequence[bool]
+    focal_length_mm: float | None = None
+    size_px: tuple[int, int] | None = None
+    dial_shifts_px: Sequence[Point] = ()
+    dial_sigmas_px: Sequence[float] = ()
+
+
+Placed = tuple[GreyPicture, UnwrappedFrame]
+"""A frame's grey levels, and where the panel lies in them."""
+
+
+class _Kind(NamedTuple):
+    """What frames have in common that are first looked at together; `rows` are those that are there."""
+
+    size_px: tuple[int, int]
+    rows: int
+    focal_length_mm: float | None
+
+    @classmethod
+    def of(cls, frame: FramePicture | TopOfFrame) -> _Kind:
+        rows, width = frame.pixels.shape
+        return cls((width, frame.height_px), rows, frame.focal_length_mm)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all rows are there."""
+        return self.rows == self.size_px[1]
+
+
+class FramePlacer:
+    """Places frames of one panel, by what is known of its camera that `Placement.searches_as` compares."""
+
+    def __init__(self, drawn: UnwrappedPanel, placement: Placement) -> None:
+        source, grids = drawn.source, drawn.grids
+        self.unwrapper = drawn.unwrapper
+        self.aligner = drawn.aligner.at(placement.usual)
+        self._placement, self._grids, self._own = placement, grids, source.optics.own
+        self._placers = [
+            GaugePlacer(gauge, grid.plane, source.picture, source.optics.own) if gauge.kind.has_still_face else None
+            for gauge, grid in zip(source.panel.gauges if placement.dials_move else (), grids, strict=False)
+        ]
+        self._unwrappers = [Unwrapper([grid]) for grid in grids if placement.dials_move]
+        self._rims = drawn.rims
+        self._all_rims = as_places(np.concatenate(self._rims, axis=1))
+
+    def unwrap_many(self, frames: Iterable[Taken]) -> list[UnwrappedFrame | PictureError]:
+        """Each frame aligned and unwrapped, or why it is not."""
+        return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in self.placed(frames)]
+
+    def _with_gauges(self, picture: GreyPicture, frame: UnwrappedFrame) -> UnwrappedFrame:
+        if frame.gauges:
+            return frame
+        return replace(frame, gauges=self.unwrapper.unwrap(picture, frame.alignment))
+
+    def placed(self, frames: Iterable[Taken]) -> list[Placed | PictureError]:
+        """Each frame aligned, and unwrapped where each dial is found by itself; or why it is not."""
+        taken: list[Taken] = []
+        alike: dict[_Kind, tuple[SeenPanel | None, dict[int, Look]]] = {}
+        for number, frame in enumerate(frames):  # looked at as they come, while they are in the processor's cache
+            taken.append(frame)
+            if not isinstance(frame, PictureError):
+                kind = _Kind.of(frame)
+                if kind not in alike:
+                    alike[kind] = self._seen(kind), {}
+                seen, looks = alike[kind]
+                look = None if seen is None else seen.look_at(frame.pixels, is_whole=kind.is_whole)
+                if look is not None and (kind.is_whole or None not in look.patches):
+                    looks[number] = look
+        alignments: dict[int, Alignment | None] = {}
+        inside_all: dict[int, UnwrappedFrame] = {}
+        for kind, (seen, looks) in alike.items():
+            if seen is not None and looks:
+                found = dict(zip(looks, seen.as_usual(list(looks.values())), strict=True))
+                alignments |= found
+                known = {number: there for number, there in found.items() if there is not None}
+                inside_all |= self._all_inside(kind, known)
+        return [
+            (frame.pixels, inside_all[number])
+            if not isinstance(frame, PictureError) and number in inside_all
+            else self._placed(frame, [alignments[number]] if number in alignments else [])
+            for number, frame in enumerate(taken)
+        ]
+
+    def _seen(self, kind: _Kind) -> SeenPanel | None:
+        """Return the panel where such frames usually have it; None where each frame is looked at by itself."""
+        if self._placement.dials_move:
+            return None
+        try:
+            return self.aligner.seen_at(kind.focal_length_mm, kind.size_px)
+        except PictureError:
+            return None  # each frame says so itself
+
+    def _all_inside(self, kind: _Kind, alignments: Mapping[int, Alignment]) -> dict[int, UnwrappedFrame]:
+        """By number those of the frames in which the panel lies with all its gauges."""
+        width, height_px = kind.size_px
+        last_px = kind.rows - (RIM_MARGIN_PX if kind.rows < height_px else 0)
+        are_inside = each_inside(self._all_rims, list(alignments.values()), width, last_px)
+        return {
+            number: UnwrappedFrame(there, (), [True] * len(self._rims), kind.focal_length_mm, kind.size_px)
+            for (number, there), is_inside in zip(alignments.items(), are_inside, strict=True)
+            if is_inside
+        }
+
+    def _placed(self, frame: Taken, looked: Sequence[Alignment | None]) -> Placed | PictureError:
+        """Return a frame, and where the panel lies in it; unwrapped where each dial is to be found by itself.
+
+        `looked` is what looking where the panel usually lies has told, if that was done: it is not done again.
+        """
+        try:
+            if isinstance(frame, PictureError):
+                return frame
+            whole = frame.whole() if isinstance(frame, TopOfFrame) else frame
+            if self._placement.dials_move:
+                return whole.pixels, self._unwrap_one_by_one(whole.pixels, whole.focal_length_mm)
+            align = self.aligner.search if looked else self.aligner.align
+            alignment = next(filter(None, looked), None) or align(whole.pixels, whole.focal_length_mm)
+        except PictureError as error:
+            return error
+        height, width = whole.pixels.shape
+        are_inside = [inside(rim, alignment, width, height) for rim in self._rims]
+        return whole.pixels, UnwrappedFrame(alignment, (), are_inside, whole.focal_length_mm, (width, height))
+
+    def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
+        """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
+
+        Raises
+        ------
+        PictureError
+            As `unwrap`.
+        """
+        alignment = self._near(frame, focal_length_mm)
+        places = place_all(self._placers, frame, alignment)
+        return [None if place is None else place.shift_px for place in places]
+
+    def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> Alignment:
+        """Where dials are looked for one by one: where all anchors have them, or else most of them roughly."""
+        if self._placement.anchors_agree:
+            try:
+                alignment = self.aligner.align(frame, focal_length_mm)
+            except AlignmentLost:
+                return self.aligner.align_roughly(frame, focal_length_mm)
+            if self.aligner.agrees(alignment):
+                return alignment
+        return self.aligner.align_roughly(frame, focal_length_mm)
+
+    def _unwrap_one_by_one(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
+        """Each gauge where its own marks are; one whose marks are not found is not read."""
+        alignment = self._near(frame, focal_length_mm)
+        height, width = frame.shape
+        lifts = self._placement.lifts or (0.0,) * len(self._grids)
+        gauges, whole, shifts, sigmas = [], [], [], []
+        places = place_all(self._placers, frame, alignment)
+        for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
+            there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
+            gauges += unwrapper.unwrap(frame, there)
+            whole.append(place is not None and inside(rim, there, width, height))
+            shifts.append((0.0, 0.0) if place is None else place.shift_px)
+            sigmas.append(0.0 if place is None else place.sigma_px)
+        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas)
+
+    def rows_at_first(self) -> int | None:
+        """As `rows_wanted` before any frame was seen: as if the camera stood where the panel picture was taken."""
+        return self._rows([self._own], ROWS_OF_BLOCKS)
+
+    def rows_wanted(self, alignments: Sequence[Alignment]) -> int | None:
+        """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""
+        return self._rows(alignments, LEAST_SHAKE_PX)
+
+    def _rows(self, alignments: Sequence[Alignment], least_shake_px: int) -> int | None:
+        if self._placement.dials_move or any(grid.raised is not None for grid in self._grids) or not alignments:
+            return None
+        points = np.concatenate([self._all_rims, as_places(self.aligner.outline())], axis=1)
+        lowest_px = [float(alignment.places(points)[..., 1].max()) for alignment in alignments]
+        shake_px = least_shake_px + SHAKES * (max(lowest_px) - min(lowest_px))
+        margin_px = RIM_MARGIN_PX + min(shake_px, ROWS_OF_BLOCKS)
+        blocks = math.ceil((max(lowest_px) + margin_px) / ROWS_OF_BLOCKS)
+        return max(blocks, 1) * ROWS_OF_BLOCKS
+
+
+def _shift(shift_px: Point, part: float) -> Matrix:
+    return np.array([[1.0, 0.0, part * shift_px[0]], [0.0, 1.0, part * shift_px[1]], [0.0, 0.0, 1.0]])

@@ -1,0 +1,93 @@
+"""Where a camera stands that is not where the panel picture was taken, told by SIFT features.
+
+The aligner looks for the panel at the panel picture's scale, give or take a little. Frames of a flight for which the
+box was mounted elsewhere, or that zoomed without saying so, are matched with the panel picture as a whole instead, by
+features that do not mind scale and roll (SIFT, Lowe 2004) and the perspective that most of them agree on. It is done
+for a few frames of a flight, and for those that would be lost; the aligner then starts from what they say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.alignment import Matrix
+from decoder.imaging.pictures import GreyPicture
+from decoder.registration.thresholds import MAX_SCALE, MAX_SIDE_PX, MIN_AGREEING, RATIO
+
+FEATURES = 3000
+FAST_LEVELS = 8
+NEAR_PX = 4.0
+TRIALS = 5000
+CORNERS = 4
+
+
+class SiftLocalizer:
+    """Finds one panel picture in frames taken from elsewhere."""
+
+    def __init__(self, picture: GreyPicture) -> None:
+        self._picture = picture
+        self._known: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+
+    def find(self, frame: GreyPicture) -> Matrix | None:
+        """(3, 3): from the panel picture to the frame, to some pixels; None where too little of it is seen."""
+        if self._known is None:
+            self._known = _features(self._picture)
+        points, described = self._known
+        there, also_described = _features(frame)
+        if min(len(points), len(there)) < MIN_AGREEING:
+            return None
+        pairs = _matches(described, also_described)
+        if len(pairs) < MIN_AGREEING:
+            return None
+        one, other = np.array(pairs).T
+        motion, agreeing = cv2.findHomography(
+            points[one], there[other], cv2.USAC_MAGSAC, NEAR_PX, maxIters=TRIALS, confidence=0.999
+        )
+        if motion is None or int(agreeing.sum()) < MIN_AGREEING or not _is_plausible(motion, self._picture.shape):
+            return None
+        return np.asarray(motion, np.float64)
+
+
+def _features(picture: GreyPicture) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(N, 2) places in the picture's pixels, and (N, 128) descriptions."""
+    part = min(1.0, MAX_SIDE_PX / max(picture.shape))
+    small = cv2.resize(picture, None, fx=part, fy=part, interpolation=cv2.INTER_AREA) if part < 1.0 else picture
+    described = None
+    corners = cv2.FastFeatureDetector.create(FAST_LEVELS).detect(small)  # takes a hundredth of what SIFT does
+    if len(corners) >= MIN_AGREEING:
+        points, described = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(small, None)
+    if described is None:
+        return np.empty((0, 2), np.float32), np.empty((0, 128), np.float32)
+    places = (np.array([point.pt for point in points]) + 0.5) / part - 0.5
+    return places.astype(np.float32), described.astype(np.float32)
+
+
+def _matches(described: NDArray[np.float32], also_described: NDArray[np.float32]) -> list[tuple[int, int]]:
+    """Match the pairs that are clearly each other's best."""
+    near = cv2.BFMatcher(cv2.NORM_L2).knnMatch(described, also_described, k=2)
+    pairs: Iterable[tuple[int, int]] = (
+        (best.queryIdx, best.trainIdx)
+        for best, *second in near
+        if second and best.distance < RATIO * second[0].distance
+    )
+    taken: dict[int, int] = {}
+    for one, other in pairs:
+        taken.setdefault(other, one)
+    return [(one, other) for other, one in taken.items()]
+
+
+def _is_plausible(motion: Matrix, shape: tuple[int, ...]) -> bool:
+    """Whether the panel picture stays a picture: not folded over, not mirrored, neither tiny nor huge."""
+    height, width = shape
+    corners = np.array([[0, width, width, 0], [0, 0, height, height], [1, 1, 1, 1]], np.float64)
+    there = motion @ corners
+    if (there[2] * there[2, 0] <= 0).any():
+        return False
+    x, y = there[:2] / there[2]
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    return area > 0 and 1 / MAX_SCALE < math.sqrt(area / (width * height)) < MAX_SCALE

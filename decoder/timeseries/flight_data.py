@@ -1,0 +1,274 @@
+"""Flight data: the readings of a flight over time, one column for each needle, and its alignments.
+
+Columns are compact arrays, so that a long flight takes some tens of bytes for each value and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.alignment import Alignment, Point
+from decoder.instruments.reading import FrameReadings, Status
+from decoder.panel.arrays import Floats
+from decoder.panel.lens import Lens
+from decoder.panel.panel import Panel
+from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, shortest
+from decoder.timeseries.flight_part import FlightPart
+
+Kind = tuple[tuple[str, ...], Lens | None]
+_ELEMENTS = 9
+
+STATUSES = tuple(Status)
+CODE = {status: code for code, status in enumerate(STATUSES)}
+NOWHERE = float("nan")
+
+PanelSigmaDeg = Callable[[str, Floats], Floats]
+"""Tells what the readings of a needle, by its name, at (N,) angles are uncertain by beyond their own frames: (N,)."""
+
+
+class AlignmentSeries(Sequence[Alignment | None]):
+    """Where the panel lay in each frame; None for one that could not be read at all.
+
+    An item is made when it is asked for, without its covariance.
+    """
+
+    def __init__(self) -> None:
+        self._elements, self._score, self._kind = array("d"), array("f"), array("I")
+        self._shifts_px = array("f")
+        self._kinds: dict[Kind, int] = {}
+        self._gauges = 0
+
+    def add(self, alignment: Alignment, shifts_px: Sequence[Point] = ()) -> None:
+        """Add a frame's alignment, and how far each gauge's needles lie from there: in all frames or in none."""
+        self._gauges = len(shifts_px)
+        self._append(alignment.elements, alignment.score, alignment.failed, alignment.lens)
+        self._shifts_px.extend(coordinate for shift in shifts_px for coordinate in shift)
+
+    def add_missing(self, failed: Sequence[str]) -> None:
+        """Add a frame without one; `failed` are the features that did not match, as far as they were looked for."""
+        self._append((math.nan,) * _ELEMENTS, math.nan, tuple(failed), None)
+        if self._shifts_px:
+            self._shifts_px.extend([math.nan] * 2 * self._gauges)
+
+    def __len__(self) -> int:
+        return len(self._score)
+
+    def __getitem__(self, index: int) -> Alignment | None:  # type: ignore[override]  # no slices are asked for
+        if math.isnan(self._score[index]):
+            return None
+        index %= len(self)
+        failed, lens = list(self._kinds)[self._kind[index]]
+        elements = tuple(self._elements[index * _ELEMENTS : (index + 1) * _ELEMENTS])
+        return Alignment(elements, self._score[index], failed, lens)
+
+    def shift_px(self, index: int, gauge: int) -> Point:
+        """How far the needles of a gauge lie from where a frame's alignment has them, in the panel picture's pixels."""
+        if not self._shifts_px:
+            return 0.0, 0.0
+        lost_first = len(self) * 2 * self._gauges - len(self._shifts_px)
+        at = (index % len(self)) * 2 * self._gauges + 2 * gauge - lost_first
+        return self._shifts_px[at], self._shifts_px[at + 1]
+
+    def failed(self, index: int) -> tuple[str, ...]:
+        """List the features that did not match in a frame."""
+        return list(self._kinds)[self._kind[index]][0]
+
+    def failures(self) -> dict[str, int]:
+        """In how many frames each feature did not match, those that ever failed."""
+        frames = np.bincount(np.array(self._kind, np.int64), minlength=len(self._kinds))
+        counts: dict[str, int] = {}
+        for (failed, _), count in zip(self._kinds, frames.tolist(), strict=True):
+            for name in failed:
+                counts[name] = counts.get(name, 0) + count
+        return dict(sorted(counts.items()))
+
+    def _append(self, elements: Sequence[float], score: float, failed: tuple[str, ...], lens: Lens | None) -> None:
+        self._elements.extend(elements)
+        self._score.append(score)
+        self._kind.append(self._kinds.setdefault((failed, lens), len(self._kinds)))
+
+
+@dataclass(frozen=True, slots=True)
+class NeedleSeries:
+    """One needle over the flight; all arrays (N,), NaN where there is nothing.
+
+    Attributes
+    ----------
+    status
+        uint8, index into `STATUSES`.
+    value, sigma
+        In the quantity's unit.
+    score
+        NCC of the match.
+    angle_deg
+        Where the best match points, also of a match that was refused.
+    """
+
+    quantity: Quantity
+    status: NDArray[np.uint8]
+    value: Floats
+    sigma: Floats
+    score: Floats
+    angle_deg: Floats
+
+    def angles_apart_deg(self, one: int | slice, other: int | slice) -> Floats:
+        """How far the needle turned from other frames to these, the short way where it goes all the way round."""
+        differences = np.asarray(self.angle_deg[one] - self.angle_deg[other])
+        return shortest(differences, None if self.quantity.wraps is None else FULL_CIRCLE_DEG)
+
+    @property
+    def lowest_score(self) -> float | None:
+        """Of any frame in which the panel was found, to four decimals."""
+        scored = self.score[np.isfinite(self.score)]
+        return round(float(scored.min()), 4) if scored.size else None
+
+    def has(self, *statuses: Status) -> NDArray[np.bool_]:
+        """(N,): where the status is one of these."""
+        return np.isin(self.status, [CODE[status] for status in statuses])
+
+
+@dataclass(frozen=True, slots=True)
+class MissingFrame:
+    """A frame that could not be read at all, and why."""
+
+    frame: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class FlightData:
+    """All needles of a flight.
+
+    Attributes
+    ----------
+    frame
+        (N,) int64: sequence numbers.
+    time_ns
+        (N,) int64: mid-exposure, realtime.
+    combinations
+        What several needles show together; a series of their own once gaps are filled.
+    moved_pivots_px
+        By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
+    alignments
+        N: where the panel lay in each frame; empty if nobody kept it.
+    warnings
+        What the panel leaves wanting, a sentence each.
+    part
+        Which frames of the flight these are; None if they are all.
+    """
+
+    frame: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    series: tuple[NeedleSeries, ...]
+    missing_frames: tuple[MissingFrame, ...]
+    combinations: tuple[Combination, ...] = ()
+    moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    alignments: AlignmentSeries = field(default_factory=AlignmentSeries)
+    warnings: tuple[str, ...] = ()
+    part: FlightPart | None = None
+
+    @property
+    def time_s(self) -> Floats:
+        """(N,): seconds since the flight's first frame."""
+        if not self.time_ns.size:
+            return np.empty(0)
+        return (self.time_ns - (self.time_ns[0] if self.part is None else self.part.began_ns)) / 1e9
+
+
+def lost_runs(data: FlightData) -> list[tuple[int, int, str]]:
+    """Group frames that could not be read into runs (first row, last row, reason) of one reason.
+
+    A score in the reason is that of the run's first frame.
+    """
+    row_of = {int(frame): row for row, frame in enumerate(data.frame)}
+    lost = [(row_of[missing.frame], missing.reason) for missing in data.missing_frames]
+    runs = groupby(enumerate(lost), key=lambda item: (item[1][0] - item[0], item[1][1].partition(" (")[0]))
+    found = []
+    for _, run in runs:
+        (first, reason), *others = (each for _, each in run)
+        found.append((first, first + len(others), reason))
+    return found
+
+
+class _Column:
+    """The growing arrays behind one series."""
+
+    def __init__(self) -> None:
+        self.status, self.angle_deg, self.sigma_deg, self.score = array("B"), array("d"), array("d"), array("d")
+
+    def append(self, status: Status, angle_deg: float, sigma_deg: float, score: float) -> None:
+        self.status.append(CODE[status])
+        self.angle_deg.append(angle_deg)
+        self.sigma_deg.append(sigma_deg)
+        self.score.append(score)
+
+
+class FlightDataBuilder:
+    """Collects readings frame by frame."""
+
+    def __init__(self, panel: Panel) -> None:
+        self._frame, self._time_ns = array("q"), array("q")
+        self._combinations = panel.combinations
+        self._quantities = [quantity for gauge in panel.gauges for quantity in gauge.quantities]
+        self._columns = {quantity.name: _Column() for quantity in self._quantities}
+        self._missing: list[MissingFrame] = []
+        self._alignments = AlignmentSeries()
+
+    def add(self, frame: int, time_ns: int, readings: FrameReadings) -> None:
+        """One frame that was read."""
+        self._frame.append(frame)
+        self._time_ns.append(time_ns)
+        self._alignments.add(readings.alignment, readings.dial_shifts_px)
+        for name, column in self._columns.items():
+            reading = readings.readings[name]
+            column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)
+
+    def add_missing(self, frame: int, time_ns: int, reason: str, failed: Sequence[str] = ()) -> None:
+        """One frame that could not be read at all; `failed` are the features of the panel that did not match."""
+        self._frame.append(frame)
+        self._time_ns.append(time_ns)
+        self._missing.append(MissingFrame(frame, reason))
+        self._alignments.add_missing(failed)
+        for column in self._columns.values():
+            column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
+
+    def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
+        """Make flight data of the frames so far."""
+        series = tuple(
+            _series(quantity, self._columns[quantity.name], panel_sigma_deg) for quantity in self._quantities
+        )
+        frame, time_ns = np.array(self._frame), np.array(self._time_ns)
+        return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations, alignments=self._alignments)
+
+
+def _series(quantity: Quantity, column: _Column, panel_sigma_deg: PanelSigmaDeg) -> NeedleSeries:
+    scale = Scale.of(quantity.marks, quantity.wraps)
+    status, angle_deg = np.array(column.status), np.array(column.angle_deg)
+    valued = status != CODE[Status.MISSING]
+    sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(quantity.name, angle_deg))
+    return NeedleSeries(
+        quantity=quantity,
+        status=status,
+        value=np.where(valued, scale.values_at(angle_deg), NOWHERE),
+        sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),
+        score=np.array(column.score),
+        angle_deg=angle_deg,
+    )
+
+
+def status_counts(series: NeedleSeries) -> dict[str, int]:
+    """How many frames have each status, all statuses named."""
+    return {status.value: int((series.status == CODE[status]).sum()) for status in STATUSES}
+
+
+def spans(where: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Find the runs of true values as (first, last) index pairs, both included."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.asarray(where, bool), [False]]).astype(np.int8)))
+    return [(int(first), int(end) - 1) for first, end in edges.reshape(-1, 2)]

@@ -1,0 +1,99 @@
+"""The flight decoder: from a flight file to flight data, one batch of frames in memory at a time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from decoder.imaging.picture_block import batch_frames
+from decoder.instruments.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batches, read_here
+from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.reading import Status
+from decoder.learning.fit import fit_to_flight
+from decoder.learning.flight_sample import FlightSample
+from decoder.panel.errors import FlightUnreadable
+from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
+from decoder.timeseries.flight_part import FlightPart
+from decoder.timeseries.gaps import fill_gaps
+from decoder.timeseries.thresholds import HARDLY_READ_PART
+from flight_file.frame import Frame
+from flight_file.reader import Flight
+
+Progress = Callable[[Iterator[Frame]], Iterator[Frame]]
+
+
+def decode_flight(
+    flight: Flight,
+    reader: PanelReader,
+    progress: Progress,
+    *,
+    read: ReadBatches = read_here,
+    part: FlightPart | None = None,
+) -> FlightData:
+    """Decode a flight.
+
+    Parameters
+    ----------
+    flight
+        Opened; a sample of it is read first.
+    reader
+        With the panel's own templates and pivots; it is fitted to the flight here.
+    progress
+        Wraps the frames as they are taken from the file.
+    read
+        Reads the batches, in this process or in others.
+    part
+        The frames to read; None for all. The reader is fitted to the whole flight all the same, so that what is read
+        of a frame is the same whichever part it was asked for in.
+
+    Raises
+    ------
+    FlightUnreadable
+        If no frame at all can be read with this panel, with the commonest reason.
+    """
+    sample = FlightSample(flight, reader.placer.rows_at_first())
+    fitted = fit_to_flight(reader, sample)
+    builder = FlightDataBuilder(reader.source.panel)
+    reasons: Counter[str] = Counter()
+    frames = 0
+    height, width = reader.source.picture.shape
+    frames_of_part = progress(flight.frames(None if part is None else part.ranks))
+    cut = batches(frames_of_part, batch_frames((width, height)), sample.given_up)
+    for batch, outcomes in read(fitted.reader, cut):
+        for frame, outcome in zip(batch, outcomes, strict=True):
+            _add(builder, frame, outcome)
+            if isinstance(outcome, Unread):
+                reasons[outcome.reason] += 1
+        frames += len(batch)
+    if sum(reasons.values()) == frames:
+        raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
+    data = builder.build(fitted.sigma_deg)
+    warnings = (*reader.warnings, *fitted.warnings, *_hardly_read(data))
+    return fill_gaps(replace(data, moved_pivots_px=fitted.moved_px, warnings=warnings, part=part))
+
+
+def _hardly_read(data: FlightData) -> Iterator[str]:
+    """Name what was read in few of the frames that show the panel."""
+    shown = len(data.frame) - len(data.missing_frames)
+    for series in data.series:
+        read = int(series.has(Status.READ, Status.EDGE, Status.HIDDEN).sum())
+        if read < HARDLY_READ_PART * shown:
+            yield (
+                f"{series.quantity.name}: read in {read} of {shown} frames that show the panel; check its gauge with"
+                " `decode setup`, or draw it on a picture in which nothing is printed behind what moves"
+            )
+
+
+def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:
+    if isinstance(outcome, Unread):
+        builder.add_missing(frame.sequence, frame.captured_ns, outcome.reason, outcome.failed)
+    else:
+        builder.add(frame.sequence, frame.captured_ns, outcome)
+
+
+def _why(name: str, frames: int, reasons: Counter[str]) -> str:
+    if not frames:
+        return f"{name}: holds no frames"
+    reason, _ = reasons.most_common(1)[0]
+    return f"{name}: none of its {frames} frames fits this panel: {reason}; is it the panel of this cockpit?"

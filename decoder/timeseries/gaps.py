@@ -1,0 +1,236 @@
+"""Gaps: what a needle may be said to show in the frames where it could not be read (thesis 3.3).
+
+Each pointer tells the value but for whole turns of it. The coarsest tells it roughly and in full; each finer one must
+point, within a tolerance, where that puts it, and then says it better. Where two of them disagree there is no value.
+
+A flagged reading, one whose score stayed below the threshold, is replaced by the line between the nearest frames that
+were read, never beyond the first or the last of them. Frames in which the panel itself was not found stay missing.
+The uncertainty grows into the gap with how far the needle strays from such lines over gaps as long elsewhere in the
+flight, and with what the speeds before and after do not explain, up to that of a guess; where a needle was seen in
+fewer frames than not, a guess is no value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.instruments.reading import Status
+from decoder.panel.arrays import Floats, Mask
+from decoder.panel.scale import Combination, in_turn, shortest
+from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
+from decoder.timeseries.thresholds import (
+    CONFIDENCE_SIGMAS,
+    COVERED_REACH_DEG,
+    MOST_STRETCHED,
+    MOST_TRIED,
+    SHORTER,
+)
+
+# Of a uniform distribution the standard deviation, for each unit of its width: a guess by who has not looked.
+UNIFORM_SIGMA = 12**-0.5
+
+SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
+# A coarse pointer must tell the turns apart even if it is off by so many of its sigmas.
+SURE_SIGMAS = 2.0
+
+
+def combine(combination: Combination, parts: Sequence[NeedleSeries]) -> tuple[NeedleSeries, Mask]:
+    """Combine pointers into one value, and tell where they contradict each other, (N,).
+
+    `parts` are the pointers' series, the finest first. Value, sigma and status are the finest one's, the score is the
+    lowest of all; where one is missing or they disagree the value is missing.
+    """
+    finest = parts[0]
+    seen: Mask = np.all([part.has(*SEEN_STATUSES) for part in parts], axis=0)
+    value, agree = parts[-1].value, np.ones_like(seen)
+    for finer, coarser in zip(parts[-2::-1], parts[:0:-1], strict=True):
+        off, agrees = _step(finer, coarser, value, combination.tolerance)
+        value, agree = value + off, agree & agrees
+    valued = seen & agree
+    series = replace(
+        finest,
+        quantity=combination.quantity,
+        status=np.where(valued, finest.status, CODE[Status.MISSING]).astype(np.uint8),
+        value=np.where(valued, in_turn(value, combination.turn, combination.quantity.lowest), NOWHERE),
+        sigma=np.where(valued, finest.sigma, NOWHERE),
+        score=np.min([part.score for part in parts], axis=0),
+    )
+    return series, seen & ~agree
+
+
+def _step(finer: NeedleSeries, coarser: NeedleSeries, value: Floats, tolerance: float) -> tuple[Floats, Mask]:
+    """How far a finer pointer is from where the value so far puts it, the short way round, and whether that may be."""
+    turn = finer.quantity.wraps
+    assert turn is not None  # noqa: S101 - the panel takes no other pointers
+    off = shortest(finer.value - value, turn)
+    doubt = np.abs(off) + SURE_SIGMAS * np.hypot(coarser.sigma, finer.sigma)
+    return off, (np.abs(off) <= tolerance * turn) & (doubt < turn / 2)
+
+
+def fill_gaps(data: FlightData) -> FlightData:
+    """Flag doubtful covered readings of flight data, combine pointers, and interpolate what is flagged."""
+    by_name = {series.quantity.name: series for series in data.series}
+    checked = {part for combination in data.combinations for part in combination.parts}  # each by the others
+    believed = []
+    for series in data.series:
+        cover = by_name.get(series.quantity.covered_by or "")
+        if cover is not None:
+            pace_deg = _pace_deg(series, cover)
+            if series.quantity.name not in checked:
+                series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
+            series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
+        believed.append(series)
+    filled = [_interpolated(series, data.time_s) for series in believed]
+    names = [series.quantity.name for series in believed]
+    for combination in data.combinations:
+        series, contradicted = combine(combination, [believed[names.index(part)] for part in combination.parts])
+        filled.append(_interpolated(series, data.time_s, never=contradicted))
+    return replace(data, series=tuple(filled))
+
+
+def _without_doubtful(
+    series: NeedleSeries, doubted: tuple[Status, ...], trusted: tuple[Status, ...], pace_deg: float
+) -> NeedleSeries:
+    """Covered readings stand only where the needle went under the covering one, or came out from under it.
+
+    A glare over the needle somewhere else on the dial looks just like a needle that is hidden, and its edge beside
+    the covering needle like one that peeps out. So at each end of a run of doubted frames the nearest trusted frame
+    must show the needle about where the run has it; a needle that is never seen so is not known to be covered.
+    """
+    covered, seen = series.has(*doubted), np.flatnonzero(series.has(*trusted))
+    doubtful = np.zeros_like(covered)
+    for first, last in spans(covered):
+        ends = [
+            (at[0], end) for at, end in ((seen[seen < first][-1:], first), (seen[seen > last][:1], last)) if at.size
+        ]
+        doubtful[first : last + 1] = not ends or any(
+            abs(series.angles_apart_deg(at, end)) > COVERED_REACH_DEG + pace_deg * abs(int(at) - end)
+            for at, end in ends
+        )
+    return replace(
+        series,
+        status=np.where(doubtful, CODE[Status.MISSING], series.status).astype(np.uint8),
+        value=np.where(doubtful, NOWHERE, series.value),
+        sigma=np.where(doubtful, NOWHERE, series.sigma),
+    )
+
+
+def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:
+    """How far needles on this dial go in a frame, degrees: nineteen of twenty steps between readings are shorter."""
+    before, after = slice(None, -1), slice(1, None)
+    steps = [np.abs(one.angles_apart_deg(after, before))[_in_sequence(one)] for one in (series, cover)]
+    together = np.concatenate(steps)
+    return float(np.quantile(together, 0.95)) if together.size else 0.0
+
+
+def _in_sequence(series: NeedleSeries) -> Mask:
+    """(N - 1,): where a frame and the next one both show the whole needle."""
+    read = series.has(Status.READ)
+    return read[1:] & read[:-1]
+
+
+def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask | None = None) -> NeedleSeries:
+    known = np.flatnonzero(series.has(*SEEN_STATUSES))
+    may_be = np.isfinite(series.score) if never is None else np.isfinite(series.score) & ~never
+    flagged = np.flatnonzero(series.has(Status.MISSING) & may_be)
+    if known.size:
+        known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
+        between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])
+        flagged = flagged[between & (flagged > known[0]) & (flagged < known[-1])]
+    if not known.size or not flagged.size:
+        return series
+    wraps = series.quantity.wraps
+    seen = series.value[known] if wraps is None else np.unwrap(series.value[known], period=wraps)
+    status, value, sigma = series.status.copy(), series.value.copy(), series.sigma.copy()
+    pinned = np.interp(time_s[flagged], time_s[known], series.sigma[known])
+    guess = series.quantity.full_scale * UNIFORM_SIGMA
+    doubt = np.hypot(pinned, _bridge_sigma(seen, time_s[known], time_s[flagged]))
+    told = np.isfinite(doubt) | (known.size >= flagged.size)
+    flagged, doubt = flagged[told], np.fmin(doubt, guess)[told]
+    status[flagged] = CODE[Status.INTERPOLATED]
+    line = np.interp(time_s[flagged], time_s[known], seen)
+    value[flagged] = line if wraps is None else in_turn(line, wraps, series.quantity.lowest)
+    sigma[flagged] = doubt
+    return replace(series, status=status, value=value, sigma=sigma)
+
+
+def _rising(time_s: Floats) -> Mask:
+    """(N,): where a time is later than all before it."""
+    latest = np.maximum.accumulate(time_s)
+    return np.concatenate([[True], time_s[1:] > latest[:-1]])
+
+
+def _bridge_sigma(values: Floats, known_s: Floats, wanted_s: Floats) -> Floats:
+    """Compute how far off the line between known values may be at `wanted_s`; NaN where nobody can know.
+
+    Three doubts add up, each largest in the middle of a gap: how far the needle strays from such lines elsewhere in the
+    flight; the way that it went, but should not have gone at the speeds before and after, at an unknown moment of the
+    gap; and the bend between these speeds.
+    """
+    after = np.clip(np.searchsorted(known_s, wanted_s), 1, len(known_s) - 1)
+    start_s, length_s = known_s[after - 1], known_s[after] - known_s[after - 1]
+    strays = _by_length(length_s, lambda gap_s: _strays(values, known_s, gap_s))
+    ends, of_gap = np.unique(after, return_inverse=True)
+    gap_s = known_s[ends] - known_s[ends - 1]
+    before = np.array([_speed(values, known_s, end - 1, -gap) for end, gap in zip(ends, gap_s, strict=True)])
+    behind = np.array([_speed(values, known_s, end, gap) for end, gap in zip(ends, gap_s, strict=True)])
+    unexplained = (values[ends] - values[ends - 1] - gap_s * (before + behind) / 2)[of_gap]
+    bend = (gap_s * (behind - before) / 2)[of_gap]
+    part = (wanted_s - start_s) / length_s
+    across = part * (1 - part)
+    sigma: Floats = np.sqrt(across * (4 * strays**2 + unexplained**2) + (bend * across) ** 2)
+    return sigma
+
+
+def _by_length(lengths_s: Floats, of_length: Callable[[float], float]) -> Floats:
+    """Work out what follows from each length, once for all that are nearly as long."""
+    steps, which = np.unique(np.round(np.log(lengths_s) / -math.log(SHORTER)), return_inverse=True)
+    return np.array([of_length(SHORTER**-step) for step in steps])[which]
+
+
+def _speed(values: Floats, known_s: Floats, end: int, reach_s: float) -> float:
+    """How fast the value changed on the way to a known frame, over a reach as long as the gap; 0 if nobody knows."""
+    other = int(np.searchsorted(known_s, known_s[end] + reach_s / SHORTER, side="left" if reach_s < 0 else "right"))
+    other = other if reach_s < 0 else other - 1
+    if other == end:
+        return 0.0
+    return float((values[other] - values[end]) / (known_s[other] - known_s[end]))
+
+
+def _strays(values: Floats, known_s: Floats, gap_s: float) -> float:
+    """How far values stray from the line over a gap of this length, in its middle; NaN if the flight shows none.
+
+    Every known frame is taken as the start of such a gap; what lies in it is known, and is held against the line. Of a
+    gap longer than all stretches of known frames no more is known than of the longest one: it may go on like that.
+    """
+    starts = np.unique(np.linspace(0, len(known_s) - 1, min(len(known_s), MOST_TRIED)).astype(int))
+    reach_s = gap_s
+    while reach_s > gap_s / MOST_STRETCHED:
+        strays = _strays_over(values, known_s, starts, reach_s)
+        if strays.size:
+            independent = (known_s[-1] - known_s[0]) / reach_s
+            spread = max(
+                float(np.sqrt(np.mean(strays**2))), float(np.quantile(np.abs(strays), 0.95)) / CONFIDENCE_SIGMAS
+            )
+            return spread * gap_s / reach_s * math.sqrt((independent + 2) / independent)
+        reach_s *= SHORTER
+    return math.nan
+
+
+def _strays_over(values: Floats, known_s: Floats, starts: NDArray[np.intp], reach_s: float) -> Floats:
+    """How far known values are from the line between the ends of stretches of about this length, as in their middle."""
+    strays = []
+    ends = np.searchsorted(known_s, known_s[starts] + reach_s * SHORTER)
+    for start, end in zip(starts, ends, strict=True):
+        if end == len(known_s) or known_s[end] - known_s[start] > reach_s / SHORTER:
+            continue
+        inner = slice(start + 1, end)
+        part = (known_s[inner] - known_s[start]) / (known_s[end] - known_s[start])
+        line = values[start] + part * (values[end] - values[start])
+        strays.append((values[inner] - line) / (2 * np.sqrt(part * (1 - part))))
+    return np.concatenate(strays) if strays else np.empty(0)

@@ -1,0 +1,187 @@
+"""Tables in CSV files, and flight data read back from the files that `decode` wrote."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import TableError
+from flight_file.frame import MAX_TIME_NS
+from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.untrusted import read_regular
+
+STATUS_SUFFIX = "_status"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A CSV file by column; text as it stands."""
+
+    path: Path
+    columns: Mapping[str, tuple[str, ...]]
+
+    def numbers(self, column: str) -> Floats:
+        """Parse a column as numbers, NaN where the field is empty or no number.
+
+        Raises
+        ------
+        TableError
+            If there is no such column.
+        """
+        if column not in self.columns:
+            raise TableError(f"{self.path}: has no column {column}; give the CSV that `decode` wrote")
+        return np.array([_number(field) for field in self.columns[column]])
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """What the flight data's own description says of a needle; `wraps` is what a full turn of it is worth."""
+
+    unit: str
+    full_scale: float | None
+    wraps: float | None
+
+
+UNDESCRIBED = Described("", None, None)
+
+
+@dataclass(frozen=True, slots=True)
+class FlightTable:
+    """Flight data as `decode` wrote them: `NAME.csv`, and what `NAME.json` beside it says.
+
+    Attributes
+    ----------
+    names
+        Those that have values, in the columns' order.
+    description
+        The content of the JSON; empty where there is none.
+    """
+
+    table: Table
+    names: tuple[str, ...]
+    description: Mapping[str, Any]
+
+    def described(self, needle: str) -> Described:
+        """Look up what is known of a needle."""
+        try:
+            needle_says = self.description["needles"][needle]
+            full_scale = float(needle_says["scale_max"]) - float(needle_says["scale_min"])
+            wraps = needle_says.get("wraps")
+            numbers = [full_scale] if wraps is None else [full_scale, float(wraps)]
+            known = all(math.isfinite(number) and number != 0 for number in numbers)
+            return Described(str(needle_says["unit"]), full_scale, wraps) if known else UNDESCRIBED
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError):
+            return UNDESCRIBED
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """(N,): mid-exposure, realtime.
+
+        Raises
+        ------
+        TableError
+            If a time cannot be read.
+        """
+        return times_ns(self.table, "time_utc")
+
+    @property
+    def began_ns(self) -> int:
+        """When `time_s` was 0: at the flight's first frame, which a part of a flight does not hold.
+
+        Raises
+        ------
+        TableError
+            If the first time cannot be read.
+        """
+        since_s = float(self.table.numbers("time_s")[0]) if "time_s" in self.table.columns else 0.0
+        return int(self.time_ns[0]) - round(since_s * 1e9)
+
+
+def read_table(path: Path) -> Table:
+    """Read a CSV file.
+
+    Raises
+    ------
+    TableError
+        If it cannot be read or has no rows.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise TableError(f"{path}: cannot be read as CSV: {error}") from error
+    if not rows:
+        raise TableError(f"{path}: has no rows to compare")
+    if any(len(row) != len(header) for row in rows):
+        raise TableError(f"{path}: its rows are not all as long as its header")
+    return Table(path, dict(zip(header, zip(*rows, strict=True), strict=True)))
+
+
+def flight_table(table: Table) -> FlightTable:
+    """Recognize flight data in a table, and read the description beside it.
+
+    Raises
+    ------
+    TableError
+        If the table holds no flight data.
+    """
+    try:
+        description = json.loads(read_regular(table.path.with_suffix(".json"), limit_bytes=MAX_READ_BYTES))
+    except (OSError, ValueError, RecursionError):
+        description = {}
+    return flight_table_of(table, description if isinstance(description, dict) else {})
+
+
+def flight_table_of(table: Table, description: Mapping[str, Any]) -> FlightTable:
+    """Recognize flight data in a table whose description is at hand.
+
+    Raises
+    ------
+    TableError
+        If the table holds no flight data.
+    """
+    names = tuple(name for name in table.columns if f"{name}{STATUS_SUFFIX}" in table.columns)
+    if not names:
+        raise TableError(f"{table.path}: is no flight data; give the CSV that `decode` wrote")
+    return FlightTable(table, names, description)
+
+
+def times_ns(table: Table, column: str) -> NDArray[np.int64]:
+    """(N,): a column of ISO 8601 times with `Z` or an offset, as nanoseconds since the Unix epoch.
+
+    Raises
+    ------
+    TableError
+        Naming the first row that holds none.
+    """
+    return np.array([_time_ns(text, table, row) for row, text in enumerate(table.columns[column], start=2)], np.int64)
+
+
+def _time_ns(text: str, table: Table, row: int) -> int:
+    try:
+        moment = datetime.fromisoformat(text.strip())
+    except ValueError as error:
+        raise TableError(f"{table.path}: row {row}: {text!r} is no time such as 2018-05-04T12:00:00Z") from error
+    if moment.tzinfo is None:
+        raise TableError(f"{table.path}: row {row}: {text!r} does not say which zone it is in; end it with Z for UTC")
+    time_ns = round(moment.timestamp() * 1_000_000) * 1000
+    if abs(time_ns) > MAX_TIME_NS:
+        raise TableError(f"{table.path}: row {row}: {text!r} is no time that flight data can have")
+    return time_ns
+
+
+def _number(field: str) -> float:
+    try:
+        return float(field)
+    except ValueError:
+        return float("nan")

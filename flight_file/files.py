@@ -1,0 +1,292 @@
+"""Files that are written front to back, say when their bytes are safe, and are locked while they are in work.
+
+Unbuffered: the MCAP writer hands over whole records, and a failed write must not be retried by a buffer that is being
+discarded. The recorder holds `flock` on its `.part` from the first byte until the final name; the kernel releases it
+when the holder dies, so there is no stale lock.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from flight_file.errors import FlightNotReadableError, FlightNotWrittenError
+from flight_file.thresholds import BLOCK_BYTES
+from flight_file.untrusted import open_regular
+
+FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
+_ADVICE = {
+    errno.EPERM: "check who may write there",
+    errno.EACCES: "check who may write there",
+    errno.ENOENT: "create the directory first",
+    errno.EEXIST: "give the recording another name",
+    errno.ENOSPC: "make room on the disk",
+    errno.EDQUOT: "raise the quota or make room",
+    errno.EROFS: "mount the disk for writing",
+}
+
+
+class DurableFile:
+    """A new file in work, as the stream that an MCAP writer expects; locked until it is closed (see `claimed`).
+
+    Parameters
+    ----------
+    digested
+        Whether `sha256` will be asked for.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        From every method that touches the disk.
+    """
+
+    def __init__(self, path: Path, *, digested: bool = False) -> None:
+        self.path = path
+        self.synced_bytes = 0
+        self._written_bytes = 0
+        try:
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, FILE_MODE)
+            self._directory = _identity(path.parent.stat())
+        except OSError as error:
+            raise _not_written(path, error) from error
+        self._digest = hashlib.sha256() if digested else None
+        # Where a file system has no locks the recording matters more. Somebody who looks whether the file is in work
+        # holds the lock for a moment only.
+        with suppress(OSError):
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of everything written so far, hexadecimal; only of a file that was opened as `digested`."""
+        if self._digest is None:
+            raise ValueError(self.path)
+        return self._digest.hexdigest()
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        """Write all of it."""
+        view = memoryview(data)
+        done = 0
+        try:
+            while done < len(view):
+                done += os.write(self._descriptor, view[done:])
+        except OSError as error:
+            raise _not_written(self.path, error) from error
+        finally:
+            self._written_bytes += done
+            if self._digest is not None:
+                self._digest.update(view[:done])
+        return done
+
+    def tell(self) -> int:
+        """Bytes written so far."""
+        return self._written_bytes
+
+    def flush(self) -> None:
+        """Do nothing: no bytes wait in this process."""
+
+    def sync(self) -> None:
+        """Wait until all bytes are on the disk."""
+        if self.synced_bytes == self._written_bytes:
+            return
+        try:
+            os.fdatasync(self._descriptor)
+        except OSError as error:
+            raise _not_written(self.path, error) from error
+        self.synced_bytes = self._written_bytes
+
+    def rename(self, path: Path) -> None:
+        """Rename it durably while it is in work; refuses to replace another file."""
+        rename_durably(self.path, path)
+        self.path = path
+
+    def close(self) -> None:
+        """Close it as it is; a second time does nothing."""
+        if self._descriptor >= 0:
+            descriptor, self._descriptor = self._descriptor, -1
+            with suppress(OSError):  # what matters was synced, and a descriptor is gone after a failed close too
+                os.close(descriptor)
+
+    def discard(self) -> None:
+        """Close and remove it, if the disk allows and it is still ours."""
+        gone = self.is_gone
+        self.close()
+        if not gone:
+            with suppress(OSError):
+                self.path.unlink(missing_ok=True)
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether somebody deleted, renamed or replaced it while it is open; a disk that is away takes nothing away."""
+        if self._descriptor < 0:
+            return False
+        try:
+            own = os.fstat(self._descriptor)
+            if own.st_nlink and _identity(self.path.parent.stat()) != self._directory:
+                return False
+        except OSError:
+            return False
+        try:
+            return not own.st_nlink or _identity(self.path.lstat()) != _identity(own)
+        except OSError as error:
+            return error.errno == errno.ENOENT
+
+    def refuse_gone(self) -> None:
+        """Raise FlightNotWrittenError if it is gone."""
+        if self.is_gone:
+            reason = "was deleted, renamed or replaced while it was in work; leave files that end in .part alone"
+            raise FlightNotWrittenError(self.path, reason=reason)
+
+    def save_as(self, path: Path) -> None:
+        """Copy its synced bytes durably into another file, even if its own name is gone."""
+        copy = DurableFile(path)
+        try:
+            for offset in range(0, self.synced_bytes, BLOCK_BYTES):
+                copy.write(os.pread(self._descriptor, min(BLOCK_BYTES, self.synced_bytes - offset), offset))
+            copy.sync()
+            sync_directory(path.parent)
+        except OSError as error:
+            copy.discard()
+            raise _not_written(path, error) from error
+        except FlightNotWrittenError:
+            copy.discard()
+            raise
+        finally:
+            copy.close()
+
+
+def cut_file(path: Path, size_bytes: int) -> None:
+    """Truncate a file durably to this size; a missing one is small enough.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        If the disk fails.
+    """
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _not_written(path, error) from error
+    try:
+        if os.fstat(descriptor).st_size > size_bytes:
+            os.ftruncate(descriptor, size_bytes)
+            os.fsync(descriptor)
+    except OSError as error:
+        raise _not_written(path, error) from error
+    finally:
+        os.close(descriptor)
+
+
+def sync_directory(directory: Path) -> None:
+    """Make the names in a directory durable, as after creating or renaming a file."""
+    try:
+        descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise _not_written(directory, error) from error
+
+
+def refuse_existing(target: Path) -> None:
+    """Raise FlightNotWrittenError if there is something under this name, or the disk does not say."""
+    try:
+        if target.exists():
+            raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
+    except OSError as error:
+        raise _not_written(target, error) from error
+
+
+def rename_durably(source: Path, target: Path) -> None:
+    """Rename a file durably; refuses to replace another file."""
+    refuse_existing(target)
+    try:
+        source.rename(target)
+    except OSError as error:
+        raise _not_written(target, error) from error
+    sync_directory(target.parent)
+
+
+def replace_durably(path: Path, content: bytes) -> None:
+    """Replace a small file atomically: after a power cut it is the old one or the new."""
+    aside = path.with_name(path.name + ".new")
+    try:
+        aside.unlink(missing_ok=True)
+    except OSError as error:
+        raise _not_written(aside, error) from error
+    file = DurableFile(aside)
+    try:
+        file.write(content)
+        file.sync()
+        aside.replace(path)
+    except OSError as error:
+        raise _not_written(path, error) from error
+    finally:
+        file.close()
+    sync_directory(path.parent)
+
+
+def _identity(found: os.stat_result) -> tuple[int, int]:
+    return found.st_dev, found.st_ino
+
+
+def _not_written(path: Path, error: OSError) -> FlightNotWrittenError:
+    advice = _ADVICE.get(error.errno or 0, "check the disk and its permissions")
+    return FlightNotWrittenError(path, reason=f"cannot be written ({error.strerror}); {advice}")
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[bool]:
+    """Lock a file inside the `with` block; yields False at once if somebody else has it in work.
+
+    Needs the right to read the file, no more.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If the file is not there, may not be read, is no regular file, or its file system knows no locks.
+    """
+    try:
+        descriptor = open_regular(path)
+    except OSError as error:
+        raise FlightNotReadableError(path, reason=f"cannot be opened ({error.strerror}); check its name") from error
+    try:
+        yield _lock(descriptor, path)
+    finally:
+        os.close(descriptor)
+
+
+def in_work(path: Path) -> bool:
+    """Whether somebody has the file in work; a file that is gone is in nobody's work.
+
+    Raises
+    ------
+    FlightNotReadableError
+        If it may not be read.
+    """
+    with suppress(FileNotFoundError):
+        path.stat()
+        with claimed(path) as ours:
+            return not ours
+    return False
+
+
+def _lock(descriptor: int, path: Path) -> bool:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        reason = f"cannot be locked ({error.strerror}); copy it to another disk"
+        raise FlightNotReadableError(path, reason=reason) from error
+    # Whoever had it before may have given it its final name meanwhile.
+    with suppress(OSError):
+        return path.stat().st_ino == os.fstat(descriptor).st_ino
+    return False

@@ -1,0 +1,338 @@
+"""Looks after the segments in the directory: deletes the oldest to make room, and finishes those left in work.
+
+The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
+names: neither asks a wall clock, which on a small board may be years off and may be set at any time. Segments without a
+picture (a box that waited for its camera) have no age, so that waiting never costs a flight.
+
+Never deleted: the newest `keep_hours`, what is marked (see `marks`), what is in work (`.part`), every file whose name
+is not one that the recorder gives, and what has such a name but is no segment that can be read, or claims to be longer
+than one can be: that counts no hours, and is named in the log. Frames that a recovery set apart (`.unproven`) go with
+their segment's time.
+
+Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
+background.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import re
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from flight_file.errors import FlightFileError
+from flight_file.records import DamagedRecordError
+from flight_file.salvage import Outcome, Recovery
+from flight_file.session import PART_SUFFIX, claimed_place
+from flight_file.signature import signature_path
+from flight_file.summary import recorded_ns
+from flight_file.untrusted import regular_names
+from recorder.journal import Journal
+from recorder.marks import marked_names, tidy_marks
+from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S
+
+_OURS = re.compile(
+    r"(?P<start>\d{8}T\d{6}Z)(-(?P<copy>\d+))?_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap"
+    r"(?P<unproven>\.unproven(-\d+)?)?",
+    re.ASCII,
+)
+_Age = tuple[str, int, int, str]
+Recover = Callable[[Path], str]
+"""Finishes one file in work; says in words what became of it, and raises FlightFileError."""
+_NICE = 10  # the camera and the disk go first
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What is to be kept.
+
+    Attributes
+    ----------
+    reserve_bytes
+        Room that shall be free.
+    keep_ns
+        The newest so many ns of recording are never deleted.
+    longest_ns
+        No segment is longer than this; what claims to be is not believed.
+    max_ns
+        What is older than this is deleted even if there is room; None to keep it.
+    """
+
+    reserve_bytes: int
+    keep_ns: int
+    longest_ns: int
+    max_ns: int | None = None
+
+
+def by_age(names: Iterable[str]) -> list[str]:
+    """Sort the names of the recorder's finished segments by age, oldest first; drop other names."""
+    return [name for _, name in sorted(_aged(names))]
+
+
+def _aged(names: Iterable[str]) -> Iterator[tuple[_Age, str]]:
+    for name in names:
+        if match := _OURS.fullmatch(name):
+            copy, segment = int(match["copy"] or 1), int(match["segment"])
+            what = (match["recovered"] or "") + (match["unproven"] or "")
+            yield (match["start"], copy, segment, what), name
+
+
+def older_than(names: Sequence[str], limit_ns: int, span_ns: Callable[[str], int | None]) -> Sequence[str]:
+    """Return the names after which at least `limit_ns` were recorded, as far as known.
+
+    Parameters
+    ----------
+    names
+        Of all segments, the oldest first; so is the result.
+    span_ns
+        How long one is, None if it is not known yet; asked for those that are not older only.
+    """
+    newer_ns = 0
+    for count in range(len(names), 0, -1):
+        if newer_ns >= limit_ns:
+            return names[:count]
+        span = span_ns(names[count - 1])
+        if span is None:
+            break
+        newer_ns += span
+    return ()
+
+
+class _SegmentIndex:
+    """The finished segments in a directory, and how long each is, as far as it is known.
+
+    What was there the last time is not looked at again: among hundreds of thousands of files that would take too long.
+
+    Attributes
+    ----------
+    names
+        Of everything in the directory.
+    unreadable
+        Those that have a segment's name, but cannot be read as one or are not to be believed.
+    """
+
+    def __init__(self, read_span_ns: Callable[[Path], int], longest_ns: int, journal: Journal) -> None:
+        self._read_span_ns = read_span_ns
+        self._longest_ns = longest_ns
+        self._journal = journal
+        self._directory = Path()
+        self._segments: list[tuple[_Age, str]] = []
+        self._spans_ns: dict[str, int] = {}
+        self._reads_left = 0
+        self._unsaid: list[str] = []
+        self.names: set[str] = set()
+        self.unreadable: set[str] = set()
+
+    def take(self, directory: Path) -> list[str]:
+        """List the segments that may be readable, oldest first; raises OSError."""
+        with os.scandir(directory) as entries:
+            names = {entry.name for entry in entries}
+        gone, new = self.names - names, names - self.names
+        self._spans_ns = {name: span_ns for name, span_ns in self._spans_ns.items() if name not in gone}
+        self.unreadable -= gone
+        left_out = gone | self.unreadable
+        kept = (aged for aged in self._segments if aged[1] not in left_out)
+        self._segments = sorted([*kept, *_aged(new)])
+        self._directory, self.names, self._reads_left = directory, names, READS_AT_ONCE
+        return [name for _, name in self._segments]
+
+    def span_ns(self, name: str) -> int | None:
+        """Return a segment's length, ns: 0 if unreadable, None if there is no time to look now."""
+        if name in self.unreadable:
+            return 0
+        if name not in self._spans_ns and self._reads_left:
+            self._reads_left -= 1
+            try:
+                span_ns = self._read_span_ns(self._directory / name)
+            except (OSError, DamagedRecordError):
+                span_ns = -1
+            if not 0 <= span_ns <= self._longest_ns:
+                self.unreadable.add(name)
+                self._unsaid.append(name)
+                return 0
+            self._spans_ns[name] = span_ns
+        return self._spans_ns.get(name)
+
+    def say_unreadable(self) -> None:
+        """Log those that were not yet said."""
+        if self._unsaid:
+            count, named = len(self._unsaid), sorted(self._unsaid[:NAMED_AT_ONCE])
+            self._unsaid.clear()
+            where = str(self._directory)
+            self._journal.log.warning("segments_unreadable", count=count, directory=where, names=named, became="kept")
+
+
+class Retention:
+    """Deletes segments to make room in one directory; used by one thread.
+
+    Parameters
+    ----------
+    free_bytes
+        Room left where a path lies; None if the system does not say, then nothing is deleted for its sake.
+    span_ns
+        How long a finished segment is; raises OSError or DamagedRecordError where it does not tell.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        rules: Rules,
+        *,
+        free_bytes: Callable[[Path], int | None],
+        journal: Journal,
+        span_ns: Callable[[Path], int] = recorded_ns,
+    ) -> None:
+        self._directory = directory
+        self._rules = rules
+        self._free_bytes = free_bytes
+        self._journal = journal
+        self._index = _SegmentIndex(span_ns, rules.longest_ns, journal)
+
+    @property
+    def unreadable(self) -> int:
+        """How many files have a segment's name but cannot be read as one, as far as was looked."""
+        return len(self._index.unreadable)
+
+    def make_room(self, *, disk_is_full: bool = False) -> bool:
+        """Delete what must go; return whether anything was deleted.
+
+        Parameters
+        ----------
+        disk_is_full
+            Delete at least one segment, if any may be, whatever the system says is free.
+        """
+        for path in tidy_marks(self._directory):
+            self._journal.log.warning("mark_too_large", path=str(path))
+        if not disk_is_full and not self._is_short() and self._rules.max_ns is None:
+            return False
+        try:
+            segments = self._index.take(self._directory)
+        except OSError:
+            return False  # a disk that is gone needs no room; whoever writes to it says so
+        deleted = self._delete_oldest(segments, disk_is_full=disk_is_full)
+        self._index.say_unreadable()
+        return deleted
+
+    def _delete_oldest(self, segments: Sequence[str], *, disk_is_full: bool) -> bool:
+        span_ns = self._index.span_ns
+        too_old = 0 if self._rules.max_ns is None else len(older_than(segments, self._rules.max_ns, span_ns))
+        wanted, deleted = disk_is_full, False
+        marked = marked_names(self._directory)
+        for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
+            if name in marked:
+                continue
+            if not (number < too_old or wanted or self._is_short()):
+                break
+            if span_ns(name) is None:
+                break
+            if name in self._index.unreadable:
+                continue
+            if not self._delete(self._directory / name):
+                break  # a disk that does not let us delete one lets us delete none
+            wanted, deleted = False, True
+        return deleted
+
+    def _is_short(self) -> bool:
+        free = self._free_bytes(self._directory)
+        return free is not None and free < self._rules.reserve_bytes
+
+    def _delete(self, path: Path) -> bool:
+        # The segment first: a signature without its file is a missing segment, a file without its signature a suspect.
+        try:
+            path.unlink(missing_ok=True)
+            signature_path(path).unlink(missing_ok=True)
+        except OSError as error:
+            self._journal.log.warning("segment_not_deleted", path=str(path), reason=error.strerror)
+            return False
+        self._journal.log.info("segment_deleted", path=str(path))
+        return True
+
+
+def recovery_in_words(recovery: Recovery, *, is_signing: bool) -> str:
+    """Say what became of a file, for the log.
+
+    Parameters
+    ----------
+    is_signing
+        Whether there was a key to sign with.
+    """
+    words = [recovery.outcome.value]
+    if is_signing and recovery.outcome in (Outcome.RECOVERED, Outcome.FINISHED):
+        words.append("signed" if recovery.signed else "not signed: nothing in it proves that this box recorded it")
+    if recovery.unproven is not None:
+        words.append(f"{recovery.unproven_frames} frame(s) that nothing proves are in {recovery.unproven.name}")
+    return ", ".join(words)
+
+
+def files_in_work(directory: Path) -> list[Path]:
+    """List the segments in work in a directory, regular files only; empty if it cannot be listed."""
+    with suppress(OSError):
+        paths = [directory / name for name in regular_names(directory) if name.endswith(PART_SUFFIX)]
+        return [path for path in paths if claimed_place(path)]
+    return []
+
+
+class Salvager(threading.Thread):
+    """Recovers one file after another, in a daemon thread: a recovery that is cut off can be repeated.
+
+    Parameters
+    ----------
+    free_bytes
+        Room left where a path lies, bytes; None if unknown.
+    """
+
+    def __init__(self, recover: Recover, *, free_bytes: Callable[[Path], int | None], journal: Journal) -> None:
+        super().__init__(name="salvage", daemon=True)
+        self._recover = recover
+        self._free_bytes = free_bytes
+        self._journal = journal
+        self._paths: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        self._postponed: list[Path] = []
+
+    def submit(self, path: Path) -> None:
+        """Queue a file for recovery."""
+        self._paths.put(path)
+
+    def run(self) -> None:
+        """Recover queued files for ever."""
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        while True:
+            try:
+                path = self._paths.get(timeout=SALVAGE_AGAIN_S)
+            except queue.Empty:
+                self._try_postponed()
+            else:
+                self._salvage(path)
+
+    def _try_postponed(self) -> None:
+        postponed, self._postponed = self._postponed, []
+        for path in postponed:
+            self._salvage(path)
+
+    def _salvage(self, path: Path) -> None:
+        try:
+            if not self._has_room(path):
+                self._postponed.append(path)
+                self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
+                return
+            became = self._recover(path)
+        except FlightFileError as error:
+            self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
+        except OSError as error:
+            self._journal.log.warning("segment_not_salvaged", path=str(path), reason=error.strerror)
+        except MemoryError:
+            reason = "it holds records that are larger than the memory; recover it on another machine"
+            self._journal.log.warning("segment_not_salvaged", path=str(path), reason=reason)
+        else:
+            self._journal.log.warning("segment_salvaged", path=str(path), became=became)
+
+    def _has_room(self, path: Path) -> bool:
+        # The copy needs as much room as the file has. As much again is for what is being recorded meanwhile: a file in
+        # work can be read as it is, so no flight shall be deleted for it.
+        free = self._free_bytes(path.parent)
+        return free is None or free >= 2 * path.stat().st_size

@@ -1,0 +1,373 @@
+"""Gets what is recorded onto the disk, whatever the disk does meanwhile.
+
+    open ──write fails──> in trouble ──try again: soon, then less often──> open, with a new segment
+                              full disk: the oldest segments go first
+
+What is not certain to be on the disk is kept (8 MiB or a second of it, see `flight_file.writer`) and written again into
+the new segment; the old one is cut to what is certain, so that each frame is there once. A file in work that somebody
+deletes, renames or replaces is still open: it gets a name again before the new segment begins. During trouble nothing
+is taken from the queue, which keeps the newest frames.
+
+The open file alone does not show that it is out of reach: a disk that is unmounted lazily takes every byte, and so does
+a file that was deleted. `DirectoryWatch` therefore looks at the directory.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from flight_file.errors import FlightNotWrittenError
+from flight_file.files import cut_file
+from flight_file.flight_writer import FlightWriter, Plan
+from flight_file.frame import NS_PER_S, CameraStatus, ClockReading, Frame, Health, LogClock, LogLine
+from flight_file.session import PART_SUFFIX, SEGMENT_SUFFIX
+from flight_file.writer import Remains
+from recorder.frame_queue import DELETED, Drops
+from recorder.housekeeping import Retention
+from recorder.journal import Journal
+from recorder.plan import with_free_number
+from recorder.supervision import BackOff
+from recorder.thresholds import DISK_AGAIN_S, TICK_S
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+class DirectoryWatch:
+    """Watches one directory."""
+
+    def __init__(self) -> None:
+        self._directory: Path | None = None
+        self._place = (0, 0)
+        self._looked_ns: int | None = None
+
+    def begin(self, directory: Path) -> None:
+        """Watch this directory from now on; raises as `check` does."""
+        self._place = _place(directory)
+        self._directory = directory
+
+    def check(self, at: ClockReading, refuse_gone: Callable[[], None]) -> None:
+        """Look again if the last look was `TICK_S` ago.
+
+        Parameters
+        ----------
+        refuse_gone
+            Looks after the file in it that is in work.
+
+        Raises
+        ------
+        FlightNotWrittenError
+            The directory is gone, or another one is in its place; or what `refuse_gone` raises.
+        """
+        if self._directory is None or (
+            self._looked_ns is not None and at.monotonic_ns - self._looked_ns < TICK_S * NS_PER_S
+        ):
+            return
+        self._looked_ns = at.monotonic_ns
+        if _place(self._directory) != self._place:
+            raise FlightNotWrittenError(self._directory, reason="is on another disk than before; bring the disk back")
+        refuse_gone()
+
+
+def _place(directory: Path) -> tuple[int, int]:
+    try:
+        found = directory.stat()
+    except OSError as error:
+        reason = f"cannot be found ({error.strerror}); bring the disk back"
+        raise FlightNotWrittenError(directory, reason=reason) from error
+    return found.st_dev, found.st_ino
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something that happened and is worth a line in the flight; the camera's state does not change by it."""
+
+    status: CameraStatus
+
+
+Entry = Frame | CameraStatus | Remark | Health | LogLine
+
+
+_WRITE: Mapping[type, Callable[[FlightWriter, Any, ClockReading], None]] = {
+    Frame: FlightWriter.write_frame,
+    CameraStatus: FlightWriter.write_status,
+    Remark: lambda writer, remark, at: writer.write_remark(remark.status, at),
+    Health: FlightWriter.write_health,
+    LogLine: FlightWriter.write_log,
+}
+
+
+def write(writer: FlightWriter, what: Entry, at: ClockReading) -> None:
+    """Write an entry by its kind; raises FlightNotWrittenError."""
+    _WRITE[type(what)](writer, what, at)
+
+
+@dataclass(frozen=True, slots=True)
+class DiskFailure:
+    """Why nothing can be written, since when, and when to try again (monotonic, ns)."""
+
+    failure: FlightNotWrittenError
+    since: ClockReading
+    again_ns: int
+
+
+class SegmentStore:
+    """A flight writer that survives its disk.
+
+    Parameters
+    ----------
+    make_plan
+        Called when the first segment is opened.
+    retries_forever
+        Whether to keep trying, for ever. Otherwise a disk that fails is an error, unless it is full of old segments.
+    left_behind
+        Called with each file in work that had to be given up, when its disk is back.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        From every method, unless it retries for ever.
+    """
+
+    def __init__(
+        self,
+        make_plan: Callable[[], Plan],
+        *,
+        status: CameraStatus,
+        retention: Retention,
+        retries_forever: bool,
+        drops: Drops,
+        journal: Journal,
+        left_behind: Callable[[Path], None],
+    ) -> None:
+        self._make_plan = make_plan
+        self._plan: Plan | None = None
+        self._status = status
+        self._retention = retention
+        self._retries_forever = retries_forever
+        self._drops = drops
+        self._journal = journal
+        self._left_behind = left_behind
+        self._log_clock = LogClock()
+        self._watch = DirectoryWatch()
+        self._writer: FlightWriter | None = None
+        self._pending: deque[tuple[Entry, ClockReading]] = deque()
+        self._handed = 0  # how many of these, the first, the writer has
+        self._remains: Remains | None = None
+        self._back_off = BackOff()
+        self._started = False
+        self.trouble: DiskFailure | None = None
+        self.recording = ""
+        self.stored = 0
+        self.paths: list[Path] = []
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a segment in work."""
+        return self._writer is not None
+
+    @property
+    def unreadable(self) -> int:
+        """Files among the segments that cannot be read as one; they are kept."""
+        return self._retention.unreadable
+
+    @property
+    def status(self) -> CameraStatus:
+        """The last status, with which a new segment begins."""
+        return self._status
+
+    def open(self, at: ClockReading) -> bool:
+        """Open the first segment, or a new one after a failure if it is time to retry; return whether one is open."""
+        if self._writer is None and (self.trouble is None or at.monotonic_ns >= self.trouble.again_ns):
+            try:
+                self._open(at)
+            except FlightNotWrittenError as failure:
+                self._in_trouble(failure, at)
+        self._hand_over(at)
+        return self.is_open
+
+    def try_now(self, at: ClockReading) -> bool:
+        """Like `open`, but without waiting any longer."""
+        if self.trouble is not None:
+            self.trouble = replace(self.trouble, again_ns=at.monotonic_ns)
+        return self.open(at)
+
+    def put(self, what: Entry, at: ClockReading) -> None:
+        """Store something; it is kept while nothing can be written."""
+        if isinstance(what, CameraStatus):
+            self._status = what
+        self._pending.append((what, at))
+        self.stored += isinstance(what, Frame)
+        self._hand_over(at)
+
+    def remark(self, reason: str, at: ClockReading) -> None:
+        """Store that something happened which does not change the camera's state."""
+        self.put(Remark(replace(self._status, reason=reason, dropped=self._drops.total)), at)
+
+    def tick(self, at: ClockReading) -> None:
+        """Check the directory and let the writer sync; to be called while no frames come."""
+        self._check_place(at)
+        self._attempt(lambda writer: writer.tick(at), at)
+
+    def make_room(self) -> None:
+        """Let the retention delete what is due."""
+        self._retention.make_room()
+
+    def name_camera(self, *, model: str, serial: str) -> None:
+        """Name the camera in the segments to come."""
+        if self._plan is not None:
+            session = replace(self._plan.session, camera_model=model, camera_serial=serial)
+            self._plan = replace(self._plan, session=session)
+        if self._writer is not None:
+            self._writer.name_camera(model=model, serial=serial)
+
+    def finish(self, reason: str, at: ClockReading) -> None:
+        """Close the last segment; after a failure a new one is tried once, and then it is an error."""
+        self._attempt(lambda writer: writer.finish(reason, at), at)
+        if self.trouble is not None and self.try_now(at):
+            self._attempt(lambda writer: writer.finish(reason, at), at)
+        if self.trouble is not None:
+            raise self.trouble.failure
+        self._writer = None
+
+    def unwritten_frames(self) -> int:
+        """Count the frames that are not certain to be on the disk."""
+        gone = 0 if self._remains is None or self._remains.gone is None else self._remains.frames
+        return gone + sum(isinstance(what, Frame) for what, _ in self._pending)
+
+    def abandon(self) -> None:
+        """Leave everything as it is; for use after an error."""
+        if self._writer is not None:
+            self._writer.abandon()
+
+    def _open(self, at: ClockReading) -> None:
+        if self._plan is None:
+            self._plan = self._make_plan()
+            self.recording = self._plan.session.recording
+        self._retention.make_room()
+        if self._retries_forever:
+            self._watch.begin(self._plan.directory)
+            self._plan = with_free_number(self._plan)
+        if self._remains is not None:
+            self._remains = self._brought_back(self._remains)
+        if self._remains is not None and self._remains.path is not None:
+            cut_file(self._remains.path, self._remains.synced_bytes)
+        self._writer = FlightWriter(self._plan, status=self._status, at=at, log_clock=self._log_clock)
+        if not self._started:
+            self._started = True
+            self._journal.log.info("recording_started", recording=self.recording, directory=str(self._plan.directory))
+        if self._remains is not None and self._remains.path is not None:
+            self._left_behind(self._remains.path)
+        self._remains = None
+
+    def _hand_over(self, at: ClockReading) -> None:
+        self._check_place(at)
+        while self._writer is not None and self._handed < len(self._pending):
+            self._attempt(self._write_next, at)
+        if self.trouble is not None:
+            # A full disk may have room for the head of a segment, but not for what waits: only a sync tells.
+            self._attempt(lambda writer: writer.sync(at), at)
+            if self._writer is not None:
+                self._trouble_is_over(self.trouble, at)
+
+    def _check_place(self, at: ClockReading) -> None:
+        self._attempt(lambda writer: self._watch.check(at, writer.refuse_gone), at)
+
+    def _trouble_is_over(self, trouble: DiskFailure, at: ClockReading) -> None:
+        self.trouble = None
+        self._back_off.reset()
+        self._drops.blame_disk("")
+        seconds = (at.monotonic_ns - trouble.since.monotonic_ns) / 1e9
+        self._journal.log.warning("disk_back", after_s=round(seconds, 1))
+        reason = f"the disk can be written again after {seconds:.1f} s; before: {trouble.failure}"
+        self.remark(reason, at)
+
+    def _write_next(self, writer: FlightWriter) -> None:
+        what, when = self._pending[self._handed]
+        if isinstance(what, Frame):
+            writer.make_room(when, len(what.jpeg))
+        self._handed += 1
+        write(writer, what, when)
+
+    def _attempt(self, action: Callable[[FlightWriter], object], at: ClockReading) -> None:
+        writer = self._writer
+        if writer is None:
+            return
+        try:
+            action(writer)
+        except FlightNotWrittenError as failure:
+            self._forget_synced(writer)
+            self._in_trouble(failure, at, may_go_on=writer.is_gone)
+            self._set_aside(writer)
+        else:
+            self._forget_synced(writer)
+            if writer.finished:
+                self._collect(writer)
+                self._retention.make_room()
+
+    def _in_trouble(self, failure: FlightNotWrittenError, at: ClockReading, *, may_go_on: bool = False) -> None:
+        """Schedule the next attempt, at once if the disk `may_go_on`; raise the failure if there is to be none."""
+        freed = _strerror_and_number(failure)[1] in _FULL and self._retention.make_room(disk_is_full=True)
+        if not self._retries_forever and not freed:
+            raise failure
+        wait_ns = 0 if freed or may_go_on else self._back_off.next_ns(DISK_AGAIN_S)
+        if self.trouble is None:
+            self._journal.log.error("disk_failed", reason=str(failure))
+        since = at if self.trouble is None else self.trouble.since
+        self.trouble = DiskFailure(failure, since, at.monotonic_ns + wait_ns)
+        self._drops.blame_disk(f"the disk could not be written ({_strerror_and_number(failure)[0]})")
+
+    def _set_aside(self, writer: FlightWriter) -> None:
+        self._collect(writer)
+        self._remains = writer.remains()
+        self._writer, self._handed = None, 0
+        if self._plan is not None:
+            session = replace(self._plan.session, segment=self._remains.segment, chain=self._remains.chain)
+            self._plan = replace(self._plan, session=session)
+
+    def _brought_back(self, remains: Remains) -> Remains:
+        """Give a file that was deleted or renamed a name again; count its frames as lost where that fails."""
+        if remains.gone is None or remains.path is None:
+            return remains
+        path, reason = next(path for path in _names_for(remains.path) if not os.path.lexists(path)), ""
+        try:
+            remains.gone.save_as(path)
+        except FlightNotWrittenError as failure:
+            reason = str(failure)
+        remains.gone.close()
+        if not reason:
+            self._journal.log.warning("segment_brought_back", path=str(path), frames=remains.frames)
+            return replace(remains, path=path, gone=None)
+        self.stored -= remains.frames
+        self._drops.add(DELETED, remains.frames)
+        self._journal.log.error("segment_lost", path=str(remains.path), frames=remains.frames, reason=reason)
+        return replace(remains, path=None, gone=None)
+
+    def _forget_synced(self, writer: FlightWriter) -> None:
+        for _ in range(self._handed - writer.unsynced):
+            self._pending.popleft()
+        self._handed = min(self._handed, writer.unsynced)
+
+    def _collect(self, writer: FlightWriter) -> None:
+        self.paths += writer.finished
+        writer.finished.clear()
+
+
+def _names_for(part: Path) -> Iterator[Path]:
+    """Iterate over the names for a file in work: its own, then those of recovered ones."""
+    yield part
+    stem = part.name.removesuffix(SEGMENT_SUFFIX + PART_SUFFIX)
+    for number in itertools.count(1):
+        recovered = ".recovered" if number == 1 else f".recovered-{number}"
+        yield part.with_name(stem + recovered + SEGMENT_SUFFIX + PART_SUFFIX)
+
+
+def _strerror_and_number(failure: FlightNotWrittenError) -> tuple[str, int]:
+    cause = failure.__cause__
+    return (cause.strerror or "", cause.errno or 0) if isinstance(cause, OSError) else (failure.reason, 0)

@@ -1,0 +1,58 @@
+"""Every number of this package that something is compared with or waits for; recorder.yaml has its own.
+
+| name | value | unit | meaning | source |
+| --- | --- | --- | --- | --- |
+| QUEUE_BYTES | 20 | MiB | JPEGs that wait for the disk | four of 18 megapixels: a small board |
+| QUEUE_FRAMES | 64 | - | pictures that wait, or make the rate | with more the disk cannot follow |
+| WAITING_LINES | 200 | - | camera notices, log lines that wait | what does not fit is counted |
+| ATTACHMENTS_BYTES | 64 | MiB | all attachments together | every segment carries them |
+| MARK_BYTES | 64 | KiB | a mark | hundreds of notes |
+| SHOWN_ERRORS | 3 | - | wrong values named at once | more do not fit a sentence |
+| SHOWN_CHARACTERS | 160 | - | of a message, a value or a key | the same |
+| CLOCKS_TOGETHER_NS | 1 | ms | two clocks read at one moment | longer: a thread came in between |
+| CLOCK_JUMP_NS | 20 | ms | a clock that was set, not read late | a busy machine reads slowly |
+| CLOCK_SLEWING | 0.001 | - | nor slewed, by the time that passed | twice the kernel's limit of 0.05 % |
+| LOOK_S | 0.25 | s | a wait looks whether it is over | it has five seconds to stop |
+| TICK_S | 1 | s | how often to see to what is due | as often as the writer syncs |
+| SAY_S | 2 | s | how often a wait is a sign of life | a tenth of `SILENCE_S` |
+| SILENCE_S | 20 | s | without a sign of life: it hangs | longer than one sync of a slow disk |
+| FIRST_WORD_S | 5 | s | wait for the camera's name | then the first segment goes without |
+| PATIENCE_S | 3 | s | for a camera to notice the stop | leaves time for the last sync |
+| END_S | 4.5 | s | for the recording to end | with a look less than five seconds |
+| HEALTH_S | 10 | s | from one health report to the next | docs/box.md says so |
+| READS_AT_ONCE | 5000 | - | segments whose length is read | half a second of the writer's thread |
+| NAMED_AT_ONCE | 20 | - | unreadable files named in a log line | the others are counted |
+| SALVAGE_AGAIN_S | 600 | s | a file without room is tried again | retention makes room meanwhile |
+| LONGER_S | 3600 | s | a segment is longer than `segment_s` | it was shortened, or the disk is slow |
+| CAMERA_AGAIN_S | 1, 30 | s | first, longest wait to connect again | 30 s after its switch a camera is ready |
+| UNUSABLE_AGAIN_S | 30, 120 | s | if a person has to do something | nobody is there to help |
+| DISK_AGAIN_S | 1, 15 | s | for a disk that fails | one that is back is used soon |
+"""
+
+from __future__ import annotations
+
+QUEUE_BYTES = 20 * 2**20
+QUEUE_FRAMES = 64
+WAITING_LINES = 200
+ATTACHMENTS_BYTES = 64 * 2**20
+MARK_BYTES = 64 * 2**10
+SHOWN_ERRORS = 3
+SHOWN_CHARACTERS = 160
+CLOCKS_TOGETHER_NS = 1_000_000
+CLOCK_JUMP_NS = 20_000_000
+CLOCK_SLEWING = 0.001
+LOOK_S = 0.25
+TICK_S = 1.0
+SAY_S = 2.0
+SILENCE_S = 20.0
+FIRST_WORD_S = 5.0
+PATIENCE_S = 3.0
+END_S = 4.5
+HEALTH_S = 10.0
+READS_AT_ONCE = 5_000
+NAMED_AT_ONCE = 20
+SALVAGE_AGAIN_S = 600.0
+LONGER_S = 3600.0
+CAMERA_AGAIN_S = (1.0, 30.0)
+UNUSABLE_AGAIN_S = (30.0, 120.0)
+DISK_AGAIN_S = (1.0, 15.0)

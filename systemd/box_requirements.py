@@ -1,0 +1,56 @@
+"""Print what the box needs of pyproject.toml: what builds the project, and what the box's code imports.
+
+So a dependency is stated once, and the box lacks none and gets none of the desk's. `make lock` writes requirements.lock
+from it.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BOX = ("camera_drivers", "flight_file", "recorder")
+
+
+def imported() -> dict[str, Path]:
+    """Packages of others that the box's code imports anywhere, each with one of the modules that do."""
+    files = [path for package in BOX for path in sorted((ROOT / package).rglob("*.py"))]
+    names = {name: path for path in files for name in _imports(ast.parse(path.read_bytes()))}
+    return {name: path for name, path in names.items() if name not in {*sys.stdlib_module_names, *BOX}}
+
+
+def _imports(module: ast.Module) -> Iterator[str]:
+    for node in ast.walk(module):
+        match node:
+            case ast.Import(names=names):
+                yield from (alias.name.partition(".")[0] for alias in names)
+            case ast.ImportFrom(module=str(name), level=0):
+                yield name.partition(".")[0]
+
+
+def _distribution(requirement: str) -> str:
+    return re.sub(r"[-_.]+", "-", re.split(r"[^\w.-]", requirement)[0]).lower()
+
+
+def requirements() -> list[str]:
+    """Those of pyproject.toml's dependencies; ends the program if an import is of none of them."""
+    document = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    stated = {_distribution(line): line for line in document["project"]["dependencies"]}
+    distributions = packages_distributions()
+    needed = set()
+    for name, path in sorted(imported().items()):
+        known = {_distribution(each) for each in distributions.get(name, ())} & stated.keys()
+        if not known:
+            sys.exit(f"{path.relative_to(ROOT)} imports {name}, which pyproject.toml does not state; state it there.")
+        needed |= known
+    return sorted([*document["build-system"]["requires"], *(stated[name] for name in needed)])
+
+
+if __name__ == "__main__":
+    print(*requirements(), sep="\n")

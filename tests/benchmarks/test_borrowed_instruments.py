@@ -1,0 +1,139 @@
+"""Instruments that others drew, filmed by our camera, are read right: one of four frames, panels drawn as by hand."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from benchmarks.real_pictures import BORROWED, Read, decode_source, reads
+from fixtures.borrowed.dials import HANDS
+
+VISIBLE = 0.05
+"""Part of a needle's contrast that lights and needles over it took at most."""
+VALUED, WITHIN = 0.9, 0.85
+SOURCES = {Path(source.truth).parent.name: source for source in BORROWED}
+ROWS = [(flight, name) for flight in SOURCES for name in [*(hand.name for _, hand in HANDS), "altitude_ft"]]
+
+RAISED = (
+    "needles turn above the marks, and the hub was clicked where it is seen: sigma allows for 11 degrees from the side,"
+    " and this dial is seen from further aside, or learned with the needle's shadow"
+)
+OFF_AXIS = "a card that is seen from further aside than sigma allows for where a dial is drawn as square on"
+COARSE = "the 10,000 ft pointer moves by 11 degrees over the printed ALT, so the face behind it is never seen bare"
+UNPLACED = (
+    "the dim dial's own marks score 0.73 to 0.80, under MIN_FEATURE_SCORE, so registration does not place the dial"
+)
+DOUBTED = (
+    "in the dim altimeter the drawn stack explains too little (CLEAR_SCORE in instruments/stack.py), and pointers"
+    " missing in most frames must then score 0.95 (SURE_SCORE)"
+)
+PARKED = (
+    "nine of twelve frames show it within three degrees of its cut: the face behind is not learned (all 48 frames do)"
+)
+NO_VALUE: Mapping[tuple[str, str], str] = {
+    ("daylight", "ten_thousands_ft"): COARSE,
+    ("daylight", "altitude_ft"): COARSE,
+    ("daylight", "volts"): PARKED,
+    ("oblique", "ten_thousands_ft"): COARSE,
+    ("oblique", "altitude_ft"): COARSE,
+    ("night", "ten_thousands_ft"): COARSE,
+    ("night", "thousands_ft"): DOUBTED,
+    ("night", "hundreds_ft"): DOUBTED,
+    ("night", "altitude_ft"): DOUBTED,
+    ("night", "oil_temp_c"): UNPLACED,
+}
+WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
+    ("daylight", "oil_press_psi"): RAISED,
+    ("daylight", "exhaust_c"): RAISED,
+    ("oblique", "volts"): RAISED,
+    ("night", "airspeed_kt"): RAISED,
+    ("night", "heading_deg"): OFF_AXIS,
+    ("night", "oil_press_psi"): RAISED,
+}
+
+pytestmark = [pytest.mark.slow, pytest.mark.untraced, pytest.mark.xdist_group("borrowed")]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One needle of one flight: what was read of it, and in which part of the frames that show it it has a value."""
+
+    read: Read
+    visible_valued: float
+
+
+class Flights:
+    """The flights, each decoded when it is first asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: dict[str, dict[str, Row]] = {}
+
+    def rows(self, flight: str) -> dict[str, Row]:
+        """What was read of a flight's committed frames, by needle."""
+        if flight not in self._known:
+            self._known[flight] = _decoded(flight, self._folder / flight)
+        return self._known[flight]
+
+
+def _decoded(flight: str, folder: Path) -> dict[str, Row]:
+    source = replace(SOURCES[flight], pictures=f"borrowed/{flight}/*.jpg")
+    decoded = decode_source(source, folder)
+    with (source.folder / source.truth).open(encoding="utf-8", newline="") as stream:
+        truth = {row["file"]: row for row in csv.DictReader(stream)}
+    shown = [truth[picture.name] for picture in decoded.pictures]
+    rows = {}
+    for read, series in zip(reads(decoded), decoded.series, strict=True):
+        visible = np.array([_covered(row, read.needle) <= VISIBLE for row in shown])
+        assert visible.any(), read.needle
+        rows[read.needle] = Row(read, float(np.isfinite(series.value)[visible].mean()))
+    return rows
+
+
+def _covered(row: Mapping[str, str], name: str) -> float:
+    """How much of what shows a quantity is covered: of several pointers the one that is worst seen."""
+    return max(float(row[f"{hand.name}_covered"]) for _, hand in HANDS if name in {hand.name, hand.shows})
+
+
+@pytest.fixture(scope="module")
+def flights() -> Iterator[Flights]:
+    """All flights."""
+    with TemporaryDirectory() as name:
+        yield Flights(Path(name))
+
+
+def _known_to_fail(causes: Mapping[tuple[str, str], str]) -> list[object]:
+    """All rows; those that are known to fail say why."""
+    assert causes.keys() <= set(ROWS)
+    return [
+        # not strict: some stand at the limit, where another processor's last bit decides
+        pytest.param(*row, marks=[pytest.mark.xfail(strict=False, reason=causes[row])] if row in causes else [])
+        for row in ROWS
+    ]
+
+
+@pytest.mark.parametrize("flight", SOURCES)
+def test_no_value_that_is_read_is_far_off(flights: Flights, flight: str) -> None:
+    """Whatever claims to be read is within two percent of full scale, on every instrument and in every light."""
+    rows = flights.rows(flight)
+
+    assert {name: row.read.largest for name, row in rows.items() if row.read.gross} == {}
+    assert sum(row.read.read for row in rows.values()) > len(rows) / 2
+
+
+@pytest.mark.parametrize(("flight", "name"), _known_to_fail(NO_VALUE))
+def test_needle_that_can_be_seen_has_a_value(flights: Flights, flight: str, name: str) -> None:
+    """In nine of ten frames at least in which nothing lies over it."""
+    assert flights.rows(flight)[name].visible_valued >= VALUED
+
+
+@pytest.mark.parametrize(("flight", "name"), _known_to_fail(WIDER_THAN_SIGMA))
+def test_truth_lies_in_the_interval(flights: Flights, flight: str, name: str) -> None:
+    """Of the values that there are, 85 % at least are within 1.96 sigma."""
+    assert flights.rows(flight)[name].read.within_95 >= WITHIN

@@ -1,0 +1,193 @@
+"""Moving cards: the value under the index, whatever stands still over the card."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.reading import Status
+from decoder.learning.fit import fit_to_flight
+from decoder.panel.scale import Scale, shortest
+from decoder.timeseries.flight_data import FlightDataBuilder
+from decoder.timeseries.gaps import fill_gaps
+from tests.decoder.instruments.dials import CENTRE, Canvas, paint, reader_for
+
+PANEL_TURN_DEG = 40.0
+INDEX_DEG = 270.0
+CARD: dict[str, Any] = {
+    "name": "heading",
+    "radius": [34, 70],
+    "sweep": [0, 360],
+    "unit": "deg",
+    # Where the marks lie in the panel picture: north, drawn at the top, has been turned by 40 degrees.
+    "scale": [[INDEX_DEG + PANEL_TURN_DEG, 0], [INDEX_DEG + PANEL_TURN_DEG + 180, 180]],
+    "wraps": 360,
+    "card": {"name": "heading_deg", "index": INDEX_DEG},
+}
+
+
+def heading_of(turn_deg: float) -> float:
+    """What a card turned clockwise from north by so many degrees shows at its index."""
+    return -turn_deg % 360.0
+
+
+def draw(turn_deg: float, seed: int = 0, over: Callable[[Canvas], object] = lambda _: None) -> GreyPicture:
+    """Draws a card with marks and blocks for numerals below a lubber line and an aircraft symbol."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.disc(CENTRE, 76.0, 35.0)
+        rng = np.random.default_rng(3)
+        for mark in range(36):
+            inner, half = (54.0, 1.6) if mark % 3 == 0 else (58.0, 1.0)
+            canvas.bar(mark * 10 + turn_deg, (inner, 66.0), (half, half), 200.0)
+        for numeral in range(12):
+            for stroke in range(3):
+                half, radius_px = rng.uniform(0.6, 3.0), 38.0 + 5 * stroke
+                angle_deg = numeral * 30 + turn_deg + rng.uniform(-4, 4)
+                canvas.bar(angle_deg, (radius_px, radius_px + 3.5), (half, half), 190.0)
+        canvas.bar(INDEX_DEG, (40, 74), (1.6, 1.6), 235.0)
+        for wing_deg in (0, 180):
+            canvas.bar(wing_deg, (0, 44), (2.5, 2.5), 230.0)
+        over(canvas)
+
+    return paint(what, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def first() -> PanelReader:
+    """A reader that knows the panel picture alone."""
+    return reader_for([CARD], draw(PANEL_TURN_DEG, 1))
+
+
+@pytest.fixture(scope="module")
+def reader() -> PanelReader:
+    """A reader tuned to a flight in which the card went once around."""
+    return reader_for([CARD], draw(PANEL_TURN_DEG, 1), [draw(3.0 + 22.5 * step, 100 + step) for step in range(16)])
+
+
+def off_deg(reader: PanelReader, frame: GreyPicture, turn_deg: float) -> tuple[Status, float, float]:
+    """Status of the heading, how far it is off the short way round, and its score."""
+    reading = read_picture(reader, frame).readings["heading_deg"]
+    value = Scale.of(CARD["scale"], 360.0).values_at(np.array([reading.angle_deg]))
+    return reading.status, float(abs(shortest(value - heading_of(turn_deg), 360.0))[0]), reading.score
+
+
+@given(turn_deg=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
+@example(turn_deg=0.0, seed=0)
+@example(turn_deg=40.0, seed=0)
+@example(turn_deg=359.99, seed=0)
+@settings(max_examples=40)
+def test_card_is_read_at_any_turn(reader: PanelReader, turn_deg: float, seed: int) -> None:
+    """To a twentieth of a degree, over the seam as well, unmoved by what stands still."""
+    status, off, score = off_deg(reader, draw(turn_deg, seed), turn_deg)
+
+    assert status is Status.READ
+    assert off < 0.05
+    assert score > 0.98
+
+
+def test_card_that_turned_little_is_read_as_well() -> None:
+    """A flight that went straight ahead but for one turn tells the card from what lies over it."""
+    frames = [draw(30.0 + 2.5 * step, 200 + step) for step in range(16)]
+    reader = reader_for([CARD], draw(PANEL_TURN_DEG, 1), frames)
+
+    for turn_deg in (31.0, 44.4, 140.0, 300.0):
+        status, off, _ = off_deg(reader, draw(turn_deg, 9), turn_deg)
+        assert status is Status.READ
+        assert off < 0.1
+
+
+@pytest.mark.parametrize("turn_deg", [10.0, 100.0, 186.0, 250.0])
+def test_what_stands_still_is_not_guessed_around(first: PanelReader, turn_deg: float) -> None:
+    """Before frames have told card and lubber line apart a reading is right or missing."""
+    status, off, _ = off_deg(first, draw(turn_deg, 9), turn_deg)
+
+    assert status is Status.MISSING or off < 0.5
+
+
+@pytest.mark.parametrize("turn_deg", [25.0, 133.0, 271.0])
+def test_bug_on_the_card_does_not_pull(reader: PanelReader, turn_deg: float) -> None:
+    """A bright bug beside the index moves nothing."""
+    frame = draw(turn_deg, 5, lambda canvas: canvas.bar(INDEX_DEG + 9, (56, 70), (4, 4), 235))
+    status, off, _ = off_deg(reader, frame, turn_deg)
+
+    assert status is Status.READ
+    assert off < 0.1
+
+
+@pytest.mark.parametrize("turn_deg", [25.0, 133.0, 271.0])
+def test_covered_card_is_not_guessed(reader: PanelReader, turn_deg: float) -> None:
+    """Under a hand there is no heading, or the right one."""
+    for half_px in (30.0, 60.0, 100.0):
+
+        def hand_over(canvas: Any, half_px: float = half_px) -> None:  # noqa: ANN401
+            canvas.bar(45, (-90, 90), (half_px, half_px), 150)
+
+        status, off, _ = off_deg(reader, draw(turn_deg, 5, hand_over), turn_deg)
+        assert status is Status.MISSING or off < 1.0
+    assert status is Status.MISSING
+
+
+def test_blank_dial_has_no_card(reader: PanelReader) -> None:
+    """A dial without anything on it has no reading."""
+    reading = read_picture(reader, paint(lambda canvas: canvas.disc(CENTRE, 76.0, 35.0), seed=3)).readings[
+        "heading_deg"
+    ]
+
+    assert reading.status is Status.MISSING
+
+
+def test_card_goes_into_the_flight_data(first: PanelReader) -> None:
+    """Fitted to its flight the card is a column like any needle, with a heading for every frame and a fair sigma."""
+    turns_deg = [300.0 + 6.0 * step for step in range(24)]
+    frames = [draw(turn_deg, 300 + seed) for seed, turn_deg in enumerate(turns_deg)]
+    fitted = fit_to_flight(first, lambda _: frames[::2])
+    builder = FlightDataBuilder(first.source.panel)
+    for index, frame in enumerate(frames):
+        builder.add(index, index * 500_000_000, read_picture(fitted.reader, frame))
+    (series,) = fill_gaps(builder.build(fitted.sigma_deg)).series
+
+    off = shortest(series.value - np.array([heading_of(turn_deg) for turn_deg in turns_deg]), 360.0)
+    assert series.quantity.name == "heading_deg"
+    assert series.has(Status.READ).all()
+    assert np.abs(off).max() < 0.1
+    assert (np.abs(off) < 1.96 * series.sigma).all()
+
+
+def draw_rose(turn_deg: float, seed: int = 0) -> GreyPicture:
+    """Draws a compass rose, four like letters and faint figures between them, behind glass that mirrors a window."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.disc(CENTRE, 76.0, 15.0)
+        rng = np.random.default_rng(11)
+        for letter in range(4):
+            for stroke in range(3):
+                at_deg, half = letter * 90 + turn_deg + rng.uniform(-4, 4), rng.uniform(1.0, 2.0)
+                canvas.bar(at_deg, (52.0 + 4 * stroke, 56.0 + 4 * stroke), (half, half), 110.0)
+        for figure in range(36):
+            at_deg = figure * 10 + turn_deg + rng.uniform(-2, 2)
+            canvas.bar(at_deg, (58.0, 62.0), (rng.uniform(1.0, 2.5),) * 2, 45.0)
+
+    rose = paint(what, seed=seed)
+    y, x = np.indices(rose.shape)
+    far = np.hypot(x - CENTRE[0] + 50, y - CENTRE[1] + 50)
+    return np.clip(rose + 60.0 * np.clip(1 - far / 90, 0, 1), 0, 255).astype(np.uint8)
+
+
+def test_light_that_stands_still_over_a_card_is_not_taken_for_it() -> None:
+    """Glass that mirrors more light than the print reflects holds no card back, nor turns it to the next letter."""
+    card = {**CARD, "radius": [50, 68]}
+    frames = [draw_rose(turn_deg, 400 + seed) for seed, turn_deg in enumerate([40.0] * 8 + [75.0, 110.0, 145.0, 180.0])]
+    reader = reader_for([card], draw_rose(PANEL_TURN_DEG, 1), frames)
+
+    for turn_deg in (40.0, 90.0, 145.0, 200.0, 300.0):
+        status, off, _ = off_deg(reader, draw_rose(turn_deg, 9), turn_deg)
+        assert status is Status.READ
+        assert off < 0.2

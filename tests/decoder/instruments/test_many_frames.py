@@ -1,0 +1,224 @@
+"""Many frames at once: what is read of a frame does not depend on its company."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from decoder.imaging.panel_pictures import panel_from_attachments
+from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
+from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.instruments.frame_batch import Outcome, RawFrame, Unread, batches, read_batch
+from decoder.instruments.method import Method
+from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.reading import FrameReadings
+from decoder.learning.fit import reader_from_panel, tune
+from decoder.panel.errors import PictureError
+from flight_file.documents import picture_header
+from flight_file.reader import Flight, open_flight
+from tests.programs import A2
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    """The committed flight whose needles touch, hide each other and are lost in reflections."""
+    return open_flight([A2])
+
+
+@pytest.fixture(scope="module")
+def pictures(flight: Flight) -> list[GreyPicture]:
+    """Its frames."""
+    return [grey_picture(frame.jpeg) for frame in flight.frames()]
+
+
+@pytest.fixture(scope="module")
+def reader(flight: Flight, pictures: list[GreyPicture]) -> PanelReader:
+    """A reader tuned to it."""
+    panel = panel_from_attachments(flight.attachments, flight="thesis_a2.mcap")
+    return tune(reader_from_panel(panel, Method.NORMXCORR), pictures)
+
+
+def read_in(reader: PanelReader, pictures: Sequence[GreyPicture], cuts: Sequence[int]) -> list[str]:
+    """All that is read of each frame, as text to the last bit, in batches that end at the cuts."""
+    ends = [*sorted(cuts), len(pictures)]
+    firsts = [0, *sorted(cuts)]
+    batches = [pictures[first:end] for first, end in zip(firsts, ends, strict=True)]
+    return [as_text(read) for batch in batches for read in reader.read([FramePicture(one) for one in batch])]
+
+
+def as_text(read: FrameReadings | PictureError | Outcome) -> str:
+    """Every number of a frame's readings, in hexadecimal."""
+    assert isinstance(read, FrameReadings)
+    rows = {
+        name: [one.status, *(value.hex() for value in (one.angle_deg, one.sigma_deg, one.score))]
+        for name, one in read.readings.items()
+    }
+    return json.dumps([rows, [value.hex() for value in read.alignment.elements]])
+
+
+@pytest.fixture(scope="module")
+def together(reader: PanelReader, pictures: list[GreyPicture]) -> list[str]:
+    """The flight read in one batch."""
+    return read_in(reader, pictures, [])
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(order=st.permutations(range(21)), cuts=st.lists(st.integers(0, 21), max_size=8))
+def test_company_changes_no_bit(
+    reader: PanelReader, pictures: list[GreyPicture], together: list[str], order: list[int], cuts: list[int]
+) -> None:
+    """In whatever order frames come, and however they are cut into batches, empty ones too, each is read the same."""
+    shuffled = read_in(reader, [pictures[index] for index in order], cuts)
+
+    assert dict(zip(order, shuffled, strict=True)) == dict(enumerate(together))
+
+
+def test_lost_and_damaged_frames_leave_their_batch_alone(
+    flight: Flight, reader: PanelReader, pictures: list[GreyPicture], together: list[str]
+) -> None:
+    """A frame without a panel, and a picture that cannot be opened, have a reason; those beside them are as ever."""
+    (batch,) = batches(flight.frames(), 30)
+    black = encoded(np.zeros_like(pictures[1]))
+    outcomes = read_batch(
+        reader, (*batch[:3], replace(batch[3], jpeg=black), replace(batch[4], jpeg=batch[4].jpeg[:1000]), *batch[5:])
+    )
+
+    assert isinstance(outcomes[3], Unread)
+    assert isinstance(outcomes[4], Unread)
+    assert "not found" in outcomes[3].reason
+    assert outcomes[4].reason.startswith("the picture is damaged, cut short or empty")
+    assert [as_text(read) for read in outcomes[:3] + outcomes[5:]] == together[:3] + together[5:]
+
+
+def test_empty_batch_is_no_batch(reader: PanelReader) -> None:
+    """No frames give no readings."""
+    assert read_batch(reader, ()) == []
+    assert list(batches([], 16)) == []
+    assert read_batch(reader, [RawFrame(0, 0, b"")]) == [Unread("the picture is empty")]
+
+
+def test_batches_are_the_frames_in_order(flight: Flight) -> None:
+    """All frames, so many at a time, the rest in the last batch."""
+    cut = list(batches(flight.frames(), 8))
+
+    assert [len(batch) for batch in cut] == [8, 8, 5]
+    assert [frame.sequence for batch in cut for frame in batch] == list(range(21))
+
+
+@pytest.mark.parametrize(
+    ("size_px", "frames"),
+    [((1024, 768), 40), ((640, 480), 40), ((1616, 1212), 36), ((4896, 3672), 4), ((20000, 10000), 1)],
+)
+def test_larger_pictures_come_in_smaller_batches(size_px: tuple[int, int], frames: int) -> None:
+    """A batch holds at most 40 frames, and no more pixels than four of 18 megapixels."""
+    assert batch_frames(size_px) == frames
+
+
+def encoded(picture: GreyPicture, **options: object) -> bytes:
+    """A JPEG in colour, the picture in its green part."""
+    stream = io.BytesIO()
+    Image.fromarray(np.stack([picture, picture[::-1], picture // 2], axis=2)).save(stream, "JPEG", **options)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("options", [{}, {"progressive": True}, {"subsampling": 0}, {"quality": 30}], ids=str)
+def test_pictures_in_a_block_are_the_same_bit_for_bit(pictures: list[GreyPicture], options: dict[str, object]) -> None:
+    """Whatever the kind of JPEG, and in memory that held another picture before."""
+    block = PictureBlock()
+    block.grey_picture(encoded(pictures[0]), 0)
+
+    for picture in (pictures[1], pictures[2][:300, :401]):
+        jpeg = encoded(picture, **options)
+        assert np.array_equal(block.grey_picture(jpeg, 0), grey_picture(jpeg))
+
+
+@pytest.mark.parametrize("cut", [0, 1, 3, 20, 400, -400, -1])
+def test_cut_pictures_are_refused_as_ever(pictures: list[GreyPicture], cut: int) -> None:
+    """A JPEG that breaks off anywhere is an error in a block as it is alone, or gives the same picture."""
+    jpeg = encoded(pictures[0])[:cut]
+    try:
+        alone = grey_picture(jpeg)
+    except PictureError:
+        with pytest.raises(PictureError):
+            PictureBlock().grey_picture(jpeg, 0)
+    else:
+        assert np.array_equal(PictureBlock().grey_picture(jpeg, 0), alone)
+
+
+def claiming(jpeg: bytes, height_px: int, width_px: int) -> bytes:
+    """A JPEG whose header says that it is so large."""
+    header = picture_header(jpeg)
+    assert header is not None
+    return jpeg[: header.height_at] + height_px.to_bytes(2) + width_px.to_bytes(2) + jpeg[header.height_at + 4 :]
+
+
+@pytest.mark.parametrize("size", [(12_000, 12_000), (65_535, 65_535), (40_000, 2_000)], ids=str)
+def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPicture], size: tuple[int, int]) -> None:
+    """A damaged header is no reason to make room for a picture that its bytes cannot hold; it is said instead."""
+    jpeg, block = claiming(encoded(pictures[0]), *size), PictureBlock()
+    said = f"says that it is {size[1]} x {size[0]}, but has {len(jpeg)} bytes"
+
+    for decompress in (grey_picture, partial(block.grey_picture, slot=0)):
+        with pytest.raises(PictureError, match=said):
+            decompress(jpeg)
+    assert block._memory.size == 0
+
+
+def test_one_large_picture_is_no_reason_for_room_for_many(pictures: list[GreyPicture]) -> None:
+    """It has memory of its own; those beside it lie where they would."""
+    stream = io.BytesIO()
+    Image.new("L", (4000, 3000)).save(stream, "JPEG")
+    block, small = PictureBlock(), encoded(pictures[0])
+    block.reserve(32)
+    first, large, last = (block.grey_picture(jpeg, slot) for slot, jpeg in enumerate([small, stream.getvalue(), small]))
+
+    assert large.shape == (3000, 4000)
+    assert np.array_equal(first, last)
+    assert block._memory.shape == (32, first.size)
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB"])
+def test_black_picture_of_a_camera_is_decompressed(mode: str) -> None:
+    """Nothing shrinks further with the code tables that cameras use."""
+    stream = io.BytesIO()
+    Image.new(mode, (4000, 3000)).save(stream, "JPEG", quality=1)
+
+    assert PictureBlock().grey_picture(stream.getvalue(), 0).shape == (3000, 4000)
+
+
+@pytest.mark.parametrize("rows", [None, 16, 320, 592, 600])
+def test_first_rows_alone_give_the_same_bits(
+    flight: Flight, reader: PanelReader, together: list[str], rows: int | None
+) -> None:
+    """Those in which the panel lies need not be decompressed further; where they are too few the frame is, whole."""
+    enough = reader.placement.rows
+    assert enough is not None
+    assert enough < reader.source.picture.shape[0]
+    block = PictureBlock()
+    tops = [block.frame(frame.jpeg, slot, None, rows or enough) for slot, frame in enumerate(flight.frames())]
+
+    assert rows or all(isinstance(top, TopOfFrame) and len(top.pixels) == enough for top in tops)
+    assert [as_text(read) for read in reader.read(tops)] == together
+
+
+def test_first_rows_are_those_of_the_picture(flight: Flight, pictures: list[GreyPicture]) -> None:
+    """Bit for bit; more rows than there are, or a progressive JPEG, give the whole picture."""
+    block = PictureBlock()
+    jpeg = next(iter(flight.frames())).jpeg
+
+    for rows in (16, 400, 401):
+        assert np.array_equal(block.frame(jpeg, 0, None, rows).pixels, pictures[0][:rows])
+    assert np.array_equal(block.frame(jpeg, 0, None, 768).pixels, pictures[0])
+    progressive = encoded(pictures[0], progressive=True)
+    assert isinstance(block.frame(progressive, 0, None, 400), FramePicture)
+    with pytest.raises(PictureError):
+        block.frame(jpeg[:-2], 0, None, 400)

@@ -1,0 +1,133 @@
+"""Dials that go all the way round: no angle is another than any other, and values begin again after a turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.reading import Status
+from decoder.panel.scale import Scale, shortest
+from tests.decoder.instruments.dials import Hand, paint, reader_for
+
+TICKS_DEG = tuple(range(0, 360, 30))
+PANEL_DEG, LONG_DEG = 214.0, 20.0
+HEADING: dict[str, Any] = {
+    "name": "heading",
+    "radius": [20, 66],
+    "sweep": [270, 630],
+    "unit": "deg",
+    "scale": [[270, 0], [360, 90], [450, 180], [540, 270]],
+    "wraps": 360,
+    "needles": [{"name": "heading_deg", "template": {"at": PANEL_DEG, "span": 16}}],
+}
+
+
+def apart_deg(one: float, other: float) -> float:
+    """How far two angles lie apart, the short way round."""
+    return float(abs(shortest(np.array(one - other), 360.0)))
+
+
+def heading(angle_deg: float, **camera: Any) -> GreyPicture:  # noqa: ANN401
+    """Draws a heading indicator."""
+    return paint(lambda canvas: (canvas.dial(TICKS_DEG), canvas.hand(Hand(), angle_deg)), **camera)
+
+
+@pytest.fixture(scope="module")
+def compass() -> PanelReader:
+    """A reader of it, tuned to a flight once around."""
+    frames = [heading(float(angle), seed=50 + index) for index, angle in enumerate(np.arange(16) * 22.5 + 3.0)]
+    return reader_for([HEADING], heading(PANEL_DEG, seed=1), frames)
+
+
+@given(angle_deg=st.floats(0.0, 360.0))
+@example(angle_deg=270.0)
+@example(angle_deg=269.999)
+@example(angle_deg=269.75)
+@example(angle_deg=270.3)
+@settings(max_examples=60)
+def test_dial_has_no_seam(compass: PanelReader, angle_deg: float) -> None:
+    """A needle is read equally well at every angle, also where the unwrapped gauge ends."""
+    reading = read_picture(compass, heading(angle_deg, seed=2)).readings["heading_deg"]
+
+    assert reading.status is Status.READ
+    assert apart_deg(reading.angle_deg, angle_deg) < 0.25
+    assert 270.0 <= reading.angle_deg < 630.0
+    assert reading.score > 0.95
+
+
+def test_mean_error_is_below_a_tenth_of_a_degree(compass: PanelReader) -> None:
+    """Over the whole circle, the ends of the unwrapped gauge among it."""
+    angles_deg = [*np.random.default_rng(3).uniform(0, 360, 40), *np.linspace(268.0, 272.0, 20)]
+    errors = [
+        apart_deg(read_picture(compass, heading(angle, seed=seed)).readings["heading_deg"].angle_deg, angle)
+        for seed, angle in enumerate(angles_deg)
+    ]
+
+    assert np.mean(errors) < 0.1
+    assert max(errors) < 0.5
+
+
+PAIR: dict[str, Any] = {
+    **HEADING,
+    "needles": [
+        {"name": "short_h", "template": {"at": PANEL_DEG, "span": 18}, "covered_by": "long_min"},
+        {"name": "long_min", "template": {"at": LONG_DEG, "span": 16}},
+    ],
+}
+
+
+def clock(short_deg: float, long_deg: float, **camera: Any) -> GreyPicture:  # noqa: ANN401
+    """Draws a dial with a long needle above a short wide one."""
+    short = Hand(tip=46.0, root_half=4.0, tip_half=3.0, level=215.0)
+    return paint(
+        lambda canvas: (canvas.dial(TICKS_DEG), canvas.hand(short, short_deg), canvas.hand(Hand(), long_deg)),
+        **camera,
+    )
+
+
+@pytest.fixture(scope="module")
+def clock_reader() -> PanelReader:
+    """A reader of both needles, tuned."""
+    rng = np.random.default_rng(4)
+    frames = [clock(*rng.uniform(0, 360, 2), seed=80 + index) for index in range(16)]
+    return reader_for([PAIR], clock(PANEL_DEG, LONG_DEG, seed=1), frames)
+
+
+@pytest.mark.parametrize("long_deg", [270.0, 268.5, 271.7, 100.0])
+@pytest.mark.parametrize("apart", [-40.0, -14.0, -8.0, -5.0, 5.0, 8.0, 14.0, 40.0, 180.0])
+def test_two_needles_cross_the_seam_together(clock_reader: PanelReader, long_deg: float, apart: float) -> None:
+    """Needles beside each other are read wherever they are, one on each side of the seam as well.
+
+    Where their soft edges mingle the covered one is told less well, and says so.
+    """
+    readings = read_picture(clock_reader, clock(long_deg + apart, long_deg, seed=5)).readings
+
+    assert readings["long_min"].status is Status.READ
+    assert apart_deg(readings["long_min"].angle_deg, long_deg) < 0.3
+    assert readings["short_h"].status in (Status.READ, Status.EDGE)
+    assert apart_deg(readings["short_h"].angle_deg, long_deg + apart) < 0.5 + 4 * readings["short_h"].sigma_deg < 1.8
+
+
+@given(
+    first_deg=st.floats(0.0, 360.0),
+    rising=st.booleans(),
+    wraps=st.sampled_from([12.0, 360.0, 1000.0]),
+    angle_deg=st.floats(-720.0, 720.0),
+)
+def test_round_scale_repeats_every_turn(first_deg: float, rising: bool, wraps: float, angle_deg: float) -> None:  # noqa: FBT001
+    """A turn on, the value is the same; values lie in one turn, and lead back to the angle."""
+    sign = 1.0 if rising else -1.0
+    marks = [(first_deg, 0.25 * wraps), (first_deg + 90.0, 0.25 * wraps + sign * 0.1 * wraps)]
+    scale = Scale.of(marks, wraps)
+    here, there = scale.values_at(np.array([angle_deg, angle_deg + 360.0]))
+
+    assert 0.0 <= here < wraps
+    assert abs(shortest(np.array(here - there), wraps)) < 1e-6
+    back_deg = float(scale.angles_of(np.array([here]))[0])
+    assert apart_deg(back_deg, angle_deg) < 1e-4

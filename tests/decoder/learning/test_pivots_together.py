@@ -1,0 +1,162 @@
+"""What the other gauges of a panel tell of a gauge's pivot, and the steps to where its needles turn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decoder.learning.pivots import CARELESS_PART, PivotPath, empirical_bayes, lifts_missing
+from decoder.panel.arrays import Floats
+from decoder.registration.placement import PRIOR_PX, UNKNOWN, Pivot
+
+HERE = (0.0, 0.0)
+
+
+def seen(x_px: float, y_px: float, sigma_px: float, moved_px: tuple[float, float] = HERE) -> Pivot:
+    """The pivot of a gauge whose needles say that it is there, to so much, with the prior of any panel."""
+    covariance = np.eye(2) / (1 / sigma_px**2 + 1 / PRIOR_PX**2)
+    x, y = (covariance / sigma_px**2 @ np.subtract((x_px, y_px), moved_px)).tolist()
+    return Pivot((x, y), covariance)
+
+
+def together(*pivots: Pivot) -> tuple[Pivot, ...]:
+    """None of them moved."""
+    return empirical_bayes(pivots, [HERE] * len(pivots))
+
+
+def sigma_px(pivot: Pivot) -> float:
+    """Its standard uncertainty along either axis."""
+    return float(np.sqrt(np.trace(pivot.covariance_px2) / 2))
+
+
+CAREFUL = [seen(x, y, 0.02) for x, y in ((0.01, 0.0), (-0.02, 0.01), (0.0, -0.01), (0.02, 0.02), (-0.01, 0.0))]
+CARELESS = [seen(x, y, 0.02) for x, y in ((0.4, 0.1), (-0.3, 0.5), (0.6, -0.2), (-0.1, -0.4), (0.2, 0.3))]
+
+
+def test_needle_that_stands_still_is_believed_where_the_others_are_drawn_well() -> None:
+    """Half a pixel's doubt becomes a sixth of one: one gauge in ten may still be drawn without care."""
+    *others, still = together(*CAREFUL, UNKNOWN)
+
+    assert 0.1 < sigma_px(still) < 0.2
+    assert all(sigma_px(pivot) < 0.02 for pivot in others)
+
+
+def test_needle_that_stands_still_is_doubted_where_the_others_are_drawn_badly() -> None:
+    """Nothing speaks for it then, and what the others' needles say of themselves is hardly touched."""
+    *others, still = together(*CARELESS, UNKNOWN)
+
+    assert sigma_px(still) > 0.3
+    for pivot, alone in zip(others, CARELESS, strict=True):
+        assert pivot.offset_px == pytest.approx(alone.offset_px, abs=0.01)
+
+
+def test_pivot_that_is_surely_elsewhere_stays_there() -> None:
+    """One gauge of a well drawn panel may be drawn badly."""
+    odd = together(*CAREFUL, seen(0.7, -0.4, 0.03))[-1]
+
+    assert odd.offset_px == pytest.approx((0.7, -0.4), abs=0.01)
+    assert sigma_px(odd) < 0.035
+
+
+def test_offset_that_is_hardly_told_is_not_believed_in_a_well_drawn_panel() -> None:
+    """Three sigma of a quarter of a pixel are more likely noise there than a careless hand."""
+    doubtful = together(*CAREFUL, seen(0.25, 0.0, 0.12))[-1]
+
+    assert abs(doubtful.offset_px[0]) < 0.06
+
+
+def test_pivot_that_was_moved_is_held_against_where_it_was_drawn() -> None:
+    """What is told together does not depend on the point around which the gauge is unwrapped."""
+    moved = [(0.3, -0.1), HERE, (0.1, 0.1), HERE, HERE, (-0.2, 0.4)]
+    places = [(0.41, 0.1), (-0.29, 0.5), (0.6, -0.2), (-0.1, -0.4), (0.2, 0.3), (0.1, 0.2)]
+    stayed = together(*(seen(x, y, 0.1) for x, y in places))
+    went = empirical_bayes([seen(x, y, 0.1, shift) for (x, y), shift in zip(places, moved, strict=True)], moved)
+
+    for one, other, shift in zip(stayed, went, moved, strict=True):
+        assert np.add(other.offset_px, shift) == pytest.approx(one.offset_px, abs=1e-9)
+        assert other.covariance_px2 == pytest.approx(one.covariance_px2, abs=1e-12)
+
+
+@pytest.mark.parametrize("care_px", [0.01, 0.05, 0.3])
+def test_doubt_is_what_it_claims(care_px: float) -> None:
+    """Of panels drawn with some care, but for a tenth of the gauges, whose needles tell their pivots well or badly."""
+    rng = np.random.default_rng(7)
+    chi2 = []
+    for _ in range(200):
+        sigmas = rng.choice([0.02, 0.05, 0.3], 8)
+        cares = np.where(rng.random(8) < CARELESS_PART, PRIOR_PX, care_px)
+        truths = rng.normal(0.0, cares[:, None], (8, 2))
+        told = [seen(*(truth + rng.normal(0.0, sigma, 2)), sigma) for truth, sigma in zip(truths, sigmas, strict=True)]
+        for pivot, truth in zip(together(*told), truths, strict=True):
+            off = np.subtract(pivot.offset_px, truth)
+            chi2.append(off @ np.linalg.solve(pivot.covariance_px2, off))
+
+    assert 1.2 < np.mean(chi2) < 2.5  # two degrees of freedom
+
+
+THERE = np.array([0.4, -0.7])
+SURELY = 1e-6 * np.eye(2)
+# A needle that turns by thirty degrees to either side of straight up hardly tells how far to the side its pivot lies.
+SPREADS_PX = np.array([0.3, 0.06])
+BELOW = np.array([0.05, -0.5])
+
+
+def left(x_px: float, y_px: float, covariance_px2: Floats = SURELY) -> Pivot:
+    """What tilts tell in a round, almost without doubt."""
+    return Pivot((x_px, y_px), covariance_px2, tilts=16)
+
+
+def told(path: PivotPath, gain: float) -> Pivot:
+    """What tilts tell along the way: a needle that hardly turns tells its other direction `gain` times as far."""
+    return left(*(np.diag([gain, 0.9]) @ (THERE - path.moved_px)).tolist())
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.8, 1.3])
+def test_path_ends_where_needles_turn(gain: float) -> None:
+    """Steps that fall short or go too far come to it all the same, in seven."""
+    path = PivotPath()
+    for _ in range(7):
+        path = path.next(told(path, gain))
+
+    assert path.was_moved
+    assert path.is_right(told(path, gain))
+
+
+def roughly_told(path: PivotPath, gain: float) -> Pivot:
+    """What tilts of such a needle tell; as places and readings are rounded, not quite the same a last bit beside."""
+    rough = 0.1 * np.sin(1e7 * np.array(path.moved_px) + (0.0, 1.0)) * SPREADS_PX
+    x, y = (np.diag([gain, 0.7]) @ (BELOW - path.moved_px) + rough).tolist()
+    return left(x, y, np.diag(SPREADS_PX**2))
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.8, 1.0])
+def test_last_bits_move_a_pivot_by_less_than_its_doubt(gain: float) -> None:
+    """Nor are they followed for rounds, even where steps fall short."""
+    ends, settled = [], []
+    for bits in range(16):
+        path = PivotPath((1e-6 * bits, 0.0))
+        for _ in range(7):
+            path = path.next(roughly_told(path, gain))
+        ends.append(path.moved_px)
+        settled.append(path.step_px is None)
+
+    assert all(settled)
+    assert (np.ptp(ends, axis=0) < SPREADS_PX).all()
+    assert (np.abs(ends - BELOW) < 2 * SPREADS_PX).all()
+
+
+def test_offset_is_told_where_it_is_more_than_its_doubt() -> None:
+    """The same length says something in the direction that needles tell, and little in the other."""
+    covariance_px2 = np.diag(SPREADS_PX**2)
+
+    assert left(0.15, 0.0, covariance_px2).shrunk_px == pytest.approx((0.03, 0.0), abs=0.01)
+    assert left(0.0, 0.15, covariance_px2).shrunk_px == pytest.approx((0.0, 0.13), abs=0.01)
+    assert left(0.0, 0.0, covariance_px2).shrunk_px == pytest.approx((0.0, 0.0))
+
+
+def test_lift_is_taken_where_it_is_sure_and_then_followed() -> None:
+    """A lift that comes and goes with last bits moves dials by tenths of a pixel where the camera moves far."""
+    doubted, sure = (Pivot((0.0, 0.0), SURELY, lift=0.011, lift_sigma=sigma) for sigma in (0.006, 0.003))
+
+    assert lifts_missing([0.0, 0.0], [doubted, sure]) == pytest.approx([0.0, 0.0102], abs=1e-4)
+    assert lifts_missing([0.02], [doubted]) == pytest.approx([0.0085], abs=1e-4)

@@ -1,0 +1,86 @@
+"""Uncertainty beyond a frame's own: by the pivot, and by how well dials are found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from decoder.imaging.panel_pictures import panel_from_file
+from decoder.imaging.planes import DialPlane
+from decoder.instruments.panel_reader import PanelReader
+from decoder.learning.thresholds import HAND_PX
+from decoder.learning.uncertainty import (
+    FOUND_PX,
+    HEIGHT_PART,
+    NEEDLE_HEIGHT_PART,
+    USUAL_VIEW,
+    QuantityUncertainty,
+    quantity_uncertainties,
+)
+from decoder.panel.camera import parse_camera
+from decoder.registration.placement import Pivot
+from tests.decoder.cockpit import reader_of
+from tests.programs import FIXTURES
+
+KNOWN = Pivot((0.0, 0.0), np.zeros((2, 2)))
+AT_DEG = np.array([200.0])
+
+
+def uncertainty_of_speed(reader: PanelReader, *, pivot: Pivot = KNOWN, dials_move: bool = False) -> QuantityUncertainty:
+    """Of a panel's first gauge, all pivots alike."""
+    pivots = [pivot] * len(reader.source.panel.gauges)
+    return quantity_uncertainties(reader.source, pivots, care_px=0.0, dials_move=dials_move)["speed_kt"]
+
+
+def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() -> None:
+    """Scatter below a needle's own noise says nothing."""
+    scattered, quiet = replace(KNOWN, scatter_px2=0.09, tilts=40), replace(KNOWN, scatter_px2=-0.02, tilts=40)
+    reader = reader_of()
+
+    assert uncertainty_of_speed(reader, pivot=scattered).place_px == pytest.approx(0.3)
+    assert uncertainty_of_speed(reader, pivot=quiet).place_px == 0.0
+    assert uncertainty_of_speed(reader, pivot=quiet, dials_move=True).place_px == FOUND_PX
+
+
+def test_all_parts_add_in_squares() -> None:
+    """The drawing, the place and the pivot know nothing of each other."""
+    pivot = replace(KNOWN, covariance_px2=0.04 * np.eye(2))
+    uncertainty = QuantityUncertainty(0.03, 0.1, 50.0, pivot, 20.0)
+    expected_deg = math.hypot(0.03, math.degrees(0.1 / 50.0), math.degrees(0.2 * 2.0 / 50.0))
+
+    assert uncertainty.sigma_deg(AT_DEG) == pytest.approx([expected_deg])
+    assert replace(uncertainty, zero_deg=None).sigma_deg(AT_DEG) < expected_deg
+
+
+@pytest.mark.parametrize("view_deg", [0.0, 25.0])
+def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(view_deg: float) -> None:
+    """A camera before the panel sees every dial a little from the side, drawn so or not."""
+    drawn = reader_of().source.with_planes()
+    squeezed = DialPlane.of(np.diag([1.0, math.cos(math.radians(view_deg)), 1.0]))
+    oblique = replace(drawn, planes=(squeezed,) * len(drawn.panel.gauges))
+    known = [KNOWN] * len(drawn.panel.gauges)
+    drawn_deg = quantity_uncertainties(oblique, known, care_px=0.0, dials_move=False)["speed_kt"].drawn_deg
+    hand_deg = math.degrees(HAND_PX / (sum(drawn.panel.gauges[0].radius) / 2))
+    beside_deg = math.degrees(
+        NEEDLE_HEIGHT_PART * math.hypot(USUAL_VIEW, math.tan(math.radians(view_deg))) / math.sqrt(2)
+    )
+
+    assert drawn_deg == pytest.approx(math.hypot(hand_deg, beside_deg), rel=1e-6)
+
+
+def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
+    """By a part of it, the more pixels an inch has; all round, since a shadow falls anywhere."""
+    folder = FIXTURES / "oblique" / "t1a_small"
+    camera = parse_camera((folder / "camera.yaml").read_bytes(), source="camera.yaml")
+    drawn = replace(panel_from_file(folder / "panel.yaml"), camera=camera)
+    found = quantity_uncertainties(drawn, [KNOWN] * len(drawn.panel.gauges), care_px=0.0, dials_move=False)
+    covariances = [found[name].pivot.covariance_px2 for name in ("n1_1_pct", "oil_temp_1_c")]
+    first, *_, last = drawn.panel.reference_points
+    px_an_inch = math.dist(first.at, last.at) / math.dist(first.inches, last.inches)
+
+    for covariance in covariances:
+        assert math.sqrt(covariance[0, 0]) == pytest.approx(HEIGHT_PART * 0.05 * px_an_inch, rel=0.1)
+        assert covariance == pytest.approx(covariance[0, 0] * np.eye(2))

@@ -1,0 +1,118 @@
+"""Drawn readings: they lie where the needles are in the frame."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from decoder.imaging.alignment import IDENTITY, Alignment
+from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.reading import FrameReadings, Reading
+from decoder.outputs.drawn_readings import ReadingPlaces
+from decoder.panel.panel import Panel
+from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
+from decoder.timeseries.gaps import fill_gaps
+from tests.decoder.cockpit import draw, reading, source_of
+
+SPEED_CENTRE = np.array([85.4, 110.7])
+SHIFT, ROLL_DEG = (3.3, -2.2), 1.2
+
+
+def rolled(point: tuple[float, float]) -> NDArray[np.float64]:
+    """Where the drawing's camera has a point of the panel."""
+    cos, sin = math.cos(math.radians(ROLL_DEG)), math.sin(math.radians(ROLL_DEG))
+    x, y = point
+    return np.array([cos * x - sin * y + SHIFT[0], sin * x + cos * y + SHIFT[1]])
+
+
+def on_dial(centre: NDArray[np.float64], angle_deg: float, radius_px: float) -> tuple[float, float]:
+    """A point of a dial in the panel picture."""
+    x, y = centre + radius_px * np.array([math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
+    return float(x), float(y)
+
+
+def built(panel: Panel, readings: Mapping[str, Reading], alignment: Alignment) -> FlightData:
+    """Flight data of one frame."""
+    builder = FlightDataBuilder(panel)
+    builder.add(0, 0, FrameReadings(alignment, readings))
+    return builder.build(lambda _, angles_deg: np.zeros_like(angles_deg))
+
+
+def test_needle_lies_on_the_drawn_needle(reader: PanelReader) -> None:
+    """In a frame that is shifted and rolled, bottom and tip of each needle are where the drawing has them."""
+    truth = {"speed_kt": 300.0, "al_lb": 170.0, "fr_lb": 290.0}
+    frame = draw(truth, shift_px=SHIFT, roll_deg=ROLL_DEG, noise=1.0, seed=3)
+    builder = FlightDataBuilder(reader.source.panel)
+    builder.add(0, 0, read_picture(reader, frame))
+    data = builder.build(lambda _, angles_deg: np.zeros_like(angles_deg))
+
+    gauges = ReadingPlaces(reader.source, data).frame(0)
+
+    drawn = {reading.name: reading for gauge in gauges for reading in gauge.readings}
+    centres = {"speed_kt": SPEED_CENTRE, "al_lb": np.array([235.6, 108.3]), "fr_lb": np.array([235.6, 108.3])}
+    for name, angle_deg in truth.items():
+        line = drawn[name].line_px
+        assert line is not None
+        for point, radius_px in zip(line, (20.0, 52.0), strict=True):
+            assert np.hypot(*(rolled(on_dial(centres[name], angle_deg, radius_px)) - point)) < 0.5
+
+
+def test_needle_is_drawn_on_a_dial_that_moved_by_itself(reader: PanelReader) -> None:
+    """Where dials were found one by one each is drawn at its own place, in lost frames too, which have none."""
+    found = {"speed_kt": reading(214.0), "al_lb": reading(200.0), "fr_lb": reading(330.0)}
+    builder = FlightDataBuilder(reader.source.panel)
+    builder.add_missing(0, 0, "knob not found")
+    for frame, shift in ((1, (0.0, 0.0)), (2, (4.5, -3.0))):
+        builder.add(frame, frame, FrameReadings(IDENTITY, found, (shift, (0.0, 0.0))))
+    builder.add_missing(3, 3, "knob not found")
+    data = builder.build(lambda _, angles_deg: np.zeros_like(angles_deg))
+    places = ReadingPlaces(reader.source, data)
+    (speed, fuel), (moved_speed, moved_fuel) = places.frame(1), places.frame(2)
+
+    assert places.frame(0) == places.frame(3) == ()
+    assert np.subtract(moved_speed.pivot_px, speed.pivot_px) == pytest.approx((4.5, -3.0), abs=1e-4)
+    before, after = speed.readings[0].line_px, moved_speed.readings[0].line_px
+    assert before is not None
+    assert after is not None
+    assert np.subtract(after[1], before[1]) == pytest.approx((4.5, -3.0), abs=1e-4)
+    assert moved_fuel.pivot_px == fuel.pivot_px
+
+
+def test_combined_value_has_a_label_but_no_needle(document: dict[str, Any]) -> None:
+    """What several pointers show together is written beside their gauge."""
+    content = copy.deepcopy(document)
+    gauge = content["gauges"][1]
+    gauge |= {"sweep": [0, 360], "unit": "ft", "scale": [[0, 0], [360, 1000]], "wraps": 1000}
+    gauge["needles"][1] |= {"scale": [[0, 0], [360, 10000]], "wraps": 10000}
+    gauge["combined"] = {"name": "altitude_ft", "needles": ["al_lb", "fr_lb"]}
+    panel = source_of(content)
+    readings = {"speed_kt": reading(200.0), "al_lb": reading(180.0), "fr_lb": reading(90.0)}
+    data = fill_gaps(built(panel.panel, readings, Alignment.pinned((0, 0), (0, 0), 0.0, 1.0)))
+
+    (_, altimeter) = ReadingPlaces(panel, data).frame(0)
+
+    assert [each.name for each in altimeter.readings] == ["al_lb", "fr_lb", "altitude_ft"]
+    assert altimeter.readings[2].line_px is None
+    assert altimeter.readings[2].text == "2500 ft"
+
+
+def test_needle_of_an_oblique_dial_follows_its_rim(document: dict[str, Any]) -> None:
+    """A dial seen from the side is half as wide: its rim is that ellipse, and a needle half way is drawn shorter."""
+    x, y = SPEED_CENTRE
+    angles = np.radians(np.arange(0, 360, 30))
+    document["gauges"][0]["rim"] = [[float(x + 26 * np.cos(a)), float(y + 52 * np.sin(a))] for a in angles]
+    source = source_of(document)
+    shown = {"speed_kt": reading(270.0), "al_lb": reading(200.0), "fr_lb": reading(300.0)}
+    (speed, _) = ReadingPlaces(source, built(source.panel, shown, IDENTITY)).frame(0)
+
+    left, top, right, bottom = speed.box_px
+    assert (right - left) / (bottom - top) == pytest.approx(0.5, abs=0.03)
+    line = speed.readings[0].line_px
+    assert line is not None
+    assert line[1] == pytest.approx((x, top), abs=1.0)

@@ -1,0 +1,137 @@
+"""The G1000 log: what goes into which column at which second, and what does not."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from decoder.outputs.garmin_output import column_of, plan, write_garmin
+from decoder.panel.errors import OutputError, UnitError
+from decoder.timeseries.name_mapping import MappedName
+from decoder.timeseries.tables import FlightTable, Table, flight_table
+
+UNITS = {"airspeed_kt": "kt", "oil_temp_c": "deg C", "fuel_flow_pph": "pph", "n1_pct": "%"}
+
+
+def flight(tmp_path: Path, columns: Mapping[str, Sequence[object]], times_s: Sequence[float]) -> FlightTable:
+    """Flight data with values by needle; a None is missing, a tuple is a value with its status."""
+    table: dict[str, tuple[str, ...]] = {
+        "frame": tuple(str(number) for number in range(len(times_s))),
+        "time_utc": tuple(f"2018-05-04T12:00:{time:09.6f}Z" for time in times_s),
+        "time_s": tuple(str(time) for time in times_s),
+    }
+    for name, values in columns.items():
+        pairs = [
+            value if isinstance(value, tuple) else (value, "read" if value is not None else "missing")
+            for value in values
+        ]
+        table[name] = tuple("" if value is None else str(value) for value, _ in pairs)
+        table[f"{name}_status"] = tuple(status for _, status in pairs)
+    described = {name: {"unit": UNITS[name], "scale_min": 0, "scale_max": 100} for name in columns if name in UNITS}
+    (tmp_path / "flight.json").write_text(json.dumps({"recording": "demo", "needles": described}))
+    return flight_table(Table(tmp_path / "flight.csv", table))
+
+
+def log(found: FlightTable, mapping: Mapping[str, MappedName] | None = None) -> list[str]:
+    """The log's lines."""
+    stream = io.StringIO()
+    write_garmin(found, plan(found, mapping or {}).chosen, stream)
+    return stream.getvalue().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("airspeed_kt", "IAS"),
+        ("ias", "IAS"),
+        ("altitude_ft", "AltB"),
+        ("vertical_speed_fpm", "VSpd"),
+        ("rpm", "E1 RPM"),
+        ("engine_rpm", "E1 RPM"),
+        ("oil_temp_2_c", "E2 OilT"),
+        ("itt_1_c", "E1 ITT"),
+        ("Heading_deg", "HDG"),
+        ("oil_temp_3_c", None),
+        ("altitude_100s_ft", None),
+        ("noz_pos_pct_open", None),
+        ("n1_pct", None),
+    ],
+)
+def test_name_tells_the_column(name: str, column: str | None) -> None:
+    """Stem, engine and unit are told apart; what a G1000 has no column for is in none."""
+    found = column_of(name)
+
+    assert (found and found.name) == column
+
+
+def test_head_is_that_of_a_garmin(tmp_path: Path) -> None:
+    """The three lines that readers check byte for byte, the columns in order, position empty."""
+    lines = log(flight(tmp_path, {"oil_temp_c": [100.0], "airspeed_kt": [87.45]}, [0.0]))
+
+    assert lines[0].startswith("#airframe_info, log_version=")
+    assert 'airframe_name="demo"' in lines[0]
+    assert lines[1].startswith("#yyy-mm-dd, hh:mm:ss,   hh:mm, ")
+    assert lines[2].startswith("  Lcl Date, Lcl Time, UTCOfst, ")
+    assert [cell.strip() for cell in lines[2].split(",")] == [
+        "Lcl Date", "Lcl Time", "UTCOfst", "AtvWpt", "Latitude", "Longitude", "IAS", "E1 OilT",
+    ]  # fmt: skip
+    assert [cell.strip() for cell in lines[3].split(",")] == [
+        "2018-05-04", "12:00:00", "+00:00", "", "", "", "87.5", "212.0",
+    ]  # fmt: skip
+
+
+def test_second_has_its_nearest_frame(tmp_path: Path) -> None:
+    """For each second the nearest frame within half a second; a second without one stays empty but is there."""
+    found = flight(tmp_path, {"airspeed_kt": [1.0, 2.0, 3.0, 4.0]}, [0.2, 0.7, 1.1, 3.6])
+
+    assert [line.split(",")[-1].strip() for line in log(found)[3:]] == ["1.0", "3.0", "", "", "4.0"]
+
+
+def test_only_what_was_seen_goes_in(tmp_path: Path) -> None:
+    """The log cannot say `interpolated`, so such a value is left out; edge and hidden were seen."""
+    values = [(1.0, "read"), (2.0, "edge"), (3.0, "hidden"), (4.0, "interpolated"), (None, "missing")]
+    found = flight(tmp_path, {"airspeed_kt": values}, [0.0, 1.0, 2.0, 3.0, 4.0])
+
+    assert [line.split(",")[-1].strip() for line in log(found)[3:]] == ["1.0", "2.0", "3.0", "", ""]
+
+
+def test_what_does_not_fit_is_left_out_with_its_reason(tmp_path: Path) -> None:
+    """A fuel flow by mass is no gallons an hour, and N1 has no column."""
+    found = flight(tmp_path, {"airspeed_kt": [1.0], "fuel_flow_pph": [900.0], "n1_pct": [90.0]}, [0.0])
+
+    left_out = plan(found, {}).left_out
+    assert left_out["fuel_flow_pph"] == "there is no way from 'pph' (mass flow) to 'gph' (volume flow)"
+    assert left_out["n1_pct"] == "no column of a G1000 log goes by its name"
+
+
+def test_mapping_goes_before_names(tmp_path: Path) -> None:
+    """A mapped needle goes where the mapping says, with its factor: 900 pph at 6.7 lb a gallon are 134.33 gph."""
+    found = flight(tmp_path, {"fuel_flow_pph": [900.0]}, [0.0])
+    lines = log(found, {"fuel_flow_pph": MappedName(name="E1 FFlow", unit="gph", factor=1 / 6.7)})
+
+    assert lines[3].split(",")[-1].strip() == "134.33"
+
+
+@pytest.mark.parametrize(
+    ("mapping", "error", "says"),
+    [
+        ({"ias": MappedName(name="IAS")}, OutputError, "has no needle ias"),
+        ({"n1_pct": MappedName(name="N1")}, OutputError, "has no column 'N1'"),
+        ({"n1_pct": MappedName(name="Latitude")}, OutputError, "has no column 'Latitude'"),
+        ({"n1_pct": MappedName(name="IAS", unit="kt")}, OutputError, "airspeed_kt and n1_pct would both be IAS"),
+        ({"n1_pct": MappedName(name="TAS")}, UnitError, "there is no way"),
+    ],
+)
+def test_mapping_that_cannot_be_is_refused(
+    tmp_path: Path, mapping: Mapping[str, MappedName], error: type[Exception], says: str
+) -> None:
+    """One sentence says what is wrong with it, or asks for one where no needle has a column."""
+    found = flight(tmp_path, {"airspeed_kt": [1.0], "n1_pct": [90.0]}, [0.0])
+    with pytest.raises(error, match=says):
+        plan(found, mapping)
+    with pytest.raises(OutputError, match="name them with --map"):
+        plan(flight(tmp_path, {"n1_pct": [90.0]}, [0.0]), {})

@@ -1,0 +1,292 @@
+"""Flight data: readings become values frame by frame; gaps are filled between what was seen, never surer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from decoder.instruments.reading import Reading, Status
+from decoder.timeseries.flight_data import STATUSES, FlightData, MissingFrame, spans
+from decoder.timeseries.gaps import fill_gaps
+from tests.decoder.cockpit import fly, reading
+
+
+@given(where=st.lists(st.booleans()))
+def test_spans_are_the_runs(where: list[bool]) -> None:
+    """The spans cover what is true and nothing else, and no two of them touch."""
+    runs = spans(where)
+    covered = [False] * len(where)
+    for first, last in runs:
+        assert first <= last
+        covered[first : last + 1] = [True] * (last + 1 - first)
+
+    assert covered == where
+    assert all(after[0] > before[1] + 1 for before, after in pairwise(runs))
+
+
+def test_angles_become_values_of_the_scale() -> None:
+    """Each needle's value is what its scale says at the angle, beyond the last mark too."""
+    data = fly([{"speed_kt": reading(195.0)}, {"speed_kt": reading(270.0)}, {"speed_kt": reading(423.0)}])
+
+    assert data.series[0].value.tolist() == [200.0, 400.0, 1012.0]
+    assert data.series[0].angle_deg.tolist() == [195.0, 270.0, 423.0]
+
+
+def test_sigma_is_in_units_of_the_value(document: dict[str, Any]) -> None:
+    """The spread times the slope of the scale there, also of a falling one; what all may be off by adds in squares."""
+    data = fly([{"speed_kt": reading(200.0, sigma_deg=0.3)}, {"speed_kt": reading(300.0, sigma_deg=0.3)}])
+    both = fly([{"al_lb": reading(200.0, sigma_deg=0.3)}], panel_sigma_deg=0.4)
+    document["gauges"][0]["scale"] = [[120, 1000], [420, 0]]
+    falling = fly([{"speed_kt": reading(200.0, sigma_deg=0.3)}], content=document)
+
+    assert data.series[0].sigma == pytest.approx([0.8, 1.2])
+    assert falling.series[0].sigma == pytest.approx([1.0])
+    assert both.series[1].sigma == pytest.approx([5.0])
+
+
+def test_refused_match_has_no_value() -> None:
+    """A reading that is missing keeps its score and the place of its best match, but has neither value nor sigma."""
+    data = fly([{"speed_kt": reading(200.0, Status.MISSING, score=0.6)}])
+    series = data.series[0]
+
+    assert np.isnan([series.value[0], series.sigma[0]]).all()
+    assert (series.score[0], series.angle_deg[0]) == (0.6, 200.0)
+
+
+def test_missing_frame_is_missing_for_every_needle() -> None:
+    """A frame without the panel is a row of nothing, and its reason is kept."""
+    data = fly([{}, "anchor knob not found (score 0.12)", {}])
+
+    assert data.frame.tolist() == [0, 1, 2]
+    assert data.time_s.tolist() == [0.0, 0.5, 1.0]
+    assert data.missing_frames == (MissingFrame(1, "anchor knob not found (score 0.12)"),)
+    for series in data.series:
+        assert series.has(Status.MISSING).tolist() == [False, True, False]
+        assert np.isnan([series.value[1], series.sigma[1], series.score[1], series.angle_deg[1]]).all()
+
+
+def test_time_keeps_its_nanoseconds() -> None:
+    """Times are integers inside: an hour into the flight the microsecond is still right."""
+    data = fly([{}, {}], times_s=[0.0, 3600.000001])
+
+    assert data.time_s[1] == 3600.000001
+
+
+BAD = Reading(Status.MISSING, 333.0, 0.5, 0.4)
+LOST = "anchor knob not found (score 0.12)"
+
+
+def seen(angle_deg: float) -> Reading:
+    """The whole needle at an angle."""
+    return Reading(Status.READ, angle_deg, 0.02, 0.99)
+
+
+def speeds(readings: Sequence[Reading | str], **more: Any) -> FlightData:  # noqa: ANN401
+    """A flight of which the speed alone matters, its gaps filled."""
+    frames: list[Mapping[str, Reading] | str] = [
+        reading if isinstance(reading, str) else {"speed_kt": reading} for reading in readings
+    ]
+    return fill_gaps(fly(frames, **more))
+
+
+def statuses(data: FlightData, series: int = 0) -> str:
+    """The first letters of a needle's statuses."""
+    return "".join(STATUSES[code].value[0] for code in data.series[series].status)
+
+
+@pytest.mark.parametrize(
+    ("angles", "times_s", "values"),
+    [
+        ((195.0, None, None, 228.75), None, (200.0, 230.0, 260.0, 290.0)),
+        ((120.0, None, 270.0), (0.0, 0.4, 4.0), (0.0, 40.0, 400.0)),
+        ((120.0, None, 420.0), None, (0.0, 500.0, 1000.0)),
+    ],
+    ids=["whatever the best match was", "in time, not in frames", "in values, not in angles"],
+)
+def test_flagged_readings_lie_on_the_line_between_their_neighbours(
+    angles: tuple[float | None, ...], times_s: tuple[float, ...] | None, values: tuple[float, ...]
+) -> None:
+    """Their low score stays beside the interpolated value."""
+    data = speeds([BAD if angle is None else seen(angle) for angle in angles], times_s=times_s)
+
+    assert statuses(data) == "".join("i" if angle is None else "r" for angle in angles)
+    assert data.series[0].value == pytest.approx(values)
+    assert data.series[0].score.tolist() == [0.4 if angle is None else 0.99 for angle in angles]
+
+
+@pytest.mark.parametrize(
+    ("readings", "expected"),
+    [
+        ((BAD, seen(200.0), BAD, seen(210.0), BAD, BAD), "mrirmm"),
+        ((BAD, BAD, BAD), "mmm"),
+        ((BAD, seen(200.0), BAD), "mrm"),
+    ],
+    ids=["before the first and after the last", "never seen", "seen once"],
+)
+def test_nothing_is_said_beyond_what_was_seen(readings: Sequence[Reading], expected: str) -> None:
+    """Flagged frames there stay missing."""
+    data = speeds(readings)
+
+    assert statuses(data) == expected
+    assert (np.isnan(data.series[0].value) == [status == "m" for status in expected]).all()
+
+
+def test_line_goes_the_short_way_round(document: dict[str, Any]) -> None:
+    """From 355 to 5 a heading goes by 0, and is no less sure there than anywhere else."""
+    document["gauges"][0] |= {"sweep": [270, 630], "scale": [[270, 0], [450, 180]], "wraps": 360}
+    over = speeds([seen(623.0), seen(625.0), BAD, BAD, BAD, seen(275.0)], content=document)
+    away = speeds([seen(423.0), seen(425.0), BAD, BAD, BAD, seen(435.0)], content=document)
+
+    assert over.series[0].value[2:5] == pytest.approx([357.5, 0.0, 2.5])
+    assert over.series[0].sigma == pytest.approx(away.series[0].sigma)
+
+
+def test_frames_without_panel_stay_missing() -> None:
+    """Where the panel itself was lost nothing is interpolated, but flagged frames around it are."""
+    data = speeds([seen(120.0), BAD, LOST, BAD, seen(270.0)])
+
+    assert statuses(data) == "rimir"
+    assert np.isnan(data.series[0].value[2])
+    assert data.series[0].value[[1, 3]] == pytest.approx([100.0, 300.0])
+
+
+def test_readings_that_stand_are_not_touched() -> None:
+    """Filling gaps changes nothing but the gaps."""
+    before = fly([{"speed_kt": seen(120.0)}, {"speed_kt": BAD}, {"speed_kt": seen(270.0)}])
+    after = fill_gaps(before)
+
+    for old, new in zip(before.series, after.series, strict=True):
+        stand = old.has(Status.READ)
+        assert np.array_equal(old.value[stand], new.value[stand])
+        assert np.array_equal(old.sigma[stand], new.sigma[stand])
+        assert np.array_equal(old.score, new.score, equal_nan=True)
+
+
+def test_sigma_grows_into_the_gap() -> None:
+    """The further from what was seen, the less is known: largest in the middle, and alike on both sides."""
+    data = speeds([seen(200.0), seen(202.0), *[BAD] * 5, seen(206.0), seen(204.0)])
+    gap = data.series[0].sigma[2:7]
+
+    assert (np.diff(gap[:3]) > 0).all()
+    assert (np.diff(gap[2:]) < 0).all()
+    assert gap[0] == pytest.approx(gap[4])
+
+
+@given(
+    angles=st.lists(st.none() | st.floats(120.0, 420.0), min_size=2, max_size=25),
+    sigma_deg=st.floats(0.001, 3.0),
+)
+def test_gap_is_never_surer_than_its_ends(angles: list[float | None], sigma_deg: float) -> None:
+    """Interpolated values lie between their ends, and their sigma is at least the smaller one's there."""
+    readings = [BAD if angle is None else Reading(Status.READ, angle, sigma_deg, 0.9) for angle in angles]
+    series = speeds(readings).series[0]
+    known = np.flatnonzero(series.has(Status.READ))
+
+    for place in np.flatnonzero(series.has(Status.INTERPOLATED)):
+        ends = [known[known < place][-1], known[known > place][0]]
+        low, high = sorted(series.value[ends])
+        assert low - 1e-9 <= series.value[place] <= high + 1e-9
+        assert series.sigma[place] >= series.sigma[ends].min() - 1e-12
+        assert math.isfinite(series.sigma[place])
+
+
+def in_a_gap(angles: NDArray[np.float64], hidden: slice) -> tuple[NDArray[np.bool_], FlightData]:
+    """Which frames of a gap have their true value within 1.96 sigma, and the flight."""
+    readings = [seen(angle) for angle in angles]
+    true = speeds(readings).series[0].value
+    readings[hidden] = [BAD] * len(readings[hidden])
+    data = speeds(readings)
+    series = data.series[0]
+    return (np.abs(series.value - true) <= 1.96 * series.sigma)[hidden], data
+
+
+@settings(max_examples=25, deadline=None)
+@given(period=st.floats(10.0, 200.0), phase=st.floats(0.0, 1.0), size=st.floats(1.0, 100.0), frames=st.integers(2, 30))
+def test_intervals_in_gaps_hold_for_a_needle_that_swings(period: float, phase: float, size: float, frames: int) -> None:
+    """However fast, and however long the gap is: how it swings is seen in the rest of the flight."""
+    angles = 270.0 + size * np.sin(2 * np.pi * (np.arange(240) / period + phase))
+    holds = [in_a_gap(angles, slice(start, start + frames))[0].mean() for start in range(100, 120)]
+
+    assert np.mean(holds) >= 0.9
+
+
+@pytest.mark.parametrize("turns_at", [52, 55, 58])
+def test_turn_that_begins_and_ends_in_a_gap_is_within_its_interval(turns_at: int) -> None:
+    """Steady before and after: nobody knows when it turned, and sigma says so."""
+    holds, data = in_a_gap(np.where(np.arange(120) < turns_at, 200.0, 260.0), slice(50, 60))
+
+    assert holds.all()
+    assert statuses(data)[50:60] == "i" * 10
+
+
+def test_needle_that_is_hardly_ever_seen_has_no_value_in_between() -> None:
+    """Two looks at a dial that lie far apart tell nothing of what was between them."""
+    data = speeds([seen(200.0), *[BAD] * 29, seen(201.0)])
+
+    assert statuses(data) == "r" + "m" * 29 + "r"
+
+
+def pair(al_deg: float, fr_deg: float, status: Status = Status.READ) -> dict[str, Reading]:
+    """Both fuel needles, the status being the covered one's."""
+    return {"al_lb": Reading(status, al_deg, 0.02, 0.95), "fr_lb": seen(fr_deg)}
+
+
+def test_needle_that_goes_under_and_comes_out_is_hidden() -> None:
+    """Last seen beside its cover and next seen beside it, the needle was under it in between."""
+    data = fill_gaps(fly([pair(296.0, 300.0), pair(300.5, 300.5, Status.HIDDEN), pair(304.5, 301.0)]))
+
+    assert statuses(data, 1) == "rhr"
+    assert data.series[1].value[1] == data.series[2].value[1]
+
+
+@pytest.mark.parametrize("places", [(200.0, 201.0), (200.0, 300.0), (300.0, 200.0)])
+def test_hidden_run_that_starts_or_ends_far_from_the_cover_is_doubted(places: tuple[float, float]) -> None:
+    """A needle last or next seen far from its cover was not under it: it is interpolated, not put there."""
+    before, after = places
+    still = [pair(before, 300.0)] * 5
+    hidden = [pair(300.0, 300.0, Status.HIDDEN)] * 2
+    data = fill_gaps(fly([*still, *hidden, *[pair(after, 300.0)] * 5]))
+
+    assert statuses(data, 1) == "rrrrriirrrrr"
+    step = (after - before) / 3 * 10
+    assert data.series[1].value[5:7] == pytest.approx(data.series[1].value[4] + np.array([step, 2 * step]))
+
+
+def test_edge_far_from_where_the_needle_was_is_doubted() -> None:
+    """An edge beside the cover, of a needle that is seen elsewhere before and after, is a glare's."""
+    data = fill_gaps(fly([*[pair(200.0, 300.0)] * 5, pair(304.0, 300.0, Status.EDGE), *[pair(200.0, 300.0)] * 5]))
+
+    assert statuses(data, 1) == "rrrrrirrrrr"
+    assert data.series[1].value[5] == pytest.approx(800.0)
+
+
+@pytest.mark.parametrize("before", [5, 0], ids=["at the end", "in every frame"])
+def test_hidden_needle_that_was_not_seen_afterwards_is_missing(before: int) -> None:
+    """A doubted reading is not extrapolated, and hidden all the time means not there as far as anybody can tell."""
+    data = fill_gaps(fly([*[pair(200.0, 300.0)] * before, *[pair(300.0, 300.0, Status.HIDDEN)] * 2]))
+
+    assert statuses(data, 1) == "r" * before + "mm"
+    assert np.isnan(data.series[1].value[before:]).all()
+
+
+@pytest.mark.parametrize(
+    "times_s",
+    [(0.0, 100.0, 1.0, 2.0), (0.0, -100.0, 1.0, 2.0), (1.0, 1.0, 1.0, 2.0)],
+    ids=["leaps ahead", "falls back", "stands still"],
+)
+def test_clock_that_jumps_gives_no_value_beyond_its_ends(times_s: tuple[float, ...]) -> None:
+    """Where the clock was set in mid-flight, a flagged frame still lies between its neighbours or is missing."""
+    data = speeds([seen(200.0), BAD, seen(210.0), seen(300.0)], times_s=times_s)
+    low, high = data.series[0].value[[0, 2]]
+
+    assert statuses(data) in {"rirr", "rmrr"}
+    assert statuses(data) == "rmrr" or low <= data.series[0].value[1] <= high
+    assert np.nanmax(data.series[0].sigma) < 1000.0

@@ -1,0 +1,175 @@
+"""Panels and cameras of strangers: any one or two values replaced give a decode or one sentence, nothing else."""
+
+from __future__ import annotations
+
+import copy
+import io
+import os
+from collections.abc import Callable
+from datetime import date
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import cv2
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.outputs.formats import planned_files
+from decoder.panel.errors import DecoderError
+from decoder.parallel.decoding import decoded_flight
+from flight_file.flight_writer import FlightWriter, Plan
+from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
+from flight_file.reader import open_flight
+from flight_file.session import Session
+from tests.decoder.cockpit import draw
+from tests.programs import spoilt
+
+EXAMPLES = 60
+LONGEST_SENTENCE = 500
+FORMATS = ("csv", "mcap", "layout", "html")
+Content = Any
+
+SPECIAL: list[Any] = [
+    None, True, False, 0, 1, 2, -1, 0.5, 16, 359.999, 360, 361, -360, 1e5, -1e5, 1e12, 1e-12, 1e-300, 5e-324, 1e308,
+    -1e308, float("nan"), float("inf"), 10**400, "", "nan", "9" * 5000, "1e999", "x" * 5000, "a\nb", "a\0b", "\ud800",
+    "=cmd()", "<b>", "../x", "/dev/zero", "fifo", "below", "panel.yaml", date(2018, 5, 4), b"\xff", [], {}, [[]],
+    [1], [1, 2], [1, 2, 3], [0, 0], [5, 5], [1e5, 1e5], [[0, 0], [0, 0]], [[0, 0], [1, 1], [2, 2]], [[10, 10]] * 5,
+    [[0, 0], [1e-9, 1e-9]], {"a": 1}, {1: 2}, {"x" * 5000: 1}, {"\x1b": {}},
+]  # fmt: skip
+values = st.sampled_from(SPECIAL) | st.floats() | st.integers(-1000, 1000) | st.lists(st.floats(-500, 500), max_size=4)
+Change = tuple[int, Any]
+changes = st.lists(st.tuples(st.integers(0, 10_000), values), min_size=1, max_size=2)
+
+
+def _oblique(content: Content) -> None:
+    """A panel whose camera is known, with needles above a face that has a rim."""
+    content["reference_points"] = [
+        {"at": [20, 20], "inches": [0, 0]}, {"at": [340, 22], "inches": [6.4, 0]},
+        {"at": [338, 200], "inches": [6.4, 3.6]}, {"at": [22, 198], "inches": [0, 3.6]},
+    ]  # fmt: skip
+    x, y = content["gauges"][0]["centre"]
+    content["gauges"][0]["rim"] = [[x + 52, y], [x, y + 51], [x - 52, y], [x, y - 51], [x + 36.8, y + 36]]
+    content["gauges"][1]["needle_height_inches"] = 0.05
+
+
+def _round(content: Content) -> None:
+    """A panel with pointers that count for each other, a card, stops, and a template in a picture of its own."""
+    speed, fuel = content["gauges"]
+    speed |= {"stops": [110, 430], "tail": True}
+    speed["needles"][0] |= {"max_rate": 50, "template": {"at": 214.0, "span": 18, "picture": "other.png"}}
+    fuel |= {"sweep": [0, 360], "scale": [[0, 0], [180, 500]], "wraps": 1000}
+    fuel["needles"][1] |= {"scale": [[0, 0], [180, 5000]], "wraps": 10000}
+    fuel["combined"] = {"name": "fuel_lb", "needles": ["al_lb", "fr_lb"], "tolerance": 0.3, "lowest": 0, "max_rate": 9}
+    card = {key: copy.deepcopy(fuel[key]) for key in ("centre", "radius", "sweep", "scale", "wraps")}
+    content["gauges"].append({"name": "heading", "card": {"name": "heading_deg", "index": 270}, **card})
+
+
+SOUND: dict[str, Callable[[Content], None]] = {"plain": lambda _: None, "oblique": _oblique, "round": _round}
+CAMERA = {
+    "model": "drawn",
+    "picture_size": [720, 440],
+    "principal_point": [359, 220],
+    "focal": {"pixels_per_radian": [6, 120, 0.06], "covariance": [[1, 0, 0], [0, 1, 0], [0, 0, 1e-6]],
+              "range_mm": [4, 44.5]},
+    "distortion": [{"focal_length_mm": 4.0, "k1": 0.01, "k1_sigma": 0.001, "k2": 0.001, "p1": 0, "p2": 0, "k3": 0}],
+}  # fmt: skip
+
+
+@pytest.fixture
+def decode(tmp_path: Path) -> Callable[[Content, Content | None], None]:
+    """Decodes three small frames with a panel, and a camera perhaps, and makes every kind of file of them."""
+    angles = {"speed_kt": 214.0, "al_lb": 200.0, "fr_lb": 330.0}
+    folder = tmp_path / "panel"
+    (folder / "below").mkdir(parents=True)
+    for name in ("panel.png", "other.png"):
+        cv2.imwrite(str(folder / name), draw(angles))
+    os.mkfifo(folder / "fifo")
+    flight = _recorded(tmp_path, [draw({**angles, "speed_kt": 214.0 + 9 * step}) for step in range(3)])
+
+    def run(panel: Content, camera: Content | None = None) -> None:
+        (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+        if camera is not None:
+            (folder / "camera.yaml").write_text(yaml.safe_dump(camera), encoding="utf-8")
+        done = decoded_flight(
+            open_flight([flight]),
+            folder / "panel.yaml",
+            "normxcorr",
+            None if camera is None else folder / "camera.yaml",
+            shown=iter,
+        )
+        for make in planned_files("flight", FORMATS).values():
+            make(done)(io.BytesIO())
+
+    return run
+
+
+def _recorded(folder: Path, pictures: list[GreyPicture]) -> Path:
+    def at(frame: int) -> ClockReading:
+        return ClockReading(1_525_435_200_000_000_000 + frame * 500_000_000, frame * 500_000_000)
+
+    writer = FlightWriter(Plan(folder, Session("tiny"), {}), status=CameraStatus("connected"), at=at(0))
+    for number, picture in enumerate(pictures):
+        jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+        moment = at(number)
+        frame = Frame(
+            number,
+            moment.realtime_ns,
+            jpeg,
+            sha256(jpeg).hexdigest(),
+            HostTimes(moment, moment, moment),
+            Exif(focal_length_mm=4.45),
+            *picture.shape[::-1],
+        )
+        writer.write_frame(frame, moment)
+    (path,) = writer.finish("stopped", at(len(pictures)))
+    return path
+
+
+def sentence_of(act: Callable[[], None]) -> str:
+    """What an expected failure says; empty where there is none."""
+    try:
+        act()
+    except DecoderError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("kind", SOUND)
+def test_sound_panel_is_decoded(decode: Callable[..., None], document: Content, kind: str) -> None:
+    """What is spoilt below is whole before."""
+    SOUND[kind](document)
+
+    decode(document, CAMERA if kind == "oblique" else None)
+
+
+@pytest.mark.parametrize("kind", SOUND)
+@settings(max_examples=EXAMPLES, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(replaced=changes)
+def test_hostile_panel_gives_one_sentence(
+    decode: Callable[..., None], document: Content, kind: str, replaced: list[Change]
+) -> None:
+    """A panel of which one or two values are others is decoded, or refused in one printable sentence."""
+    whole = copy.deepcopy(document)
+    SOUND[kind](whole)
+    told = sentence_of(lambda: decode(spoilt(whole, replaced), CAMERA if kind == "oblique" else None))
+
+    assert told.isprintable()
+    assert len(told) < LONGEST_SENTENCE
+
+
+@settings(max_examples=EXAMPLES, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(replaced=changes)
+def test_hostile_camera_gives_one_sentence(
+    decode: Callable[..., None], document: Content, replaced: list[Change]
+) -> None:
+    """So is a camera."""
+    whole = copy.deepcopy(document)
+    _oblique(whole)
+    told = sentence_of(lambda: decode(whole, spoilt(CAMERA, replaced)))
+
+    assert told.isprintable()
+    assert len(told) < LONGEST_SENTENCE

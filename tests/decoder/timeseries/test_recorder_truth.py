@@ -1,0 +1,200 @@
+"""A recorder's table brought to the flight data's names, units and clock, and the limits that regulators set."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitError
+from decoder.timeseries.name_mapping import MappedName, read_mapping
+from decoder.timeseries.recorder_limits import Judged, Verdict, judged, kind_of
+from decoder.timeseries.recorder_truth import recorder_truth
+from decoder.timeseries.tables import FlightTable, Table, flight_table
+
+NEEDLES = {
+    "ias_kt": ("kt", 0, 200, None),
+    "altitude_ft": ("ft", 0, 20000, None),
+    "heading_deg": ("deg", 0, 360, 360),
+    "n1_pct": ("%", 0, 115, None),
+    "oil_temp_c": ("deg C", 0, 150, None),
+}
+
+
+def flight(tmp_path: Path, values: Mapping[str, Sequence[float]]) -> FlightTable:
+    """Flight data from 2018-05-04T23:59:58Z, a second each."""
+    count = len(next(iter(values.values())))
+    columns: dict[str, tuple[str, ...]] = {
+        "frame": tuple(map(str, range(count))),
+        "time_utc": tuple(
+            f"2018-05-0{4 + (58 + s) // 60}T{'23:59' if s < 2 else '00:00'}:{(58 + s) % 60:02d}Z" for s in range(count)
+        ),
+        "time_s": tuple(str(float(second)) for second in range(count)),
+    }
+    for name, numbers in values.items():
+        columns |= {
+            name: tuple(map(str, numbers)),
+            f"{name}_status": ("read",) * count,
+            f"{name}_sigma": ("0.1",) * count,
+        }
+    described = {
+        name: {"unit": unit, "scale_min": low, "scale_max": high} | ({"wraps": wraps} if wraps else {})
+        for name, (unit, low, high, wraps) in NEEDLES.items()
+    }
+    (tmp_path / "flight.json").write_text(json.dumps({"needles": described}))
+    return flight_table(Table(tmp_path / "flight.csv", columns))
+
+
+def table(columns: Mapping[str, Sequence[object]]) -> Table:
+    """A recorder's table."""
+    return Table(Path("fdr.csv"), {name: tuple(map(str, values)) for name, values in columns.items()})
+
+
+def test_mapped_columns_are_in_our_names_and_units(tmp_path: Path) -> None:
+    """A column gets the needle's name and unit; one that is named like a needle stays; the rest is left out."""
+    found = recorder_truth(
+        flight(tmp_path, {"oil_temp_c": [1.0] * 3, "ias_kt": [1.0] * 3, "n1_pct": [1.0] * 3}),
+        table(
+            {"s": [0, 1, 2], "OILT": [212, "", 32], "n1_pct": ["50", "60", "70"], "IAS": [1, 2, 3], "GEAR": [0, 0, 0]}
+        ),
+        {"oil_temp_c": MappedName(name="OILT", unit="deg F"), "ias_kt": MappedName(name="IAS", factor=10)},
+        "s",
+    )
+
+    assert set(found.columns) == {"time_s", "ias_kt", "n1_pct", "oil_temp_c"}
+    assert found.numbers("oil_temp_c")[[0, 2]] == pytest.approx([100.0, 0.0])
+    assert found.columns["oil_temp_c"][1] == ""
+    assert found.numbers("ias_kt").tolist() == [10.0, 20.0, 30.0]
+    assert found.columns["n1_pct"] == ("50", "60", "70")
+
+
+@pytest.mark.parametrize(
+    ("times", "seconds"),
+    [
+        (["0.5", "1.5", "2.5"], [0.5, 1.5, 2.5]),
+        (["23:59:57", "23:59:59.5", "00:00:01"], [-1.0, 1.5, 3.0]),
+        (["00:00:01", "", "00:00:03"], [3.0, None, 5.0]),
+        (["2018-05-04T23:59:58Z", "2018-05-05T00:00:00.25Z", "2018-05-05T02:00:01+02:00"], [0.0, 2.25, 3.0]),
+    ],
+    ids=["seconds", "time of day past midnight", "the day after", "ISO 8601"],
+)
+@pytest.mark.parametrize("first", [0, 2])
+def test_times_count_from_the_first_frame(
+    tmp_path: Path, times: list[str], seconds: list[float | None], first: int
+) -> None:
+    """Plain seconds stay; times of the day and dates are laid beside the flight's own UTC, also of a part of it."""
+    whole = flight(tmp_path, {"n1_pct": [1.0] * 3})
+    part = Table(whole.table.path, {name: column[first:] for name, column in whole.table.columns.items()})
+    found = recorder_truth(flight_table(part), table({"T": times, "n1_pct": [1, 2, 3]}), {}, "T")
+
+    for own, wanted in zip(found.columns["time_s"], seconds, strict=True):
+        assert (float(own) if own else None) == (pytest.approx(wanted) if wanted is not None else None)
+
+
+@pytest.mark.parametrize(
+    ("columns", "mapping", "error", "says"),
+    [
+        ({"T": [0]}, {"rpm": MappedName(name="T")}, AccuracyError, "has no needle rpm"),
+        ({"T": [0]}, {"n1_pct": MappedName(name="N1")}, AccuracyError, "has no column N1"),
+        ({"X": [0]}, {}, AccuracyError, "has no column T; name the one that tells the time with --time"),
+        ({"T": [0], "N1": [1]}, {"n1_pct": MappedName(name="N1", unit="kt")}, UnitError, "there is no way"),
+        ({"T": ["noon"]}, {}, TableError, "row 2: 'noon' is no time such as"),
+        ({"T": ["2018-05-04T12:00:00"]}, {}, TableError, "does not say which zone"),
+    ],
+)
+def test_what_cannot_be_matched_says_why(
+    tmp_path: Path,
+    columns: Mapping[str, Sequence[object]],
+    mapping: Mapping[str, MappedName],
+    error: type[Exception],
+    says: str,
+) -> None:
+    """One sentence names the needle, the column or the row."""
+    with pytest.raises(error, match=says):
+        recorder_truth(flight(tmp_path, {"n1_pct": [1.0]}), table(columns), mapping, "T")
+
+
+def test_mapping_file_is_read(tmp_path: Path) -> None:
+    """A name alone, or a name with unit and factor."""
+    path = tmp_path / "names.yaml"
+    path.write_text("ias_kt: IAS\nrpm: {name: ENG, unit: rpm, factor: 100}\n")
+
+    assert read_mapping(path) == {
+        "ias_kt": MappedName(name="IAS"),
+        "rpm": MappedName(name="ENG", unit="rpm", factor=100),
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("- ias", "must be a name"),
+        ("ias: [1]", "ias: must be a name"),
+        ("ias: {column: IAS}", "ias"),
+        ("ias: {name: IAS, factor: 0}", "ias"),
+        ("ias: {", "is not YAML"),
+        (None, "cannot be read"),
+    ],
+)
+def test_wrong_mapping_file_says_where(tmp_path: Path, text: str | None, says: str) -> None:
+    """The file and the needle whose entry is wrong."""
+    path = tmp_path / "names.yaml"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(MappingError, match=says) as refused:
+        read_mapping(path)
+
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("ias_kt", "airspeed"), ("airspeed_kt", "airspeed"), ("altitude_ft", "altitude"), ("n1_2_pct", "power"),
+     ("n1_pct", "power"), ("roll_deg", "attitude"), ("altitude_100s_ft", None), ("oil_temp_c", None)],
+)  # fmt: skip
+def test_name_tells_the_kind(name: str, kind: str | None) -> None:
+    """Only parameters that the tables name are judged."""
+    assert kind_of(name) == kind
+
+
+def judge(tmp_path: Path, name: str, truth: Sequence[float], shown: Sequence[float]) -> dict[str, Judged]:
+    """The judgements of one needle by source."""
+    results = judged(flight(tmp_path, {name: shown}), table({"time_s": range(len(truth)), name: truth}))
+    return {result.source.split()[0]: result for result in results}
+
+
+@pytest.mark.parametrize(
+    ("name", "truth", "off", "faa", "easa"),
+    [
+        ("ias_kt", 100.0, 2.9, Verdict.PASS, Verdict.PASS),
+        ("ias_kt", 100.0, 4.9, Verdict.PASS, Verdict.DEPENDS),
+        ("ias_kt", 100.0, 9.9, Verdict.PASS, Verdict.FAIL),
+        ("ias_kt", 100.0, 10.1, Verdict.FAIL, Verdict.FAIL),
+        ("ias_kt", 0.0, 0.9, Verdict.PASS, Verdict.PASS),
+        ("altitude_ft", 5000.0, -99.0, Verdict.PASS, Verdict.PASS),
+        ("altitude_ft", 5000.0, 300.0, Verdict.DEPENDS, Verdict.DEPENDS),
+        ("altitude_ft", 5000.0, 701.0, Verdict.FAIL, Verdict.FAIL),
+        ("heading_deg", 359.0, 1.9, Verdict.PASS, Verdict.PASS),
+        ("heading_deg", 1.0, -4.9, Verdict.PASS, Verdict.FAIL),
+        ("n1_pct", 50.0, 2.2, Verdict.PASS, Verdict.PASS),
+        ("n1_pct", 50.0, 2.4, Verdict.PASS, Verdict.FAIL),
+    ],
+)
+def test_verdict_is_by_the_published_limits(
+    tmp_path: Path, name: str, truth: float, off: float, faa: Verdict, easa: Verdict
+) -> None:
+    """Errors just within and just beyond each limit; a compass goes the short way round."""
+    turn = 360.0 if name == "heading_deg" else 1e9
+    found = judge(tmp_path, name, [truth] * 20, [(truth + off) % turn] * 20)
+
+    assert (found["14"].verdict, found["EASA"].verdict) == (faa, easa)
+    assert found["14"].worst == pytest.approx(abs(off))
+
+
+def test_one_value_in_twenty_may_be_off(tmp_path: Path) -> None:
+    """95 % of the values decide."""
+    shown = [100.0] * 19
+    assert judge(tmp_path, "ias_kt", [100.0] * 20, [*shown, 150.0])["14"].verdict is Verdict.PASS
+    assert judge(tmp_path, "ias_kt", [100.0] * 20, [*shown[1:], 150.0, 150.0])["14"].verdict is Verdict.FAIL

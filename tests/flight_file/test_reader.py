@@ -1,0 +1,382 @@
+"""A flight is read whoever wrote it: whole chunks are delivered, a wrong byte never is, and what is lost is said."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
+
+from flight_file.errors import FlightFileError, FlightNotReadableError, LossKind, MixedFlightsError, NotAFlightError
+from flight_file.frame import Frame
+from flight_file.messages import FRAME_TOPIC, IMAGE_TOPIC, TOPICS, encode_frame, encode_image
+from flight_file.reader import open_flight, spread
+from flight_file.records import FileSource
+from flight_file.scan import scan_file
+from flight_file.segment import opened
+from flight_file.session import free_recording_name, parse_segment_name, segment_path
+from tests.flight_file.forging import flip
+
+WriteFlight = Callable[..., list[Path]]
+MAGIC_BYTES = 8
+TellingPlaces = Callable[[bytes], list[int]]
+
+
+def test_segments_are_one_flight_in_any_order(tmp_path: Path, frames: list[Frame], write_flight: WriteFlight) -> None:
+    """Files are sorted by their segment number, and frames go on from one to the next."""
+    paths = write_flight(tmp_path, frames, frames_per_segment=2)
+    flight = open_flight(list(reversed(paths)))
+
+    assert [path.name for path in paths] == ["flight_0000.mcap", "flight_0001.mcap", "flight_0002.mcap"]
+    assert flight.paths == tuple(paths)
+    assert list(flight.frames()) == frames
+    assert flight.losses == []
+
+
+def test_missing_segment_and_its_frames_are_losses(
+    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight
+) -> None:
+    """A segment that was not given is named, and so are the frames that were in it; reading again adds no loss."""
+    first, _, last = write_flight(tmp_path, frames, frames_per_segment=2)
+    flight = open_flight([first, last])
+    for _ in range(2):
+        assert [frame.sequence for frame in flight.frames()] == [0, 1, 4, 5]
+        assert [loss.kind for loss in flight.losses] == [LossKind.MISSING_SEGMENT, LossKind.GAP]
+        assert flight.losses[1].reason == "frames 2 to 3 are missing"
+
+
+def test_files_that_are_no_single_flight_are_refused(
+    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight
+) -> None:
+    """Two recordings, one segment twice, none at all: each is a mistake that is named."""
+    one, two = (write_flight(tmp_path, frames, recording=name) for name in ("one", "two"))
+
+    with pytest.raises(MixedFlightsError, match=r"one and two.*give the segments of one recording\.$"):
+        open_flight(one + two)
+    with pytest.raises(MixedFlightsError, match=r"both segment 0; give each segment once\.$"):
+        open_flight(one + one)
+    with pytest.raises(FlightFileError, match="name at least one"):
+        open_flight([])
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "sentence"),
+    [
+        (lambda _path: None, FlightNotReadableError, "no such file"),
+        (lambda path: path.mkdir(), FlightNotReadableError, "is a directory"),
+        (lambda path: path.write_bytes(b""), NotAFlightError, "is empty"),
+        (lambda path: path.write_bytes(b"\x89MCAP0\r"), NotAFlightError, "not an MCAP file"),
+        (lambda path: path.write_bytes(b"\xff\xd8 a JPEG"), NotAFlightError, "not an MCAP file"),
+    ],
+)
+def test_what_is_no_flight_is_one_sentence(
+    tmp_path: Path, make: Callable[[Path], object], error: type[FlightFileError], sentence: str
+) -> None:
+    """Each says which file, what is wrong, and ends as a sentence."""
+    path = tmp_path / "x.mcap"
+    make(path)
+
+    with pytest.raises(error, match=sentence) as caught:
+        open_flight([path])
+    assert str(caught.value).startswith(str(path))
+    assert str(caught.value).endswith(".")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 6, 100])
+@pytest.mark.parametrize("frames_per_segment", [2, 1000])
+def test_sample_is_spread_from_the_first_frame_to_the_last(
+    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight, count: int, frames_per_segment: int
+) -> None:
+    """At most so many frames, in order, the same each time, with both ends from two frames on."""
+    flight = open_flight(write_flight(tmp_path, frames, frames_per_segment=frames_per_segment))
+    sample = list(flight.sample_frames(count))
+
+    assert sample == [frames[index] for index in sorted(spread(len(frames), count))]
+    assert len(sample) == min(count, len(frames))
+    assert count < 2 or (sample[0], sample[-1]) == (frames[0], frames[-1])
+    assert list(flight.sample_frames(count)) == sample
+
+
+def test_sample_leaves_out_a_damaged_frame(flight: Path, frames: list[Frame]) -> None:
+    """A chosen frame whose chunk is damaged is missing from the sample, and nothing is raised."""
+    flip(flight, frames[2].jpeg)
+
+    assert [frame.sequence for frame in open_flight([flight]).sample_frames(6)] == [0, 1, 3, 4, 5]
+
+
+def test_segment_names_can_be_read_back(tmp_path: Path) -> None:
+    """The name of a segment tells recording and number, finished or not; other names tell nothing."""
+    path = segment_path(tmp_path, "2018_a", 12)
+
+    assert parse_segment_name(path) == ("2018_a", 12)
+    assert parse_segment_name(path.with_name(path.name + ".part")) == ("2018_a", 12)
+    assert parse_segment_name(tmp_path / "notes.txt") is None
+
+
+def test_taken_names_get_a_number(tmp_path: Path) -> None:
+    """A recording never shares its name with another, whether that is finished or not."""
+    (tmp_path / "R_0003.mcap.part").touch()
+    (tmp_path / "R-2_0000.mcap").touch()
+
+    assert free_recording_name(tmp_path, "R") == "R-3"
+    assert free_recording_name(tmp_path, "S") == "S"
+
+
+def write_foreign(path: Path, frames: list[Frame], *, image_first: bool = False, **options: object) -> None:
+    """A file as another program would write it with the same topics."""
+    with path.open("wb") as file:
+        writer = Writer(file, **options)  # type: ignore[arg-type]
+        writer.start(profile="", library="somebody else")
+        writer.register_channel("/other", "json", 0)
+        ids = {
+            topic.name: writer.register_channel(
+                topic.name,
+                topic.message_encoding,
+                writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema),
+            )
+            for topic in reversed(TOPICS)
+        }
+        for frame in frames:
+            messages = [(FRAME_TOPIC, encode_frame(frame)), (IMAGE_TOPIC, encode_image(frame))]
+            for topic, data in reversed(messages) if image_first else messages:
+                writer.add_message(ids[topic], frame.captured_ns, data, frame.captured_ns)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+BARE = {"index_types": IndexType.NONE, "enable_crcs": False, "use_statistics": False}
+
+
+@pytest.mark.parametrize("options", [*({"compression": each} for each in CompressionType), BARE], ids=str)
+@pytest.mark.parametrize("chunk_size", [1, 1000, 1 << 20])
+@pytest.mark.parametrize("image_first", [False, True])
+def test_any_packing_is_read(
+    tmp_path: Path, frames: list[Frame], *, options: dict[str, object], chunk_size: int, image_first: bool
+) -> None:
+    """Compression, chunk size, ids, the order of a frame's two messages, indexes and CRCs make no difference."""
+    path = tmp_path / "foreign.mcap"
+    write_foreign(path, frames, image_first=image_first, chunk_size=chunk_size, **options)
+    flight = open_flight([path])
+
+    assert list(flight.frames()) == frames
+    assert flight.losses == []
+    assert list(flight.sample_frames(3)) == [frames[0], frames[2], frames[5]]
+    assert flight.recording == "foreign"
+
+
+def test_file_without_chunks_delivers_nothing_and_says_why(tmp_path: Path, frames: list[Frame]) -> None:
+    """Messages outside of chunks have no CRC: they are reported, not believed."""
+    path = tmp_path / "flat.mcap"
+    write_foreign(path, frames, use_chunking=False)
+    flight = open_flight([path])
+
+    assert list(flight.frames()) == []
+    assert any("CRC" in loss.reason for loss in flight.losses)
+
+
+def test_jpeg_that_does_not_fit_its_digest_is_a_loss(tmp_path: Path, frames: list[Frame]) -> None:
+    """The recorder's own digest decides, even if the chunk is whole."""
+    path = tmp_path / "forged.mcap"
+    forged = Frame(1, frames[1].captured_ns, b"another picture", frames[1].sha256, frames[1].times)
+    write_foreign(path, [frames[0], forged, frames[2]])
+    flight = open_flight([path])
+
+    assert [frame.sequence for frame in flight.frames()] == [0, 2]
+    assert any("frame 1 does not fit" in loss.reason for loss in flight.losses)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_flipped_byte_in_a_compressed_chunk_costs_that_chunk(
+    tmp_path: Path, frames: list[Frame], compression: CompressionType
+) -> None:
+    """Whether the decompressor or the CRC notices it, the damage is a loss, and the other chunks are delivered."""
+    path = tmp_path / "packed.mcap"
+    write_foreign(path, frames, compression=compression, chunk_size=1000)
+    data = path.read_bytes()
+    with opened(path) as source:
+        places = scan_file(path, source).chunks
+    for offset in range(places[2].offset, places[2].offset + places[2].length):
+        path.write_bytes(data[:offset] + bytes([data[offset] ^ 0x10]) + data[offset + 1 :])
+        flight = open_flight([path])
+        found = list(flight.frames())
+
+        assert all(frame == frames[frame.sequence] for frame in found)
+        assert len(found) >= len(frames) - 2
+        assert len(found) == len(frames) or flight.losses
+
+
+@pytest.mark.parametrize("topic", [FRAME_TOPIC, IMAGE_TOPIC])
+@pytest.mark.parametrize("data", [b"\xff\xff\xff", b"[]", b"{}", b'{"sequence": "x"}', b"[" * 100_000])
+def test_message_that_is_not_what_its_topic_promises_is_a_loss(tmp_path: Path, topic: str, data: bytes) -> None:
+    """Whole bytes of the wrong sort are reported, nothing is raised."""
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_message(writer.register_channel(topic, "json", 0), 0, data, 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+    flight = open_flight([path])
+
+    assert list(flight.frames()) == []
+    assert list(flight.sample_frames(1)) == []
+    assert [loss.kind.value for loss in flight.losses] == ["damaged"]
+
+
+def test_record_without_its_picture_is_a_loss(tmp_path: Path, frames: list[Frame]) -> None:
+    """One half of a frame is no frame: which half is there is said, and the whole frames are delivered."""
+    path = tmp_path / "halves.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1)
+        writer.start()
+        image, record = (writer.register_channel(topic, "any", 0) for topic in (IMAGE_TOPIC, FRAME_TOPIC))
+        for frame in frames:
+            if frame.sequence != 1:
+                writer.add_message(image, 0, encode_image(frame), 0)
+            if frame.sequence != 3:
+                writer.add_message(record, 0, encode_frame(frame), 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+    flight = open_flight([path])
+
+    assert [frame.sequence for frame in flight.frames()] == [0, 2, 4, 5]
+    assert any("the picture of frame 1 is lost" in loss.reason for loss in flight.losses)
+    assert any("the record of the picture" in loss.reason for loss in flight.losses)
+
+
+def read_all(path: Path) -> tuple[list[Frame], set[LossKind]]:
+    """All frames, and the kinds of losses; None at all if it is no MCAP any more."""
+    flight = open_flight([path])
+    return list(flight.frames()), {loss.kind for loss in flight.losses}
+
+
+def chunk_ends(path: Path) -> list[int]:
+    """Where each chunk of a sound file ends."""
+    with opened(path) as source:
+        return [place.offset + place.length for place in scan_file(path, source).chunks]
+
+
+@contextmanager
+def patched(path: Path, offset: int, data: bytes) -> Iterator[None]:
+    """Some bytes of a file are others for a while."""
+    descriptor = os.open(path, os.O_RDWR)
+    try:
+        before = os.pread(descriptor, len(data), offset)
+        os.pwrite(descriptor, data, offset)
+        yield
+        os.pwrite(descriptor, before, offset)
+    finally:
+        os.close(descriptor)
+
+
+@pytest.mark.untraced
+def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
+    flight: Path, frames: list[Frame], telling_places: TellingPlaces
+) -> None:
+    """A file that ends early delivers exactly the frames whose chunks are whole, and says that it ends early."""
+    ends = chunk_ends(flight)[1:]  # the first chunk has no frame
+    for length in reversed(telling_places(flight.read_bytes())):
+        os.truncate(flight, length)
+        found, kinds = read_all(flight)
+
+        assert found == frames[: sum(end <= length for end in ends)]
+        assert kinds & {LossKind.NO_END, LossKind.TRUNCATED}
+
+
+@pytest.mark.untraced
+def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
+    """A tail of zeros, as a power cut leaves it, costs the frames in it and none before it."""
+    size, ends = flight.stat().st_size, chunk_ends(flight)[1:]
+    data = flight.read_bytes()
+    for start in telling_places(data)[:-1:2]:
+        with patched(flight, start, bytes(size - start)):
+            found, kinds = read_all(flight)
+
+            assert found == frames[: len(found)]
+            # A chunk that ended in zeros anyway has lost nothing.
+            assert len(found) >= sum(end <= start for end in ends)
+            assert kinds or data[start:] == bytes(size - start)
+
+
+@pytest.mark.untraced
+def test_flipped_bit_costs_at_most_its_own_chunk(
+    flight: Path, frames: list[Frame], telling_places: TellingPlaces
+) -> None:
+    """One bad bit anywhere loses at most the one frame it lies in, and never changes one."""
+    data = flight.read_bytes()
+    for number, offset in enumerate(telling_places(data)):
+        with patched(flight, offset, bytes([data[offset] ^ (1 << number % 8)])):
+            found, kinds = read_all(flight)
+
+            assert all(frame == frames[frame.sequence] for frame in found)
+            assert len(found) >= len(frames) - 1
+            assert len(found) == len(frames) or kinds & {LossKind.DAMAGED}
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(offset=st.integers(MAGIC_BYTES, 20_000), junk=st.binary(min_size=1, max_size=3000))
+def test_junk_anywhere_never_gives_a_wrong_byte(flight: Path, frames: list[Frame], offset: int, junk: bytes) -> None:
+    """Whatever overwrites a part of the file, each frame delivered is one that was recorded, in order."""
+    data = flight.read_bytes()
+    room = data[offset : offset + len(junk)]
+    with patched(flight, offset, junk[: len(room)]) if room else patched(flight, MAGIC_BYTES, data[8:9]):
+        found, _ = read_all(flight)
+
+        assert all(frame == frames[frame.sequence] for frame in found)
+        assert [frame.sequence for frame in found] == sorted({frame.sequence for frame in found})
+
+
+def test_lost_first_chunk_costs_no_frame(flight: Path, frames: list[Frame]) -> None:
+    """The only chunk with schemas and channels is lost: the frames are still known by the fixed channel table."""
+    with opened(flight) as source:
+        first = scan_file(flight, source).chunks[0]
+    with patched(flight, first.offset, bytes(first.length)):
+        found, kinds = read_all(flight)
+
+    assert found == frames
+    assert LossKind.DAMAGED in kinds
+
+
+def test_damaged_attachment_is_not_delivered(flight: Path) -> None:
+    """An attachment that does not fit its CRC is a loss, and the others are still there."""
+    with patched(flight, flight.read_bytes().index(b"name: F-16\n") + 5, b"\xff"):
+        opened_flight = open_flight([flight])
+
+    assert set(opened_flight.attachments) == {"panel.jpg"}
+    assert any("panel.yaml" in loss.reason for loss in opened_flight.losses)
+
+
+def test_attachment_lost_in_one_segment_is_taken_from_another(
+    tmp_path: Path, frames: list[Frame], write_flight: Callable[..., list[Path]]
+) -> None:
+    """Every segment carries the attachments, so one damaged copy costs nothing."""
+    paths = write_flight(tmp_path, frames, attachments={"panel.yaml": b"name: F-16\n"}, frames_per_segment=3)
+    with patched(paths[0], paths[0].read_bytes().index(b"name: F-16\n"), b"X"):
+        assert open_flight(paths).attachments["panel.yaml"] == b"name: F-16\n"
+
+
+def test_damaged_session_record_is_replaced_by_the_name(flight: Path) -> None:
+    """A session record that does not fit its digest is not believed: the file's name says which recording it is."""
+    with patched(flight, flight.read_bytes().index(b"camera_driver"), b"C"):
+        opened_flight = open_flight([flight])
+
+    assert opened_flight.recording == "flight"
+    assert any("session" in loss.reason for loss in opened_flight.losses)
+
+
+def test_reading_keeps_one_chunk_in_memory(flight: Path) -> None:
+    """Frames are streamed: the file is read chunk by chunk as they are asked for."""
+    reads: list[int] = []
+
+    class Counting(FileSource):
+        def read_at(self, offset: int, length: int) -> bytes:
+            reads.append(length)
+            return super().read_at(offset, length)
+
+    with flight.open("rb") as file:
+        scan_file(flight, Counting(file.fileno()))
+
+    assert max(reads) < flight.stat().st_size / 4

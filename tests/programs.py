@@ -1,0 +1,92 @@
+"""What tests of the programs share: where things are, programs run to their end, and damage to documents."""
+
+from __future__ import annotations
+
+import copy
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+FIXTURES = ROOT / "fixtures"
+A1, A2 = FIXTURES / "thesis_a1.mcap", FIXTURES / "thesis_a2.mcap"
+PROGRAMS = Path(sys.executable).parent
+DECODE, RECORDER = str(PROGRAMS / "decode"), str(PROGRAMS / "recorder")
+PATIENCE_S = 120
+
+Done = subprocess.CompletedProcess[str]
+Run = Callable[..., Done]
+MakeFlight = Callable[..., Path]
+Place = tuple[str | int, ...]
+
+
+def ran(program: str, *words: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Done:
+    """A program of ours that came to its end, whatever that was."""
+    return subprocess.run(
+        [str(PROGRAMS / program), *map(str, words)],
+        cwd=cwd,
+        env={**os.environ, **(env or {})},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
+    )
+
+
+def begun(program: str, *words: object, env: Mapping[str, str] | None = None, **options: Any) -> subprocess.Popen[str]:  # noqa: ANN401 - Popen's
+    """A program of ours in work, what it says in pipes."""
+    return subprocess.Popen(
+        [str(PROGRAMS / program), *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **(env or {})},
+        **options,
+    )
+
+
+def until(condition: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the condition gives
+    """Waits for something to become true; gives it."""
+    limit = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < limit, "nothing came of it"
+        time.sleep(0.02)
+    return found
+
+
+def says(done: Done, *words: str) -> None:
+    """A program of ours failed with exit code 1 and one sentence that holds all the words."""
+    assert done.returncode == 1, done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert [word for word in words if word not in done.stderr] == []
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, by its place there."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def places(node: object, at: Place = ()) -> Iterator[Place]:
+    """Where values stand in a document, lists and mappings too."""
+    if at:
+        yield at
+    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, below in items:
+        yield from places(below, (*at, key))
+
+
+def spoilt(content: Any, replaced: list[tuple[int, Any]]) -> Any:  # noqa: ANN401 - what YAML or JSON holds
+    """A document with some values replaced; the numbers choose which."""
+    whole = copy.deepcopy(content)
+    for number, value in replaced:
+        there = list(places(whole))
+        *parents, last = there[number % len(there)]
+        owner = whole
+        for key in parents:
+            owner = owner[key]
+        owner[last] = copy.deepcopy(value)
+    return whole

@@ -1,0 +1,332 @@
+"""Which segments go and which never do, and what an earlier life left in work is finished."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import threading
+from contextlib import ExitStack, suppress
+from itertools import chain, repeat
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from benchmarks.recorders import eventually
+from flight_file.errors import NothingToRecoverError
+from flight_file.files import claimed
+from flight_file.reader import open_flight
+from flight_file.records import DamagedRecordError
+from flight_file.summary import recorded_ns
+from recorder import housekeeping
+from recorder import run as run_module
+from recorder.config import parse_config
+from recorder.host import SimulatedClock, fixed_host
+from recorder.housekeeping import Retention, Rules, Salvager, older_than
+from recorder.journal import Journal
+from recorder.run import record
+from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE
+from tests.recorder.helpers import StartDaemon
+
+MIB = 2**20
+HOUR_NS = 3600 * 10**9
+
+
+class SmallDisk:
+    """A directory of segments of one hour and one MiB each, on a disk of ten MiB."""
+
+    def __init__(self, directory: Path, segments: int, **rules: int | None) -> None:
+        self.directory = directory
+        self.log = io.StringIO()
+        for number in range(segments):
+            self.path(number).write_bytes(bytes(MIB))
+        wanted = Rules(**{"reserve_bytes": 0, "keep_ns": 0, "longest_ns": HOUR_NS, **rules})  # type: ignore[arg-type]
+        self.retention = Retention(
+            directory, wanted, free_bytes=self.free, journal=Journal(self.log), span_ns=self.span_ns
+        )
+
+    def path(self, number: int) -> Path:
+        """Of a segment."""
+        return self.directory / f"20180504T120000Z_{number:04d}.mcap"
+
+    def free(self, _path: Path) -> int:
+        """Room left, bytes."""
+        return 10 * MIB - sum(path.stat().st_size for path in self.directory.iterdir())
+
+    def span_ns(self, path: Path) -> int:
+        """One hour, of a file."""
+        if not path.is_file():
+            raise IsADirectoryError(path)
+        return HOUR_NS
+
+    def left(self) -> list[int]:
+        """Numbers of the segments that are there."""
+        return [number for number in range(20) if self.path(number).exists()]
+
+
+def test_oldest_go_until_the_reserve_is_free(tmp_path: Path) -> None:
+    """No more than needed, and a second time nothing."""
+    disk = SmallDisk(tmp_path, 8, reserve_bytes=5 * MIB)
+
+    assert disk.retention.make_room()
+    assert disk.left() == [3, 4, 5, 6, 7]
+    assert not disk.retention.make_room()
+    assert [json.loads(line)["event"] for line in disk.log.getvalue().splitlines()] == ["segment_deleted"] * 3
+
+
+@pytest.mark.parametrize(
+    ("rules", "left", "again"),
+    [
+        ({"reserve_bytes": 100 * MIB, "keep_ns": 5 * HOUR_NS}, [3, 4, 5, 6, 7], False),
+        ({}, [1, 2, 3, 4, 5, 6, 7], True),
+        ({"max_ns": 3 * HOUR_NS}, [5, 6, 7], True),
+    ],
+    ids=["hours that are kept stay", "one goes whatever seems free", "old ones go though there is room"],
+)
+def test_full_disk_costs_what_the_rules_allow(
+    tmp_path: Path, rules: dict[str, int], left: list[int], *, again: bool
+) -> None:
+    """The system's figure of what is free includes room that we may not use."""
+    disk = SmallDisk(tmp_path, 8, **rules)
+
+    assert disk.retention.make_room(disk_is_full=True)
+    assert disk.left() == left
+    assert disk.retention.make_room(disk_is_full=True) == again
+
+
+def test_marked_ones_and_strangers_stay_and_signatures_go_along(tmp_path: Path) -> None:
+    """A mark lies beside its segment; what has another name than the recorder gives is not the recorder's."""
+    disk = SmallDisk(tmp_path, 6, reserve_bytes=100 * MIB)
+    (tmp_path / "20180504T120000Z_0001.mcap.keep").touch()
+    (tmp_path / "20180504T120000Z_0001.mcap.sig").touch()
+    (tmp_path / "20180504T120000Z_0002.mcap.sig").touch()
+    (tmp_path / "20180504T120000Z_0003.mcap").unlink()
+    (tmp_path / "20180504T120000Z_0003.mcap").mkdir()
+    strangers = ["flight_0000.mcap", "20180504T120000Z_0009.mcap.part", "20180504.mcap", "notes.txt"]
+    for name in strangers:
+        (tmp_path / name).touch()
+    disk.retention.make_room()
+
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        [
+            "20180504T120000Z_0001.mcap",
+            "20180504T120000Z_0001.mcap.keep",
+            "20180504T120000Z_0001.mcap.sig",
+            "20180504T120000Z_0003.mcap",
+            *strangers,
+        ]
+    )
+
+
+def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
+    """Whoever writes to it notices."""
+    disk = SmallDisk(tmp_path / "gone", 0)
+
+    assert not disk.retention.make_room(disk_is_full=True)
+
+
+def test_waiting_without_a_camera_does_not_age_a_flight() -> None:
+    """Segments without pictures have no length, so the hours that are kept are hours of flight."""
+    spans_ns = dict(zip("abcdefghi", [HOUR_NS] * 3 + [0] * 6, strict=True))
+
+    assert older_than(list(spans_ns), 2 * HOUR_NS, spans_ns.__getitem__) == ["a"]
+    assert older_than(list(spans_ns), 3 * HOUR_NS, spans_ns.__getitem__) == ()
+
+
+@pytest.fixture(scope="module")
+def segment(tmp_path_factory: pytest.TempPathFactory, forty_pictures: Path) -> bytes:
+    """A finished segment of forty pictures, 9.75 s long."""
+    camera = {"driver": "replay", "path": str(forty_pictures), "rate_hz": 4, "pace": "fastest"}
+    config = parse_config({"camera": camera, "storage": {"directory": str(tmp_path_factory.mktemp("flights"))}})
+    outcome = record(config, host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()))
+    return outcome.paths[0].read_bytes()
+
+
+@pytest.mark.parametrize("cut", [0, 1, 8, 36, 37, 40, 300, 2000])
+def test_length_is_read_from_the_statistics_of_a_whole_segment(segment: bytes, tmp_path: Path, cut: int) -> None:
+    """Of log times, which no wall clock moves; wherever its end is missing, a segment has none."""
+    (tmp_path / "x.mcap").write_bytes(segment[: len(segment) - cut])
+
+    if cut:
+        with pytest.raises(DamagedRecordError):
+            recorded_ns(tmp_path / "x.mcap")
+    else:
+        assert recorded_ns(tmp_path / "x.mcap") == 9_750_000_000
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_end_is_a_length_or_refused(data: st.DataObject, segment: bytes, tmp_path: Path) -> None:
+    """Whatever the bytes of the summary are, nothing but a number or this error comes out of it."""
+    path, content = tmp_path / "damaged.mcap", segment
+    changed = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(len(content) - 700, len(content) - 1))
+        piece = data.draw(st.binary(min_size=1, max_size=9) | st.just(b"\xff" * 8))
+        changed[at : at + len(piece)] = piece
+    path.write_bytes(bytes(changed))
+    with suppress(DamagedRecordError):
+        assert recorded_ns(path) >= 0
+
+
+def odd_files(directory: Path, segment: bytes) -> list[str]:
+    """Fills a directory with what has the name of a segment and is none; gives the names."""
+    names = [f"20180504T110000Z_{number:04d}.mcap" for number in range(8)]
+    fifo, folder, zero, loop, short, counts, long, backwards = (directory / name for name in names)
+    os.mkfifo(fifo)
+    folder.mkdir()
+    zero.symlink_to("/dev/zero")
+    loop.symlink_to(loop)
+    short.write_bytes(segment[:-1])
+    statistics_at = segment.rindex(b"\x0b" + (46 + 4 * 10).to_bytes(8, "little")) + 9
+    times_at = statistics_at + 26
+    counts.write_bytes(segment[: times_at + 16] + b"\xff" * 4 + segment[times_at + 20 :])
+    long.write_bytes(segment[:times_at] + bytes(8) + b"\xff" * 7 + b"\x7f" + segment[times_at + 16 :])
+    backwards.write_bytes(segment[: times_at + 8] + bytes(8) + segment[times_at + 16 :])
+    return names
+
+
+def test_what_cannot_be_read_is_kept_named_once_and_counts_no_hours(segment: bytes, tmp_path: Path) -> None:
+    """FIFOs, folders, links, a cut file, a huge count, an enormous span, an end before the beginning."""
+    odd = odd_files(tmp_path, segment)
+    own = [f"20180504T12000{number}Z_0000.mcap" for number in range(5)]
+    for name in own:
+        (tmp_path / name).write_bytes(segment)
+    # As a planted file it is the newest: its span would make all others look old.
+    (tmp_path / odd[6]).rename(tmp_path / "99991231T235959Z_99999999999999999999999.mcap")
+    odd[6] = "99991231T235959Z_99999999999999999999999.mcap"
+    log = io.StringIO()
+    rules = Rules(reserve_bytes=2**60, keep_ns=20 * 10**9, longest_ns=HOUR_NS)
+    retention = Retention(tmp_path, rules, free_bytes=lambda _path: 0, journal=Journal(log))
+
+    assert retention.make_room()
+    assert not retention.make_room()
+    (said,) = [line for line in map(json.loads, log.getvalue().splitlines()) if line["event"] == "segments_unreadable"]
+    assert said["names"] == sorted(odd)
+    assert (said["count"], retention.unreadable) == (8, 8)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*odd, *own[2:]])
+
+
+def test_segments_that_are_very_many_are_looked_at_bit_by_bit(tmp_path: Path) -> None:
+    """So that the writer's thread is never long away; the log names some and counts all."""
+    names = [f"20180504T110000Z_{number:05d}.mcap" for number in range(READS_AT_ONCE + 500)]
+    for name in names:
+        (tmp_path / name).touch()
+    (tmp_path / "20180504T100000Z_0000.mcap").touch()
+    reads, log = list[Path](), io.StringIO()
+
+    def span_ns(path: Path) -> int:
+        reads.append(path)
+        if path.name in names:
+            raise DamagedRecordError("nothing")
+        return HOUR_NS
+
+    rules = Rules(reserve_bytes=1, keep_ns=0, longest_ns=HOUR_NS)
+    retention = Retention(tmp_path, rules, free_bytes=lambda _path: 0, journal=Journal(log), span_ns=span_ns)
+    retention.make_room()
+    first = len(reads)
+    retention.make_room()
+    said = [line for line in map(json.loads, log.getvalue().splitlines()) if line["event"] == "segments_unreadable"]
+
+    assert (first, len(reads)) == (READS_AT_ONCE, len(names) + 1)
+    assert sum(line["count"] for line in said) == retention.unreadable == len(names)
+    assert max(len(line["names"]) for line in said) == NAMED_AT_ONCE
+    assert not (tmp_path / "20180504T100000Z_0000.mcap").exists()
+
+
+def leave_in_work(start_daemon: StartDaemon) -> tuple[Path, list[bytes]]:
+    """A recording of which the power was cut: its last file lacks its end."""
+    given = [bytes([number]) * 100_000 for number in range(5)]
+    daemon = start_daemon()
+    daemon.feed(*given)
+    (finished,) = daemon.finish().paths
+    part = finished.with_name(finished.name + ".part")
+    part.write_bytes(finished.read_bytes()[:-3000])
+    finished.unlink()
+    return part, given
+
+
+def test_segment_of_yesterday_is_finished(start_daemon: StartDaemon) -> None:
+    """With all its pictures, beside the new recording, which has a name of its own."""
+    part, given = leave_in_work(start_daemon)
+    daemon = start_daemon()
+    daemon.feed(b"new")
+    eventually(lambda: daemon.events("segment_salvaged"))
+    outcome = daemon.finish()
+
+    assert not part.exists()
+    assert [frame.jpeg for frame in open_flight([part.with_suffix("")]).frames()] == given
+    assert [frame.jpeg for frame in open_flight(outcome.paths).frames()] == [b"new"]
+
+
+def test_segment_that_had_only_been_begun_is_removed(start_daemon: StartDaemon) -> None:
+    """It has no picture yet; one that another recorder is writing at this moment stays, and what is no segment's."""
+    names = ["20180504T120000Z_0000.mcap.begun", "20180504T120000Z_0001.mcap.begun", "notes.begun"]
+    with ExitStack() as stack:
+        daemon = start_daemon()
+        daemon.feed(b"old")
+        daemon.finish()
+        for name in names:
+            (daemon.directory / name).write_bytes(b"")
+        stack.enter_context(claimed(daemon.directory / names[1]))
+        daemon = start_daemon()
+        daemon.feed(b"new")
+        daemon.finish()
+
+    assert sorted(path.name for path in daemon.directory.glob("*.begun")) == names[1:]
+
+
+def test_recording_does_not_wait_for_the_salvage(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first frame is on the disk while an old segment is still being read."""
+    leave_in_work(start_daemon)
+    begun, released = threading.Event(), threading.Event()
+    recover = run_module.recover_segment
+
+    def slow_recover(path: Path, **arguments: Any) -> Any:  # noqa: ANN401 - as the real one
+        begun.set()
+        released.wait(120)
+        return recover(path, **arguments)
+
+    monkeypatch.setattr(run_module, "recover_segment", slow_recover)
+    daemon = start_daemon()
+    daemon.feed(b"1", b"2", b"3", b"4")
+    eventually(begun.is_set)
+    stored = [path for path in daemon.directory.glob("*.part") if b"frame" in path.read_bytes()]
+    released.set()
+    eventually(lambda: daemon.events("segment_salvaged"))
+
+    assert len(stored) == 2
+    daemon.finish()
+
+
+def test_what_cannot_be_salvaged_is_said_and_tried_again_when_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No room, nothing in it, or gone: one line each, and the next one is tried."""
+    monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
+    names = ["R_0000.mcap.part", "R_0001.mcap.part", "R_0002.mcap.part"]
+    for name in names[:2]:
+        (tmp_path / name).write_bytes(bytes(100))
+    free = chain([150], repeat(10**9))
+    log, recovered = io.StringIO(), list[Path]()
+
+    def recover(path: Path) -> str:
+        if path.name == names[0]:
+            recovered.append(path)
+            return "recovered"
+        raise NothingToRecoverError(path, reason="nothing that was recorded is left in it; delete it")
+
+    salvager = Salvager(recover, free_bytes=lambda _path: next(free), journal=Journal(log))
+    salvager.start()
+    for name in names:
+        salvager.submit(tmp_path / name)
+    eventually(lambda: recovered and log.getvalue().count("\n") >= 3)
+    lines = map(json.loads, log.getvalue().splitlines())
+    reasons = [line["reason"] for line in lines if "reason" in line]
+
+    assert reasons[0] == "there is no room for it now"
+    assert "nothing that was recorded" in reasons[1]
+    assert reasons[2] == "No such file or directory"

@@ -1,0 +1,365 @@
+"""A disk that fails at any moment, and a directory in which others are at work: the recorder loses nothing unsaid."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import io
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.harm import TAKEN, Disk, FailingDisk, take_away
+from benchmarks.recorders import Box, eventually
+from flight_file import files
+from flight_file.errors import FlightNotWrittenError
+from flight_file.files import DurableFile
+from flight_file.flight_writer import Plan
+from flight_file.frame import CameraStatus, ClockReading, Frame, HostTimes
+from flight_file.reader import open_flight
+from flight_file.salvage import recover_segment
+from flight_file.session import Session
+from flight_file.verification import Verdict, verify
+from recorder import supervision
+from recorder.errors import RecorderError
+from recorder.frame_queue import DELETED, Drops
+from recorder.housekeeping import Retention, Rules
+from recorder.journal import Journal
+from recorder.segment_store import SegmentStore
+from recorder.thresholds import QUEUE_BYTES
+from tests.recorder.helpers import Daemon, StartDaemon, WriteConfig
+
+FRAMES = 120
+STEP_NS = 300_000_000
+ERRORS = (errno.ENOSPC, errno.EIO, errno.EROFS)
+SIZE = 500_000
+WAITING = QUEUE_BYTES // SIZE  # pictures that have room in the queue
+HUGE_HOURS = 1000
+
+
+def at(number: int) -> ClockReading:
+    """When a frame comes."""
+    return ClockReading(1_525_435_200_000_000_000 + number * STEP_NS, number * STEP_NS)
+
+
+def frame(number: int, size: int) -> Frame:
+    """One of this size."""
+    jpeg = number.to_bytes(4, "big") + bytes(size)
+    times = HostTimes(at(number), at(number), at(number))
+    return Frame(number, at(number).realtime_ns, jpeg, hashlib.sha256(jpeg).hexdigest(), times)
+
+
+@dataclass
+class Moody:
+    """A disk that fails now and then; a write that fails may have reached the disk in part."""
+
+    monkeypatch: pytest.MonkeyPatch
+    chance: random.Random
+    part: float
+    failures: int = 0
+    operations: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        write, sync, rename = DurableFile.write, DurableFile.sync, files.rename_durably
+
+        def moody_write(file: DurableFile, data: bytes) -> int:
+            if self.fails():
+                write(file, bytes(data)[: self.chance.randrange(len(data) + 1)])
+                raise self.error(file.path)
+            return write(file, data)
+
+        def moody_sync(file: DurableFile) -> None:
+            if self.fails():
+                raise self.error(file.path)
+            sync(file)
+
+        def moody_rename(source: Path, target: Path) -> None:
+            if self.fails():
+                raise self.error(target)
+            rename(source, target)
+
+        self.monkeypatch.setattr(DurableFile, "write", moody_write)
+        self.monkeypatch.setattr(DurableFile, "sync", moody_sync)
+        self.monkeypatch.setattr("flight_file.writer.rename_durably", moody_rename)
+
+    def fails(self) -> bool:
+        """Whether it does now."""
+        failing = self.chance.random() < self.part
+        self.failures += failing
+        return failing
+
+    def error(self, path: Path) -> FlightNotWrittenError:
+        """As `durable_file` makes it."""
+        number = self.chance.choice(ERRORS)
+        error = FlightNotWrittenError(path, reason="cannot be written")
+        error.__cause__ = OSError(number, errno.errorcode[number])
+        return error
+
+
+def make_store(directory: Path, left: list[Path], *, retries_forever: bool = True) -> SegmentStore:
+    """A store of short segments; what it leaves in work is noted."""
+    journal = Journal(io.StringIO())
+    return SegmentStore(
+        lambda: Plan(directory, Session("20180504T120000Z"), {}, segment_ns=5 * STEP_NS),
+        status=CameraStatus("capturing"),
+        retention=Retention(directory, Rules(0, 10**18, 10**18), free_bytes=lambda _path: None, journal=journal),
+        retries_forever=retries_forever,
+        drops=Drops(),
+        journal=journal,
+        left_behind=left.append,
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("size", [100, 100_000])
+def test_each_frame_is_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, size: int) -> None:
+    """Whatever fails when; the chain goes on over all segments."""
+    left: list[Path] = []
+    with monkeypatch.context() as patched:
+        moody = Moody(patched, random.Random(seed), part=0.05)  # noqa: S311 - no secrets
+        store = make_store(tmp_path, left)
+        for number in range(FRAMES):
+            while not store.try_now(at(number)):
+                pass
+            store.put(frame(number, size), at(number))
+        moody.part = 0.0
+        while not store.try_now(at(FRAMES)):
+            pass
+        store.finish("stopped", at(FRAMES))
+    for path in left:
+        if path.exists():
+            recover_segment(path, at=at(FRAMES))
+    paths = sorted(tmp_path.iterdir())
+    (check,) = verify(paths)
+
+    assert moody.failures > 3
+    assert [path.suffix for path in paths] == [".mcap"] * len(paths)
+    assert list(open_flight(paths).frames()) == [frame(number, size) for number in range(FRAMES)]
+    assert check.verdict is not Verdict.FAULT
+
+
+def pictures(count: int) -> list[bytes]:
+    """Different ones."""
+    return [number.to_bytes(4, "big") + bytes(SIZE - 4) for number in range(count)]
+
+
+def reasons(daemon: Daemon) -> str:
+    """Everything that the flight says about its camera and disk."""
+    return "\n".join(entry["reason"] for entry in daemon.messages("/camera/status"))
+
+
+def assert_all_accounted_for(daemon: Daemon, given: list[bytes], *, dropped: int) -> None:
+    """Each picture is in the files once and whole, or counted as dropped."""
+    frames = daemon.frames()
+    sequences = [frame.sequence for frame in frames]
+
+    assert sequences == sorted(set(sequences))
+    assert [frame.jpeg for frame in frames] == [given[sequence] for sequence in sequences]
+    assert len(given) - len(frames) == dropped
+
+
+def test_full_disk_makes_room_and_loses_nothing(start_daemon: StartDaemon, disk: Disk) -> None:
+    """Three times what the disk holds: the oldest segments go, the marked one stays, the newest are there."""
+    (disk.path / "20180504T120000Z_0000.mcap.keep").touch()
+    daemon = start_daemon(storage={"directory": str(disk.path), "segment_mib": 1, "keep_hours": 0, "keep_free_gib": 0})
+    daemon.feed(*pictures(50))
+    outcome = daemon.finish()
+    kept = sorted(path.name for path in disk.path.glob("*.mcap"))
+    sequences = [frame.sequence for frame in daemon.frames()]
+
+    assert (outcome.stored, outcome.dropped) == (50, 0)
+    assert kept[0] == "20180504T120000Z_0000.mcap"
+    assert kept[1] > "20180504T120000Z_0010.mcap"
+    assert sequences[2:] == list(range(sequences[2], 50))
+    assert "No space left" in reasons(daemon)
+
+
+def test_full_disk_with_nothing_to_delete(start_daemon: StartDaemon, disk: Disk) -> None:
+    """The newest pictures wait in memory; when there is room again they are stored, and the others are counted."""
+    given = pictures(80)
+    ballast = disk.path / "ballast"
+    ballast.write_bytes(bytes(6 * 2**20))
+    daemon = start_daemon(storage={"directory": str(disk.path), "keep_hours": HUGE_HOURS, "keep_free_gib": 0})
+    for jpeg in given[:10]:
+        daemon.flood(jpeg)
+        eventually(lambda: daemon.events("disk_failed") or not len(daemon.queue))
+    daemon.flood(*given[10:])
+    disk.grow()
+    ballast.unlink()
+    eventually(lambda: daemon.events("disk_back") and not len(daemon.queue))
+    outcome = daemon.finish()
+
+    assert_all_accounted_for(daemon, given, dropped=outcome.dropped)
+    assert daemon.frames()[-1].sequence == 79
+    assert 0 < outcome.dropped <= 80 - WAITING
+    assert daemon.messages("/recorder/health")[-1]["drops_by_reason"] == {
+        "the disk could not be written (No space left on device)": outcome.dropped
+    }
+    assert "No space left on device" in reasons(daemon)
+
+
+def test_disk_that_is_pulled_out_and_comes_back(start_daemon: StartDaemon, disk: Disk) -> None:
+    """What was synced is on it, what was not is written again: each picture is there once."""
+    given = pictures(6)
+    (disk.path / "flights").mkdir()
+    daemon = start_daemon(storage={"directory": str(disk.path / "flights")})
+    daemon.feed(*given[:4])
+    disk.pull()
+    daemon.clock.advance(2 * 10**9)
+    daemon.camera.show(given[4])
+    eventually(lambda: daemon.events("disk_failed"))
+    disk.plug()
+    eventually(lambda: daemon.events("disk_back") and not len(daemon.queue))
+    daemon.feed(given[5])
+    eventually(lambda: daemon.events("segment_salvaged"))
+    outcome = daemon.finish()
+
+    assert "bring the disk back" in daemon.events("disk_failed")[0]["reason"]
+    assert_all_accounted_for(daemon, given, dropped=0)
+    assert [path.name[-9:] for path in outcome.paths] == ["0001.mcap"]
+    assert (disk.path / "flights" / "20180504T120000Z_0000.mcap").exists()
+    assert "the disk can be written again" in reasons(daemon)
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EROFS, errno.ENOSPC])
+def test_disk_that_fails_for_a_while(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """In the middle of a segment, with frames on their way: each is stored once, in order, and the chain goes on."""
+    failing = FailingDisk(monkeypatch.setattr)
+    given = pictures(12)
+    daemon = start_daemon()
+    daemon.feed(*given[:5])
+    failing.error = number
+    daemon.flood(*given[5:9])
+    eventually(lambda: daemon.events("disk_failed"))
+    failing.error = 0
+    eventually(lambda: daemon.events("disk_back") and not len(daemon.queue))
+    daemon.feed(*given[9:])
+    eventually(lambda: daemon.events("segment_salvaged"))
+    outcome = daemon.finish()
+
+    (check,) = verify(sorted(daemon.directory.glob("*.mcap")))
+
+    assert outcome.dropped == 0
+    assert_all_accounted_for(daemon, given, dropped=0)
+    assert [path.suffix for path in sorted(daemon.directory.glob("*.mcap*"))] == [".mcap", ".mcap"]
+    assert check.verdict is not Verdict.FAULT
+
+
+def test_stop_while_the_disk_fails_is_an_error(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is tried once more; then the run ends with a sentence, and the log counts what was not written."""
+    failing = FailingDisk(monkeypatch.setattr)
+    daemon = start_daemon()
+    daemon.feed(*pictures(2))
+    failing.error = errno.EIO
+    daemon.flood(*pictures(3))
+    eventually(lambda: daemon.events("disk_failed"))
+
+    with pytest.raises(FlightNotWrittenError, match="cannot be written"):
+        daemon.finish()
+    assert daemon.events("recording_failed")[0]["unwritten_frames"] >= 3
+
+
+def test_disk_that_hangs_does_not_hold_up_the_end(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When told to stop, the process ends in time, whatever the disk does."""
+    monkeypatch.setattr(supervision, "END_S", 0.5)
+    failing = FailingDisk(monkeypatch.setattr)
+    daemon = start_daemon()
+    daemon.feed(*pictures(1))
+    failing.released.clear()
+    daemon.flood(*pictures(3))
+    eventually(lambda: len(daemon.queue) > 0)
+
+    with pytest.raises(RecorderError, match="did not answer in time"):
+        daemon.finish()
+    failing.released.set()
+
+
+@pytest.fixture
+def start_box(write_config: WriteConfig, pictures: Path) -> Iterator[Callable[..., Box]]:
+    """Starts recorders; those still running are killed in the end."""
+    boxes: list[Box] = []
+    for number in range(40, 2400):
+        (pictures / f"{number:04d}.jpg").write_bytes((pictures / "000.jpg").read_bytes())
+
+    def start(**storage: Any) -> Box:  # noqa: ANN401 - values of recorder.yaml
+        camera = {"pace": "realtime", "rate_hz": 20}
+        boxes.append(Box(write_config(camera=camera, storage={"keep_free_gib": 0, **storage})))
+        return boxes[-1]
+
+    yield start
+    for box in boxes:
+        box.kill()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", TAKEN)
+def test_file_in_work_that_is_taken_away_is_brought_back(start_box: Callable[..., Box], how: str) -> None:
+    """Within a second or two, under its own name or beside what took it; every picture is there once."""
+    box = start_box()
+    part = box.in_work_soon()
+    take_away(part, how)
+    eventually(lambda: box.events("segment_salvaged"))
+    eventually(box.in_work)
+    box.stop()
+    numbers = [frame.sequence for frame in box.frames()]
+
+    assert "was deleted, renamed or replaced" in box.events("disk_failed")[0]["reason"]
+    assert box.events("segment_brought_back")[0]["frames"] >= 5
+    assert numbers == list(range(len(numbers)))
+    assert len(box.finished()) == 2
+    assert box.events("recording_finished")[0]["dropped"] == 0
+    assert part.exists() == (how == "replace")
+
+
+@pytest.mark.slow
+def test_file_that_is_taken_away_just_before_its_end_is_brought_back(start_box: Callable[..., Box]) -> None:
+    """Every file in work, again and again, also in the second in which nobody looked; finished ones may go at will."""
+    box = start_box(segment_s=1.5)
+    deleted = {Path()}
+
+    def delete_what_is_new() -> bool:
+        part = box.in_work()
+        if part is not None and part > max(deleted):
+            part.unlink(missing_ok=True)
+            deleted.add(part)
+        return len(deleted) > 3
+
+    eventually(delete_what_is_new)
+    eventually(lambda: len(box.events("segment_salvaged")) >= 3)
+    box.finished()[0].unlink()
+    box.stop()
+    numbers = [frame.sequence for frame in box.frames()]
+
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    assert box.events("recording_finished")[0]["dropped"] == 0
+
+
+def test_file_that_cannot_be_brought_back_is_counted(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its pictures were stored, and are not any more: log, drops and health say so, and the recording goes on."""
+
+    def refuse(_file: DurableFile, path: Path) -> None:
+        raise FlightNotWrittenError(path, reason="cannot be written (No space left on device)")
+
+    monkeypatch.setattr(DurableFile, "save_as", refuse)
+    daemon = start_daemon()
+    daemon.feed(*[bytes([number]) * 1000 for number in range(8)])
+    (part,) = daemon.directory.glob("*.part")
+    part.unlink()
+    daemon.clock.advance(2 * 10**9)
+    daemon.camera.show(b"9" * 1000)
+    eventually(lambda: daemon.events("segment_lost") and not len(daemon.queue))
+    outcome = daemon.finish()
+    lost = daemon.events("segment_lost")[0]["frames"]
+    health = daemon.messages("/recorder/health")[-1]
+
+    assert 0 < lost <= 8
+    assert (outcome.stored, outcome.dropped) == (9 - lost, lost)
+    assert [frame.sequence for frame in daemon.frames()] == list(range(lost, 9))
+    assert health["drops_by_reason"] == {DELETED: lost}
+    assert health["stored"] == 9 - lost
