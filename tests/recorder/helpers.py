@@ -54,7 +54,7 @@ class PuppetCamera:
     Attributes
     ----------
     shown, connections
-        Pictures given so far; how often it was connected.
+        Pictures given so far that the recorder has in its queue: it has asked for the next; how often it was connected.
     """
 
     identity = CameraIdentity(driver="puppet", model="P-1", serial="7")
@@ -63,6 +63,7 @@ class PuppetCamera:
         self._clock = clock
         self._script: queue.SimpleQueue[bytes | Exception | Callable[[], object]] = queue.SimpleQueue()
         self.shown = 0
+        self._sequence = 0
         self.connections = 0
 
     def show(self, *jpegs: bytes) -> None:
@@ -86,6 +87,7 @@ class PuppetCamera:
 
     def next_frame(self, stop: threading.Event) -> Frame | None:
         """What comes next."""
+        self.shown = self._sequence
         while not stop.is_set():
             try:
                 given = self._script.get(timeout=0.02)
@@ -101,7 +103,7 @@ class PuppetCamera:
 
     def _frame(self, jpeg: bytes) -> Frame:
         at = self._clock.read()
-        sequence, self.shown = self.shown, self.shown + 1
+        sequence, self._sequence = self._sequence, self._sequence + 1
         return Frame(sequence, at.realtime_ns, jpeg, hashlib.sha256(jpeg).hexdigest(), HostTimes(at, at, at))
 
 

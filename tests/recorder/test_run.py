@@ -138,6 +138,9 @@ def test_driver_that_fails_or_crashes_does_not_cost_the_recording(
     daemon.camera.fail(failure)
     with pytest.raises(seen, match=told):
         daemon.over.result(PATIENCE_S)
+    for thread in threading.enumerate():
+        if thread.name == "capture":
+            thread.join(PATIENCE_S)  # its traceback is this test's, not the next one's
     (path,) = daemon.directory.glob("*.mcap*")
     end = open_flight([path]).segments[0].end
 
@@ -150,9 +153,10 @@ def test_driver_that_fails_or_crashes_does_not_cost_the_recording(
 def test_camera_that_hangs_does_not_hold_up_the_end(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """When told to stop, the recorder closes its files even if the camera never answers."""
     monkeypatch.setattr(writer_thread, "PATIENCE_S", 0.1)
-    answers, daemon = threading.Event(), start_daemon()
+    hangs, answers, daemon = threading.Event(), threading.Event(), start_daemon()
     daemon.feed(b"1", b"2", b"3")
-    daemon.camera.fail(lambda: answers.wait(PATIENCE_S))
+    daemon.camera.fail(lambda: (hangs.set(), answers.wait(PATIENCE_S)))
+    assert hangs.wait(PATIENCE_S)
     outcome = daemon.finish()
     answers.set()
 
