@@ -41,9 +41,11 @@ def manners(source: Source, folder: Path) -> Iterator[tuple[str, Source]]:
     yield "as it is", source
     document = yaml.safe_load(source.panel.read_text(encoding="utf-8"))
     for part in CENTRE_PARTS:
-        hand = np.random.default_rng(SEED)
-        drawn = {**document, "gauges": [_unsteady(gauge, part, hand) for gauge in document["gauges"]]}
-        yield f"centres {part:.0%} off, marks {MARK_DEG:.0f} deg", _written(source, drawn, folder / f"{part}.yaml")
+        for manner, draw in (("", _unsteady), (", clicked", _clicked)):
+            hand = np.random.default_rng(SEED)
+            drawn = {**document, "gauges": [draw(gauge, part, hand) for gauge in document["gauges"]]}
+            path = folder / f"{part}{manner[2:]}.yaml"
+            yield f"centres {part:.0%} off, marks {MARK_DEG:.0f} deg{manner}", _written(source, drawn, path)
     yield from _on_other_pictures(source, document, folder)
 
 
@@ -53,6 +55,36 @@ def _unsteady(gauge: Document, part: float, hand: np.random.Generator) -> Docume
     off_px = part * gauge["radius"][1] * np.array([np.cos(towards), np.sin(towards)])
     centre = [float(at) for at in np.add(gauge["centre"], off_px)]
     return {**gauge, "centre": centre, "scale": _shaken(gauge["scale"], hand)}
+
+
+def _clicked(gauge: Document, part: float, hand: np.random.Generator) -> Document:
+    """The same by somebody who clicks on marks and needles: each is a point, seen from the centre that is off."""
+    drawn = _unsteady(gauge, part, hand)
+    off_px = np.subtract(drawn["centre"], gauge["centre"])
+
+    def seen_deg(angle_deg: float) -> float:
+        angle = np.radians(angle_deg)
+        x, y = gauge["radius"][1] * np.array([np.cos(angle), np.sin(angle)]) - off_px
+        return float(angle_deg + (np.degrees(np.arctan2(y, x)) - angle_deg + 180) % 360 - 180)
+
+    def seen(marks: Sequence[Sequence[float]]) -> list[list[float]]:
+        return [[seen_deg(angle), value] for angle, value in marks]
+
+    if gauge["sweep"][1] - gauge["sweep"][0] < 360:  # noqa: PLR2004 - else it has no ends
+        drawn["sweep"] = [seen_deg(end) for end in gauge["sweep"]]
+    drawn["scale"] = seen(drawn["scale"])
+    if "card" in gauge:
+        drawn["card"] = {**gauge["card"], "index": seen_deg(gauge["card"]["index"])}
+    else:
+        drawn["needles"] = [
+            {
+                **needle,
+                "template": {**needle["template"], "at": seen_deg(needle["template"]["at"])},
+                **({"scale": seen(needle["scale"])} if "scale" in needle else {}),
+            }
+            for needle in gauge["needles"]
+        ]
+    return drawn
 
 
 def _shaken(scale: Sequence[Sequence[float]], hand: np.random.Generator) -> list[list[float]]:

@@ -23,7 +23,7 @@ from decoder.instruments.needles import NeedleReader, is_simple
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.sampling import GaugeSampler, Samples
 from decoder.instruments.stack import StackReader
-from decoder.matching.pivot_search import card_pivot, needle_pivot
+from decoder.matching.pivot_search import card_pivot, drawn_needles_deg, needle_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.registration.placement import Pivot
@@ -85,6 +85,15 @@ class Kind(Protocol):
         """
         ...
 
+    def seen_deg(
+        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        """Return of what turns where it is drawn, and where the panel picture shows it around its pivot.
+
+        Of some of it, as of a card, a picture does not tell; of what never moves neither.
+        """
+        ...
+
 
 class _Needles:
     """Needles that are read one by one, or as a pair by the pixels around it."""
@@ -116,9 +125,20 @@ class _Needles:
         self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
         gauge, grid = instrument.gauge, instrument.grid
+        return needle_pivot(grid, rows_in_sweep(gauge, grid), self._cuts(gauge), own, strips)
+
+    def seen_deg(
+        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        cuts = self._cuts(instrument.gauge)
+        seen = drawn_needles_deg(instrument.grid, cuts, own, strips)
+        return [(at_deg, seen_deg) for (at_deg, _), seen_deg in zip(cuts, seen, strict=True) if seen_deg is not None]
+
+    @staticmethod
+    def _cuts(gauge: Gauge) -> list[tuple[float, float]]:
+        """Where needles are cut out of the panel picture, and how many degrees."""
         cuts = [(each.at, each.span) for each in (needle.template for needle in gauge.needles) if each.picture is None]
-        known = [(at_deg, span_deg) for at_deg, span_deg in cuts if at_deg is not None and span_deg is not None]
-        return needle_pivot(grid, rows_in_sweep(gauge, grid), known, own, strips)
+        return [(at_deg, span_deg) for at_deg, span_deg in cuts if at_deg is not None and span_deg is not None]
 
 
 class _Stack(_Needles):
@@ -167,6 +187,11 @@ class _Card:
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
         return card_pivot(instrument.grid, strips)
+
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

@@ -6,36 +6,37 @@ What is left in the end is added to the readings' uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.imaging.planes import DialPlane
+from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.kinds import kind_of
 from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, unwrapped
 from decoder.instruments.reading import Reading, Status
+from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
 from decoder.learning.flight_appearance import learn_appearance, lit_views
 from decoder.learning.flight_sample import Sample, align_sample, frames_wanted, with_usual_place
 from decoder.learning.panel_appearance import appearance_from_panel
+from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
-    PivotPath,
-    Vector,
     any_lift_is_off,
     care_px,
     estimate_pivots,
     lifts_missing,
 )
+from decoder.learning.recentring import around_pivots
 from decoder.learning.seen_faces import with_seen_faces
 from decoder.learning.thresholds import MIN_SAMPLES, MISSING_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
+from decoder.matching.thresholds import REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
+from decoder.panel.panel import Panel
 from decoder.registration.frame_placer import UnwrappedFrame, UnwrappedPanel
 from decoder.registration.placement import Pivot, Placement
 
@@ -50,23 +51,34 @@ class FittedReader:
 
     Attributes
     ----------
+    panel
+        As drawn, with angles that are right around the pivots.
     uncertainties
         By quantity: what its readings are uncertain by beyond what their frames tell.
     moved_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y).
+    far_px
+        By gauge, for those that turn far beside where their centres are drawn: how far.
     unsettled
         The gauges whose needles turn where no round had them.
     """
 
     reader: PanelReader
+    panel: Panel
     uncertainties: Mapping[str, QuantityUncertainty]
     moved_px: Mapping[str, tuple[float, float]]
+    far_px: Mapping[str, float]
     unsettled: tuple[str, ...]
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the flight leaves wanting, a sentence each."""
-        return tuple(
+        far = tuple(
+            f"{name}: turns {far_px:.1f} px beside the centre that the panel gives, and is read around where it turns;"
+            " draw its centre there with `decode setup`, and look at its marks"
+            for name, far_px in self.far_px.items()
+        )
+        return far + tuple(
             f"{name}: its needles turn beside the centre that the panel gives, and where was not found surely; sigma"
             " allows for that. Is the gauge drawn right?"
             for name in self.unsettled
@@ -89,13 +101,14 @@ class _Round:
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) -> FittedReader:
     """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
     source, gauges = reader.source, reader.source.panel.gauges
-    reader, samples = align_sample(reader, sample)
-    reader, samples, paths = _around_far_pivots(reader, samples, sample)
+    aligned = _around_far_pivots(*align_sample(reader, sample), sample)
+    reader, samples, paths, log_odds = aligned.reader, aligned.samples, aligned.paths, aligned.log_odds
+    del aligned  # what it holds need not lie in memory beside what is unwrapped later
     last = _learned(reader, samples, paths)
     first = last.pivots
     for _ in range(rounds - 1):
         paths = [path.next(pivot) for path, pivot in zip(paths, last.pivots, strict=True)]
-        around = _around_pivots(last, [path.step_px for path in paths])
+        around = _around_pivots(last, [path.step_px for path in paths], seen_from_pivots(gauges, paths, log_odds))
         if around is None:
             break
         del reader, samples, last  # they need not lie in memory beside those of the next round
@@ -105,14 +118,20 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) 
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
         reader=_completed(last, pivots),
+        panel=source.panel.model_copy(update={"gauges": seen_from_pivots(gauges, paths, log_odds)}),
         uncertainties=quantity_uncertainties(
-            source, pivots, care_px=care_px(paths, pivots), dials_move=last.reader.placement.dials_move
+            source,
+            pivots,
+            marks_px=[path.marks_px(log_odds) for path in paths],
+            care_px=care_px(paths, pivots),
+            dials_move=last.reader.placement.dials_move,
         ),
         moved_px={
             gauge.name: (gauge.centre[0] - drawn.centre[0], gauge.centre[1] - drawn.centre[1])
             for drawn, gauge, path, _ in parts
             if path.was_moved
         },
+        far_px={gauge.name: math.hypot(*path.far_px) for _, gauge, path, _ in parts if path.is_far},
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
     )
 
@@ -142,72 +161,64 @@ def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Mappin
     return [frame.readings for frame in reader.read_unwrapped(samples)]
 
 
-def _around_far_pivots(
-    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample
-) -> tuple[PanelReader, list[UnwrappedFrame], list[PivotPath]]:
-    """Unwrap a sample around the pivots of gauges whose centres are drawn far from them, and tell how far."""
-    gauges = reader.source.panel.gauges
-    paths = [PivotPath()] * len(gauges)
+@dataclass(frozen=True, slots=True)
+class _Recentred:
+    """A reader that has learned nothing yet, around the pivots of gauges whose centres are drawn far from them.
+
+    `samples` are unwrapped by it, `paths` tell by gauge how far its pivot was moved, and `log_odds` how likely
+    marks are points, and not angles.
+    """
+
+    reader: PanelReader
+    samples: list[UnwrappedFrame]
+    paths: list[PivotPath]
+    log_odds: float
+
+
+def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample) -> _Recentred:
+    """Search for pivots that are far beside their centres, and unwrap a sample around them."""
+    drawn = reader.source.panel.gauges
+    paths = [PivotPath()] * len(drawn)
+    if len(samples) < MIN_SAMPLES:
+        return _Recentred(reader, samples, paths, 0.0)
     for _ in range(FAR_ROUNDS):
-        views = lit_views(reader, samples)
-        parts = zip(gauges, reader.grids, reader.appearance.faces, reader.own_gauges, views, paths, strict=True)
-        steps = [
-            None
-            if path.is_found
-            else kind_of(gauge).far_pivot(
-                Instrument(index, gauge, grid, face), own, [view for view in seen if view is not None]
-            )
-            for index, (gauge, grid, face, own, seen, path) in enumerate(parts)
+        paths = [
+            path if path.is_found else path.from_afar(kind_of(gauge).far_pivot(*seen), REACH_PART * gauge.radius[1])
+            for path, gauge, seen in zip(paths, drawn, _seen(reader, samples), strict=True)
         ]
-        paths = [path.from_afar(step) for path, step in zip(paths, steps, strict=True)]
-        if not any(steps):
+        if all(path.is_found for path in paths):
             break
-        reader = _unwrapped_around(reader, steps)
+        reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
-    return reader, samples, paths
+    if not any(path.is_far for path in paths):
+        return _Recentred(reader, samples, paths, 0.0)
+    seen_deg = [kind_of(gauge).seen_deg(*seen) for gauge, seen in zip(drawn, _seen(reader, samples), strict=True)]
+    log_odds = log_odds_of_points(drawn, paths, seen_deg)
+    told = seen_from_pivots(drawn, paths, log_odds)
+    if told != drawn:
+        reader = around_pivots(reader, [None] * len(drawn), drawn=told)
+        samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
+    return _Recentred(reader, samples, paths, log_odds)
 
 
-def _around_pivots(last: _Round, steps: Sequence[Vector | None]) -> PanelReader | None:
+def _seen(
+    reader: PanelReader, samples: Sequence[UnwrappedFrame]
+) -> Iterator[tuple[Instrument, UnwrappedGauge, list[UnwrappedGauge]]]:
+    """By gauge: it, as the panel picture shows it, and the frames of the sample in its light."""
+    drawn = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, strict=True)
+    parts = zip(drawn, reader.own_gauges, lit_views(reader, samples), strict=True)
+    for index, (instrument, own, views) in enumerate(parts):
+        yield Instrument(index, *instrument), own, [view for view in views if view is not None]
+
+
+def _around_pivots(last: _Round, steps: Sequence[Vector | None], drawn: Sequence[Gauge]) -> PanelReader | None:
     """Unwrap the panel around its pivots as they were estimated; None where they and the lifts are right already."""
     placed = last.reader.placement
     lifts = placed.lifts or (0.0,) * len(steps)
     missing = lifts_missing(lifts, last.pivots) if placed.dials_move else ()  # then none has a lift
     if not any(steps) and not any_lift_is_off(missing):
         return None
-    return _unwrapped_around(last.reader, steps, missing)
-
-
-def _unwrapped_around(
-    reader: PanelReader, steps: Sequence[Vector | None], lifts_missing: Sequence[float] = ()
-) -> PanelReader:
-    """Return a reader of the panel with its pivots some steps on, which has learned nothing around them yet."""
-    source, placed, own = reader.source, reader.placement, reader.source.optics.own
-    lifts = placed.lifts or (0.0,) * len(steps)
-    planes = source.planes or (None,) * len(steps)
-    of_gauges = list(zip(source.panel.gauges, planes, steps, strict=True))
-    gauges = tuple(gauge if step is None else _around(gauge, plane, own, step) for gauge, plane, step in of_gauges)
-    moved = replace(
-        source,
-        panel=source.panel.model_copy(update={"gauges": gauges}),
-        planes=tuple(plane if plane is None or step is None else plane.around(step) for _, plane, step in of_gauges),
-    )
-    drawn = UnwrappedPanel(moved)
-    placement = Placement(
-        usual=placed.usual,
-        dials_move=placed.dials_move,
-        anchors_agree=placed.anchors_agree,
-        lifts=tuple(lift + more for lift, more in zip(lifts, lifts_missing, strict=False)),
-    )
-    return PanelReader.of(moved, reader.method, appearance_from_panel(drawn), placement, drawn)
-
-
-def _around(gauge: Gauge, plane: DialPlane | None, own: Alignment, step_px: Vector) -> Gauge:
-    """Move the gauge's centre by a step that is told in the dial's own plane."""
-    if plane is None:
-        (x, y), (right, down) = gauge.centre, step_px
-        return gauge.model_copy(update={"centre": (x + right, y + down)})
-    there = plane.to_panel(np.array(step_px)[:, None])[:, 0]
-    return gauge.model_copy(update={"centre": own.to_frame((float(there[0]), float(there[1])))})
+    return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 
 
 def _completed(last: _Round, pivots: Sequence[Pivot]) -> PanelReader:

@@ -59,7 +59,7 @@ class QuantityUncertainty:
 
 
 def quantity_uncertainties(
-    drawn: PanelPictures, pivots: Sequence[Pivot], *, care_px: float, dials_move: bool
+    drawn: PanelPictures, pivots: Sequence[Pivot], *, marks_px: Sequence[float], care_px: float, dials_move: bool
 ) -> dict[str, QuantityUncertainty]:
     """Estimate, by quantity, what its readings are uncertain by.
 
@@ -69,6 +69,8 @@ def quantity_uncertainties(
         The panel as it was given, before pivots were moved.
     pivots
         By the gauges' order in the panel: what is still to be thought of each.
+    marks_px
+        By gauge: how far marks may be off because they were drawn around another centre.
     care_px
         How far beside their pivots the panel's centres are drawn: the same hand drew its marks.
     dials_move
@@ -77,13 +79,14 @@ def quantity_uncertainties(
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     careless_px = MARK_PART * care_px
     uncertainties = {}
-    parts = zip(drawn.panel.gauges, pivots, places_px, strict=True)
-    for index, (gauge, pivot, place_px) in enumerate(parts):
+    parts = zip(drawn.panel.gauges, pivots, places_px, marks_px, strict=True)
+    for index, (gauge, pivot, place_px, moved_px) in enumerate(parts):
         radius_px = sum(gauge.radius) / 2
         zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
         mark_px = min(careless_px, MOST_MARK_PART * gauge.radius[1])
         drawn_deg = math.hypot(
             math.degrees(math.hypot(HAND_PX, mark_px) / radius_px),
+            math.degrees(moved_px / gauge.radius[1]),
             _parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
         )
         for quantity in gauge.quantities:

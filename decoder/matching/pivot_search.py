@@ -80,13 +80,26 @@ def needle_pivot(
     return _best(score, radius_px, REACH_PART * radius_px)
 
 
+def drawn_needles_deg(
+    grid: PolarGrid, cuts: Sequence[tuple[float, float]], own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+) -> list[float | None]:
+    """Find by needle the angle at which the panel picture shows it, near where it is cut; None if it stays there.
+
+    As `needle_pivot`, of a gauge that is unwrapped around its pivot.
+    """
+    if not strips:
+        return [None] * len(cuts)
+    dial = _CoarseDial.of(grid, np.ones(grid.rows, bool), own, strips)
+    found = [_needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg)) for at_deg, span_deg in cuts]
+    return [None if needle is None else dial.angle_deg(needle.axis) for needle in found]
+
+
 def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
     """Search for the pivot of a card, as `needle_pivot`: around it frames show the same card, only turned."""
     strips = _spread(strips, MOST_CARD_FRAMES)
     radius_px = float(grid.radii_px[-1])
-    reach_px = min(
-        REACH_PART * radius_px, (radius_px - grid.inner_px) / 3
-    )  # what turns with it is to be seen all round
+    # What turns with it is to be seen all round.
+    reach_px = min(REACH_PART * radius_px, (radius_px - grid.inner_px) / 3)
     pairs = np.array(list(combinations(range(len(strips)), 2))).T
     if not pairs.size:
         return None
@@ -183,6 +196,10 @@ class _CoarseDial:
             lambda angle_deg: row_of_angle(grid, angle_deg) / every[0],
         )
 
+    def angle_deg(self, row: float) -> float:
+        """Tell the angle of a row, or between rows."""
+        return float(self.angles_deg[0]) + self.step_deg * row
+
     def sheared(self, askew_px: float) -> Floats:
         """(F, R, C): what moves, so that a needle that passes the pivot at this distance lies along a row."""
         beside = np.arcsin(limited(askew_px / self.radii_px, -0.9, 0.9))
@@ -222,7 +239,7 @@ def _bank(dial: _CoarseDial, at_deg: float, span_deg: float) -> _Bank | None:
     needle = _needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg))
     if needle is None:
         return None
-    middle, pixels = needle
+    pixels = needle.pixels
     steps = round(2 * REACH_PART / STEP_PART)
     askew_px = STEP_PART * dial.radius_px * np.arange(-steps, steps + 1)
     scores = np.zeros((len(dial.frames), len(askew_px), len(dial.own)), np.float32)
@@ -230,11 +247,23 @@ def _bank(dial: _CoarseDial, at_deg: float, span_deg: float) -> _Bank | None:
     for index, askew in enumerate(askew_px):
         scores[:, index, half : len(dial.own) - half] = _ncc(dial.sheared(askew), pixels)
     scores[:, :, ~dial.allowed] = 0.0
-    return _Bank(float(dial.angles_deg[middle]), dial.angles_deg, askew_px, np.maximum(scores, 0.0))
+    return _Bank(float(dial.angles_deg[needle.middle]), dial.angles_deg, askew_px, np.maximum(scores, 0.0))
 
 
-def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> tuple[int, Floats] | None:
-    """Cut a needle out of the panel picture without the dial behind it, and tell the row in the middle of it."""
+@dataclass(frozen=True, slots=True)
+class _DrawnNeedle:
+    """A needle of the panel picture without the dial behind it.
+
+    Its axis lies on the row `axis`, `pixels` (H, C) are around the row `middle`, next to it.
+    """
+
+    axis: float
+    middle: int
+    pixels: Floats
+
+
+def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> _DrawnNeedle | None:
+    """Cut a needle out of the panel picture; None where it never leaves its place."""
     half, around = height // 2, round(BESIDE_DEG / dial.step_deg)
     drawn = dial.row_of(at_deg)
     first, end = max(round(drawn) - half - around, 0), min(round(drawn) + half + around + 1, len(dial.own))
@@ -252,7 +281,8 @@ def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> tuple[int, Floa
         return None
     balance = np.arange(len(wide))[own] @ shown[own] / shown[own].sum()
     middle = int(np.clip(np.rint(balance), half, len(wide) - half - 1))
-    return first + middle, needle[middle - half : middle + half + 1].astype(np.float32)
+    pixels = needle[middle - half : middle + half + 1].astype(np.float32)
+    return _DrawnNeedle(first + float(balance), first + middle, pixels)
 
 
 def _ncc(images: Floats, template: Floats) -> Floats:
@@ -262,7 +292,8 @@ def _ncc(images: Floats, template: Floats) -> Floats:
     covariance, total = sliding_sums(images, np.concatenate([centred[None], one]))
     square = sliding_sums(images * images, one)[0]
     variance = np.maximum(square - total * total / template.size, 0.0) + template.size * NOISE_LEVELS**2
-    scores: Floats = covariance / np.sqrt(variance * float(np.square(centred).sum()))
+    energy = float(np.square(centred).sum()) + np.finfo(np.float32).eps
+    scores: Floats = covariance / np.sqrt(variance * energy)
     return scores
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from decoder.panel.arrays import Degrees
@@ -61,6 +61,10 @@ class Card(Strict):
     def pictures(self) -> Mapping[str, str]:
         """Return none: what it looks like is in the panel picture."""
         return {}
+
+    def at_angles(self, true_deg: Callable[[float], float]) -> Card:
+        """Return it with its index at its true angle; its marks are the gauge's."""
+        return self.model_copy(update={"index": true_deg(self.index)})
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:

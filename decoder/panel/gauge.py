@@ -5,7 +5,7 @@ A part of the panel format, see `decoder.panel.panel`; for its writers docs/pane
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Annotated, Self
 
@@ -16,7 +16,16 @@ from decoder.panel.card import Card
 from decoder.panel.description import Name, Point, Positive, Strict, Text
 from decoder.panel.kind import DescribedKind, Pointer
 from decoder.panel.needles import Needle, Needles
-from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Combination, Marks, Quantity, check_turn, monotone
+from decoder.panel.scale import (
+    FULL_CIRCLE_DEG,
+    MOST_POINTS,
+    Combination,
+    Marks,
+    Quantity,
+    check_turn,
+    marks_at,
+    monotone,
+)
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 
 RadiusPx = Annotated[Positive, at_most(10_000)]
@@ -205,6 +214,18 @@ class Gauge(Strict):
         )
         names = tuple(part.name for part in parts)
         return Combination(quantity, names, turn, own.tolerance)
+
+    def at_angles(self, true_deg: Callable[[float], float]) -> Self:
+        """Return the gauge with each angle that was drawn on it exchanged for the true one."""
+        first, last = self.sweep
+        told: dict[str, object] = {
+            "scale": marks_at(self.scale, true_deg),
+            self.kind.form.key: self.kind.at_angles(true_deg),
+        }
+        if not self.is_round:
+            told["sweep"] = (true_deg(first), true_deg(last))
+            told["stops"] = self.stops and (true_deg(self.stops[0]), true_deg(self.stops[1]))
+        return self.model_copy(update=told)
 
     @property
     def reach(self) -> tuple[float, float]:

@@ -5,7 +5,7 @@ How it is read is said in `decoder.instruments.kinds`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol
 
@@ -124,6 +124,10 @@ class DescribedKind(Protocol):
 
     def pictures(self) -> Mapping[str, str]:
         """Return the pictures that it needs besides the panel picture, by their paths below the gauge."""
+        ...
+
+    def at_angles(self, true_deg: Callable[[float], float]) -> object:
+        """Return what stands under its key in a gauge, each drawn angle exchanged for the true one."""
         ...
 
     @staticmethod

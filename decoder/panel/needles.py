@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Self
 
@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from decoder.panel.arrays import NO_TRUTH, Degrees
 from decoder.panel.description import Name, PictureName, Positive, Strict, Text
 from decoder.panel.kind import Dial, Drawn, Form, Pointer
-from decoder.panel.scale import Marks, Quantity, check_turn, monotone, turned
+from decoder.panel.scale import Marks, Quantity, check_turn, marks_at, monotone, turned
 
 MIN_TEMPLATE_SPAN_DEG = 2.0
 # Of a cropped needle, if the panel does not say: usual needles.
@@ -87,6 +87,13 @@ class Needle(Strict):
             check_turn(self.scale, self.wraps)
         return self
 
+    def at_angles(self, true_deg: Callable[[float], float]) -> Self:
+        """Return the needle with each drawn angle exchanged for the true one."""
+        at_deg = self.template.at
+        template = self.template.model_copy(update={"at": None if at_deg is None else true_deg(at_deg)})
+        scale = None if self.scale is None else marks_at(self.scale, true_deg)
+        return self.model_copy(update={"template": template, "scale": scale})
+
 
 @dataclass(frozen=True, slots=True)
 class Needles:
@@ -155,6 +162,10 @@ class Needles:
             for place, needle in enumerate(self.each)
             if needle.template.picture is not None
         }
+
+    def at_angles(self, true_deg: Callable[[float], float]) -> tuple[Needle, ...]:
+        """Return the needles, cut at their true angles, with their own marks at theirs."""
+        return tuple(needle.at_angles(true_deg) for needle in self.each)
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:

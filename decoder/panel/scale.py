@@ -6,7 +6,7 @@ A part of the panel format, see `decoder.panel.panel`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
@@ -42,6 +42,11 @@ def monotone(scale: Marks) -> Marks:
     ):
         raise ValueError(f"has two marks less than {LEAST_DEG:g} degrees or {LEAST_VALUE:g} apart; remove one")
     return tuple(marks)
+
+
+def marks_at(scale: Marks, true_deg: Callable[[float], float]) -> Marks:
+    """Exchange the angles of marks; their values stay."""
+    return tuple((true_deg(angle_deg), value) for angle_deg, value in scale)
 
 
 def turned(scale: Sequence[Sequence[float]], turn_deg: float) -> list[list[float]]:

@@ -82,8 +82,8 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
                 raise Superseded
             yield frames[index][1]
 
-    (gauge,) = source.panel.gauges
     fitted = fit_to_flight(reader_from_panel(source, Method.NORMXCORR), sample)
+    (gauge,) = fitted.panel.gauges
     scales = {each.name: Scale.of(each.marks, each.wraps) for each in gauge.quantities}
     found = []
     for index, frame in frames:

@@ -54,7 +54,7 @@ def decode_flight(
     """
     sample = FlightSample(flight, reader.placer.rows_at_first())
     fitted = fit_to_flight(reader, sample)
-    builder = FlightDataBuilder(reader.source.panel)
+    builder = FlightDataBuilder(fitted.panel)
     reasons: Counter[str] = Counter()
     frames = 0
     height, width = reader.source.picture.shape

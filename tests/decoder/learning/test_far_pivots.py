@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
+from decoder.learning.drawn_points import log_odds_of_point, seen_from
 from decoder.learning.fit import FittedReader, fit_to_flight
+from decoder.panel.scale import Scale
 from tests.decoder.instruments import test_cards as cards
 from tests.decoder.instruments.dials import CENTRE, Hand, paint, reader_for
 
@@ -93,3 +99,56 @@ def test_card_is_read_however_its_centre_is_drawn(towards_deg: float) -> None:
         status, off, _ = cards.off_deg(fitted.reader, cards.draw(turn_deg, 7), turn_deg)
         assert status is Status.READ
         assert off < 0.6
+
+
+def clicked(part: float, towards_deg: float) -> dict[str, Any]:
+    """The gauge as somebody clicks it who misses the centre by a part of the radius: its marks are points."""
+    gauge = drawn_beside(GAUGE, part, towards_deg)
+    missed_px = gauge["centre"][0] - CENTRE[0], gauge["centre"][1] - CENTRE[1]
+    around = partial(seen_from, missed_px, RADIUS_PX)
+    needle = {**GAUGE["needles"][0], "template": {"at": around(PANEL_DEG), "span": 16}}
+    scale = [[around(angle_deg), value] for angle_deg, value in [[120, 0], [220, 100], [320, 200], [420, 300]]]
+    return {**gauge, "sweep": [around(120), around(420)], "scale": scale, "needles": [needle]}
+
+
+@pytest.mark.parametrize("towards_deg", [110.0, 250.0])
+@pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
+def test_marks_are_right_whether_they_are_points_or_angles(
+    drawn: Callable[[float, float], dict[str, Any]], towards_deg: float
+) -> None:
+    """The needle in the panel picture tells which of them the hand drew that missed the centre."""
+    frames = [draw(angle_deg, 50 + seed) for seed, angle_deg in enumerate(np.linspace(125, 415, 16).tolist())]
+    reader = reader_for([drawn(0.08, towards_deg)], draw(PANEL_DEG, 1))
+    fitted = fit_to_flight(reader, lambda _: frames)
+    (gauge,) = fitted.panel.gauges
+    scale = Scale.of(gauge.scale)
+
+    for angle_deg in (130.0, 200.0, 260.0, 330.0, 400.0):
+        reading = read_picture(fitted.reader, draw(angle_deg, 9)).readings["speed_kt"]
+        off = float(scale.values_at(np.array([reading.angle_deg]))[0]) - (angle_deg - 120)
+        sigma = math.hypot(reading.sigma_deg, float(fitted.sigma_deg("speed_kt", np.array([reading.angle_deg]))[0]))
+        assert reading.status is Status.READ
+        assert abs(off) < 1.0
+        assert abs(off) < 1.96 * sigma
+
+
+@given(
+    offset=st.tuples(st.floats(-10, 10), st.floats(-10, 10)),
+    angle_deg=st.floats(-360, 720),
+    radius_px=st.floats(30, 90),
+)
+def test_point_is_seen_from_elsewhere_and_back(offset: tuple[float, float], angle_deg: float, radius_px: float) -> None:
+    """Seen from elsewhere it lies in the direction that analytic geometry gives, in the same turn."""
+    x, y = (radius_px * at(math.radians(angle_deg)) - off for at, off in zip((math.cos, math.sin), offset, strict=True))
+    seen_deg = seen_from(offset, radius_px, angle_deg)
+
+    assert math.cos(math.radians(seen_deg)) * math.hypot(x, y) == pytest.approx(x, abs=1e-9)
+    assert math.sin(math.radians(seen_deg)) * math.hypot(x, y) == pytest.approx(y, abs=1e-9)
+    assert abs(seen_deg - angle_deg) < 90
+
+
+def test_needle_that_is_drawn_quite_wrongly_does_not_decide_what_all_marks_are() -> None:
+    """Neither explains it; what both explain as well tells nothing, and one of them as surely as the other."""
+    assert abs(log_odds_of_point(40.0, 5.0)) < log_odds_of_point(5.0, 5.0) / 5
+    assert log_odds_of_point(1.0, 2.0) == 0.0
+    assert log_odds_of_point(5.0, 5.0) == -log_odds_of_point(0.0, 5.0) > 1.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decoder.imaging.panel_pictures import panel_from_file
+from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.thresholds import HAND_PX
@@ -29,10 +29,19 @@ KNOWN = Pivot((0.0, 0.0), np.zeros((2, 2)))
 AT_DEG = np.array([200.0])
 
 
+def uncertainties_of(
+    drawn: PanelPictures, *, pivot: Pivot = KNOWN, marks_px: float = 0.0, dials_move: bool = False
+) -> dict[str, QuantityUncertainty]:
+    """Of a panel whose gauges are all alike."""
+    count = len(drawn.panel.gauges)
+    return quantity_uncertainties(
+        drawn, [pivot] * count, marks_px=[marks_px] * count, care_px=0.0, dials_move=dials_move
+    )
+
+
 def uncertainty_of_speed(reader: PanelReader, *, pivot: Pivot = KNOWN, dials_move: bool = False) -> QuantityUncertainty:
     """Of a panel's first gauge, all pivots alike."""
-    pivots = [pivot] * len(reader.source.panel.gauges)
-    return quantity_uncertainties(reader.source, pivots, care_px=0.0, dials_move=dials_move)["speed_kt"]
+    return uncertainties_of(reader.source, pivot=pivot, dials_move=dials_move)["speed_kt"]
 
 
 def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() -> None:
@@ -61,8 +70,7 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
     drawn = reader_of().source.with_planes()
     squeezed = DialPlane.of(np.diag([1.0, math.cos(math.radians(view_deg)), 1.0]))
     oblique = replace(drawn, planes=(squeezed,) * len(drawn.panel.gauges))
-    known = [KNOWN] * len(drawn.panel.gauges)
-    drawn_deg = quantity_uncertainties(oblique, known, care_px=0.0, dials_move=False)["speed_kt"].drawn_deg
+    drawn_deg = uncertainties_of(oblique)["speed_kt"].drawn_deg
     hand_deg = math.degrees(HAND_PX / (sum(drawn.panel.gauges[0].radius) / 2))
     beside_deg = math.degrees(
         NEEDLE_HEIGHT_PART * math.hypot(USUAL_VIEW, math.tan(math.radians(view_deg))) / math.sqrt(2)
@@ -71,12 +79,20 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
     assert drawn_deg == pytest.approx(math.hypot(hand_deg, beside_deg), rel=1e-6)
 
 
+def test_marks_that_may_lie_elsewhere_are_doubted_by_as_much() -> None:
+    """They lie at the outer perimeter."""
+    drawn = reader_of().source
+    careful, moved = (uncertainties_of(drawn, marks_px=marks_px)["speed_kt"].drawn_deg for marks_px in (0.0, 2.0))
+
+    assert moved**2 - careful**2 == pytest.approx(math.degrees(2.0 / drawn.panel.gauges[0].radius[1]) ** 2)
+
+
 def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
     """By a part of it, the more pixels an inch has; all round, since a shadow falls anywhere."""
     folder = FIXTURES / "oblique" / "t1a_small"
     camera = parse_camera((folder / "camera.yaml").read_bytes(), source="camera.yaml")
     drawn = replace(panel_from_file(folder / "panel.yaml"), camera=camera)
-    found = quantity_uncertainties(drawn, [KNOWN] * len(drawn.panel.gauges), care_px=0.0, dials_move=False)
+    found = uncertainties_of(drawn)
     covariances = [found[name].pivot.covariance_px2 for name in ("n1_1_pct", "oil_temp_1_c")]
     first, *_, last = drawn.panel.reference_points
     px_an_inch = math.dist(first.at, last.at) / math.dist(first.inches, last.inches)
