@@ -22,6 +22,7 @@ from decoder.parallel.decoding import decoded_flight
 from decoder.parallel.worker_pool import Death, WorkerPool
 from decoder.timeseries.flight_data import FlightData
 from decoder.timeseries.flight_part import FlightPart
+from decoder.timeseries.health import health_line
 from decoder.timeseries.outliers import find_outliers
 from decoder.timeseries.truth_comparison import read_truth
 from decoder.timeseries.truth_request import TruthRequest
@@ -91,6 +92,7 @@ def _tell(sentence: str) -> None:
 def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], written: list[Path]) -> None:
     say(f"{len(data.frame)} frames, {data.time_s[-1] - data.time_s[0]:.2f} s", "")
     say(*summary_table(data).split("\n"))
+    say("", *(f"{gauge}: {health_line(findings)}" for gauge, findings in data.health.items()))
     for missing in data.missing_frames[:MOST_LISTED]:
         say(f"frame {missing.frame} missing: {missing.reason}", err=True)
     if len(data.missing_frames) > MOST_LISTED:

@@ -9,8 +9,10 @@ one centre or the other, and one hand drew them all.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
+
+import numpy as np
 
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.panel.gauge import Gauge
@@ -18,28 +20,38 @@ from decoder.panel.scale import FULL_CIRCLE_DEG
 
 # How precisely needles are drawn by an ordinary hand, and seen in the panel picture.
 ANGLE_DEG = 1.5
+# Angles are likelier before needles tell: those of a needle above its dial are right, too, and it turns elsewhere.
+PRIOR_LOG_ODDS = -3.0
 
 Seen = Sequence[tuple[float, float]]
 """Of a gauge's needles: at which angle each is drawn, and where the panel picture shows it around its pivot."""
 
 
-def log_odds_of_points(gauges: Sequence[Gauge], paths: Sequence[PivotPath], seen: Iterable[Seen]) -> float:
-    """Tell how likely a panel's marks are points that were seen from its centres, and not angles, by its needles."""
-    log_odds = 0.0
-    for gauge, path, own in zip(gauges, paths, seen, strict=True):
-        for drawn_deg, seen_deg in own:
-            moved_deg = seen_from(path.far_px, gauge.radius[1], drawn_deg) - drawn_deg
-            log_odds += log_odds_of_point(_short_way(seen_deg - drawn_deg), moved_deg)
-    return log_odds
+def log_odds_of_points(gauges: Sequence[Gauge], paths: Sequence[PivotPath], seen: Sequence[Seen]) -> float:
+    """Tell how likely a panel's marks are points that were seen from its centres, and not angles, by its needles.
+
+    Needles of gauges whose centres are right tell how precisely all of them are drawn and seen.
+    """
+    beside_deg = [
+        (path, _short_way(seen_deg - drawn_deg), seen_from(path.far_px, gauge.radius[1], drawn_deg) - drawn_deg)
+        for gauge, path, own in zip(gauges, paths, seen, strict=True)
+        for drawn_deg, seen_deg in own
+    ]
+    right_deg = [abs(off_deg) for path, off_deg, _ in beside_deg if not path.is_far]
+    spread_deg = math.hypot(ANGLE_DEG, float(np.median(right_deg)) if right_deg else 0.0)
+    return PRIOR_LOG_ODDS + sum(
+        log_odds_of_point(off_deg / spread_deg, moved_deg / spread_deg)
+        for path, off_deg, moved_deg in beside_deg
+        if path.is_far
+    )
 
 
-def log_odds_of_point(off_deg: float, moved_deg: float) -> float:
-    """Weigh a needle that is seen so far beside where it is drawn, if a point would have moved by `moved_deg`.
+def log_odds_of_point(off: float, moved: float) -> float:
+    """Weigh a needle that is seen so far beside where it is drawn, if a point would have moved by `moved`; in spreads.
 
     Errors of drawing are taken for a Cauchy distribution's: one needle that is drawn quite wrongly decides nothing.
     """
-    angle, point = (1.0 + (beside_deg / ANGLE_DEG) ** 2 for beside_deg in (off_deg, off_deg - moved_deg))
-    return math.log(angle / point)
+    return math.log((1.0 + off**2) / (1.0 + (off - moved) ** 2))
 
 
 def seen_from(offset_px: Vector, radius_px: float, angle_deg: float) -> float:

@@ -33,7 +33,7 @@ from decoder.learning.recentring import around_pivots
 from decoder.learning.seen_faces import with_seen_faces
 from decoder.learning.thresholds import MIN_SAMPLES, MISSING_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
-from decoder.matching.thresholds import REACH_PART
+from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
@@ -57,32 +57,37 @@ class FittedReader:
         By quantity: what its readings are uncertain by beyond what their frames tell.
     moved_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y).
-    far_px
-        By gauge, for those that turn far beside where their centres are drawn: how far.
     unsettled
         The gauges whose needles turn where no round had them.
+    has_points
+        Whether angles were taken for points around the centres that are drawn.
     """
 
     reader: PanelReader
     panel: Panel
     uncertainties: Mapping[str, QuantityUncertainty]
     moved_px: Mapping[str, tuple[float, float]]
-    far_px: Mapping[str, float]
     unsettled: tuple[str, ...]
+    has_points: bool
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the flight leaves wanting, a sentence each."""
-        far = tuple(
-            f"{name}: turns {far_px:.1f} px beside the centre that the panel gives, and is read around where it turns;"
-            " draw its centre there with `decode setup`, and look at its marks"
-            for name, far_px in self.far_px.items()
-        )
-        return far + tuple(
-            f"{name}: its needles turn beside the centre that the panel gives, and where was not found surely; sigma"
-            " allows for that. Is the gauge drawn right?"
-            for name in self.unsettled
-        )
+    def findings(self) -> dict[str, tuple[str, ...]]:
+        """By gauge what the fit found that its drawer should know."""
+        return {gauge.name: tuple(self._found(gauge)) for gauge in self.panel.gauges}
+
+    def _found(self, gauge: Gauge) -> Iterator[str]:
+        x, y = self.moved_px.get(gauge.name, (0.0, 0.0))
+        if gauge.name in self.unsettled:
+            yield (
+                "turns beside the drawn centre, and where was not found surely: sigma allows for that; is the gauge"
+                " drawn right?"
+            )
+        elif math.hypot(x, y) > FAR_PART * gauge.radius[1]:
+            yield (
+                f"turns {abs(x):.1f} px {'left' if x < 0 else 'right'} of and {abs(y):.1f} px"
+                f" {'above' if y < 0 else 'below'} the drawn centre, corrected"
+                f"{' with its marks' if self.has_points else ''}: draw it there with `decode setup`"
+            )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
@@ -131,8 +136,8 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) 
             for drawn, gauge, path, _ in parts
             if path.was_moved
         },
-        far_px={gauge.name: math.hypot(*path.far_px) for _, gauge, path, _ in parts if path.is_far},
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
+        has_points=log_odds > 0.0,
     )
 
 

@@ -54,12 +54,13 @@ class PivotPath:
         return replace(self, far_px=far_px, step_px=step_px)
 
     def marks_px(self, log_odds: float) -> float:
-        """Estimate by how much its moves leave marks in doubt that are points, not angles, at such odds.
+        """Estimate by how much a far move leaves marks in doubt that are points, not angles, at such odds.
 
-        They were carried along if that is more likely, and any of them, all round, may have been to no purpose.
+        They were carried along if that is more likely. A 95 % interval has to hold what they are otherwise, unless
+        that is less likely than one in twenty: a needle and a mark then lie elsewhere, each to its own side.
         """
         wrongly = 1.0 / (1.0 + math.exp(abs(log_odds)))
-        return math.sqrt(wrongly / 2) * math.hypot(*self.beside_px)
+        return math.sqrt(min(20 * wrongly, 1.0)) * math.hypot(*self.far_px)
 
     @property
     def was_moved(self) -> bool:

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import OutputError, UnitError
+from decoder.panel.units import converted, engine_stem_of, stem_of
 from decoder.timeseries.name_mapping import MappedName
 from decoder.timeseries.tables import FlightTable
-from decoder.timeseries.units import converted, engine_stem_of, stem_of
 from flight_file.frame import NS_PER_S
 from flight_file.untrusted import printable
 

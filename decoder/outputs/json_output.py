@@ -12,6 +12,7 @@ import numpy as np
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import utc_text
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
+from decoder.timeseries.health import health_line
 from decoder.timeseries.outliers import Outlier, find_outliers
 
 
@@ -54,6 +55,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "needles": {series.quantity.name: _needle(series) for series in data.series},
         "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
         "warnings": list(data.warnings),
+        "health": {gauge: health_line(findings) for gauge, findings in data.health.items()},
         "failed_anchors": data.alignments.failures(),
         "missing_frames": [
             {"first_frame": int(data.frame[first]), "last_frame": int(data.frame[last]), "reason": reason}

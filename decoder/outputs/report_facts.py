@@ -17,6 +17,7 @@ from decoder.outputs.thresholds import MOST_FLAGS, MOST_LISTED
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Quantity
 from decoder.timeseries.flight_data import AlignmentSeries, FlightData, NeedleSeries, status_counts
+from decoder.timeseries.health import health_line
 from flight_file.errors import FindingKind
 from flight_file.session import Session
 from flight_file.untrusted import printable
@@ -185,6 +186,7 @@ def alerts(data: FlightData, losses: Sequence[str], order: Order) -> list[Fact]:
     """Gather what a reader must not overlook."""
     found = [Fact("Lost:", loss, "bad") for loss in losses]
     found += [Fact("Warning:", warning, "warn") for warning in data.warnings]
+    found += [Fact(f"{gauge}:", health_line(findings), "warn") for gauge, findings in data.health.items() if findings]
     if data.part is not None:
         words = (
             f"{len(data.frame):,} of the flight's {data.part.frames_in_flight:,} frames were asked for, no others read."
@@ -251,6 +253,7 @@ def gauge_rows(source: PanelPictures, data: FlightData) -> list[dict[str, str]]:
             "shows": quantity.name,
             "unit": quantity.unit,
             "scale": _scale_text(quantity),
+            "health": health_line(data.health.get(quantity.gauge, ())),
             "moved": "{:+.2f}, {:+.2f}".format(*moved[quantity.gauge]) if quantity.gauge in moved else "-",
         }
         for quantity in source.panel.quantities

@@ -18,9 +18,9 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import forkserver, get_context, resource_tracker
 from multiprocessing.connection import wait
-from multiprocessing.context import ForkServerContext
+from multiprocessing.context import ForkServerContext, ForkServerProcess
 from types import FrameType
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from decoder.parallel.processes import ONE_EACH
 
@@ -44,6 +44,16 @@ def begin() -> ForkServerContext:
     return context
 
 
+class _RememberingContext(ForkServerContext):
+    """Knows the process that was last made in it, which may have died before anybody can look for it."""
+
+    made: ForkServerProcess
+
+    def Process(self, *arguments: Any, **options: Any) -> ForkServerProcess:  # type: ignore[override]  # noqa: N802, ANN401
+        self.made = ForkServerProcess(*arguments, **options)
+        return self.made
+
+
 class WorkerProcess:
     """A process that does one thing after another.
 
@@ -52,11 +62,12 @@ class WorkerProcess:
     """
 
     def __init__(self) -> None:
-        before = {child.pid for child in multiprocessing.active_children()}
+        begin()
+        context = _RememberingContext()
         with interrupts_held():  # interrupted here, the new process would wait for the rest of what it is to do
-            self._pool = ProcessPoolExecutor(1, begin(), _begin_worker)
+            self._pool = ProcessPoolExecutor(1, context, _begin_worker)
             self._pool.submit(_clean_up_when_told)  # starts it
-        self._process = next(child for child in multiprocessing.active_children() if child.pid not in before)
+        self._process = context.made
 
     def submit(self, work: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> Future[R]:
         """Have it call a function; raises BrokenProcessPool if the process has ended."""

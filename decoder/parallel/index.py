@@ -26,6 +26,7 @@ from decoder.parallel.flights import FleetFlight
 from decoder.parallel.store import MARKER, Stamp, join, working_folder
 from decoder.parallel.stores import store_of
 from decoder.timeseries.flight_data import STATUSES, status_counts
+from decoder.timeseries.health import health_line
 from flight_file.untrusted import from_cell, printable, to_cell
 
 JOINED = " | "  # between several texts in one field
@@ -112,7 +113,9 @@ def decoded_outcome(flight: FleetFlight, decoded: Decoded, outputs: list[str]) -
         **totals,
         missing_frames=len(data.missing_frames),
         losses=JOINED.join(provenance.losses),
-        warnings=JOINED.join(data.warnings),
+        warnings=JOINED.join(
+            [*data.warnings, *(f"{gauge}: {health_line(found)}" for gauge, found in data.health.items() if found)]
+        ),
         outputs=JOINED.join(outputs),
         flight_files=JOINED.join(flight.addresses),
         sha256=JOINED.join(file.sha256 for file in provenance.flight_files),

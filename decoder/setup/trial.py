@@ -51,12 +51,15 @@ class Trial:
     ----------
     moved_px
         How far from its drawn centre its needles really turn.
+    findings
+        What `decode` would say of it in the gauge's health line, if this were its flight; nothing if it is drawn well.
     axes_deg
         How far the axis of each needle, as all frames together show it, lies from where it is drawn.
     """
 
     frames: tuple[FrameTrial, ...]
     moved_px: tuple[float, float] | None
+    findings: tuple[str, ...]
     axes_deg: Mapping[str, float]
 
 
@@ -91,7 +94,7 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
             raise Superseded
         found.append(_frame(fitted.reader, index, frame, scales))
     axes_deg = _axes_deg(fitted.reader) if len(frames) > 1 else {}
-    return Trial(tuple(found), fitted.moved_px.get(gauge.name), axes_deg)
+    return Trial(tuple(found), fitted.moved_px.get(gauge.name), fitted.findings[gauge.name], axes_deg)
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:

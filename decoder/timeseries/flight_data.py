@@ -160,6 +160,8 @@ class FlightData:
         N: where the panel lay in each frame; empty if nobody kept it.
     warnings
         What the panel leaves wanting, a sentence each.
+    health
+        By gauge what is to be said of how it is drawn and read, see `decoder.timeseries.health`; nothing if it is well.
     part
         Which frames of the flight these are; None if they are all.
     """
@@ -172,6 +174,7 @@ class FlightData:
     moved_pivots_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     alignments: AlignmentSeries = field(default_factory=AlignmentSeries)
     warnings: tuple[str, ...] = ()
+    health: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     part: FlightPart | None = None
 
     @property

@@ -9,14 +9,13 @@ from dataclasses import replace
 from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
-from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_sample import FlightSample
 from decoder.panel.errors import FlightUnreadable
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.gaps import fill_gaps
-from decoder.timeseries.thresholds import HARDLY_READ_PART
+from decoder.timeseries.health import gauge_health
 from flight_file.frame import Frame
 from flight_file.reader import Flight
 
@@ -68,21 +67,11 @@ def decode_flight(
         frames += len(batch)
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
-    data = builder.build(fitted.sigma_deg)
-    warnings = (*reader.warnings, *fitted.warnings, *_hardly_read(data))
-    return fill_gaps(replace(data, moved_pivots_px=fitted.moved_px, warnings=warnings, part=part))
-
-
-def _hardly_read(data: FlightData) -> Iterator[str]:
-    """Name what was read in few of the frames that show the panel."""
-    shown = len(data.frame) - len(data.missing_frames)
-    for series in data.series:
-        read = int(series.has(Status.READ, Status.EDGE, Status.HIDDEN).sum())
-        if read < HARDLY_READ_PART * shown:
-            yield (
-                f"{series.quantity.name}: read in {read} of {shown} frames that show the panel; check its gauge with"
-                " `decode setup`, or draw it on a picture in which nothing is printed behind what moves"
-            )
+    built = replace(
+        builder.build(fitted.sigma_deg), moved_pivots_px=fitted.moved_px, warnings=reader.warnings, part=part
+    )
+    data = fill_gaps(built)
+    return replace(data, health=gauge_health(data, fitted.findings))
 
 
 def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:

@@ -17,10 +17,10 @@ import numpy as np
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import UnitError
 from decoder.panel.scale import shortest
+from decoder.panel.units import converted, engine_stem_of, stem_of
 from decoder.timeseries.accuracy import truth_at
 from decoder.timeseries.tables import Described, FlightTable, Table
 from decoder.timeseries.thresholds import NEEDED_PART
-from decoder.timeseries.units import converted, engine_stem_of, stem_of
 
 FAA = "14 CFR 135 App. C"
 EASA = "EASA AMC5 CAT.IDE.A.190"

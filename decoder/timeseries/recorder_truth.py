@@ -9,10 +9,10 @@ import numpy as np
 
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError, TableError
+from decoder.panel.units import converted
 from decoder.timeseries.name_mapping import MappedName
 from decoder.timeseries.tables import FlightTable, Table, times_ns
 from decoder.timeseries.truth_request import TIME_COLUMN
-from decoder.timeseries.units import converted
 
 DAY_S = 86400.0
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)")

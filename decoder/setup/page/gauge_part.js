@@ -24,10 +24,16 @@ export function gaugePart(store, live, heading) {
     };
   }
 
+  // What the decoder would say of the gauge, where nothing better is offered.
+  function health(index) {
+    const { findings } = live.resultOf(index) || {};
+    return findings?.length ? h("div", { class: "card offer small", id: "health" }, ...findings.map((each) => h("p", {}, `The gauge ${each}.`))) : null;
+  }
+
   // Where the needles turn according to the flight, and what to make of it.
   function pivot(gauge, index) {
     const { moved, height } = live.resultOf(index) || {};
-    if (!moved || Math.hypot(...moved) < LEAST_MOVE_PX) return null;
+    if (!moved || Math.hypot(...moved) < LEAST_MOVE_PX) return health(index);
     const words = `The needle turns ${rounded(Math.abs(moved[0]))} px ${moved[0] < 0 ? "left" : "right"}, ${rounded(Math.abs(moved[1]))} px ${moved[1] < 0 ? "above" : "below"} of there`;
     const card = (...parts) => h("div", { class: "card offer small" }, ...parts);
     if (height) {

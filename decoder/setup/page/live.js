@@ -100,7 +100,7 @@ export class Live {
     const all = result.frames.flatMap((frame) => (frame.needles.length ? frame.needles : [{ status: "missing", score: 0 }]));
     const read = all.filter(({ status }) => status !== "missing");
     const sure = read.every(({ score }) => score >= GOOD_SCORE);
-    const dot = read.length === all.length && sure ? "good" : read.length > all.length / 2 ? "warn" : "bad";
+    const dot = read.length === all.length && sure && !result.findings.length ? "good" : read.length > all.length / 2 ? "warn" : "bad";
     return { dot, count: `${read.length}/${all.length}` };
   }
 }

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decoder.panel.errors import UnitError
+from decoder.panel.units import UNITS, converted
 from decoder.timeseries.flight_part import NS_PER_DAY, NS_PER_S, typed_time
-from decoder.timeseries.units import UNITS, converted
 
 
 @pytest.mark.parametrize(

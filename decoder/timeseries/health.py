@@ -1,0 +1,73 @@
+"""How well each gauge of a panel is drawn and read in a flight, in words: what people are to draw anew, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.instruments.reading import Status
+from decoder.panel.arrays import Floats
+from decoder.panel.scale import Combination, shortest
+from decoder.timeseries.flight_data import FlightData, NeedleSeries
+from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, HARDLY_READ_PART
+
+WELL = "drawn well"
+
+
+def gauge_health(data: FlightData, fitted: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """Gather by gauge what is to be said of it; nothing of one that is drawn and read well.
+
+    Parameters
+    ----------
+    fitted
+        By gauge what the fit to the flight found.
+    """
+    found = {series.quantity.gauge: list(fitted.get(series.quantity.gauge, ())) for series in data.series}
+    shown = len(data.frame) - len(data.missing_frames)
+    together = {combination.quantity.name for combination in data.combinations}
+    for series in data.series:
+        if series.quantity.name not in together:
+            found[series.quantity.gauge] += _of_series(series, shown)
+    for combination in data.combinations:
+        found[combination.quantity.gauge] += _contradictions(data, combination)
+    return {gauge: tuple(findings) for gauge, findings in found.items()}
+
+
+def health_line(findings: Sequence[str]) -> str:
+    """Say it in a line."""
+    return "; ".join(findings) or WELL
+
+
+def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
+    """Say of one needle whether it is read at all, and whether the flight could teach what it looks like."""
+    name, is_seen = series.quantity.name, _is_seen(series)
+    seen = int(is_seen.sum())
+    if seen < HARDLY_READ_PART * shown:
+        yield (
+            f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it on a"
+            " picture in which nothing is printed behind what moves"
+        )
+    elif seen > 1 and not _moves(series.value[is_seen], series.sigma[is_seen], series.quantity.wraps):
+        yield f"{name} never moves: the flight tells nothing of its scale or its centre"
+
+
+def _is_seen(series: NeedleSeries) -> NDArray[np.bool_]:
+    return series.has(Status.READ, Status.EDGE, Status.HIDDEN)
+
+
+def _moves(values: Floats, sigmas: Floats, wraps: float | None) -> bool:
+    """Whether values go further than each of them may be off."""
+    off = np.abs(shortest(values - values[0], wraps))
+    return bool(off.max() > CONFIDENCE_SIGMAS * np.median(sigmas))
+
+
+def _contradictions(data: FlightData, combination: Combination) -> Iterator[str]:
+    """Say whether pointers that count for each other agree."""
+    (whole,) = (series for series in data.series if series.quantity.name == combination.quantity.name)
+    parts = [series for series in data.series if series.quantity.name in combination.parts]
+    apart = ~_is_seen(whole) & np.all([part.has(Status.READ) for part in parts], axis=0)
+    count, name = int(apart.sum()), combination.quantity.name
+    if count:
+        yield f"its pointers contradict each other in {count} frames, where {name} is not read"

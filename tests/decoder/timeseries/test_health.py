@@ -1,0 +1,96 @@
+"""What is said of each gauge: drawn well, or in words what to draw anew and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from decoder.instruments.reading import Status
+from decoder.panel.scale import Combination, Quantity
+from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries
+from decoder.timeseries.flight_decoder import decode_flight
+from decoder.timeseries.health import gauge_health, health_line
+from fixtures.recordings import record_flight
+from flight_file.reader import open_flight
+from tests.decoder.cockpit import DOCUMENT, PANEL_ANGLES_DEG, angles_of, draw, reader_of
+
+FRAMES = 12
+
+
+def decoded(folder: Path, shown: int) -> FlightData:
+    """A flight whose first frames show all needles, and the others no speed."""
+    pictures = []
+    for seed in range(FRAMES):
+        hands = angles_of(seed)
+        if seed >= shown:
+            del hands["speed_kt"]
+        pictures.append(folder / f"{seed:02}.jpg")
+        cv2.imwrite(str(pictures[-1]), draw(hands, noise=2.0, seed=seed), [cv2.IMWRITE_JPEG_QUALITY, 95])
+    (folder / "panel.yaml").write_text(yaml.safe_dump(DOCUMENT), encoding="utf-8")
+    cv2.imwrite(str(folder / "panel.png"), draw(PANEL_ANGLES_DEG))
+    record_flight(pictures, folder / "panel.yaml", folder / "flight.mcap")
+    return decode_flight(open_flight([folder / "flight.mcap"]), reader_of(), lambda frames: frames)
+
+
+@pytest.mark.parametrize("shown", [FRAMES, 4])
+def test_value_that_few_frames_show_is_named(tmp_path: Path, shown: int) -> None:
+    """It is named with how often it was read; one that is read as a rule is not."""
+    data = decoded(tmp_path, shown)
+    (speed,) = (series for series in data.series if series.quantity.name == "speed_kt")
+    named = [each for found in data.health.values() for each in found if "is read in" in each]
+
+    assert int(speed.has(Status.READ, Status.EDGE).sum()) <= shown
+    assert [each.split()[0] for each in named] == (["speed_kt"] if shown < FRAMES else [])
+    assert set(data.health) == {gauge["name"] for gauge in DOCUMENT["gauges"]}
+
+
+def series_of(
+    values: Sequence[float], *, wraps: float | None = None, name: str = "a", missing: int = 0
+) -> NeedleSeries:
+    """A needle that is seen at these values, each to a tenth, but for the last ones."""
+    turn = ((0.0, 0.0), (360.0, 100.0))
+    quantity = Quantity(name, "dial", "", turn, wraps, None, None)
+    status = np.full(len(values), CODE[Status.READ], np.uint8)
+    status[len(values) - missing :] = CODE[Status.MISSING]
+    shown = np.array(values, float)
+    return NeedleSeries(quantity, status, shown, np.full(len(values), 0.1), np.ones(len(values)), shown)
+
+
+def flight_of(*series: NeedleSeries, combinations: tuple[Combination, ...] = ()) -> FlightData:
+    """A flight with these, all frames of which show the panel."""
+    frames = np.arange(len(series[0].value))
+    return FlightData(frames, frames * 10**9, series, (), combinations)
+
+
+@pytest.mark.parametrize(
+    ("values", "wraps", "moves"),
+    [([5.0, 5.1, 4.95], None, False), ([5.0, 6.0, 5.0], None, True), ([99.95, 0.02, 0.1], 100.0, False)],
+)
+def test_needle_that_never_moves_is_named(values: list[float], wraps: float | None, moves: bool) -> None:  # noqa: FBT001
+    """It moves if its values go further than each of them may be off, the short way round."""
+    (findings,) = gauge_health(flight_of(series_of(values, wraps=wraps)), {}).values()
+
+    assert [each.split(":")[0] for each in findings] == ([] if moves else ["a never moves"])
+
+
+def test_pointers_that_contradict_each_other_are_named() -> None:
+    """Where each is read, and what they show together is not."""
+    parts = [series_of([1, 2, 3, 4], name="fine"), series_of([10, 20, 30, 40], name="coarse")]
+    both = series_of([1, 2, 3, 4], name="both", missing=2)
+    combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
+    (findings,) = gauge_health(flight_of(*parts, both, combinations=(combination,)), {}).values()
+
+    assert findings == ("its pointers contradict each other in 2 frames, where both is not read",)
+
+
+def test_gauge_of_which_nothing_is_to_be_said_is_drawn_well() -> None:
+    """What the fit found stands first."""
+    data = flight_of(series_of([1, 2, 3]))
+
+    assert health_line(gauge_health(data, {})["dial"]) == "drawn well"
+    assert health_line(gauge_health(data, {"dial": ("turns elsewhere",)})["dial"]) == "turns elsewhere"
