@@ -43,6 +43,8 @@ from decoder.registration.placement import Pivot, Placement
 ROUNDS = 8
 # The nearer a needle is cut to its pivot, the more surely that is found.
 FAR_ROUNDS = 3
+# The odds of what nothing speaks for.
+NO_POINTS = -math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +122,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) 
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
+    care = care_px(paths, pivots)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
         reader=_completed(last, pivots),
@@ -127,8 +130,8 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) 
         uncertainties=quantity_uncertainties(
             source,
             pivots,
-            marks_px=[path.marks_px(log_odds) for path in paths],
-            care_px=care_px(paths, pivots),
+            marks_px=[path.marks_px(log_odds, care) for path in paths],
+            care_px=care,
             dials_move=last.reader.placement.dials_move,
         ),
         moved_px={
@@ -185,7 +188,7 @@ def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sampl
     drawn = reader.source.panel.gauges
     paths = [PivotPath()] * len(drawn)
     if len(samples) < MIN_SAMPLES:
-        return _Recentred(reader, samples, paths, 0.0)
+        return _Recentred(reader, samples, paths, NO_POINTS)
     for _ in range(FAR_ROUNDS):
         paths = [
             path if path.is_found else path.from_afar(kind_of(gauge).far_pivot(*seen), REACH_PART * gauge.radius[1])
@@ -196,7 +199,7 @@ def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sampl
         reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     if not any(path.is_far for path in paths):
-        return _Recentred(reader, samples, paths, 0.0)
+        return _Recentred(reader, samples, paths, NO_POINTS)
     seen_deg = [kind_of(gauge).seen_deg(*seen) for gauge, seen in zip(drawn, _seen(reader, samples), strict=True)]
     log_odds = log_odds_of_points(drawn, paths, seen_deg)
     told = seen_from_pivots(drawn, paths, log_odds)

@@ -53,14 +53,16 @@ class PivotPath:
             return replace(self, is_found=True, step_px=None)
         return replace(self, far_px=far_px, step_px=step_px)
 
-    def marks_px(self, log_odds: float) -> float:
-        """Estimate by how much a far move leaves marks in doubt that are points, not angles, at such odds.
+    def marks_px(self, log_odds: float, care_px: float) -> float:
+        """Estimate how far marks may be off that are points, not angles, at such odds, and seen from elsewhere.
 
-        They were carried along if that is more likely. A 95 % interval has to hold what they are otherwise, unless
-        that is less likely than one in twenty: a needle and a mark then lie elsewhere, each to its own side.
+        They were carried along if that is more likely, unless it is not known from where: then the gauge is drawn as
+        carelessly as the others. A 95 % interval has to hold what they are otherwise, unless that is less likely than
+        one in twenty: a needle and a mark then lie elsewhere, each to its own side.
         """
-        wrongly = 1.0 / (1.0 + math.exp(abs(log_odds)))
-        return math.sqrt(min(20 * wrongly, 1.0)) * math.hypot(*self.far_px)
+        beside_px = math.hypot(*self.beside_px) if self.was_moved else care_px
+        wrongly = (1.0 - math.tanh(abs(log_odds) / 2)) / 2 if self.was_moved else (1.0 + math.tanh(log_odds / 2)) / 2
+        return math.sqrt(min(20 * wrongly, 1.0)) * beside_px
 
     @property
     def was_moved(self) -> bool:

@@ -96,7 +96,7 @@ def drawn_needles_deg(
 
 def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
     """Search for the pivot of a card, as `needle_pivot`: around it frames show the same card, only turned."""
-    strips = _spread(strips, MOST_CARD_FRAMES)
+    strips = _spread(_turned_elsewhere(strips), MOST_CARD_FRAMES)
     radius_px = float(grid.radii_px[-1])
     # What turns with it is to be seen all round.
     reach_px = min(REACH_PART * radius_px, (radius_px - grid.inner_px) / 3)
@@ -122,6 +122,14 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
     if found is None:
         return None
     return _finest(score_in(FINE_ROW_DEG, 2 * COLUMNS), np.array(found), LAST_STEP_PART * radius_px / 2)
+
+
+def _turned_elsewhere(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
+    """Leave out frames that look as most do: they show what does not turn, and a card that stands as it mostly does."""
+    if not strips:
+        return []
+    mostly = median_of(np.stack(strips))
+    return [strip for strip in strips if float(np.square(strip - mostly).mean()) > NOISE_LEVELS**2]
 
 
 def _finest(score: Score, offset_px: Floats, step_px: float) -> Vector:
