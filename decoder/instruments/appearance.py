@@ -28,6 +28,11 @@ class CardPicture:
     card: UnwrappedGauge
     weights: UnwrappedGauge
 
+    @property
+    def is_learned(self) -> bool:
+        """Whether a flight told the card from what stands still over it."""
+        return bool((self.weights < 1.0).any())
+
 
 LearnedPicture = Any
 """What a kind learns of a quantity beside a dial's face and templates; only that kind understands it."""

@@ -13,7 +13,7 @@ or an aircraft symbol, is smeared out by that and shows where the frames differ 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -32,6 +32,7 @@ from decoder.instruments.thresholds import (
     MAX_CONDITION,
     MIN_TURN_DEG,
     STILL_ROWS,
+    SURE_SCORE,
 )
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import (
@@ -43,7 +44,7 @@ from decoder.matching.thresholds import (
 )
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.placement import PRIOR_PX, UNKNOWN, Pivot
 
 FIT_STEPS = 3
@@ -52,6 +53,7 @@ RIVAL_REACH_DEG = 8.0
 EDGE_ROWS = 2
 ROUNDS = 3
 MORE_STARTS = 4
+WAYS = 4
 # Waves to a turn: light on a dial has as many at most, and marks have more. On strangers' compass 2 and 12 read alike.
 SHADING_WAVES = 4
 
@@ -96,12 +98,24 @@ class CardReader:
 
     def turn(self, unwrapped: UnwrappedGauge) -> Turn:
         """Tell how far the card has turned from where it lies in the panel picture."""
-        seen = evenly_lit(unwrapped, self._grid)
+        return self.lit_turn(evenly_lit(unwrapped, self._grid))
+
+    def lit_turn(self, seen: Floats) -> Turn:
+        """As `turn`, of one turn of the dial, (P, C), without the light on it."""
         scores = self._scores(seen)
         best = int(scores.argmax())
         row, sigma_rows, score = self._fitted(seen, float(best))
         alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(float(scores[best]), 1.0) ** 2)
         return Turn(row, sigma_rows, score, alone)
+
+    def likely_rows(self, seen: Floats, count: int) -> list[int]:
+        """List the turns at which one turn of a dial (P, C) matches best, the best first."""
+        scores, reach = self._scores(seen), round(RIVAL_REACH_DEG / self._grid.step_deg)
+        found: list[int] = []
+        while len(found) < count:
+            found.append(int(scores.argmax()))
+            scores[np.arange(found[-1] - reach, found[-1] + reach + 1) % len(scores)] = -1.0
+        return found
 
     def pivot(self, strips: Sequence[UnwrappedGauge]) -> Pivot:
         """Estimate where the card turns, relative to where it is unwrapped, from F frames (R, C).
@@ -159,7 +173,9 @@ class CardReader:
         turn = self.turn(strip)
         angle_deg = self._index_deg - turn.rows * self._grid.step_deg
         angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
-        status = Status.READ if turn.score >= SCORE_THRESHOLD and turn.is_alone else Status.MISSING
+        # Of a card that the flight did not teach, what stands still over it may match as well as the card does.
+        least = SCORE_THRESHOLD if self._picture.is_learned else SURE_SCORE
+        status = Status.READ if turn.score >= least and turn.is_alone else Status.MISSING
         return Reading(status, angle_deg, turn.sigma_rows * self._grid.step_deg, turn.score)
 
     def _scores(self, seen: Floats) -> Floats:
@@ -257,32 +273,75 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
     """Return the card from frames (R, C) in the panel picture's light; as it was given if they do not tell.
 
     From the card of the panel picture frames that are turned far from it may be taken for others that look alike, and
-    what is learned then is no card: it must match the panel picture at one place only. If it does not, learning starts
-    from the card of a frame instead.
+    what is learned then is no card, or one that is printed twice. It must match the panel picture at one place only;
+    where frames looked alike at several, each is tried, and one must explain all frames clearly better than the others.
+    If none does, learning starts from the card of a frame instead.
     """
-    others = (CardPicture(evenly_lit(strips[index], grid), given.weights) for index in _apart(len(strips), MORE_STARTS))
+    lit = [evenly_lit(strip, grid) for strip in strips]
+    others = (CardPicture(lit[index], given.weights) for index in _apart(len(lit), MORE_STARTS))
     for start in chain([given], others):
-        known = _learned_from(start, gauge, grid, strips)
+        known = clearest(
+            [_learned_from(each, gauge, grid, lit) for each in _ways(start, gauge, grid, lit)], grid.step_deg
+        )
         if known is None:
             continue
-        off = CardReader(gauge, grid, known).turn(given.card)
+        off = CardReader(gauge, grid, known).lit_turn(given.card)
         if off.score >= LIKELY_SCORE and off.is_alone:
             return CardPicture(turned(known.card, off.rows), known.weights)
     return given
 
 
-def _learned_from(
-    known: CardPicture, gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]
-) -> CardPicture | None:
+def _ways(start: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Floats]) -> Iterator[CardPicture]:
+    """Give what a card may be as the frame that is least like it tells, turned back by each turn at which it may be."""
+    yield start
+    reader = CardReader(gauge, grid, start)
+    least = min(lit, key=lambda seen: reader.lit_turn(seen).score, default=None)
+    if least is None or reader.lit_turn(least).is_alone:
+        return
+    for rows in reader.likely_rows(least, WAYS):
+        yield CardPicture((start.card + turned(least, -rows)) / 2, start.weights)
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """A card, by how many rows frames are turned from it, and what of their variance it leaves unexplained."""
+
+    picture: CardPicture
+    rows: Floats
+    unexplained: float
+
+    def agrees(self, other: Learned, step_deg: float) -> bool:
+        """Whether both turn all frames alike, with rows of so many degrees."""
+        apart = (self.rows - other.rows) * step_deg
+        apart = apart - apart[0]
+        return np.allclose(shortest(apart, FULL_CIRCLE_DEG), 0.0, atol=RIVAL_REACH_DEG)
+
+
+def clearest(learned: Sequence[Learned | None], step_deg: float) -> CardPicture | None:
+    """Return the card that explains frames clearly better than those that turn them otherwise; None if none does.
+
+    A row of the cards is so many degrees.
+    """
+    found = sorted((each for each in learned if each is not None), key=lambda each: each.unexplained)
+    rivals = [each for each in found[1:] if not each.agrees(found[0], step_deg)]
+    if not found or (rivals and rivals[0].unexplained < CLEARLY_WORSE * found[0].unexplained):
+        return None
+    return found[0].picture
+
+
+def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Floats]) -> Learned | None:
     """Learn the card in some rounds, at any turn; None where too few frames match, or the card hardly turns."""
     for _ in range(ROUNDS):
         reader = CardReader(gauge, grid, known)
-        found = [(evenly_lit(strip, grid), reader.turn(strip)) for strip in strips]
+        found = [(seen, reader.lit_turn(seen)) for seen in lit]
         views = [(seen, turn.rows) for seen, turn in found if turn.score >= LIKELY_SCORE]
         if len(views) < FRAMES_TO_LEARN or _spread_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
             return None
         known = _learned(views)
-    return known
+    reader = CardReader(gauge, grid, known)
+    turns = [reader.lit_turn(seen) for seen in lit]
+    unexplained = float(np.mean([1.0 - turn.score**2 for turn in turns]))
+    return Learned(known, np.array([turn.rows for turn in turns]), unexplained)
 
 
 def _apart(count: int, wanted: int) -> list[int]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.appearance import CardPicture
+from decoder.instruments.card import Learned, clearest
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
@@ -110,6 +113,40 @@ def test_what_stands_still_is_not_guessed_around(first: PanelReader, turn_deg: f
     status, off, _ = off_deg(first, draw(turn_deg, 9), turn_deg)
 
     assert status is Status.MISSING or off < 0.5
+
+
+@pytest.mark.parametrize("turn_deg", [60.0, 100.0, 160.0, 280.0])
+def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
+    """Most of what is seen stands still and the flight shows two turns only: no heading is read that is not there."""
+
+    def over(canvas: Canvas) -> None:
+        canvas.bar(20, (-60, 60), (9, 9), 220)
+        for mark in range(12):
+            canvas.bar(mark * 30, (66, 74), (2, 2), 230)
+
+    frames = [draw(PANEL_TURN_DEG if seed < 9 else turn_deg, 500 + seed, over) for seed in range(16)]
+    fitted = fit_to_flight(reader_for([CARD], draw(PANEL_TURN_DEG, 1, over)), lambda _: frames).reader
+    status, off, _ = off_deg(fitted, draw(turn_deg, 7, over), turn_deg)
+    own_status, own_off, _ = off_deg(fitted, draw(PANEL_TURN_DEG, 8, over), PANEL_TURN_DEG)
+
+    assert status is Status.MISSING or off < 0.5
+    assert (own_status, own_off < 0.5) == (Status.READ, True)
+
+
+def learned(rows: Sequence[float], unexplained: float) -> Learned:
+    """A card of which nothing else counts."""
+    blank = np.ones((2, 2), np.float32)
+    return Learned(CardPicture(blank * unexplained, blank), np.array(rows), unexplained)
+
+
+def test_card_is_the_one_that_explains_frames_clearly_better_than_any_other() -> None:
+    """Cards that turn all frames alike are one; a second that leaves little more unexplained makes both doubtful."""
+    step_deg = 0.5
+    best, same, other = learned([0, 100, 719], 0.01), learned([90, 189, 90], 0.011), learned([0, 280, 719], 0.1)
+
+    assert clearest([other, None, same, best], step_deg) is best.picture
+    assert clearest([best, replace(other, unexplained=0.015)], step_deg) is None
+    assert clearest([None], step_deg) is None
 
 
 @pytest.mark.parametrize("turn_deg", [25.0, 133.0, 271.0])
