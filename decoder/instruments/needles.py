@@ -16,7 +16,7 @@ import numpy as np
 
 from decoder.imaging.unwrapping import opposite_rows
 from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.pairs import TouchingPair
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.stack import StackReader

@@ -16,7 +16,7 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance
 from decoder.instruments.kinds import InstrumentReaders
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.needle_lines import with_lines_checked
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples

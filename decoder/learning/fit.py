@@ -15,7 +15,7 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.kinds import kind_of
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.panel_reader import PanelReader, unwrapped
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.instruments.frame_batch import ReadBatches, read_here
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.learning.fit import reader_from_panel
 from decoder.outputs.csv_output import utc_text
 from decoder.outputs.formats import Decoded, planned_files

@@ -13,7 +13,7 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import PolarGrid, Unwrapper
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel

@@ -9,7 +9,7 @@ import pytest
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.pictures import FramePicture, grey_picture
 from decoder.instruments.frame_batch import Batch, batches
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from flight_file.reader import open_flight

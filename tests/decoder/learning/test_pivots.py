@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.needle_lines import Tilt, pivot_of_tilts, with_lines_checked
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decoder.imaging.panel_pictures import panel_from_attachments
-from decoder.instruments.method import Method
+from decoder.panel.method import Method
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.attachments import CAMERA_FILE
