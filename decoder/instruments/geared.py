@@ -9,8 +9,8 @@ much better with hands that do not go together, makes the value doubtful.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -20,9 +20,7 @@ from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.stack import all_above, without_dial
 from decoder.instruments.thresholds import (
-    CLEAR_SCORE,
     CLEARLY_WORSE,
-    LIKELY_SCORE,
     SURE_SCORE,
 )
 from decoder.matching.correlation import partial_normxcorr
@@ -33,7 +31,7 @@ from decoder.matching.searching import COARSE_STEP, thinned
 from decoder.matching.thresholds import HALF, MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Scale, in_turn, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn, shortest
 
 # So many directions of the finest hand are tried, each with so many numbers of turns, and with the others anywhere.
 DIRECTIONS, TURNS, ANYWHERE = 6, 8, 2
@@ -61,12 +59,14 @@ class Gearing:
         What a turn of each hand is worth.
     """
 
-    def __init__(self, gauge: Gauge, combination: Combination) -> None:
+    def __init__(self, gauge: Gauge) -> None:
+        combination = gauge.combination
+        assert combination is not None  # noqa: S101 - the kind owns no other gauges
         quantities = {quantity.name: quantity for quantity in gauge.quantities}
         parts = [quantities[name] for name in combination.parts]
         self._scales = [Scale.of(part.marks, part.wraps) for part in parts]
         self.turns = [part.wraps or 0.0 for part in parts]
-        self.names = combination.parts
+        self.names, self.name = combination.parts, combination.quantity.name
         self._tolerance, self._quantity = combination.tolerance, combination.quantity
 
     @property
@@ -123,6 +123,32 @@ class Gearing:
         return Reading(status, (value - self._quantity.lowest) * slope, sigma * slope, score)
 
 
+def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
+    """Return the value that hands tell which were read one by one; its score is not a number where they contradict."""
+    gearing = Gearing(gauge)
+    hands = [readings[name] for name in gearing.names]
+    score = min(hand.score for hand in hands)
+    if any(hand.status is Status.MISSING for hand in hands):
+        return Reading(Status.MISSING, np.nan, np.inf, score)
+    angles_deg, sigmas_deg = (np.array([getattr(hand, name) for hand in hands]) for name in ("angle_deg", "sigma_deg"))
+    value = gearing.counted(angles_deg)
+    if not gearing.agrees(value, angles_deg, sigmas_deg, np.ones(len(hands), bool)):
+        return Reading(Status.MISSING, np.nan, np.inf, np.nan)
+    return gearing.reading(hands[0].status, value, gearing.sigma(0, angles_deg, sigmas_deg), score)
+
+
+def as_finest(gauge: Gauge, readings: Mapping[str, Reading]) -> dict[str, Reading]:
+    """Return the value that a gauge's hands tell, if they do, no surer than the finest of them was read."""
+    if gauge.combination is None:
+        return {}
+    name, finest = gauge.combination.quantity.name, readings[gauge.combination.parts[0]]
+    value, gearing = readings[name], Gearing(gauge)
+    if value.status is not Status.READ or finest.status is not Status.EDGE:
+        return {}
+    sigma_deg = max(value.sigma_deg, finest.sigma_deg * gearing.turns[0] / gearing.turn)
+    return {name: replace(value, status=Status.EDGE, sigma_deg=sigma_deg)}
+
+
 @dataclass(frozen=True, slots=True)
 class _Guesses:
     """M ways to explain one frame: the hands' rows, (M, K), and their values, (M,), NaN where they do not go together."""
@@ -157,13 +183,13 @@ class _Placed:
 class GearedReader:
     """Reads the hands of one gauge, all of which tell one value."""
 
-    def __init__(self, needles: Sequence[Needle], gauge: Gauge, combination: Combination) -> None:
+    def __init__(self, needles: Sequence[Needle]) -> None:
         grid, names = needles[0].grid, [needle.name for needle in needles]
-        self.gearing = Gearing(gauge, combination)
+        self.gearing = Gearing(needles[0].gauge)
         self._grid: PolarGrid = grid
         self._turn = round(FULL_CIRCLE_DEG / grid.step_deg)
         self._first = (grid.rows - self._turn) // 2
-        self._columns = [names.index(name) for name in combination.parts]
+        self._columns = [names.index(name) for name in self.gearing.names]
         own = [needles[column] for column in self._columns]
         self._reach_rows = np.array([each.half_width_rows + MAX_PEAK_ROWS for each in own])
         self._templates = [without_dial(each.template, grid) for each in own]
@@ -174,6 +200,16 @@ class GearedReader:
         self._whole_face, face = needles[0].face, self._once_around(needles[0].face)
         layers = [self._templates[hand] for hand in self._order]
         self._thin, self._dial = LayeredDial(face, layers, COARSE_STEP), LayeredDial(face, layers)
+
+    @property
+    def name(self) -> str:
+        """Of the value."""
+        return self.gearing.name
+
+    @property
+    def share(self) -> float:
+        """What part of the value's circle one of the finest hand's is."""
+        return self.gearing.turns[0] / self.gearing.turn
 
     def read(self, strips: Floats) -> Together:
         """Find the hands on a gauge in F frames, (F, R, C) float32, in the panel's order, and their value."""
@@ -242,7 +278,7 @@ class GearedReader:
         there = scores[around % len(scores)] - STRAY_COST * np.minimum((around - middle[:, None]) / slack, 1.0) ** 2
         best = there.argmax(axis=1)
         every = np.arange(len(rows))
-        place = _refined(scores, around[every, best] % len(scores)) / COARSE_STEP
+        place = _refined(scores, _climbed(scores, around[every, best] % len(scores))) / COARSE_STEP
         stray = np.clip(shortest(place - middle, len(scores)), -slack, slack)
         return COARSE_STEP * (middle + stray), there[every, best]
 
@@ -254,7 +290,8 @@ class GearedReader:
         geared = int(np.where(guesses.is_geared, left, np.inf).argmin())
         free = int(np.where(guesses.is_geared, np.inf, left).argmin())
         worse = float(times_worse(seen, pictures[free], pictures[[geared]])[0])
-        return free if worse > CLEARLY_WORSE else geared
+        apart = np.abs(shortest(guesses.rows[free] - guesses.rows[geared], self._turn)) > self._reach_rows
+        return free if apart.any() and worse > CLEARLY_WORSE else geared
 
     def _settled(self, dials: Floats, rows: Floats) -> list[_Placed]:
         """Fit all hands in F frames, from rows (F, K) on, each given the others, from the uppermost down."""
@@ -305,21 +342,23 @@ class GearedReader:
         )
         shows = np.array([bool(own.shows) for own in placed])
         guessed, value = guesses.rows[best], float(guesses.values[best])
-        is_there = np.abs(shortest(guesses.rows - guessed, self._turn)) <= self._reach_rows
+        off_rows = np.abs(shortest(guesses.rows - guessed, self._turn))
+        is_there, is_near = off_rows <= self._reach_rows, off_rows <= MAX_PEAK_ROWS
         seen = self._thin.thinned(dial)
-        others = self._thin.drawn(np.where(is_there, row, guesses.rows)[:, self._order])
+        others = self._thin.drawn(np.where(is_near, row, guesses.rows)[:, self._order])
         (own,) = lit_as(seen, self._thin.drawn(row[None, self._order]))
         is_rival = times_worse(seen, own, lit_as(seen, others)) <= CLEARLY_WORSE
         shows &= ~(is_rival[:, None] & ~is_there).any(axis=0)
         angles_deg, sigmas_deg = self._angles_deg(row), sigma_rows * self._grid.step_deg
-        other = is_rival & guesses.is_geared & ~is_there.all(axis=1)
+        reach = self._reach_rows[0] / self._turn * self.gearing.turns[0]
+        other = is_rival & (np.abs(shortest(guesses.values - value, self.gearing.turn)) > reach)
         is_sure = bool(shows[0]) and np.isfinite(value) and not other.any()
         contradicted = not np.isfinite(value)
         if is_sure:
             value = self.gearing.measured(0, angles_deg, value)
             contradicted = not self.gearing.agrees(value, angles_deg, sigmas_deg, shows)
             is_sure = not contradicted
-        hidden = ~shows & (visible < MIN_VISIBLE) & is_sure
+        hidden = ~shows & is_sure
         geared = [float(self._rows(self.gearing.angles_deg(hand, np.array([value])))[0]) for hand in range(len(row))] if is_sure else row
         slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in range(len(row))]) / self._grid.step_deg
         found = Found(
@@ -340,6 +379,13 @@ def _peaks(scores: Floats) -> Indices:
     peaks = np.flatnonzero((scores >= np.roll(scores, 1)) & (scores > np.roll(scores, -1)))
     ordered: Indices = peaks[np.argsort(-scores[peaks], kind="stable")]
     return ordered
+
+
+def _climbed(scores: Floats, at: Indices) -> Indices:
+    """Go from some rows to the highest of their own scores and those beside them."""
+    around = (at[:, None] + np.array([0, -1, 1])) % len(scores)
+    climbed: Indices = around[np.arange(len(at)), scores[around].argmax(axis=1)]
+    return climbed
 
 
 def _refined(scores: Floats, at: Indices) -> Floats:

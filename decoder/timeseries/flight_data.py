@@ -153,7 +153,7 @@ class FlightData:
     time_ns
         (N,) int64: mid-exposure, realtime.
     combinations
-        What several needles show together; a series of their own once gaps are filled.
+        What several needles show together; their series follow those of the needles.
     moved_pivots_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
     alignments
@@ -220,7 +220,8 @@ class FlightDataBuilder:
         self._frame, self._time_ns = array("q"), array("q")
         self._combinations = panel.combinations
         self._quantities = [quantity for gauge in panel.gauges for quantity in gauge.quantities]
-        self._columns = {quantity.name: _Column() for quantity in self._quantities}
+        together = [combination.quantity for combination in self._combinations]
+        self._columns = {quantity.name: _Column() for quantity in [*self._quantities, *together]}
         self._missing: list[MissingFrame] = []
         self._alignments = AlignmentSeries()
 
@@ -244,18 +245,40 @@ class FlightDataBuilder:
 
     def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
         """Make flight data of the frames so far."""
+        quantities = {quantity.name: quantity for quantity in self._quantities}
         series = tuple(
-            _series(quantity, self._columns[quantity.name], panel_sigma_deg) for quantity in self._quantities
+            _series(quantity, self._columns[name], lambda angles_deg, name=name: panel_sigma_deg(name, angles_deg))
+            for name, quantity in quantities.items()
+        )
+        series += tuple(
+            _series(each.quantity, self._columns[each.quantity.name], _of_finest(each, quantities, panel_sigma_deg))
+            for each in self._combinations
         )
         frame, time_ns = np.array(self._frame), np.array(self._time_ns)
         return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations, alignments=self._alignments)
 
 
-def _series(quantity: Quantity, column: _Column, panel_sigma_deg: PanelSigmaDeg) -> NeedleSeries:
+def _of_finest(
+    combination: Combination, quantities: Mapping[str, Quantity], panel_sigma_deg: PanelSigmaDeg
+) -> Callable[[Floats], Floats]:
+    """Tell what a combined value, as an angle on its own scale, is uncertain by: as its finest pointer, (N,)."""
+    finest = quantities[combination.parts[0]]
+    own, scale = (Scale.of(each.marks, each.wraps) for each in (combination.quantity, finest))
+
+    def sigma_deg(angles_deg: Floats) -> Floats:
+        there_deg = scale.angles_of(own.values_at(angles_deg))
+        slopes = scale.slopes_at(there_deg) / own.slopes_at(angles_deg)
+        sigma: Floats = np.abs(slopes) * panel_sigma_deg(finest.name, there_deg)
+        return sigma
+
+    return sigma_deg
+
+
+def _series(quantity: Quantity, column: _Column, panel_sigma_deg: Callable[[Floats], Floats]) -> NeedleSeries:
     scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
     valued = status != CODE[Status.MISSING]
-    sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(quantity.name, angle_deg))
+    sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(angle_deg))
     return NeedleSeries(
         quantity=quantity,
         status=status,
