@@ -74,9 +74,9 @@ class Gearing:
         """What a turn of the coarsest hand is worth."""
         return self.turns[-1]
 
-    def values(self, finest_deg: float) -> Floats:
-        """(T,): all values at which the finest hand points there."""
-        within = self.within(0, np.array([finest_deg])) + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
+    def values(self, finest_deg: Floats) -> Floats:
+        """(D, T): all values at which the finest hand points in some directions, (D,)."""
+        within = self.within(0, finest_deg)[:, None] + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
         return in_turn(within, self.turn, self._quantity.lowest)
 
     def within(self, hand: int, angles_deg: Floats) -> Floats:
@@ -250,24 +250,20 @@ class GearedReader:
 
     def _tried(self, scores: Sequence[Floats]) -> _Guesses:
         """Return the ways to explain one frame that the hands' scores, (N',) each, suggest."""
-        rows, values = [], []
         finest, *others = scores
+        directions = _refined(finest, _peaks(finest)[:DIRECTIONS])
+        values = self.gearing.values(self._angles_deg(directions))
+        places, total = [np.repeat(directions[:, None], values.shape[1], axis=1)], np.zeros(values.shape)
+        for hand, own in enumerate(others, 1):
+            place, score = self._near(own, self._rows(self.gearing.angles_deg(hand, values.ravel())), hand)
+            places.append(place.reshape(values.shape))
+            total += np.maximum(score, 0.0).reshape(values.shape) ** 2
+        top = np.argsort(-total, axis=1, kind="stable")[:, :TURNS]
+        geared = np.stack([np.take_along_axis(place, top, axis=1).ravel() for place in places], axis=1)
         anywhere = [_refined(own, _peaks(own)[:ANYWHERE]) for own in others]
-        for row in _refined(finest, _peaks(finest)[:DIRECTIONS]).tolist():
-            counted = self.gearing.values(float(self._angles_deg(np.array(row))))
-            places = [np.full(len(counted), row)]
-            total = np.zeros(len(counted))
-            for hand, own in enumerate(others, 1):
-                place, score = self._near(own, self._rows(self.gearing.angles_deg(hand, counted)), hand)
-                places.append(place)
-                total += np.maximum(score, 0.0) ** 2
-            top = np.argsort(-total, kind="stable")[:TURNS]
-            rows += [np.stack(places, axis=1)[top]]
-            values += [counted[top]]
-            free = np.array([(row, *others_there) for others_there in product(*anywhere)])
-            rows.append(free)
-            values.append(np.full(len(free), np.nan))
-        return _Guesses(np.concatenate(rows), np.concatenate(values))
+        free = np.array(list(product(directions, *anywhere)))
+        told = np.take_along_axis(values, top, axis=1).ravel()
+        return _Guesses(np.concatenate([geared, free]), np.concatenate([told, np.full(len(free), np.nan)]))
 
     def _near(self, scores: Floats, rows: Floats, hand: int) -> tuple[Floats, Floats]:
         """Where a hand matches best near rows (T,), and how well, less what it strays; (T,) each."""

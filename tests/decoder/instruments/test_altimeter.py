@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.geared import told_together
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.panel.panel import parse_panel
@@ -106,9 +107,11 @@ def combined(readings: list[Mapping[str, Reading]], **gauge: Any) -> FlightData:
         "anchors": [{"name": "texture", "box": [196, 22, 36, 36]}],
         "gauges": [copy.deepcopy(ALTIMETER) | {"centre": list(CENTRE)} | gauge],
     }
-    builder = FlightDataBuilder(parse_panel(yaml.safe_dump(content)))
+    panel = parse_panel(yaml.safe_dump(content))
+    (own,), builder = panel.gauges, FlightDataBuilder(panel)
     for index, frame in enumerate(readings):
-        builder.add(index, index * 500_000_000, FrameReadings(IDENTITY, frame))
+        together = dict(frame) if "altitude_ft" in frame else {**frame, "altitude_ft": told_together(own, frame)}
+        builder.add(index, index * 500_000_000, FrameReadings(IDENTITY, together))
     return fill_gaps(builder.build(lambda _, angles_deg: np.zeros_like(angles_deg)))
 
 
