@@ -10,18 +10,21 @@ much better with hands that do not go together, makes the value doubtful.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import product
 
 import numpy as np
 
 from decoder.imaging.unwrapping import PolarGrid
-from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
+from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, STATUSES, Found, Needle
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.stack import all_above, without_dial
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
+    LIKELY_SCORE,
+    MIN_RIVAL,
     SURE_SCORE,
+    UNEXPLAINED_PART,
 )
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.fitting import Fits, WindowFitter, settle
@@ -31,15 +34,14 @@ from decoder.matching.searching import COARSE_STEP, thinned
 from decoder.matching.thresholds import HALF, MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn, shortest
+from decoder.panel.gearing import Gearing
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 
 # So many directions of the finest hand are tried, each with so many numbers of turns, and with the others anywhere.
 DIRECTIONS, TURNS, ANYWHERE = 6, 8, 2
 ROUNDS = 2
 # What a hand at the end of its tolerance must score more than one where the gearing has it.
 STRAY_COST = 0.15
-# A coarse hand must tell the turns apart even if it is off by so many of its sigmas.
-SURE_SIGMAS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,79 +50,6 @@ class Together:
 
     hands: Found
     values: list[Reading]
-
-
-class Gearing:
-    """How the hands of one dial follow from its value, the finest first.
-
-    Attributes
-    ----------
-    turns
-        What a turn of each hand is worth.
-    """
-
-    def __init__(self, gauge: Gauge) -> None:
-        combination = gauge.combination
-        assert combination is not None  # noqa: S101 - the kind owns no other gauges
-        quantities = {quantity.name: quantity for quantity in gauge.quantities}
-        parts = [quantities[name] for name in combination.parts]
-        self._scales = [Scale.of(part.marks, part.wraps) for part in parts]
-        self.turns = [part.wraps or 0.0 for part in parts]
-        self.names, self.name = combination.parts, combination.quantity.name
-        self._tolerance, self._quantity = combination.tolerance, combination.quantity
-
-    @property
-    def turn(self) -> float:
-        """What a turn of the coarsest hand is worth."""
-        return self.turns[-1]
-
-    def values(self, finest_deg: Floats) -> Floats:
-        """(D, T): all values at which the finest hand points in some directions, (D,)."""
-        within = self.within(0, finest_deg)[:, None] + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
-        return in_turn(within, self.turn, self._quantity.lowest)
-
-    def within(self, hand: int, angles_deg: Floats) -> Floats:
-        """What a hand says by itself, within one turn of it."""
-        return self._scales[hand].values_at(angles_deg)
-
-    def angles_deg(self, hand: int, values: Floats) -> Floats:
-        """Where a hand points at values."""
-        return self._scales[hand].angles_of(in_turn(values, self.turns[hand]))
-
-    def tolerance_deg(self, hand: int) -> float:
-        """How far a hand may be from where the next finer one puts it."""
-        return self._tolerance * FULL_CIRCLE_DEG * self.turns[max(hand - 1, 0)] / self.turns[hand]
-
-    def counted(self, angles_deg: Floats) -> float:
-        """Return the value that all hands tell, (K,): the coarsest roughly and in full, each finer one better."""
-        value = float(self.within(len(angles_deg) - 1, angles_deg[-1:])[0])
-        for hand in range(len(angles_deg) - 2, -1, -1):
-            value = self.measured(hand, angles_deg, value)
-        return value
-
-    def measured(self, hand: int, angles_deg: Floats, value: float) -> float:
-        """Return the value nearest to one at which a hand points where it does."""
-        off = float(shortest(self.within(hand, angles_deg[[hand]])[0] - value, self.turns[hand]))
-        return float(in_turn(np.array(value + off), self.turn, self._quantity.lowest))
-
-    def agrees(self, value: float, angles_deg: Floats, sigmas_deg: Floats, seen: Mask) -> bool:
-        """Tell whether all hands that are seen, (K,), point where the value has them, and tell turns apart."""
-        for hand in range(1, len(seen)):
-            finer = self.turns[hand - 1]
-            off = abs(float(shortest(self.within(hand, angles_deg[[hand]])[0] - value, self.turns[hand])))
-            doubt = off + SURE_SIGMAS * self.sigma(hand, angles_deg, sigmas_deg)
-            if seen[hand] and (off > self._tolerance * finer or doubt > finer / 2):
-                return False
-        return True
-
-    def sigma(self, hand: int, angles_deg: Floats, sigmas_deg: Floats) -> float:
-        """How uncertain what a hand says by itself is."""
-        return float(np.abs(self._scales[hand].slopes_at(angles_deg[[hand]])[0]) * sigmas_deg[hand])
-
-    def reading(self, status: Status, value: float, sigma: float, score: float) -> Reading:
-        """Return a value as the angle that the combination's own scale has for it."""
-        slope = FULL_CIRCLE_DEG / self.turn
-        return Reading(status, (value - self._quantity.lowest) * slope, sigma * slope, score)
 
 
 def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
@@ -134,7 +63,12 @@ def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
     value = gearing.counted(angles_deg)
     if not gearing.agrees(value, angles_deg, sigmas_deg, np.ones(len(hands), bool)):
         return Reading(Status.MISSING, np.nan, np.inf, np.nan)
-    return gearing.reading(hands[0].status, value, gearing.sigma(0, angles_deg, sigmas_deg), score)
+    return _reading(gearing, hands[0].status, value, gearing.sigma(0, angles_deg, sigmas_deg), score)
+
+
+def _reading(gearing: Gearing, status: Status, value: float, sigma: float, score: float) -> Reading:
+    """Return a value as an angle on the circle that is one turn of the coarsest hand."""
+    return Reading(status, gearing.circle_deg(value), sigma * FULL_CIRCLE_DEG / gearing.turn, score)
 
 
 def as_finest(gauge: Gauge, readings: Mapping[str, Reading]) -> dict[str, Reading]:
@@ -145,13 +79,13 @@ def as_finest(gauge: Gauge, readings: Mapping[str, Reading]) -> dict[str, Readin
     value, gearing = readings[name], Gearing(gauge)
     if value.status is not Status.READ or finest.status is not Status.EDGE:
         return {}
-    sigma_deg = max(value.sigma_deg, finest.sigma_deg * gearing.turns[0] / gearing.turn)
+    sigma_deg = max(value.sigma_deg, finest.sigma_deg * gearing.share)
     return {name: replace(value, status=Status.EDGE, sigma_deg=sigma_deg)}
 
 
 @dataclass(frozen=True, slots=True)
 class _Guesses:
-    """M ways to explain one frame: the hands' rows, (M, K), and their values, (M,), NaN where they do not go together."""
+    """M ways to explain one frame: the hands' rows, (M, K), and values, (M,), NaN where these do not go together."""
 
     rows: Floats
     values: Floats
@@ -164,7 +98,7 @@ class _Guesses:
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """One hand in F frames as least squares have it, given the others, and how much of its contrast shows: (F,) each."""
+    """Hands as least squares have them, each given the others, and how much of their contrast shows: (F, K) each."""
 
     row: Floats
     sigma_rows: Floats
@@ -179,6 +113,16 @@ class _Placed:
         shows: Mask = self.is_settled & (self.visible >= MIN_VISIBLE) & (self.score >= needed)
         return shows
 
+    @property
+    def may_show(self) -> Mask:
+        """Whether it matches as well as it can over another hand that is much like it."""
+        may: Mask = self.is_settled & (self.visible >= HALF) & (self.score >= LIKELY_SCORE)
+        return may
+
+    def part(self, which: Indices | int) -> _Placed:
+        """Return those of some frames."""
+        return _Placed(*(getattr(self, each.name)[which] for each in fields(self)))
+
 
 class GearedReader:
     """Reads the hands of one gauge, all of which tell one value."""
@@ -191,7 +135,8 @@ class GearedReader:
         self._first = (grid.rows - self._turn) // 2
         self._columns = [names.index(name) for name in self.gearing.names]
         own = [needles[column] for column in self._columns]
-        self._reach_rows = np.array([each.half_width_rows + MAX_PEAK_ROWS for each in own])
+        self._half_widths_rows = np.array([each.half_width_rows for each in own])
+        self._reach_rows = self._half_widths_rows + MAX_PEAK_ROWS
         self._templates = [without_dial(each.template, grid) for each in own]
         self._coarse = [thinned(template) for template in self._templates]
         self._fitters = [WindowFitter([template], [grid.pixels_per_sample]) for template in self._templates]
@@ -199,6 +144,7 @@ class GearedReader:
         self._order = sorted(range(len(own)), key=lambda hand: -depth[hand])  # the lowest first
         self._whole_face, face = needles[0].face, self._once_around(needles[0].face)
         layers = [self._templates[hand] for hand in self._order]
+        self._axes = [_axis(template, face)[::COARSE_STEP] for template in self._templates]
         self._thin, self._dial = LayeredDial(face, layers, COARSE_STEP), LayeredDial(face, layers)
 
     @property
@@ -209,7 +155,7 @@ class GearedReader:
     @property
     def share(self) -> float:
         """What part of the value's circle one of the finest hand's is."""
-        return self.gearing.turns[0] / self.gearing.turn
+        return self.gearing.share
 
     def read(self, strips: Floats) -> Together:
         """Find the hands on a gauge in F frames, (F, R, C) float32, in the panel's order, and their value."""
@@ -221,9 +167,10 @@ class GearedReader:
         placed = self._settled(dials, guessed)
         hands = Found.missing((len(strips), len(self._columns)))
         values = []
-        for frame, (dial, guesses, index) in enumerate(zip(dials, tried, best, strict=True)):
-            found, value = self._judged(dial, guesses, index, [_Placed(*(getattr(own, name)[frame] for name in own.__slots__)) for own in placed])
-            hands.put((frame, np.array(self._columns)), found)
+        for frame, own in enumerate(zip(dials, tried, best, strict=True)):
+            found, value = self._judged(*own, placed.part(frame))
+            for which, column in enumerate(self._columns):
+                hands.put((np.array([frame]), column), found.part(np.array([which])))
             values.append(value)
         return Together(hands, values)
 
@@ -289,7 +236,7 @@ class GearedReader:
         apart = np.abs(shortest(guesses.rows[free] - guesses.rows[geared], self._turn)) > self._reach_rows
         return free if apart.any() and worse > CLEARLY_WORSE else geared
 
-    def _settled(self, dials: Floats, rows: Floats) -> list[_Placed]:
+    def _settled(self, dials: Floats, rows: Floats) -> _Placed:
         """Fit all hands in F frames, from rows (F, K) on, each given the others, from the uppermost down."""
         rows = rows.copy()
         placed: dict[int, _Placed] = {}
@@ -298,10 +245,11 @@ class GearedReader:
                 hand = self._order[layer]
                 placed[hand] = self._fitted(dials, rows, layer)
                 rows[:, hand] = placed[hand].row
-        return [placed[hand] for hand in range(len(rows[0]))]
+        by_hand = [placed[hand] for hand in range(len(placed))]
+        return _Placed(*(np.stack([getattr(own, each.name) for own in by_hand], axis=1) for each in fields(_Placed)))
 
     def _fitted(self, dials: Floats, rows: Floats, layer: int) -> _Placed:
-        """Fit one hand, given those below and above it."""
+        """Fit one hand, given those below and above it: (F,) each."""
         hand = self._order[layer]
         template, drawn_rows = self._templates[hand], rows[:, self._order]
         behind = self._dial.drawn(drawn_rows, range(layer))
@@ -331,48 +279,87 @@ class GearedReader:
         windows: Floats = seen.reshape(len(which), -1)
         return windows
 
-    def _judged(self, dial: Floats, guesses: _Guesses, best: int, placed: Sequence[_Placed]) -> tuple[Found, Reading]:
+    def _judged(self, dial: Floats, guesses: _Guesses, best: int, placed: _Placed) -> tuple[Found, Reading]:
         """Judge one frame's hands, and their value, by what else would explain the dial."""
-        row, sigma_rows, score, visible = (
-            np.array([float(getattr(own, name)) for own in placed]) for name in ("row", "sigma_rows", "score", "visible")
-        )
-        shows = np.array([bool(own.shows) for own in placed])
         guessed, value = guesses.rows[best], float(guesses.values[best])
         off_rows = np.abs(shortest(guesses.rows - guessed, self._turn))
-        is_there, is_near = off_rows <= self._reach_rows, off_rows <= MAX_PEAK_ROWS
-        seen = self._thin.thinned(dial)
-        others = self._thin.drawn(np.where(is_near, row, guesses.rows)[:, self._order])
-        (own,) = lit_as(seen, self._thin.drawn(row[None, self._order]))
-        is_rival = times_worse(seen, own, lit_as(seen, others)) <= CLEARLY_WORSE
-        shows &= ~(is_rival[:, None] & ~is_there).any(axis=0)
-        angles_deg, sigmas_deg = self._angles_deg(row), sigma_rows * self._grid.step_deg
+        others = np.where(off_rows <= MAX_PEAK_ROWS, placed.row, guesses.rows)
+        is_rival, is_bare = self._rivals(dial, others, placed.row)
+        shows = placed.shows & ~(is_rival[:, None] & (off_rows > self._reach_rows)).any(axis=0)
+        # The finest hand over another that is much like it: it is there, but not to the fraction of a row.
+        merged = not shows[0] and bool(placed.may_show[0]) and self._is_beside_others(placed.row)
+        sigma_rows = placed.sigma_rows.copy()
+        sigma_rows[0] = np.hypot(sigma_rows[0], self._half_widths_rows[0] * merged)
+        angles_deg, sigmas_deg = self._angles_deg(placed.row), sigma_rows * self._grid.step_deg
         reach = self._reach_rows[0] / self._turn * self.gearing.turns[0]
-        other = is_rival & (np.abs(shortest(guesses.values - value, self.gearing.turn)) > reach)
-        is_sure = bool(shows[0]) and np.isfinite(value) and not other.any()
         contradicted = not np.isfinite(value)
+        other = is_rival & (np.abs(shortest(guesses.values - value, self.gearing.turn)) > reach)
+        is_sure = not contradicted and bool(shows[0] or merged) and not other.any()
         if is_sure:
             value = self.gearing.measured(0, angles_deg, value)
             contradicted = not self.gearing.agrees(value, angles_deg, sigmas_deg, shows)
-            is_sure = not contradicted
-        hidden = ~shows & is_sure
-        geared = [float(self._rows(self.gearing.angles_deg(hand, np.array([value])))[0]) for hand in range(len(row))] if is_sure else row
-        slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in range(len(row))]) / self._grid.step_deg
-        found = Found(
-            np.where(shows, np.where(visible >= WHOLE_VISIBLE, READ, EDGE), np.where(hidden, HIDDEN, MISSING)),
-            np.where(hidden, geared, row) % self._turn + self._first,
-            np.where(hidden, slack_rows / np.sqrt(3.0), sigma_rows),
-            score,
-        )
-        if not is_sure:
-            return found, Reading(Status.MISSING, np.nan, np.inf, np.nan if contradicted else float(score.min()))
-        status = Status.READ if visible[0] >= WHOLE_VISIBLE else Status.EDGE
-        told = self.gearing.sigma(0, angles_deg, sigmas_deg)
-        return found, self.gearing.reading(status, value, told, float(score[shows].min()))
+        status = np.where(shows, np.where(placed.visible >= WHOLE_VISIBLE, READ, EDGE), MISSING)
+        status[0] = EDGE if merged else status[0]
+        found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
+        if is_sure and not contradicted:
+            found = found.instead(status == MISSING, self._hidden(value, placed.score))
+            if is_bare:
+                sigma, score = (
+                    self.gearing.sigma(0, angles_deg, sigmas_deg),
+                    float(placed.score[status != MISSING].min()),
+                )
+                return found, _reading(self.gearing, STATUSES[status[0]], value, sigma, score)
+        score = np.nan if contradicted else float(placed.score.min())
+        return found, Reading(Status.MISSING, np.nan, np.inf, score)
+
+    def _rivals(self, dial: Floats, others: Floats, own: Floats) -> tuple[Mask, bool]:
+        """Tell which other rows, (M, K), explain a dial nearly as well as its own, and whether those leave nothing."""
+        seen = self._thin.thinned(dial)
+        drawn = self._thin.drawn(np.vstack([own, others])[:, self._order])
+        best, *rest = lit_as(seen, drawn)
+        gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
+        is_rival = times_worse(seen, best, np.array(rest)) <= CLEARLY_WORSE
+        return is_rival, self._left_over((seen - best) / max(gain, 1e-6), own) < UNEXPLAINED_PART
+
+    def _left_over(self, left: Floats, rows: Floats) -> float:
+        """How much of a hand's contrast is left of a dial, (N', C'), where none of the hands is."""
+        there = COARSE_STEP * np.arange(len(left))
+        away = (np.abs(shortest(there[:, None] - rows, self._turn)) > self._reach_rows).all(axis=1)
+        spread = np.maximum(np.sqrt((left * left).sum(axis=1)), 1e-6)
+        most = 0.0
+        for axis, half_width in zip(self._axes, self._half_widths_rows, strict=True):
+            size = max(float(np.sqrt(axis @ axis)), 1e-6)
+            part, like = left @ axis / size**2, left @ axis / size / spread
+            wide = max(1, round(half_width / COARSE_STEP))
+            part = np.convolve(np.pad(part, wide, mode="wrap"), np.ones(wide) / wide, "same")[wide:-wide]
+            most = max(most, float(part.max(where=away & (like >= MIN_RIVAL), initial=0.0)))
+        return most
+
+    def _is_beside_others(self, rows: Floats) -> bool:
+        """Whether the finest hand lies over, under or right beside another one."""
+        apart = np.abs(shortest(rows[1:] - rows[0], self._turn))
+        return bool((apart <= self._half_widths_rows[0] + self._reach_rows[1:]).any())
+
+    def _hidden(self, value: float, score: Floats) -> Found:
+        """Return the hands where the value has them, give or take what the panel allows."""
+        hands = range(len(score))
+        rows = [float(self._rows(self.gearing.angles_deg(hand, np.array([value])))[0]) for hand in hands]
+        slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in hands]) / self._grid.step_deg
+        return Found(np.full(len(score), HIDDEN), np.array(rows) + self._first, slack_rows / np.sqrt(3.0), score)
+
+
+def _axis(template: NeedleTemplate, face: Floats) -> Floats:
+    """(C,): what a hand adds along its axis to what a dial (N, C) mostly shows."""
+    own = slice(-face.shape[1], None)
+    middle = (template.rows - 1) // 2
+    added: Floats = template.light[middle, own] + (template.transparency[middle, own] - 1.0) * np.median(face, axis=0)
+    return added
 
 
 def _peaks(scores: Floats) -> Indices:
-    """Where scores around a dial, (N,), are higher than beside it, the highest first."""
+    """Where scores around a dial, (N,), are higher than beside it, the highest first; at least one."""
     peaks = np.flatnonzero((scores >= np.roll(scores, 1)) & (scores > np.roll(scores, -1)))
+    peaks = peaks if peaks.size else np.zeros(1, np.intp)
     ordered: Indices = peaks[np.argsort(-scores[peaks], kind="stable")]
     return ordered
 
@@ -389,4 +376,5 @@ def _refined(scores: Floats, at: Indices) -> Floats:
     before, here, after = (scores[(at + step) % len(scores)].astype(np.float64) for step in (-1, 0, 1))
     bend = before - 2 * here + after
     off = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0)
-    return COARSE_STEP * (at + np.clip(off, -0.5, 0.5))
+    rows: Floats = COARSE_STEP * (at + np.clip(off, -0.5, 0.5))
+    return rows

@@ -259,7 +259,7 @@ class _Hands:
             together = reader.read(self._sampler.strips(frames, index))
             hands = readings_of(together.hands, needles, np.repeat(own_deg[:, None], len(needles), axis=1))
             for found, own, value, sigma_deg in zip(readings, hands, together.values, own_deg.tolist(), strict=True):
-                found |= own | {reader.name: value.in_place_within(reader.share * sigma_deg)}
+                found.update({**own, reader.name: value.in_place_within(reader.share * sigma_deg)})
         return readings
 
 

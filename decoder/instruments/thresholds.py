@@ -12,6 +12,7 @@
 | LIKELY_SCORE | 0.6 | NCC | a needle is taken into account when others are read, a card when it is learned | drawn: altimeters |
 | CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
 | SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
+| UNEXPLAINED_PART | 0.7 | of a hand's contrast | so much of it where no hand is makes what geared hands tell doubtful | simulator: reflections leave 0.6, a hand 1 |
 | MISSING_SPREADS | 5.0 | sigma | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MISSING_PX | 0.5 | pixels | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
@@ -36,6 +37,7 @@ SATURATED_LEVEL = 245.0
 LIKELY_SCORE = 0.6
 CLEAR_SCORE = 0.9
 SURE_SCORE = 0.95
+UNEXPLAINED_PART = 0.7
 MISSING_SPREADS = 5.0
 MISSING_PX = 0.5
 MAX_CONDITION = 1e12

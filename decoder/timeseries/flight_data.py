@@ -9,6 +9,7 @@ import math
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -246,24 +247,20 @@ class FlightDataBuilder:
     def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
         """Make flight data of the frames so far."""
         quantities = {quantity.name: quantity for quantity in self._quantities}
+        sigmas_deg = {name: partial(panel_sigma_deg, name) for name in quantities}
+        for each in self._combinations:
+            quantities[each.quantity.name] = each.quantity
+            sigmas_deg[each.quantity.name] = _of_finest(each.quantity, quantities[each.parts[0]], panel_sigma_deg)
         series = tuple(
-            _series(quantity, self._columns[name], lambda angles_deg, name=name: panel_sigma_deg(name, angles_deg))
-            for name, quantity in quantities.items()
-        )
-        series += tuple(
-            _series(each.quantity, self._columns[each.quantity.name], _of_finest(each, quantities, panel_sigma_deg))
-            for each in self._combinations
+            _series(quantity, self._columns[name], sigmas_deg[name]) for name, quantity in quantities.items()
         )
         frame, time_ns = np.array(self._frame), np.array(self._time_ns)
         return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations, alignments=self._alignments)
 
 
-def _of_finest(
-    combination: Combination, quantities: Mapping[str, Quantity], panel_sigma_deg: PanelSigmaDeg
-) -> Callable[[Floats], Floats]:
+def _of_finest(together: Quantity, finest: Quantity, panel_sigma_deg: PanelSigmaDeg) -> Callable[[Floats], Floats]:
     """Tell what a combined value, as an angle on its own scale, is uncertain by: as its finest pointer, (N,)."""
-    finest = quantities[combination.parts[0]]
-    own, scale = (Scale.of(each.marks, each.wraps) for each in (combination.quantity, finest))
+    own, scale = (Scale.of(each.marks, each.wraps) for each in (together, finest))
 
     def sigma_deg(angles_deg: Floats) -> Floats:
         there_deg = scale.angles_of(own.values_at(angles_deg))
@@ -278,11 +275,13 @@ def _series(quantity: Quantity, column: _Column, panel_sigma_deg: Callable[[Floa
     scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
     valued, value = status != CODE[Status.MISSING], scale.values_at(angle_deg)
+    if quantity.wraps is not None:
+        value = in_turn(value, quantity.wraps, quantity.lowest)
     sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(angle_deg))
     return NeedleSeries(
         quantity=quantity,
         status=status,
-        value=np.where(valued, value if quantity.wraps is None else in_turn(value, quantity.wraps, quantity.lowest), NOWHERE),
+        value=np.where(valued, value, NOWHERE),
         sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),
         score=np.array(column.score),
         angle_deg=angle_deg,
