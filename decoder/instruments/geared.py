@@ -299,14 +299,14 @@ class GearedReader:
             value = self.gearing.measured(0, angles_deg, value)
             contradicted = not self.gearing.agrees(value, angles_deg, sigmas_deg, shows)
         status = np.where(shows, np.where(placed.visible >= WHOLE_VISIBLE, READ, EDGE), MISSING)
-        status[0] = EDGE if merged else status[0]
+        status[0], seen = EDGE if merged else status[0], shows | np.array([merged, *shows[1:]])
         found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
         if is_sure and not contradicted:
-            found = found.instead(status == MISSING, self._hidden(value, placed.score))
+            found = found.instead(~seen, self._hidden(value, placed.score))
             if is_bare:
                 sigma, score = (
                     self.gearing.sigma(0, angles_deg, sigmas_deg),
-                    float(placed.score[status != MISSING].min()),
+                    float(placed.score[seen].min()),
                 )
                 return found, _reading(self.gearing, STATUSES[status[0]], value, sigma, score)
         score = np.nan if contradicted else float(placed.score.min())

@@ -247,7 +247,9 @@ class FlightDataBuilder:
     def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
         """Make flight data of the frames so far."""
         quantities = {quantity.name: quantity for quantity in self._quantities}
-        sigmas_deg = {name: partial(panel_sigma_deg, name) for name in quantities}
+        sigmas_deg: dict[str, Callable[[Floats], Floats]] = {
+            name: partial(panel_sigma_deg, name) for name in quantities
+        }
         for each in self._combinations:
             quantities[each.quantity.name] = each.quantity
             sigmas_deg[each.quantity.name] = _of_finest(each.quantity, quantities[each.parts[0]], panel_sigma_deg)
