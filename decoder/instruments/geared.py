@@ -24,7 +24,6 @@ from decoder.instruments.thresholds import (
     LIKELY_SCORE,
     MIN_RIVAL,
     SURE_SCORE,
-    UNEXPLAINED_PART,
 )
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.fitting import Fits, WindowFitter, settle
@@ -319,7 +318,7 @@ class GearedReader:
         best, *rest = lit_as(seen, drawn)
         gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
         is_rival = times_worse(seen, best, np.array(rest)) <= CLEARLY_WORSE
-        return is_rival, self._left_over((seen - best) / max(gain, 1e-6), own) < UNEXPLAINED_PART
+        return is_rival, self._left_over((seen - best) / max(gain, 1e-6), own) < MIN_RIVAL
 
     def _left_over(self, left: Floats, rows: Floats) -> float:
         """How much of a hand's contrast is left of a dial, (N', C'), where none of the hands is."""

@@ -5,14 +5,13 @@
 | CLEARLY_WORSE | 2.0 | of unexplained variance | a place that leaves no more than so many times the best may be the needle's | drawn: bugs, tails |
 | DOUBTFUL_WORSE | 6.0 | of unexplained variance | the same beside the needle or right opposite, where scores say less | drawn: bugs, tails |
 | OPPOSITE_REACH_DEG | 4.0 | degrees | so near to a half turn a place is opposite | drawn |
-| MIN_RIVAL | 0.7 | NCC | a place that matches less is no rival | under `SCORE_THRESHOLD` by what a search loses |
+| MIN_RIVAL | 0.7 | NCC; of contrast | a place that matches less, or shows less of a hand, is no rival | under `SCORE_THRESHOLD` by what a search loses |
 | RIVAL_REACH_DEG | 3.0 | degrees | so near another needle that matches better takes the place | a needle's width |
 | SLACK_ROWS | 1.5 | rows | so far a covering needle may lie from where the search has it | half of the search's step |
 | SATURATED_LEVEL | 245.0 | grey levels | brighter pixels say nothing of what lies below | JPEG rings by some levels around 255 |
 | LIKELY_SCORE | 0.6 | NCC | a needle is taken into account when others are read, a card when it is learned | drawn: altimeters |
 | CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
 | SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
-| UNEXPLAINED_PART | 0.7 | of a hand's contrast | so much of it where no hand is makes what geared hands tell doubtful | simulator: reflections leave 0.6, a hand 1 |
 | MISSING_SPREADS | 5.0 | sigma | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MISSING_PX | 0.5 | pixels | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
@@ -37,7 +36,6 @@ SATURATED_LEVEL = 245.0
 LIKELY_SCORE = 0.6
 CLEAR_SCORE = 0.9
 SURE_SCORE = 0.95
-UNEXPLAINED_PART = 0.7
 MISSING_SPREADS = 5.0
 MISSING_PX = 0.5
 MAX_CONDITION = 1e12
