@@ -21,7 +21,6 @@ from decoder.instruments.reading import Reading, Status
 from decoder.instruments.stack import all_above, without_dial
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
-    LIKELY_SCORE,
     MIN_RIVAL,
     SURE_SCORE,
 )
@@ -115,7 +114,7 @@ class _Placed:
     @property
     def may_show(self) -> Mask:
         """Whether it matches as well as it can over another hand that is much like it."""
-        may: Mask = self.is_settled & (self.visible >= HALF) & (self.score >= LIKELY_SCORE)
+        may: Mask = self.is_settled & (self.visible >= HALF) & (self.score >= HALF)
         return may
 
     def part(self, which: Indices | int) -> _Placed:
@@ -283,7 +282,8 @@ class GearedReader:
         guessed, value = guesses.rows[best], float(guesses.values[best])
         off_rows = np.abs(shortest(guesses.rows - guessed, self._turn))
         others = np.where(off_rows <= MAX_PEAK_ROWS, placed.row, guesses.rows)
-        is_rival, is_bare = self._rivals(dial, others, placed.row)
+        seen_dial = self._thin.thinned(dial)
+        is_rival = self._rivals(seen_dial, placed.row, others)
         shows = placed.shows & ~(is_rival[:, None] & (off_rows > self._reach_rows)).any(axis=0)
         # The finest hand over another that is much like it: it is there, but not to the fraction of a row.
         merged = not shows[0] and bool(placed.may_show[0]) and self._is_beside_others(placed.row)
@@ -302,7 +302,7 @@ class GearedReader:
         found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
         if is_sure and not contradicted:
             found = found.instead(~seen, self._hidden(value, placed.score))
-            if is_bare:
+            if self._adds_up(seen_dial, found.row - self._first):
                 sigma, score = (
                     self.gearing.sigma(0, angles_deg, sigmas_deg),
                     float(placed.score[seen].min()),
@@ -311,14 +311,22 @@ class GearedReader:
         score = np.nan if contradicted else float(placed.score.min())
         return found, Reading(Status.MISSING, np.nan, np.inf, score)
 
-    def _rivals(self, dial: Floats, others: Floats, own: Floats) -> tuple[Mask, bool]:
-        """Tell which other rows, (M, K), explain a dial nearly as well as its own, and whether those leave nothing."""
-        seen = self._thin.thinned(dial)
-        drawn = self._thin.drawn(np.vstack([own, others])[:, self._order])
+    def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
+        """(M,): which other rows, (M, K), explain a thinned dial nearly as well as its own, (K,)."""
+        best, *rest = lit_as(seen, self._thin.drawn(np.vstack([rows, others])[:, self._order]))
+        return times_worse(seen, best, np.array(rest)) <= CLEARLY_WORSE
+
+    def _adds_up(self, seen: Floats, rows: Floats) -> bool:
+        """Whether no hand on these rows, (K,), is clearly better left out, and nothing like a hand is left."""
+        layers = range(len(self._order))
+        own = rows[None, self._order]
+        without = [self._thin.drawn(own, [layer for layer in layers if layer != left]) for left in layers]
+        drawn = np.concatenate([self._thin.drawn(own), *without])
         best, *rest = lit_as(seen, drawn)
+        if (times_worse(seen, best, np.array(rest)) * CLEARLY_WORSE < 1.0).any():
+            return False
         gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
-        is_rival = times_worse(seen, best, np.array(rest)) <= CLEARLY_WORSE
-        return is_rival, self._left_over((seen - best) / max(gain, 1e-6), own) < MIN_RIVAL
+        return self._left_over((seen - best) / max(gain, 1e-6), rows) < MIN_RIVAL
 
     def _left_over(self, left: Floats, rows: Floats) -> float:
         """How much of a hand's contrast is left of a dial, (N', C'), where none of the hands is."""
