@@ -21,6 +21,7 @@ from decoder.instruments.reading import Reading, Status
 from decoder.instruments.stack import all_above, without_dial
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
+    DOUBTFUL_WORSE,
     MIN_RIVAL,
     SURE_SCORE,
 )
@@ -323,7 +324,7 @@ class GearedReader:
         without = [self._thin.drawn(own, [layer for layer in layers if layer != left]) for left in layers]
         drawn = np.concatenate([self._thin.drawn(own), *without])
         best, *rest = lit_as(seen, drawn)
-        if (times_worse(seen, best, np.array(rest)) * CLEARLY_WORSE < 1.0).any():
+        if (times_worse(seen, best, np.array(rest)) * DOUBTFUL_WORSE < 1.0).any():
             return False
         gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
         return self._left_over((seen - best) / max(gain, 1e-6), rows) < MIN_RIVAL
