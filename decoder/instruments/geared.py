@@ -52,16 +52,17 @@ class Together:
 
 
 def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
-    """Return the value that hands tell which were read one by one; its score is not a number where they contradict."""
+    """Return the value that hands tell which were read one by one, if they go together."""
     gearing = Gearing(gauge)
     hands = [readings[name] for name in gearing.names]
     score = min(hand.score for hand in hands)
+    unread = Reading(Status.MISSING, np.nan, np.inf, score)
     if any(hand.status is Status.MISSING for hand in hands):
-        return Reading(Status.MISSING, np.nan, np.inf, score)
+        return unread
     angles_deg, sigmas_deg = (np.array([getattr(hand, name) for hand in hands]) for name in ("angle_deg", "sigma_deg"))
     value = gearing.counted(angles_deg)
     if not gearing.agrees(value, angles_deg, sigmas_deg, np.ones(len(hands), bool)):
-        return Reading(Status.MISSING, np.nan, np.inf, np.nan)
+        return unread
     return _reading(gearing, hands[0].status, value, gearing.sigma(0, angles_deg, sigmas_deg), score)
 
 
@@ -292,16 +293,15 @@ class GearedReader:
         sigma_rows[0] = np.hypot(sigma_rows[0], self._half_widths_rows[0] * merged)
         angles_deg, sigmas_deg = self._angles_deg(placed.row), sigma_rows * self._grid.step_deg
         reach = self._reach_rows[0] / self._turn * self.gearing.turns[0]
-        contradicted = not np.isfinite(value)
         other = is_rival & (np.abs(shortest(guesses.values - value, self.gearing.turn)) > reach)
-        is_sure = not contradicted and bool(shows[0] or merged) and not other.any()
+        is_sure = bool(np.isfinite(value)) and bool(shows[0] or merged) and not other.any()
         if is_sure:
             value = self.gearing.measured(0, angles_deg, value)
-            contradicted = not self.gearing.agrees(value, angles_deg, sigmas_deg, shows)
+            is_sure = self.gearing.agrees(value, angles_deg, sigmas_deg, shows)
         status = np.where(shows, np.where(placed.visible >= WHOLE_VISIBLE, READ, EDGE), MISSING)
         status[0], seen = EDGE if merged else status[0], shows | np.array([merged, *shows[1:]])
         found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
-        if is_sure and not contradicted:
+        if is_sure:
             found = found.instead(~seen, self._hidden(value, placed.score))
             if self._adds_up(seen_dial, found.row - self._first):
                 sigma, score = (
@@ -309,8 +309,7 @@ class GearedReader:
                     float(placed.score[seen].min()),
                 )
                 return found, _reading(self.gearing, STATUSES[status[0]], value, sigma, score)
-        score = np.nan if contradicted else float(placed.score.min())
-        return found, Reading(Status.MISSING, np.nan, np.inf, score)
+        return found, Reading(Status.MISSING, np.nan, np.inf, float(placed.score.min()))
 
     def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
         """(M,): which other rows, (M, K), explain a thinned dial nearly as well as its own, (K,)."""

@@ -10,7 +10,7 @@ fewer frames than not, a guess is no value.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +37,7 @@ SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 def fill_gaps(data: FlightData) -> FlightData:
     """Flag doubtful covered readings of flight data, and interpolate what is flagged."""
     by_name = {series.quantity.name: series for series in data.series}
+    parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
     checked = {part for combination in data.combinations for part in combination.parts}  # each by the others
     filled = []
     for series in data.series:
@@ -45,8 +46,15 @@ def fill_gaps(data: FlightData) -> FlightData:
             pace_deg = _pace_deg(series, cover)
             series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
             series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
-        filled.append(_interpolated(series, data.time_s))
+        filled.append(_interpolated(series, data.time_s, never=_contradicted(series, parts)))
     return replace(data, series=tuple(filled))
+
+
+def _contradicted(series: NeedleSeries, parts: Mapping[str, Sequence[NeedleSeries]]) -> Mask:
+    """(N,): where the pointers of a combined value are all to be seen, and tell none."""
+    own = parts.get(series.quantity.name, ())
+    seen: Mask = np.all([part.has(Status.READ, Status.EDGE) for part in own], axis=0) & bool(own)
+    return seen & series.has(Status.MISSING)
 
 
 def _without_doubtful(
@@ -90,10 +98,9 @@ def _in_sequence(series: NeedleSeries) -> Mask:
     return read[1:] & read[:-1]
 
 
-def _interpolated(series: NeedleSeries, time_s: Floats) -> NeedleSeries:
+def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> NeedleSeries:
     known = np.flatnonzero(series.has(*SEEN_STATUSES))
-    # no score: the panel was not found, or hands contradict each other
-    flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score))
+    flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score) & ~never)
     if known.size:
         known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
         between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])
