@@ -33,8 +33,7 @@ from decoder.matching.searching import COARSE_STEP, thinned
 from decoder.matching.thresholds import HALF, MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.gearing import Gearing
-from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Gearing, shortest
 
 # So many directions of the finest hand are tried, each with so many numbers of turns, and with the others anywhere.
 DIRECTIONS, TURNS, ANYWHERE = 6, 8, 2
@@ -51,9 +50,15 @@ class Together:
     values: list[Reading]
 
 
+def gearing_of(gauge: Gauge) -> Gearing:
+    """Return how the hands of a gauge go together whose panel combines them."""
+    assert gauge.combination is not None  # noqa: S101 - nobody asks for others
+    return Gearing(gauge.quantities, gauge.combination)
+
+
 def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
     """Return the value that hands tell which were read one by one, if they go together."""
-    gearing = Gearing(gauge)
+    gearing = gearing_of(gauge)
     hands = [readings[name] for name in gearing.names]
     score = min(hand.score for hand in hands)
     unread = Reading(Status.MISSING, np.nan, np.inf, score)
@@ -76,7 +81,7 @@ def as_finest(gauge: Gauge, readings: Mapping[str, Reading]) -> dict[str, Readin
     if gauge.combination is None:
         return {}
     name, finest = gauge.combination.quantity.name, readings[gauge.combination.parts[0]]
-    value, gearing = readings[name], Gearing(gauge)
+    value, gearing = readings[name], gearing_of(gauge)
     if value.status is not Status.READ or finest.status is not Status.EDGE:
         return {}
     sigma_deg = max(value.sigma_deg, finest.sigma_deg * gearing.share)
@@ -129,7 +134,7 @@ class GearedReader:
 
     def __init__(self, needles: Sequence[Needle]) -> None:
         grid, names = needles[0].grid, [needle.name for needle in needles]
-        self.gearing = Gearing(needles[0].gauge)
+        self.gearing = gearing_of(needles[0].gauge)
         self._grid: PolarGrid = grid
         self._turn = round(FULL_CIRCLE_DEG / grid.step_deg)
         self._first = (grid.rows - self._turn) // 2
@@ -323,7 +328,8 @@ class GearedReader:
         without = [self._thin.drawn(own, [layer for layer in layers if layer != left]) for left in layers]
         drawn = np.concatenate([self._thin.drawn(own), *without])
         best, *rest = lit_as(seen, drawn)
-        if (times_worse(seen, best, np.array(rest)) * DOUBTFUL_WORSE < 1.0).any():
+        needless = DOUBTFUL_WORSE * times_worse(seen, best, np.array(rest))
+        if needless.min() < 1.0:
             return False
         gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
         return self._left_over((seen - best) / max(gain, 1e-6), rows) < MIN_RIVAL

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from decoder.instruments.geared import gearing_of
 from decoder.panel.gauge import Gauge
-from decoder.panel.gearing import Gearing
 
 ALTIMETER = Gauge.model_validate(
     {
@@ -35,7 +35,7 @@ ALTIMETER = Gauge.model_validate(
 @given(value=st.floats(-500.0, 9499.0), off_deg=st.floats(-7.0, 7.0))
 def test_value_is_told_by_where_its_hands_point(value: float, off_deg: float) -> None:
     """The coarse hand counts and the finest measures: it may be off by up to a fifth of the finest one's turn."""
-    gearing = Gearing(ALTIMETER)
+    gearing = gearing_of(ALTIMETER)
     angles_deg = np.array([float(gearing.angles_deg(hand, np.array([value]))[0]) for hand in (0, 1)])
     angles_deg[1] += off_deg
     told = gearing.counted(angles_deg)
@@ -48,7 +48,7 @@ def test_value_is_told_by_where_its_hands_point(value: float, off_deg: float) ->
 @given(direction_deg=st.floats(270.0, 629.0))
 def test_direction_of_the_finest_hand_leaves_as_many_values_as_it_makes_turns(direction_deg: float) -> None:
     """Each is one turn of it on, all of them within the dial's own turn."""
-    (values,) = Gearing(ALTIMETER).values(np.array([direction_deg]))
+    (values,) = gearing_of(ALTIMETER).values(np.array([direction_deg]))
 
     assert len(values) == 10
     assert ((values >= -500.0) & (values < 9500.0)).all()
@@ -58,7 +58,7 @@ def test_direction_of_the_finest_hand_leaves_as_many_values_as_it_makes_turns(di
 @pytest.mark.parametrize(("off_deg", "seen", "agrees"), [(7.0, True, True), (8.0, True, False), (8.0, False, True)])
 def test_hand_beyond_its_tolerance_contradicts_where_it_is_seen(off_deg: float, seen: bool, agrees: bool) -> None:  # noqa: FBT001
     """A fifth of a turn of the finest is 7.2 degrees of the next."""
-    gearing = Gearing(ALTIMETER)
+    gearing = gearing_of(ALTIMETER)
     angles_deg = np.array([float(gearing.angles_deg(hand, np.array([2345.0]))[0]) for hand in (0, 1)])
     angles_deg[1] += off_deg
 
