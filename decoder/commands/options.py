@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
-from decoder.instruments.method import Method
 from decoder.outputs.formats import FORMATS
+from decoder.panel.method import Method
 from decoder.timeseries.flight_part import EXAMPLES, TypedTime, typed_time
 from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S
 

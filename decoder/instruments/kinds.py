@@ -16,7 +16,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, rows_in_sweep
 from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
 from decoder.instruments.card import CardReader, first_card, learn_card
 from decoder.instruments.found import Found, Needle, readings_of
-from decoder.instruments.method import Method
+from decoder.instruments.geared import GearedReader, told_together
 from decoder.instruments.needle_cuts import needles_in_picture
 from decoder.instruments.needle_lines import SeenGauge, pivot_of_tilts, tilts_of
 from decoder.instruments.needles import NeedleReader, is_simple
@@ -26,6 +26,7 @@ from decoder.instruments.stack import StackReader
 from decoder.matching.pivot_search import card_pivot, drawn_needles_deg, needle_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
+from decoder.panel.method import Method
 from decoder.registration.placement import Pivot
 
 Readings = list[dict[str, Reading]]
@@ -141,8 +142,22 @@ class _Needles:
         return [(at_deg, span_deg) for at_deg, span_deg in cuts if at_deg is not None and span_deg is not None]
 
 
+class _Geared(_Needles):
+    """Hands that tell one value: an altimeter's, a clock's."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.combination is not None and len(gauge.combination.parts) == len(gauge.needles)
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> Reader:
+        return _Hands([instrument.needles(appearance) for instrument in instruments], sampler)
+
+
 class _Stack(_Needles):
-    """Needles above each other, each read by what is known of the others; geared pointers among them."""
+    """Needles above each other, each read by what is known of the others."""
 
     is_searched = False
 
@@ -198,7 +213,7 @@ class _Card:
         return gauge.quantities[0].name
 
 
-KINDS: tuple[Kind, ...] = (_Needles(), _Stack(), _Card())
+KINDS: tuple[Kind, ...] = (_Needles(), _Geared(), _Stack(), _Card())
 
 
 def kind_of(gauge: Gauge) -> Kind:
@@ -229,6 +244,23 @@ class _Stacks:
     def read(self, frames: Sequence[Samples]) -> Found:
         found = [reader.read(self._sampler.strips(frames, index)) for index, reader in self._readers]
         return Found.beside(found)
+
+
+class _Hands:
+    def __init__(self, needles: Sequence[list[Needle]], sampler: GaugeSampler) -> None:
+        self._readers = [(own, GearedReader(own)) for own in needles]
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for needles, reader in self._readers:
+            index = needles[0].gauge_index
+            own_deg = place_sigmas_deg[:, index]
+            together = reader.read(self._sampler.strips(frames, index))
+            hands = readings_of(together.hands, needles, np.repeat(own_deg[:, None], len(needles), axis=1))
+            for found, own, value, sigma_deg in zip(readings, hands, together.values, own_deg.tolist(), strict=True):
+                found.update({**own, reader.name: value.in_place_within(reader.share * sigma_deg)})
+        return readings
 
 
 class _Cards:
@@ -305,14 +337,27 @@ class InstrumentReaders:
         if not frames:
             return []
         parts = [reader.read(frames, place_sigmas_deg) for reader in self._readers]
-        names = [[quantity.name for quantity in gauge.quantities] for gauge in self._gauges]
-        unread = Reading(Status.MISSING, np.nan, np.inf, 0.0)
+        found = [
+            {name: reading for part in parts for name, reading in part[number].items()} for number in range(len(frames))
+        ]
         return [
             {
-                name: reading[name] if is_whole else unread
-                for own, is_whole in zip(names, there, strict=True)
-                for name in own
-                for reading in [next(part[number] for part in parts if name in part[number])]
+                name: reading
+                for gauge, is_whole in zip(self._gauges, there, strict=True)
+                for name, reading in _told(gauge, own, is_whole=is_whole).items()
             }
-            for number, there in enumerate(whole)
+            for own, there in zip(found, whole, strict=True)
         ]
+
+
+def _told(gauge: Gauge, found: Mapping[str, Reading], *, is_whole: bool) -> dict[str, Reading]:
+    """By name what one gauge tells in one frame: its quantities, and what several of them show together."""
+    names = [quantity.name for quantity in gauge.quantities]
+    together = None if gauge.combination is None else gauge.combination.quantity.name
+    if not is_whole:
+        unread = Reading(Status.MISSING, np.nan, np.inf, 0.0)
+        return dict.fromkeys([*names, *([] if together is None else [together])], unread)
+    own = {name: found[name] for name in names}
+    if together is None:
+        return own
+    return own | {together: found[together] if together in found else told_together(gauge, own)}

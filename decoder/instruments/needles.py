@@ -16,7 +16,6 @@ import numpy as np
 
 from decoder.imaging.unwrapping import opposite_rows
 from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
-from decoder.instruments.method import Method
 from decoder.instruments.pairs import TouchingPair
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.stack import StackReader
@@ -37,6 +36,7 @@ from decoder.matching.strips import blocks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.gauge import Gauge
+from decoder.panel.method import Method
 from decoder.panel.scale import FULL_CIRCLE_DEG
 
 # Powers of row and column that a light may follow within one template.

@@ -15,13 +15,14 @@ from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance
+from decoder.instruments.geared import as_finest
 from decoder.instruments.kinds import InstrumentReaders
-from decoder.instruments.method import Method
 from decoder.instruments.needle_lines import with_lines_checked
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples
 from decoder.instruments.thresholds import SURE_SCORE
 from decoder.panel.errors import PictureError
+from decoder.panel.method import Method
 from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import FramePlacer, Taken, UnwrappedFrame, UnwrappedPanel
 from decoder.registration.placement import Placement, PlaceUncertainty
@@ -171,6 +172,8 @@ class PanelReader:
             gauges, self.grids, seen.faces, self.placement.pivots, frame.gauges, strict=False
         ):
             checked |= with_lines_checked(strip, checked, gauge, grid, face=face, templates=seen.templates, pivot=pivot)
+        for gauge in gauges:
+            checked |= as_finest(gauge, checked)
         for name in seen.doubted:
             if checked[name].score < SURE_SCORE:
                 checked[name] = replace(checked[name], status=Status.MISSING)

@@ -73,9 +73,9 @@ class StackReader:
         self._grid, self._face, self._turn_rows = first.grid, first.face, first.turn_rows
         self._allowed = first.allowed
         names = [needle.name for needle in needles]
-        self._above = [_all_above(needles, names, index) for index in range(len(needles))]
+        self._above = [all_above(needles, names, index) for index in range(len(needles))]
         self._order = sorted(range(len(needles)), key=lambda index: len(self._above[index]))
-        self._templates = [_without_dial(needle.template, first.grid) for needle in needles]
+        self._templates = [without_dial(needle.template, first.grid) for needle in needles]
         self._coarse = [thinned(template) for template in self._templates]
         self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
         self._axes = [needle.axis for needle in needles]
@@ -226,7 +226,7 @@ def _correlation(one: Floats, other: Floats) -> float:
     return float((one * other).sum()) / spread if spread > 0 else 0.0
 
 
-def _without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
+def without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
     """Return a template without what lies beyond the needle's tip, where a first picture takes numerals for needle."""
     axis = (template.rows - 1) // 2
     covered = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > HALF
@@ -246,7 +246,7 @@ def _beyond_tip(covered: Mask) -> Mask:
     return np.arange(len(covered)) >= first
 
 
-def _all_above(needles: Sequence[Needle], names: Sequence[str], index: int) -> tuple[int, ...]:
+def all_above(needles: Sequence[Needle], names: Sequence[str], index: int) -> tuple[int, ...]:
     """All needles that turn above one, the next first."""
     above: list[int] = []
     cover = needles[index].covered_by

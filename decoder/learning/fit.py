@@ -15,7 +15,6 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.kinds import kind_of
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, unwrapped
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
@@ -36,6 +35,7 @@ from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertain
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
+from decoder.panel.method import Method
 from decoder.panel.panel import Panel
 from decoder.registration.frame_placer import UnwrappedFrame, UnwrappedPanel
 from decoder.registration.placement import Pivot, Placement

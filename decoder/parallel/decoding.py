@@ -19,7 +19,6 @@ from tqdm import tqdm
 
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.instruments.frame_batch import ReadBatches, read_here
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
 from decoder.outputs.csv_output import utc_text
 from decoder.outputs.formats import Decoded, planned_files
@@ -28,6 +27,7 @@ from decoder.outputs.outputs import output_name, write_all
 from decoder.panel.attachments import CAMERA_FILE, PANEL_FILE
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing
+from decoder.panel.method import Method
 from decoder.parallel.flights import FleetFlight
 from decoder.parallel.index import JOINED, Finished, Outcome, State, decoded_outcome, failed, from_marker, to_marker
 from decoder.parallel.order import Order, installed, refuse_mismatch

@@ -11,11 +11,11 @@ import numpy as np
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.errors import PictureError
+from decoder.panel.method import Method
 from decoder.panel.scale import Scale
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.proposals import axis_deg
@@ -114,7 +114,7 @@ def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: dict[st
         read = read_picture(reader, frame.pixels, frame.focal_length_mm)
     except PictureError as error:
         return FrameTrial(index, None, str(error), ())
-    readings = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items())
+    readings = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items() if name in scales)
     return FrameTrial(index, read.alignment, "", readings)
 
 

@@ -9,6 +9,7 @@ import math
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -19,7 +20,7 @@ from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
-from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, in_turn, shortest
 from decoder.timeseries.flight_part import FlightPart
 
 Kind = tuple[tuple[str, ...], Lens | None]
@@ -153,7 +154,7 @@ class FlightData:
     time_ns
         (N,) int64: mid-exposure, realtime.
     combinations
-        What several needles show together; a series of their own once gaps are filled.
+        What several needles show together; their series follow those of the needles.
     moved_pivots_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
     alignments
@@ -220,7 +221,8 @@ class FlightDataBuilder:
         self._frame, self._time_ns = array("q"), array("q")
         self._combinations = panel.combinations
         self._quantities = [quantity for gauge in panel.gauges for quantity in gauge.quantities]
-        self._columns = {quantity.name: _Column() for quantity in self._quantities}
+        together = [combination.quantity for combination in self._combinations]
+        self._columns = {quantity.name: _Column() for quantity in [*self._quantities, *together]}
         self._missing: list[MissingFrame] = []
         self._alignments = AlignmentSeries()
 
@@ -244,22 +246,44 @@ class FlightDataBuilder:
 
     def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
         """Make flight data of the frames so far."""
+        quantities = {quantity.name: quantity for quantity in self._quantities}
+        sigmas_deg: dict[str, Callable[[Floats], Floats]] = {
+            name: partial(panel_sigma_deg, name) for name in quantities
+        }
+        for each in self._combinations:
+            quantities[each.quantity.name] = each.quantity
+            sigmas_deg[each.quantity.name] = _of_finest(each.quantity, quantities[each.parts[0]], panel_sigma_deg)
         series = tuple(
-            _series(quantity, self._columns[quantity.name], panel_sigma_deg) for quantity in self._quantities
+            _series(quantity, self._columns[name], sigmas_deg[name]) for name, quantity in quantities.items()
         )
         frame, time_ns = np.array(self._frame), np.array(self._time_ns)
         return FlightData(frame, time_ns, series, tuple(self._missing), self._combinations, alignments=self._alignments)
 
 
-def _series(quantity: Quantity, column: _Column, panel_sigma_deg: PanelSigmaDeg) -> NeedleSeries:
+def _of_finest(together: Quantity, finest: Quantity, panel_sigma_deg: PanelSigmaDeg) -> Callable[[Floats], Floats]:
+    """Tell what a combined value, as an angle on its own scale, is uncertain by: as its finest pointer, (N,)."""
+    own, scale = (Scale.of(each.marks, each.wraps) for each in (together, finest))
+
+    def sigma_deg(angles_deg: Floats) -> Floats:
+        there_deg = scale.angles_of(own.values_at(angles_deg))
+        slopes = scale.slopes_at(there_deg) / own.slopes_at(angles_deg)
+        sigma: Floats = np.abs(slopes) * panel_sigma_deg(finest.name, there_deg)
+        return sigma
+
+    return sigma_deg
+
+
+def _series(quantity: Quantity, column: _Column, panel_sigma_deg: Callable[[Floats], Floats]) -> NeedleSeries:
     scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
-    valued = status != CODE[Status.MISSING]
-    sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(quantity.name, angle_deg))
+    valued, value = status != CODE[Status.MISSING], scale.values_at(angle_deg)
+    if quantity.wraps is not None:
+        value = in_turn(value, quantity.wraps, quantity.lowest)
+    sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(angle_deg))
     return NeedleSeries(
         quantity=quantity,
         status=status,
-        value=np.where(valued, scale.values_at(angle_deg), NOWHERE),
+        value=np.where(valued, value, NOWHERE),
         sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),
         score=np.array(column.score),
         angle_deg=angle_deg,

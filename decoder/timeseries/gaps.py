@@ -1,8 +1,5 @@
 """Gaps: what a needle may be said to show in the frames where it could not be read (thesis 3.3).
 
-Each pointer tells the value but for whole turns of it. The coarsest tells it roughly and in full; each finer one must
-point, within a tolerance, where that puts it, and then says it better. Where two of them disagree there is no value.
-
 A flagged reading, one whose score stayed below the threshold, is replaced by the line between the nearest frames that
 were read, never beyond the first or the last of them. Frames in which the panel itself was not found stay missing.
 The uncertainty grows into the gap with how far the needle strays from such lines over gaps as long elsewhere in the
@@ -13,7 +10,7 @@ fewer frames than not, a guess is no value.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +18,7 @@ from numpy.typing import NDArray
 
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats, Mask
-from decoder.panel.scale import Combination, in_turn, shortest
+from decoder.panel.scale import in_turn
 from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.timeseries.thresholds import (
     CONFIDENCE_SIGMAS,
@@ -35,62 +32,29 @@ from decoder.timeseries.thresholds import (
 UNIFORM_SIGMA = 12**-0.5
 
 SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
-# A coarse pointer must tell the turns apart even if it is off by so many of its sigmas.
-SURE_SIGMAS = 2.0
-
-
-def combine(combination: Combination, parts: Sequence[NeedleSeries]) -> tuple[NeedleSeries, Mask]:
-    """Combine pointers into one value, and tell where they contradict each other, (N,).
-
-    `parts` are the pointers' series, the finest first. Value, sigma and status are the finest one's, the score is the
-    lowest of all; where one is missing or they disagree the value is missing.
-    """
-    finest = parts[0]
-    seen: Mask = np.all([part.has(*SEEN_STATUSES) for part in parts], axis=0)
-    value, agree = parts[-1].value, np.ones_like(seen)
-    for finer, coarser in zip(parts[-2::-1], parts[:0:-1], strict=True):
-        off, agrees = _step(finer, coarser, value, combination.tolerance)
-        value, agree = value + off, agree & agrees
-    valued = seen & agree
-    series = replace(
-        finest,
-        quantity=combination.quantity,
-        status=np.where(valued, finest.status, CODE[Status.MISSING]).astype(np.uint8),
-        value=np.where(valued, in_turn(value, combination.turn, combination.quantity.lowest), NOWHERE),
-        sigma=np.where(valued, finest.sigma, NOWHERE),
-        score=np.min([part.score for part in parts], axis=0),
-    )
-    return series, seen & ~agree
-
-
-def _step(finer: NeedleSeries, coarser: NeedleSeries, value: Floats, tolerance: float) -> tuple[Floats, Mask]:
-    """How far a finer pointer is from where the value so far puts it, the short way round, and whether that may be."""
-    turn = finer.quantity.wraps
-    assert turn is not None  # noqa: S101 - the panel takes no other pointers
-    off = shortest(finer.value - value, turn)
-    doubt = np.abs(off) + SURE_SIGMAS * np.hypot(coarser.sigma, finer.sigma)
-    return off, (np.abs(off) <= tolerance * turn) & (doubt < turn / 2)
 
 
 def fill_gaps(data: FlightData) -> FlightData:
-    """Flag doubtful covered readings of flight data, combine pointers, and interpolate what is flagged."""
+    """Flag doubtful covered readings of flight data, and interpolate what is flagged."""
     by_name = {series.quantity.name: series for series in data.series}
+    parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
     checked = {part for combination in data.combinations for part in combination.parts}  # each by the others
-    believed = []
+    filled = []
     for series in data.series:
         cover = by_name.get(series.quantity.covered_by or "")
-        if cover is not None:
+        if cover is not None and series.quantity.name not in checked:
             pace_deg = _pace_deg(series, cover)
-            if series.quantity.name not in checked:
-                series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
+            series = _without_doubtful(series, (Status.EDGE, Status.HIDDEN), (Status.READ,), pace_deg)  # noqa: PLW2901
             series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
-        believed.append(series)
-    filled = [_interpolated(series, data.time_s) for series in believed]
-    names = [series.quantity.name for series in believed]
-    for combination in data.combinations:
-        series, contradicted = combine(combination, [believed[names.index(part)] for part in combination.parts])
-        filled.append(_interpolated(series, data.time_s, never=contradicted))
+        filled.append(_interpolated(series, data.time_s, never=_contradicted(series, parts)))
     return replace(data, series=tuple(filled))
+
+
+def _contradicted(series: NeedleSeries, parts: Mapping[str, Sequence[NeedleSeries]]) -> Mask:
+    """(N,): where the pointers of a combined value are all to be seen, and tell none."""
+    own = parts.get(series.quantity.name, ())
+    seen: Mask = np.all([part.has(Status.READ, Status.EDGE) for part in own], axis=0) & bool(own)
+    return seen & series.has(Status.MISSING)
 
 
 def _without_doubtful(
@@ -134,10 +98,9 @@ def _in_sequence(series: NeedleSeries) -> Mask:
     return read[1:] & read[:-1]
 
 
-def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask | None = None) -> NeedleSeries:
+def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> NeedleSeries:
     known = np.flatnonzero(series.has(*SEEN_STATUSES))
-    may_be = np.isfinite(series.score) if never is None else np.isfinite(series.score) & ~never
-    flagged = np.flatnonzero(series.has(Status.MISSING) & may_be)
+    flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score) & ~never)
     if known.size:
         known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
         between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])

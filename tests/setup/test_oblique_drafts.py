@@ -13,10 +13,10 @@ import yaml
 from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.pictures import FramePicture, grey_picture
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.camera import camera_from_file
 from decoder.panel.errors import AlignmentLost
+from decoder.panel.method import Method
 from decoder.setup.answers import trial_answer
 from decoder.setup.drafts import AlignmentMemory, problems_of
 from decoder.setup.drawn_plane import Planes

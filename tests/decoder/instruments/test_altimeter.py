@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,57 +15,21 @@ from hypothesis import strategies as st
 
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.geared import told_together
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.panel.panel import parse_panel
 from decoder.panel.scale import shortest
 from decoder.timeseries.flight_data import STATUSES, FlightData, FlightDataBuilder
 from decoder.timeseries.gaps import fill_gaps
-from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, paint, reader_for
+from tests.decoder.instruments.altimeters import ALTIMETER, FORMS, PANEL_DEG, TURNS_FT, angles_of, drawn
+from tests.decoder.instruments.dials import CENTRE, Hand, paint, reader_for
 
-TURNS_FT = {"ten_thousands_ft": 100_000.0, "thousands_ft": 10_000.0, "hundreds_ft": 1_000.0}
-PANEL_DEG = (20.0, 140.0, 250.0)
 BAD = Reading(Status.MISSING, 300.0, 0.5, 0.4)
 
 
-def marks(turn_ft: float) -> list[list[float]]:
-    """A scale that begins at the top."""
-    return [[270.0, 0.0], [450.0, turn_ft / 2]]
-
-
-ALTIMETER: dict[str, Any] = {
-    "name": "altimeter",
-    "radius": [16, 66],
-    "sweep": [270, 630],
-    "unit": "ft",
-    "scale": marks(1000.0),
-    "wraps": 1000,
-    "combined": {"name": "altitude_ft", "needles": ["hundreds_ft", "thousands_ft", "ten_thousands_ft"]},
-    "needles": [
-        {
-            "name": "ten_thousands_ft",
-            "template": {"at": PANEL_DEG[0], "span": 30},
-            "covered_by": "thousands_ft",
-            "scale": marks(100_000.0),
-            "wraps": 100_000,
-        },
-        {
-            "name": "thousands_ft",
-            "template": {"at": PANEL_DEG[1], "span": 32},
-            "covered_by": "hundreds_ft",
-            "scale": marks(10_000.0),
-            "wraps": 10_000,
-        },
-        {"name": "hundreds_ft", "template": {"at": PANEL_DEG[2], "span": 20}},
-    ],
-}
 # The long pointer's tail, and the gauge that knows of it.
 TAILS_PX = {"plain": 0.0, "tailed": 26.0}
-
-
-def angles_of(altitude_ft: float) -> tuple[float, ...]:
-    """Where the pointers are, the coarsest first."""
-    return tuple(270.0 + altitude_ft / turn_ft * 360.0 for turn_ft in TURNS_FT.values())
 
 
 @pytest.fixture(scope="module", params=TAILS_PX.values(), ids=TAILS_PX)
@@ -74,20 +39,8 @@ def tail_px(request: pytest.FixtureRequest) -> float:
 
 
 def draw(angles_deg: tuple[float, ...], seed: int, tail_px: float) -> GreyPicture:
-    """Draws an altimeter: a small pointer below a short wide one below a long one."""
-    forms = (
-        Hand(tip=34.0, root_half=3.0, tip_half=1.5, level=215.0),
-        Hand(tip=46.0, root_half=4.0, tip_half=3.0, level=225.0),
-        Hand(tip=64.0, root_half=2.2, tip_half=1.2, tail=tail_px, tail_half=2.2, level=235.0),
-    )
-
-    def what(canvas: Canvas) -> None:
-        canvas.dial(range(0, 360, 36))
-        for form, angle_deg in zip(forms, angles_deg, strict=True):
-            canvas.hand(form, angle_deg)
-        canvas.disc(CENTRE, 9.0, 60.0)
-
-    return paint(what, seed=seed)
+    """Draws an altimeter whose long pointer may have a tail."""
+    return drawn(angles_deg, (*FORMS[:2], replace(FORMS[2], tail=tail_px, tail_half=2.2)), seed)
 
 
 @pytest.fixture(scope="module")
@@ -106,9 +59,11 @@ def combined(readings: list[Mapping[str, Reading]], **gauge: Any) -> FlightData:
         "anchors": [{"name": "texture", "box": [196, 22, 36, 36]}],
         "gauges": [copy.deepcopy(ALTIMETER) | {"centre": list(CENTRE)} | gauge],
     }
-    builder = FlightDataBuilder(parse_panel(yaml.safe_dump(content)))
+    panel = parse_panel(yaml.safe_dump(content))
+    (own,), builder = panel.gauges, FlightDataBuilder(panel)
     for index, frame in enumerate(readings):
-        builder.add(index, index * 500_000_000, FrameReadings(IDENTITY, frame))
+        together = dict(frame) if "altitude_ft" in frame else {**frame, "altitude_ft": told_together(own, frame)}
+        builder.add(index, index * 500_000_000, FrameReadings(IDENTITY, together))
     return fill_gaps(builder.build(lambda _, angles_deg: np.zeros_like(angles_deg)))
 
 

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import IDENTITY, Alignment
+from decoder.instruments.geared import told_together
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Reading
 from decoder.outputs.drawn_readings import ReadingPlaces
@@ -93,6 +94,7 @@ def test_combined_value_has_a_label_but_no_needle(document: dict[str, Any]) -> N
     gauge["combined"] = {"name": "altitude_ft", "needles": ["al_lb", "fr_lb"]}
     panel = source_of(content)
     readings = {"speed_kt": reading(200.0), "al_lb": reading(180.0), "fr_lb": reading(90.0)}
+    readings["altitude_ft"] = told_together(panel.panel.gauges[1], readings)
     data = fill_gaps(built(panel.panel, readings, Alignment.pinned((0, 0), (0, 0), 0.0, 1.0)))
 
     (_, altimeter) = ReadingPlaces(panel, data).frame(0)

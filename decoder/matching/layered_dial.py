@@ -1,0 +1,125 @@
+"""A round dial with needles over it: drawn wherever they may point, and held against what a frame shows.
+
+Rows go once around the dial, columns outward from its centre: each pixel is there once. A needle with a tail is two
+layers, half a turn apart. Needles are drawn from the lowest up, each as what it adds to what lies behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.thresholds import MIN_LIGHT_GAIN, NOISE_LEVELS
+from decoder.panel.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """A needle, or its tail: light and transparency, (H, C), around a row that lies so many rows behind the tip's."""
+
+    light: Floats
+    transparency: Floats
+    behind_rows: float
+
+
+class LayeredDial:
+    """Draws K needles over a face.
+
+    Parameters
+    ----------
+    face
+        (N, C) float32: once around.
+    templates
+        The lowest needle first; those with tails have more columns than the face, the tail's first.
+    step
+        Only every so many rows and columns of the dial are drawn; N is a multiple.
+    """
+
+    def __init__(self, face: Floats, templates: Sequence[NeedleTemplate], step: int = 1) -> None:
+        self._step = step
+        self.face = np.ascontiguousarray(self.thinned(face))
+        self._layers = [_layers_of(template, face.shape, step) for template in templates]
+
+    def thinned(self, dials: Floats) -> Floats:
+        """(..., N', C'): what is drawn of dials (..., N, C)."""
+        thin: Floats = dials[..., :: self._step, :: self._step]
+        return thin
+
+    def drawn(self, rows: Floats, needles: Sequence[int] | None = None) -> Floats:
+        """(M, N', C') float32: the dial with all of its needles, or some of them, on rows (M, K)."""
+        pictures = np.repeat(self.face[None], len(rows), axis=0)
+        for needle in range(len(self._layers)) if needles is None else needles:
+            for layer in self._layers[needle]:
+                self._draw(pictures, layer.light, layer.transparency, rows[:, needle] + layer.behind_rows)
+        return pictures
+
+    def left_bare(self, rows: Floats, needles: Sequence[int]) -> Floats:
+        """(M, N', C') float32: how much of what lies behind some of the needles shows through them."""
+        through = np.ones((len(rows), *self.face.shape), np.float32)
+        for needle in needles:
+            for layer in self._layers[needle]:
+                self._draw(through, np.zeros_like(layer.light), layer.transparency, rows[:, needle] + layer.behind_rows)
+        return through
+
+    def _draw(self, pictures: Floats, light: Floats, transparency: Floats, rows: Floats) -> None:
+        """Draw a layer on each picture, around a row of its own, (M,)."""
+        last, axis = len(light) - 1, (len(light) - 1) // 2
+        first = np.ceil((rows - axis) / self._step)
+        at = (first * self._step - rows + axis)[:, None] + self._step * np.arange(last // self._step + 1)
+        inside = (at <= last)[..., None]
+        before = np.minimum(at.astype(np.intp), last)
+        after, part = np.minimum(before + 1, last), (at - before).astype(np.float32)[..., None]
+        own, through = (each[before] + part * (each[after] - each[before]) for each in (light, transparency))
+        which = np.arange(len(rows))[:, None]
+        there = (first.astype(np.intp)[:, None] + np.arange(at.shape[1])) % pictures.shape[1]
+        drawn = through * pictures[which, there] + own
+        pictures[which, there] = np.where(inside, drawn, pictures[which, there])
+
+
+def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> list[_Layer]:
+    turn, columns = shape
+    tail = template.light.shape[1] - columns
+    halves = [(slice(tail, None), 0.0), *([(slice(tail - 1, None, -1), turn / 2)] if tail else [])]
+    return [
+        _Layer(template.light[:, own][:, ::step], template.transparency[:, own][:, ::step], behind_rows)
+        for own, behind_rows in halves
+    ]
+
+
+def lit_as(seen: Floats, drawn: Floats) -> Floats:
+    """Bring drawings (M, N, C) into the light of what is seen, (N, C): gain and offset, by least squares."""
+    flat, mean_seen = drawn.reshape(len(drawn), -1), np.float32(seen.mean())
+    off = flat - flat.mean(axis=1, keepdims=True)
+    shared = np.einsum("mx,x->m", off, seen.ravel() - mean_seen)
+    gain = np.maximum(shared / np.maximum(np.einsum("mx,mx->m", off, off), 1.0), MIN_LIGHT_GAIN)
+    lit: Floats = (off * gain[:, None].astype(np.float32) + mean_seen).reshape(drawn.shape)
+    return lit
+
+
+def unexplained(seen: Floats, lit: Floats) -> Floats:
+    """Return the mean square that each of the drawings (M, N, C) leaves, grey levels squared: (M,)."""
+    left = (lit - seen).reshape(len(lit), -1)
+    squares: Floats = np.einsum("mx,mx->m", left, left) / seen.size
+    return squares
+
+
+def times_worse(seen: Floats, best: Floats, others: Floats) -> Floats:
+    """Tell how many times as much as the best drawing others leave unexplained where they differ: (M,).
+
+    What sensors and JPEG do to a pixel is left by all of them: so 1 where two hardly differ.
+
+    Parameters
+    ----------
+    seen, best : (N, C)
+    others : (M, N, C)
+    """
+    differ = ((others - best) ** 2).reshape(len(others), -1)
+    noise = NOISE_LEVELS**2 * np.maximum(differ.sum(axis=1), 1.0)
+    off = ((others - seen) ** 2).reshape(differ.shape)
+    left = np.einsum("mx,mx->m", differ, off)
+    least = np.einsum("mx,x->m", differ, ((best - seen) ** 2).ravel())
+    worse: Floats = (left + noise) / (least + noise)
+    return worse
