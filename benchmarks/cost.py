@@ -18,8 +18,8 @@ from threadpoolctl import threadpool_limits
 from benchmarks.programs import RENDERED, decode, decompressed_alone, peak_memory_mib, read_alone
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.pictures import grey_picture
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.reader import open_flight
 from recorder.config import parse_config

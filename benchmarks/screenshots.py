@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, expect, sync_playwright
 
 from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
-from decoder.instruments.method import Method
+from decoder.matching.method import Method
 from decoder.outputs.report import write_report
 from decoder.parallel.decoding import decoded_flight
 from decoder.setup.sources import open_source

@@ -15,9 +15,9 @@ from benchmarks.two_at_once import decompressing
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import ReadBatches, batches, read_here
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.parallel.worker_pool import WorkerPool
 from flight_file.reader import Flight
 

@@ -11,8 +11,8 @@ from benchmarks.sized_flights import SIZES, Repeated, Size, sized_flight
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import batches
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.parallel.worker_pool import WorkerPool
 from flight_file.reader import Flight
 

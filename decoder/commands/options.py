@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from decoder.instruments.method import Method
+from decoder.matching.method import Method
 from decoder.outputs.formats import FORMATS
 from decoder.timeseries.flight_part import EXAMPLES, TypedTime, typed_time
 from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S

@@ -16,13 +16,13 @@ from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, rows_in_sweep
 from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
 from decoder.instruments.card import CardReader, first_card, learn_card
 from decoder.instruments.found import Found, Needle, readings_of
-from decoder.instruments.method import Method
 from decoder.instruments.needle_cuts import needles_in_picture
 from decoder.instruments.needle_lines import SeenGauge, pivot_of_tilts, tilts_of
 from decoder.instruments.needles import NeedleReader, is_simple
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.sampling import GaugeSampler, Samples
 from decoder.instruments.stack import StackReader
+from decoder.matching.method import Method
 from decoder.matching.pivot_search import card_pivot, drawn_needles_deg, needle_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge

@@ -16,7 +16,6 @@ import numpy as np
 
 from decoder.imaging.unwrapping import opposite_rows
 from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
-from decoder.instruments.method import Method
 from decoder.instruments.pairs import TouchingPair
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.stack import StackReader
@@ -32,6 +31,7 @@ from decoder.instruments.thresholds import (
 )
 from decoder.matching.correlation import xcorr
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
+from decoder.matching.method import Method
 from decoder.matching.searching import COARSE_STEP, Search, SearchTarget, collected, peaks_of, thinned
 from decoder.matching.strips import blocks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE

@@ -16,11 +16,11 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance
 from decoder.instruments.kinds import InstrumentReaders
-from decoder.instruments.method import Method
 from decoder.instruments.needle_lines import with_lines_checked
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples
 from decoder.instruments.thresholds import SURE_SCORE
+from decoder.matching.method import Method
 from decoder.panel.errors import PictureError
 from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import FramePlacer, Taken, UnwrappedFrame, UnwrappedPanel

@@ -15,7 +15,6 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.kinds import kind_of
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, unwrapped
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
@@ -33,6 +32,7 @@ from decoder.learning.recentring import around_pivots
 from decoder.learning.seen_faces import with_seen_faces
 from decoder.learning.thresholds import MIN_SAMPLES, MISSING_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
+from decoder.matching.method import Method
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge

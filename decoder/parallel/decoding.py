@@ -19,8 +19,8 @@ from tqdm import tqdm
 
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.instruments.frame_batch import ReadBatches, read_here
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.outputs.csv_output import utc_text
 from decoder.outputs.formats import Decoded, planned_files
 from decoder.outputs.json_output import Provenance, SourceFile

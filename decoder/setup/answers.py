@@ -13,10 +13,10 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import PolarGrid, Unwrapper
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.panel.errors import PanelError, PictureError
 from decoder.panel.gauge import KINDS, Gauge
 from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined

@@ -11,10 +11,10 @@ import numpy as np
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
+from decoder.matching.method import Method
 from decoder.panel.errors import PictureError
 from decoder.panel.scale import Scale
 from decoder.setup.drafts import Stale, Superseded

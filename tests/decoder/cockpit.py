@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.panel.panel import Panel, parse_panel
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 

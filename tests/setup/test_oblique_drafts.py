@@ -13,8 +13,8 @@ import yaml
 from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.pictures import FramePicture, grey_picture
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.panel.camera import camera_from_file
 from decoder.panel.errors import AlignmentLost
 from decoder.setup.answers import trial_answer

@@ -9,9 +9,9 @@ import pytest
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.pictures import FramePicture, grey_picture
 from decoder.instruments.frame_batch import Batch, batches
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight, reader_from_panel
+from decoder.matching.method import Method
 from flight_file.reader import open_flight
 from tests.programs import A1
 

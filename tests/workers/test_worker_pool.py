@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 
 from decoder.instruments.frame_batch import Batch, LeftOut, read_here
-from decoder.instruments.method import Method
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.panel.errors import WorkersLost
 from decoder.parallel.fork_server import WorkerProcess, _begin_worker, _leave, begin, interrupts_held
 from decoder.parallel.thresholds import BATCHES_HELD

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import reader_from_panel, tune
+from decoder.matching.method import Method
 from decoder.panel.panel import parse_panel
 
 WIDTH_PX, HEIGHT_PX = 240, 190

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
+from decoder.matching.method import Method
 from decoder.panel.errors import PanelError, PictureError
 from tests.decoder.cockpit import PANEL_ANGLES_DEG, draw, reader_of
 

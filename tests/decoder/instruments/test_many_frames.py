@@ -18,10 +18,10 @@ from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.instruments.frame_batch import Outcome, RawFrame, Unread, batches, read_batch
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings
 from decoder.learning.fit import reader_from_panel, tune
+from decoder.matching.method import Method
 from decoder.panel.errors import PictureError
 from flight_file.documents import picture_header
 from flight_file.reader import Flight, open_flight

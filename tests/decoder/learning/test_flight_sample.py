@@ -6,10 +6,10 @@ import pytest
 
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments
 from decoder.instruments.frame_batch import batches, read_batch
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.learning.flight_sample import FlightSample
+from decoder.matching.method import Method
 from flight_file.reader import Flight, open_flight
 from tests.programs import A1
 

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.method import Method
 from decoder.instruments.needle_lines import Tilt, pivot_of_tilts, with_lines_checked
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
+from decoder.matching.method import Method
 from decoder.registration.placement import UNKNOWN, Pivot
 from tests.decoder.cockpit import BETWEEN_MARKS_DEG, angles_of, between_marks, draw, reader_of
 from tests.programs import FIXTURES

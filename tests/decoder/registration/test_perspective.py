@@ -13,10 +13,10 @@ import pytest
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.instruments.method import Method
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings
 from decoder.learning.fit import reader_from_panel, tune
+from decoder.matching.method import Method
 from decoder.panel.errors import AlignmentLost
 from decoder.panel.panel import Panel
 from decoder.registration.aligner import Aligner

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from decoder.imaging.panel_pictures import panel_from_attachments
-from decoder.instruments.method import Method
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
+from decoder.matching.method import Method
 from decoder.panel.attachments import CAMERA_FILE
 from decoder.panel.camera import parse_camera
 from decoder.timeseries.flight_data import STATUSES, FlightData
