@@ -138,7 +138,7 @@ class CardReader:
             flat = known * weights.ravel()
             shares = np.linalg.solve(flat @ known.T + np.eye(3), flat @ columns.T).T
             left = columns - shares @ known
-            weights = self._picture.weights * _explained(left[2].reshape(view.shape), self._picture.weights)
+            weights = self._picture.weights * explained(left[2].reshape(view.shape), self._picture.weights)
         gain, weighted = shares[2, 0], left * weights.ravel()
         squares = np.array([float(weighted[2] @ left[2]), float(weights.sum())])
         return gain**2 * weighted[:2] @ left[:2].T, gain * weighted[:2] @ left[2], squares
@@ -208,9 +208,9 @@ class CardReader:
             left = (seen.ravel() - solution @ columns).reshape(seen.shape)
             noise = float((weights * left**2).sum() / weights.sum())
             sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
-            score = _correlation(seen, left, self._picture.weights)
+            score = weighted_correlation(seen, left, self._picture.weights)
             row += step_rows
-            weights = self._picture.weights * _explained(left, self._picture.weights)
+            weights = self._picture.weights * explained(left, self._picture.weights)
             if abs(step_rows) < STILL_ROWS:
                 break
         return row, sigma_rows, score
@@ -227,12 +227,14 @@ def turned(card: Floats, rows: float) -> Floats:
     return rows_at(around, np.mod(np.arange(len(card)) - rows, len(card)) + EDGE_ROWS)
 
 
-def _explained(left: Floats, weights: Floats) -> Floats:
+def explained(left: Floats, weights: Floats) -> Floats:
+    """1 where a fit leaves no more (P, C) than it leaves as a rule where there is weight, else 0."""
     spread = MAD_TO_SIGMA * float(np.median(np.abs(left[weights > 0])))
     return (np.abs(left) <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
 
 
-def _correlation(seen: Floats, left: Floats, weights: Floats) -> float:
+def weighted_correlation(seen: Floats, left: Floats, weights: Floats) -> float:
+    """Return the NCC of what is seen (P, C) with its fit, by what that leaves."""
     total = float(weights.sum())
     mean = float((weights * seen).sum()) / total
     variance = float((weights * (seen - mean) ** 2).sum())

@@ -14,6 +14,7 @@ import numpy as np
 
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, rows_in_sweep
 from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.attitude import AttitudeReader, first_attitude, learn_attitude
 from decoder.instruments.card import CardReader, first_card, learn_card
 from decoder.instruments.found import Found, Needle, readings_of
 from decoder.instruments.needle_cuts import needles_in_picture
@@ -198,7 +199,39 @@ class _Card:
         return gauge.quantities[0].name
 
 
-KINDS: tuple[Kind, ...] = (_Needles(), _Stack(), _Card())
+class _Attitude:
+    """A horizon that turns and shifts behind a window; what is learned of it stands under its roll."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.attitude is not None
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> Reader:
+        return _Attitudes(instruments, appearance, sampler)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        picture = first_attitude(drawn.gauge, drawn.grid, drawn.strip)
+        return Look(drawn.strip, pictures={drawn.gauge.quantities[0].name: picture})
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        name = instrument.gauge.quantities[0].name
+        return {name: learn_attitude(instrument.gauge, instrument.grid, strips, known[name])}
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        picture = appearance.pictures[instrument.gauge.quantities[0].name]
+        reader = AttitudeReader(instrument.gauge, instrument.grid, picture)
+        return reader.pivot([strip for strip, _, _ in frames])
+
+    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
+        return None
+
+
+KINDS: tuple[Kind, ...] = (_Needles(), _Stack(), _Card(), _Attitude())
 
 
 def kind_of(gauge: Gauge) -> Kind:
@@ -251,6 +284,27 @@ class _Cards:
             for name, index, reader in self._readers
         }
         return [dict(zip(columns, own, strict=True)) for own in zip(*columns.values(), strict=True)]
+
+
+class _Attitudes:
+    def __init__(self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler) -> None:
+        self._readers = [
+            (
+                [quantity.name for quantity in own.gauge.quantities],
+                own.index,
+                AttitudeReader(own.gauge, own.grid, appearance.pictures[own.gauge.quantities[0].name]),
+            )
+            for own in instruments
+        ]
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for names, index, reader in self._readers:
+            found = reader.read(self._sampler.strips(frames, index))
+            for own, both, sigma_deg in zip(readings, found, place_sigmas_deg[:, index].tolist(), strict=True):
+                own |= {name: one.in_place_within(sigma_deg) for name, one in zip(names, both, strict=True)}
+        return readings
 
 
 class InstrumentReaders:

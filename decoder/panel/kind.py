@@ -21,6 +21,8 @@ class Dial(Protocol):
     @property
     def name(self) -> str: ...  # noqa: D102 - said there
     @property
+    def radius(self) -> tuple[float, float]: ...  # noqa: D102
+    @property
     def sweep(self) -> tuple[float, float]: ...  # noqa: D102
     @property
     def reach(self) -> tuple[float, float]: ...  # noqa: D102
@@ -58,7 +60,7 @@ class Control:
 
     key: str
     label: str
-    reads: Literal["text", "number", "optional"] = "text"
+    reads: Literal["text", "number", "optional", "pairs"] = "text"
     placeholder: str = ""
     is_angle: bool = False
     """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""

@@ -19,7 +19,7 @@ from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
-from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, in_turn, shortest
 from decoder.timeseries.flight_part import FlightPart
 
 Kind = tuple[tuple[str, ...], Lens | None]
@@ -255,11 +255,14 @@ def _series(quantity: Quantity, column: _Column, panel_sigma_deg: PanelSigmaDeg)
     scale = Scale.of(quantity.marks, quantity.wraps)
     status, angle_deg = np.array(column.status), np.array(column.angle_deg)
     valued = status != CODE[Status.MISSING]
+    values = scale.values_at(angle_deg)
+    if quantity.wraps is not None:
+        values = in_turn(values, quantity.wraps, quantity.lowest)
     sigma_deg = np.hypot(np.array(column.sigma_deg), panel_sigma_deg(quantity.name, angle_deg))
     return NeedleSeries(
         quantity=quantity,
         status=status,
-        value=np.where(valued, scale.values_at(angle_deg), NOWHERE),
+        value=np.where(valued, values, NOWHERE),
         sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),
         score=np.array(column.score),
         angle_deg=angle_deg,
