@@ -27,7 +27,7 @@ from decoder.instruments.appearance import CardPicture
 from decoder.instruments.card import CardReader, card_rows, explained, first_card, learn_card, weighted_correlation
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, MAX_CONDITION, STILL_ROWS
-from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
+from decoder.matching.thresholds import HALF, MIN_LIGHT_GAIN, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 from decoder.panel.arrays import Floats
 from decoder.panel.attitude import Attitude
 from decoder.panel.gauge import Gauge
@@ -80,13 +80,16 @@ class AttitudePicture:
         (P, C) in [0, 1]: where in the window, which stands still, it is to be seen.
     ring
         The ring that turns around the window, if one does.
+    drawn
+        (P, C) float32, the window in the panel picture.
     origin
-        Where the panel picture shows what is in `horizon`.
+        Where that shows what is in `horizon`.
     """
 
     horizon: Floats
     weights: Floats
     ring: CardPicture | None
+    drawn: UnwrappedGauge
     origin: Place = AS_DRAWN
 
 
@@ -230,6 +233,10 @@ class AttitudeReader:
         is_sure = turn.score >= SCORE_THRESHOLD and turn.is_alone
         return Seen(ring_deg, turn.sigma_rows * step_deg, turn.score, is_sure, sight)
 
+    def horizon_in(self, window: UnwrappedGauge, turned_deg: float) -> Sight:
+        """Find the horizon in a window (P, C) alone, where a ring would show so much; at any turn where none turns."""
+        return self._horizon.sight(window, None if self._ring is None else turned_deg)
+
     def pivot(self, strips: Sequence[UnwrappedGauge]) -> Pivot:
         """Estimate where it turns, by its ring; unknown where there is none."""
         return UNKNOWN if self._ring is None else self._ring.pivot([strip[:, self._own.ring] for strip in strips])
@@ -338,7 +345,7 @@ class _HorizonReader:
         return np.stack(columns).reshape(len(columns), -1).astype(np.float64)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
-        """Standard uncertainties of a fit: the larger of what pixels tell one by one, and patch by patch."""
+        """Return the standard uncertainties of a fit: the larger of what pixels tell one by one, and patch by patch."""
         noise = float((weights * left**2).sum() / weights.sum()) / self._pixels_per_sample
         pulls = np.stack([np.bincount(self._patches, column * left.ravel(), math.prod(PATCHES)) for column in weighted])
         by_patch = np.diag(inverse @ (pulls @ pulls.T) @ inverse)
@@ -378,7 +385,7 @@ class _Search:
     def is_near(self, place: Place, start: Place) -> bool:
         """Whether two places are the same peak."""
         turns = (place.turned_deg - start.turned_deg) / self._step_deg
-        return abs(place.down_px - start.down_px) < RIVAL_SHIFTS * self._step_px and abs(turns) < RIVAL_TURNS
+        return bool(abs(place.down_px - start.down_px) < RIVAL_SHIFTS * self._step_px and abs(turns) < RIVAL_TURNS)
 
     def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, float] | None:
         """Where the picture matches a window (P, C) best, and how well it matches elsewhere; None if nothing is there.
@@ -424,8 +431,9 @@ def first_attitude(gauge: Gauge, grid: PolarGrid, strip: UnwrappedGauge) -> Atti
     """Return it as the panel picture shows it, (R, C), with all that lies over it."""
     own = Attitudes.of(gauge, grid)
     ring = None if own.own.ring is None else first_card(strip[:, own.ring], own.ring_grid)
-    horizon = _composed([_moved_back(own, strip, replace(NOT_SEEN, place=AS_DRAWN))])
-    return AttitudePicture(horizon, np.ones((own.rows, own.window), np.float32), ring)
+    weights = np.ones((own.rows, own.window), np.float32)
+    horizon = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
+    return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window])
 
 
 def learn_attitude(
@@ -442,14 +450,15 @@ def learn_attitude(
         sights = [(strip, reader.seen(strip).horizon) for strip in strips]
         views = [(strip, sight) for strip, sight in sights if sight.score >= LIKELY_SCORE]
         if len(views) < FRAMES_TO_LEARN:
-            return known
-        horizon = _composed([_moved_back(own, *view) for view in views])
+            return replace(given, ring=known.ring)
+        horizon = _composed([_moved_back(own, known.weights, *view) for view in views])
         known = replace(known, horizon=horizon)
         known = replace(known, weights=_HorizonReader(own, known).still(views))
-    return known
+    drawn = AttitudeReader(gauge, grid, known).horizon_in(given.drawn, 0.0)
+    return replace(known, origin=drawn.place) if drawn.is_sure else replace(given, ring=known.ring)
 
 
-def _moved_back(own: Attitudes, strip: UnwrappedGauge, sight: Sight) -> Floats:
+def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: Sight) -> Floats:
     """(H, W): what a frame shows of the picture, in its light; NaN where it does not."""
     rows, columns, grid = own.rows, own.window, own.grid
     height, width = 2 * math.ceil(columns * (1.0 + REACH_RADII)) + 1, 2 * columns + 1
@@ -459,7 +468,7 @@ def _moved_back(own: Attitudes, strip: UnwrappedGauge, sight: Sight) -> Floats:
     turned = np.degrees(np.arctan2(y, x)) + own.upright_deg + sight.place.turned_deg
     row = in_turn((turned - grid.angle_deg(0)) / grid.step_deg, rows)
     column = (np.hypot(x, y) - grid.inner_px) / grid.column_px
-    seen = (strip[:rows, :columns] - sight.offset) / sight.gain
+    seen = np.where(weights > HALF, (strip[:rows, :columns] - sight.offset) / sight.gain, np.nan)
     shown = _at(np.concatenate([seen, seen[:1]]), column, row)
     return np.where((column >= 0) & (column <= columns - 1), shown, np.nan)
 
