@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -43,8 +44,7 @@ SEARCH_SHIFTS = 97
 # Another place is one so many steps away; nearer, it is the same peak. Half a radius of the window, and 12 degrees.
 RIVAL_SHIFTS = 12
 RIVAL_TURNS = 6
-FIT_STEPS = 8
-FIT_STRIDE = 2
+FIT_STEPS = 5
 # What is not explained lies in patches, not in pixels: the window has so many around, and across.
 PATCHES = 12, 3
 ROUNDS = 5
@@ -125,18 +125,13 @@ class Seen:
     horizon: Sight
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Attitudes:
     """One attitude indicator on its grid, and how it moves: pixels of its own plane, degrees clockwise."""
 
     own: Attitude
     gauge: Gauge
     grid: PolarGrid
-    _marks: tuple[Floats, Floats] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        ups_px, pitches_deg = np.array(self.own.ladder, np.float64).T
-        object.__setattr__(self, "_marks", (ups_px, pitches_deg))
 
     @classmethod
     def of(cls, gauge: Gauge, grid: PolarGrid) -> Attitudes:
@@ -145,39 +140,46 @@ class Attitudes:
             raise AssertionError(f"{gauge.name} is no attitude indicator")
         return cls(gauge.attitude, gauge, grid)
 
-    @property
+    @cached_property
     def rows(self) -> int:
         """How many rows of the grid are one turn."""
         return card_rows(self.grid)
 
-    @property
+    @cached_property
     def window(self) -> int:
         """How many columns of the grid lie in the window."""
         return int(np.searchsorted(self.grid.radii_px, self.own.window, side="right"))
 
-    @property
+    @cached_property
     def ring(self) -> slice:
         """The columns of the grid on which a ring turns."""
         first_px = math.inf if self.own.ring is None else self.own.ring - self.grid.column_px / 2
         return slice(int(np.searchsorted(self.grid.radii_px, first_px)), self.grid.columns)
 
-    @property
+    @cached_property
     def ring_grid(self) -> PolarGrid:
         """The part of the grid on which a ring turns."""
         inner_px = float(self.grid.radii_px[self.ring.start])
         return replace(self.grid, inner_px=inner_px, columns=self.ring.stop - self.ring.start)
 
-    @property
+    @cached_property
     def upright_deg(self) -> float:
         """How far the horizon is turned in the panel picture."""
         return self.own.horizon_turn * self.own.turned_deg(self.gauge)
 
-    @property
+    @cached_property
+    def a_pixel_deg(self) -> float:
+        """The angle as which a pixel of shift is read."""
+        return math.degrees(1.0 / self.own.arc_px(self.gauge))
+
+    @cached_property
     def level_px(self) -> float:
         """How far below the centre zero pitch lies in the panel picture, along the horizon's upright."""
-        ups_px, pitches_deg = self._marks
-        marks = list(zip(ups_px.tolist(), pitches_deg.tolist(), strict=True))
-        return -float(Scale.of(marks).angles_of(np.zeros(1))[0])
+        return -float(Scale.of(self.own.ladder).angles_of(np.zeros(1))[0])
+
+    @cached_property
+    def _ups_px(self) -> Floats:
+        return np.array([up_px for up_px, _ in self.own.ladder])
 
     def _slant(self, turned_deg: float) -> float:
         """Angle from the horizon's upright to the way of its shift, radians, so far from the panel picture."""
@@ -200,10 +202,9 @@ class Attitudes:
 
     def drawn_sigma_px(self, up_px: float) -> float:
         """How well marks that a hand drew tell a place on the ladder: along the line through them."""
-        ups_px, _ = self._marks
-        off_px = ups_px - ups_px.mean()
-        share = 1.0 / len(ups_px) + (up_px - float(ups_px.mean())) ** 2 / float(off_px @ off_px)
-        return MARK_PX * math.sqrt(share)
+        middle_px = float(self._ups_px.mean())
+        off_px = self._ups_px - middle_px
+        return MARK_PX * math.sqrt(1.0 / len(off_px) + (up_px - middle_px) ** 2 / float(off_px @ off_px))
 
 
 class AttitudeReader:
@@ -247,7 +248,7 @@ class AttitudeReader:
         roll = Reading(_status(seen.is_ring_sure), angle_deg, seen.ring_sigma_deg, seen.ring_score)
         up_px, worth = self._own.up_px(replace(sight.place, down_px=sight.place.down_px - self._origin.down_px))
         sigma_px = math.hypot(sight.sigma_px * worth, self._own.drawn_sigma_px(up_px))
-        a_pixel_deg = math.degrees(1.0 / own.arc_px(self._own.gauge))
+        a_pixel_deg = self._own.a_pixel_deg
         is_sure = seen.is_ring_sure and sight.is_sure
         return roll, Reading(_status(is_sure), up_px * a_pixel_deg, sigma_px * a_pixel_deg, sight.score)
 
@@ -266,8 +267,10 @@ class _HorizonReader:
         self._x, self._y = _around(angles, radii_px)
         # samples further out stand for more of the window
         self._weights = picture.weights * (radii_px / radii_px[-1]).astype(np.float32)
-        self._thinned = self._weights[::FIT_STRIDE]
-        self._pixels_per_sample = min(1.0, grid.pixels_per_sample * FIT_STRIDE)
+        # least squares look at rows as far apart, at the rim, as columns are
+        self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
+        self._thinned = self._weights[:: self._stride]
+        self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
         self._slopes = [np.gradient(picture.horizon, grid.column_px, axis=axis) for axis in (1, 0)]
         self._patches = _patches(self._thinned.shape)
         self._search = _Search(own, picture.horizon, self._weights)
@@ -279,7 +282,7 @@ class _HorizonReader:
         if found is None:
             return NOT_SEEN
         place, rival = found
-        sight = self._fitted(seen[::FIT_STRIDE], place, is_turn_known=turned_deg is not None)
+        sight = self._fitted(seen[:: self._stride], place, is_turn_known=turned_deg is not None)
         return replace(sight, is_alone=1.0 - rival**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2))
 
     def still(self, views: Sequence[tuple[UnwrappedGauge, Sight]]) -> Floats:
@@ -310,7 +313,7 @@ class _HorizonReader:
 
         Outliers have no weight in the place, but all the weight in the score: few pixels match many places.
         """
-        start, weights, sight = place, self._thinned, NOT_SEEN
+        start, weights = place, self._thinned
         for _ in range(FIT_STEPS):
             columns = self._columns(place, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
@@ -327,17 +330,16 @@ class _HorizonReader:
             place = Place(place.turned_deg + turn_deg, place.down_px + step_px)
             if not self._search.is_near(place, start):
                 return NOT_SEEN
-            sigma_px, *sigmas = self._sigmas(inverse, weighted, left, weights)[2:] / gain
-            score = weighted_correlation(seen, left, self._thinned)
-            sight = Sight(place, math.degrees(sum(sigmas)), float(sigma_px), gain, offset, score, is_alone=True)
-            weights = self._thinned * explained(left, self._thinned)
             if math.hypot(step_px, turn_deg) < STILL_ROWS:
                 break
-        return sight
+            weights = self._thinned * explained(left, self._thinned)
+        sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[2:] / gain).tolist()
+        score = weighted_correlation(seen, left, self._thinned)
+        return Sight(place, math.degrees(sum(sigmas)), sigma_px, gain, offset, score, is_alone=True)
 
     def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
         """(3 or 4, N): what gain, offset, shift and turn change."""
-        x, y = self._turned(place, FIT_STRIDE)
+        x, y = self._turned(place, self._stride)
         levels, right, down = (self._shown(each, x, y, place) for each in (self._picture.horizon, *self._slopes))
         columns = [levels, np.ones_like(levels), -down]
         if not is_turn_known:
