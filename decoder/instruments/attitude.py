@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -25,15 +25,21 @@ from numpy.typing import NDArray
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import CardPicture
-from decoder.instruments.card import CardReader, card_rows, explained, first_card, learn_card, weighted_correlation
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, MAX_CONDITION, STILL_ROWS
-from decoder.matching.thresholds import HALF, MIN_LIGHT_GAIN, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
+from decoder.matching.correlation import explained, weighted_correlation
+from decoder.matching.thresholds import (
+    HALF,
+    MAX_PEAK_ROWS,
+    MIN_LIGHT_GAIN,
+    MIN_SPREAD_LEVELS,
+    NOISE_LEVELS,
+    SCORE_THRESHOLD,
+)
 from decoder.panel.arrays import Floats
 from decoder.panel.attitude import Attitude
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn
-from decoder.registration.placement import UNKNOWN, Pivot
 
 HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
 SEARCH_STEP_DEG = 2.0
@@ -41,17 +47,14 @@ SEARCH_COLUMNS = 14
 # The horizon is looked for up to so many radii of the window away, at so many places.
 REACH_RADII = 2.0
 SEARCH_SHIFTS = 97
-# Another place is one so many steps away; nearer, it is the same peak. Half a radius of the window, and 12 degrees.
-RIVAL_SHIFTS = 12
-RIVAL_TURNS = 6
+# A score is a peak if none is higher within so many steps.
+PEAK_STEPS = 2
 FIT_STEPS = 5
 # What is not explained lies in patches, not in pixels: the window has so many around, and across.
 PATCHES = 12, 3
 ROUNDS = 5
 # A pitch mark is drawn so well, on a line that is tilted.
 MARK_PX = 0.5
-# Where less of a shift than this lies along the upright, pitch is as uncertain as if so much did.
-LEAST_PART = 0.05
 
 Spectra = NDArray[np.complexfloating[Any, Any]]
 
@@ -143,7 +146,7 @@ class Attitudes:
     @cached_property
     def rows(self) -> int:
         """How many rows of the grid are one turn."""
-        return card_rows(self.grid)
+        return self.grid.rows - 1  # the last is the first again
 
     @cached_property
     def window(self) -> int:
@@ -197,8 +200,11 @@ class Attitudes:
         All of a shift lies along the horizon's upright where both turn alike.
         """
         part = math.cos(self._slant(place.turned_deg))
-        part = math.copysign(max(abs(part), LEAST_PART), part)
         return (self.level_px + place.down_px) / part - self.level_px, 1.0 / abs(part)
+
+    def is_level_in_sight(self, place: Place) -> bool:
+        """Whether zero pitch lies in the window: marks of a ladder look all alike where it does not."""
+        return abs(self.level_px + place.down_px) < self.own.window
 
     def drawn_sigma_px(self, up_px: float) -> float:
         """How well marks that a hand drew tell a place on the ladder: along the line through them."""
@@ -207,14 +213,33 @@ class Attitudes:
         return MARK_PX * math.sqrt(1.0 / len(off_px) + (up_px - middle_px) ** 2 / float(off_px @ off_px))
 
 
-class AttitudeReader:
-    """Reads roll and pitch of one gauge; `picture` is what it looks like."""
+class Turned(Protocol):
+    """How far a ring has turned clockwise, as `decoder.instruments.card.Turn`."""
 
-    def __init__(self, gauge: Gauge, grid: PolarGrid, picture: AttitudePicture) -> None:
-        self._own = Attitudes.of(gauge, grid)
-        self._origin = picture.origin
-        self._horizon = _HorizonReader(self._own, picture)
-        self._ring = None if picture.ring is None else CardReader(gauge, self._own.ring_grid, picture.ring)
+    @property
+    def rows(self) -> float: ...  # noqa: D102 - said there
+    @property
+    def sigma_rows(self) -> float: ...  # noqa: D102
+    @property
+    def score(self) -> float: ...  # noqa: D102
+    @property
+    def is_alone(self) -> bool: ...  # noqa: D102
+
+
+class Ring(Protocol):
+    """Reads a ring of marks, as `decoder.instruments.card.CardReader`."""
+
+    def turn(self, unwrapped: UnwrappedGauge) -> Turned:
+        """Tell how far it has turned from where it lies in the panel picture."""
+        ...
+
+
+class AttitudeReader:
+    """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if one turns."""
+
+    def __init__(self, own: Attitudes, picture: AttitudePicture, ring: Ring | None) -> None:
+        self._own, self._ring, self._origin = own, ring, picture.origin
+        self._horizon = _HorizonReader(own, picture)
 
     def read(self, strips: Floats) -> list[tuple[Reading, Reading]]:
         """Read roll and pitch in F frames of the gauge: (F, R, C) float32."""
@@ -226,7 +251,8 @@ class AttitudeReader:
         if self._ring is None:
             sight = self._horizon.sight(strip, None)
             ring_deg = (sight.place.turned_deg - self._origin.turned_deg) / turn_part
-            return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, sight.is_sure, sight)
+            is_sure = sight.is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
+            return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, is_sure, sight)
         turn = self._ring.turn(strip[:, self._own.ring])
         step_deg = self._own.grid.step_deg
         ring_deg = float(in_turn(np.array(turn.rows * step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
@@ -238,19 +264,21 @@ class AttitudeReader:
         """Find the horizon in a window (P, C) alone, where a ring would show so much; at any turn where none turns."""
         return self._horizon.sight(window, None if self._ring is None else turned_deg)
 
-    def pivot(self, strips: Sequence[UnwrappedGauge]) -> Pivot:
-        """Estimate where it turns, by its ring; unknown where there is none."""
-        return UNKNOWN if self._ring is None else self._ring.pivot([strip[:, self._own.ring] for strip in strips])
-
     def _readings(self, seen: Seen) -> tuple[Reading, Reading]:
         own, sight, first_deg = self._own.own, seen.horizon, self._own.gauge.sweep[0]
         angle_deg = first_deg + (own.index - seen.ring_deg - first_deg) % FULL_CIRCLE_DEG
         roll = Reading(_status(seen.is_ring_sure), angle_deg, seen.ring_sigma_deg, seen.ring_score)
-        up_px, worth = self._own.up_px(replace(sight.place, down_px=sight.place.down_px - self._origin.down_px))
+        place = self._since_drawn(sight)
+        up_px, worth = self._own.up_px(place)
         sigma_px = math.hypot(sight.sigma_px * worth, self._own.drawn_sigma_px(up_px))
         a_pixel_deg = self._own.a_pixel_deg
-        is_sure = seen.is_ring_sure and sight.is_sure
+        is_sure = seen.is_ring_sure and sight.is_sure and self._own.is_level_in_sight(place)
         return roll, Reading(_status(is_sure), up_px * a_pixel_deg, sigma_px * a_pixel_deg, sight.score)
+
+    def _since_drawn(self, sight: Sight) -> Place:
+        """Where the horizon lies, from where the panel picture shows it."""
+        here, there = sight.place, self._origin
+        return Place(here.turned_deg - there.turned_deg, here.down_px - there.down_px)
 
 
 def _status(is_sure: bool) -> Status:  # noqa: FBT001 - all there is to say
@@ -368,7 +396,7 @@ class _Search:
 
     def __init__(self, own: Attitudes, horizon: Floats, weights: Floats) -> None:
         grid = own.grid
-        self._stride = max(round(SEARCH_STEP_DEG / grid.step_deg), 1)
+        self._stride = round(SEARCH_STEP_DEG / grid.step_deg)
         self._step_deg = self._stride * grid.step_deg
         self._columns = np.unique(np.linspace(0, own.window - 1, SEARCH_COLUMNS).round().astype(np.intp))
         reach_px = REACH_RADII * float(grid.radii_px[own.window - 1])
@@ -386,8 +414,9 @@ class _Search:
 
     def is_near(self, place: Place, start: Place) -> bool:
         """Whether two places are the same peak."""
-        turns = (place.turned_deg - start.turned_deg) / self._step_deg
-        return bool(abs(place.down_px - start.down_px) < RIVAL_SHIFTS * self._step_px and abs(turns) < RIVAL_TURNS)
+        turns = abs(place.turned_deg - start.turned_deg) / self._step_deg
+        shifts = abs(place.down_px - start.down_px) / float(self._step_px)
+        return turns <= MAX_PEAK_ROWS and shifts <= MAX_PEAK_ROWS
 
     def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, float] | None:
         """Where the picture matches a window (P, C) best, and how well it matches elsewhere; None if nothing is there.
@@ -400,9 +429,7 @@ class _Search:
         if turned_deg is not None:
             scores = scores[:, [round(turned_deg / self._step_deg) % self._rows]]
         shift, turn = divmod(int(scores.argmax()), scores.shape[1])
-        turns = np.abs(in_turn(np.arange(scores.shape[1]) - float(turn), self._rows, -self._rows / 2))
-        elsewhere = (np.abs(np.arange(len(scores)) - shift) > RIVAL_SHIFTS)[:, None] | (turns > RIVAL_TURNS)
-        rival = float(scores[elsewhere].max(initial=0.0))
+        rival = _second_peak(scores, shift, turn)
         found_deg = float(in_turn(np.array(turn * self._step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
         return Place(found_deg if turned_deg is None else turned_deg, float(self._downs_px[shift])), rival
 
@@ -429,35 +456,43 @@ class _Search:
         return sums
 
 
-def first_attitude(gauge: Gauge, grid: PolarGrid, strip: UnwrappedGauge) -> AttitudePicture:
+def _second_peak(scores: Floats, shift: int, turn: int) -> float:
+    """Return the highest score (K, P) that is a peak of its own, besides the highest at all; turns go round."""
+    around = PEAK_STEPS if scores.shape[1] > 1 else 0
+    padded = np.pad(scores, ((0, 0), (around, around)), mode="wrap").astype(np.float32)
+    highest = cv2.dilate(padded, np.ones((2 * PEAK_STEPS + 1, 2 * around + 1), np.uint8))
+    is_peak = (padded == highest)[:, around : around + scores.shape[1]]
+    is_peak[shift, turn] = False
+    return float(scores[is_peak].max(initial=0.0))
+
+
+def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | None) -> AttitudePicture:
     """Return it as the panel picture shows it, (R, C), with all that lies over it."""
-    own = Attitudes.of(gauge, grid)
-    ring = None if own.own.ring is None else first_card(strip[:, own.ring], own.ring_grid)
     weights = np.ones((own.rows, own.window), np.float32)
     horizon = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
     return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window])
 
 
 def learn_attitude(
-    gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], given: AttitudePicture
+    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
     """Return it from frames (R, C) in the panel picture's light; as it was given if they do not tell."""
-    own = Attitudes.of(gauge, grid)
     known = given
-    if given.ring is not None:
-        ring = learn_card(gauge, own.ring_grid, [strip[:, own.ring] for strip in strips], given.ring)
-        known = replace(given, ring=ring)
     for _ in range(ROUNDS):
-        reader = AttitudeReader(gauge, grid, known)
+        reader = AttitudeReader(own, known, ring)
         sights = [(strip, reader.seen(strip).horizon) for strip in strips]
-        views = [(strip, sight) for strip, sight in sights if sight.score >= LIKELY_SCORE]
+        views = [
+            (strip, sight)
+            for strip, sight in sights
+            if sight.score >= LIKELY_SCORE and own.is_level_in_sight(sight.place)
+        ]
         if len(views) < FRAMES_TO_LEARN:
-            return replace(given, ring=known.ring)
+            return given
         horizon = _composed([_moved_back(own, known.weights, *view) for view in views])
         known = replace(known, horizon=horizon)
         known = replace(known, weights=_HorizonReader(own, known).still(views))
-    drawn = AttitudeReader(gauge, grid, known).horizon_in(given.drawn, 0.0)
-    return replace(known, origin=drawn.place) if drawn.is_sure else replace(given, ring=known.ring)
+    drawn = AttitudeReader(own, known, ring).horizon_in(given.drawn, 0.0)
+    return replace(known, origin=drawn.place) if drawn.is_sure else given
 
 
 def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: Sight) -> Floats:

@@ -33,12 +33,12 @@ from decoder.instruments.thresholds import (
     MIN_TURN_DEG,
     STILL_ROWS,
 )
+from decoder.matching.correlation import explained, weighted_correlation
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import (
     MAX_PEAK_ROWS,
     MIN_SPREAD_LEVELS,
     NOISE_LEVELS,
-    OUTLIER_SPREADS,
     SCORE_THRESHOLD,
 )
 from decoder.panel.arrays import Floats
@@ -225,20 +225,6 @@ def turned(card: Floats, rows: float) -> Floats:
     """Return a card (P, C) turned clockwise by a number of rows, whole or not."""
     around = np.concatenate([card[-EDGE_ROWS:], card, card[:EDGE_ROWS]])
     return rows_at(around, np.mod(np.arange(len(card)) - rows, len(card)) + EDGE_ROWS)
-
-
-def explained(left: Floats, weights: Floats) -> Floats:
-    """1 where a fit leaves no more (P, C) than it leaves as a rule where there is weight, else 0."""
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(left[weights > 0])))
-    return (np.abs(left) <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
-
-
-def weighted_correlation(seen: Floats, left: Floats, weights: Floats) -> float:
-    """Return the NCC of what is seen (P, C) with its fit, by what that leaves."""
-    total = float(weights.sum())
-    mean = float((weights * seen).sum()) / total
-    variance = float((weights * (seen - mean) ** 2).sum())
-    return math.sqrt(max(1.0 - float((weights * left**2).sum()) / variance, 0.0)) if variance > 0 else 0.0
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:

@@ -7,6 +7,7 @@ like those below, a line in `KINDS`, and its part of the schema in `decoder.pane
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Protocol
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, rows_in_sweep
 from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
-from decoder.instruments.attitude import AttitudeReader, first_attitude, learn_attitude
+from decoder.instruments.attitude import AttitudePicture, AttitudeReader, Attitudes, first_attitude, learn_attitude
 from decoder.instruments.card import CardReader, first_card, learn_card
 from decoder.instruments.found import Found, Needle, readings_of
 from decoder.instruments.needle_cuts import needles_in_picture
@@ -27,7 +28,7 @@ from decoder.matching.method import Method
 from decoder.matching.pivot_search import card_pivot, drawn_needles_deg, needle_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.registration.placement import Pivot
+from decoder.registration.placement import UNKNOWN, Pivot
 
 Readings = list[dict[str, Reading]]
 """By frame the readings by name."""
@@ -213,19 +214,24 @@ class _Attitude:
         return _Attitudes(instruments, appearance, sampler)
 
     def first_look(self, drawn: DrawnInstrument) -> Look:
-        picture = first_attitude(drawn.gauge, drawn.grid, drawn.strip)
-        return Look(drawn.strip, pictures={drawn.gauge.quantities[0].name: picture})
+        own = Attitudes.of(drawn.gauge, drawn.grid)
+        ring = None if own.own.ring is None else first_card(drawn.strip[:, own.ring], own.ring_grid)
+        return Look(drawn.strip, pictures={own.own.roll: first_attitude(own, drawn.strip, ring)})
 
     def learned_pictures(
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
-        name = instrument.gauge.quantities[0].name
-        return {name: learn_attitude(instrument.gauge, instrument.grid, strips, known[name])}
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        given: AttitudePicture = known[own.own.roll]
+        if given.ring is not None:
+            rings = [strip[:, own.ring] for strip in strips]
+            given = replace(given, ring=learn_card(own.gauge, own.ring_grid, rings, given.ring))
+        return {own.own.roll: learn_attitude(own, strips, given, _ring_of(own, given))}
 
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
-        picture = appearance.pictures[instrument.gauge.quantities[0].name]
-        reader = AttitudeReader(instrument.gauge, instrument.grid, picture)
-        return reader.pivot([strip for strip, _, _ in frames])
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        ring = _ring_of(own, appearance.pictures[own.own.roll])
+        return UNKNOWN if ring is None else ring.pivot([strip[:, own.ring] for strip, _, _ in frames])
 
     def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         return None
@@ -286,16 +292,19 @@ class _Cards:
         return [dict(zip(columns, own, strict=True)) for own in zip(*columns.values(), strict=True)]
 
 
+def _ring_of(own: Attitudes, picture: AttitudePicture) -> CardReader | None:
+    """Return what reads the ring around a horizon, if one turns."""
+    return None if picture.ring is None else CardReader(own.gauge, own.ring_grid, picture.ring)
+
+
 class _Attitudes:
     def __init__(self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler) -> None:
-        self._readers = [
-            (
-                [quantity.name for quantity in own.gauge.quantities],
-                own.index,
-                AttitudeReader(own.gauge, own.grid, appearance.pictures[own.gauge.quantities[0].name]),
-            )
-            for own in instruments
-        ]
+        self._readers: list[tuple[list[str], int, AttitudeReader]] = []
+        for instrument in instruments:
+            own = Attitudes.of(instrument.gauge, instrument.grid)
+            picture: AttitudePicture = appearance.pictures[own.own.roll]
+            reader = AttitudeReader(own, picture, _ring_of(own, picture))
+            self._readers.append(([own.own.roll, own.own.pitch], instrument.index, reader))
         self._sampler = sampler
 
     def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:

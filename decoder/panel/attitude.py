@@ -118,9 +118,16 @@ class Attitude(Strict):
         return {}
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
-        """Turn the index; the scale lies as the ring is turned there. The ladder stays as it was drawn."""
+    def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
+        """Turn the index, and move the ladder to where its marks lie there; the scale lies as the ring is turned."""
         own = gauge["attitude"]
-        ring_turn_deg = float(own["index"] - angles_deg.get(own["roll"], own["index"]))
-        own["index"] = round(own["index"] + turn_deg, 4)
+        index_deg = own.get("index", UP_DEG)
+        ring_turn_deg = float(index_deg - angles_deg.get(own["roll"], index_deg))
+        own["index"] = round(index_deg + turn_deg, 4)
+        arc_px = sum(gauge["radius"]) / 2
+        at_centre_px = math.radians(angles_deg.get(own["pitch"], 0.0)) * arc_px
+        own["ladder"] = [[round(up_px * size - at_centre_px, 3), pitch_deg] for up_px, pitch_deg in own["ladder"]]
+        for key in ("window", "ring"):
+            if own.get(key):
+                own[key] = round(own[key] * size, 3)
         return ring_turn_deg

@@ -67,7 +67,7 @@ class Card(Strict):
         return self.model_copy(update={"index": true_deg(self.index)})
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
+    def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:
         """Turn the index; the scale lies as the card is turned there."""
         card = gauge["card"]
         card_turn_deg = float(card["index"] - angles_deg.get(card["name"], card["index"]))

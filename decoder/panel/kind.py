@@ -133,8 +133,8 @@ class DescribedKind(Protocol):
         ...
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
-        """Turn what a draft says of it along with its dial, onto another picture.
+    def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
+        """Turn and enlarge what a draft says of it along with its dial, onto another picture.
 
         Parameters
         ----------
@@ -142,6 +142,8 @@ class DescribedKind(Protocol):
             Of the draft; changed.
         turn_deg
             By which the dial is turned there.
+        size
+            How many times as large it is there; the gauge's radius is that size already.
         angles_deg
             By name what is read there, in the draft's own angles.
 

@@ -168,7 +168,7 @@ class Needles:
         return tuple(needle.at_angles(true_deg) for needle in self.each)
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
+    def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:
         """Turn templates and own scales; a needle that was read there is cut where it is read."""
         for needle in gauge["needles"]:
             template = needle["template"]
