@@ -236,6 +236,11 @@ class _Attitude:
     def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         return None
 
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []
+
 
 KINDS: tuple[Kind, ...] = (_Needles(), _Stack(), _Card(), _Attitude())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -116,6 +116,10 @@ class Attitude(Strict):
     def pictures(self) -> Mapping[str, str]:
         """Return none: what it looks like is in the panel picture."""
         return {}
+
+    def at_angles(self, true_deg: Callable[[float], float]) -> Attitude:
+        """Return it with its index at its true angle; its marks of bank are the gauge's."""
+        return self.model_copy(update={"index": true_deg(self.index)})
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
