@@ -16,6 +16,7 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Quantity, Scale, m
 
 UP_DEG = 270.0
 HALF_TURN_DEG = 180.0
+PITCHES_DEG = -90.0, 90.0
 
 Ladder = Annotated[tuple[tuple[Pixels, Number], ...], Field(max_length=MOST_POINTS)]
 
@@ -97,7 +98,7 @@ class Attitude(Strict):
             Quantity(
                 self.roll, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate, lowest=-HALF_TURN_DEG
             ),
-            Quantity(self.pitch, dial.name, dial.unit, shifts, None, None, self.max_rate),
+            Quantity(self.pitch, dial.name, dial.unit, shifts, None, None, self.max_rate, limits=PITCHES_DEG),
         )
 
     def turned_deg(self, dial: Dial) -> float:
