@@ -11,10 +11,10 @@ from pydantic import Field, field_validator
 
 from decoder.panel.arrays import Degrees, Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Quantity, Scale, monotone
 
-UP_DEG = 270.0
+DOWN_DEG, UP_DEG = 90.0, 270.0
 HALF_TURN_DEG = 180.0
 PITCHES_DEG = -90.0, 90.0
 
@@ -109,6 +109,22 @@ class Attitude(Strict):
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index of bank."""
         return (Pointer(self.roll, self.index, is_fixed=True),)
+
+    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return the horizon across the window, where both values are known and it is in sight."""
+        if not all(math.isfinite(values[name]) for name in (self.roll, self.pitch)):
+            return {}
+        banks, ladder = Scale.of(dial.scale, dial.wraps), Scale.of(self.ladder)
+        level_deg, bank_deg = banks.angles_of(np.array([0.0, values[self.roll]])).tolist()
+        level_px, at_centre_px = ladder.angles_of(np.array([0.0, values[self.pitch]])).tolist()
+        ring_deg = level_deg - bank_deg
+        part = math.cos(math.radians((self.shift_turn - self.horizon_turn) * ring_deg))
+        down_px = (at_centre_px - level_px) * part
+        if abs(down_px) >= self.window:
+            return {}
+        half_deg = math.degrees(math.acos(down_px / self.window))
+        below_deg = DOWN_DEG + self.horizon_turn * ring_deg
+        return {self.pitch: ((below_deg + half_deg, self.window), (below_deg - half_deg, self.window))}
 
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return one turn."""

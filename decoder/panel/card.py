@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from decoder.panel.arrays import Degrees
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.scale import Quantity
 
 UP_DEG = 270.0
@@ -53,6 +53,10 @@ class Card(Strict):
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index."""
         return (Pointer(self.name, self.index, is_fixed=True),)
+
+    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return none: pointers show all."""
+        return {}
 
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return one turn."""

@@ -15,7 +15,7 @@ from decoder.panel.arrays import NO_TRUTH, Degrees, Number, at_most
 from decoder.panel.attitude import Attitude
 from decoder.panel.card import Card
 from decoder.panel.description import Name, Point, Positive, Strict, Text
-from decoder.panel.kind import DescribedKind, Pointer
+from decoder.panel.kind import DescribedKind, Pointer, Polar
 from decoder.panel.needles import Needle, Needles
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
@@ -165,6 +165,10 @@ class Gauge(Strict):
     def pointers(self) -> tuple[Pointer, ...]:
         """What is drawn of it in pictures and in the report."""
         return self.kind.pointers()
+
+    def lines(self, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """By quantity what its value looks like, where that is no pointer's line; `values` by quantity."""
+        return self.kind.lines(self, values)
 
     @property
     def turning(self) -> tuple[Pointer, ...]:

@@ -11,6 +11,9 @@ from typing import Any, ClassVar, Literal, Protocol
 
 from decoder.panel.scale import Marks, Quantity
 
+Polar = tuple[float, float]
+"""A place on a dial: its angle in degrees, and its distance from the centre in pixels."""
+
 Drawn = dict[str, Any]
 """A part of a draft, in the words of `panel.yaml`, however wrong it still is."""
 
@@ -118,6 +121,18 @@ class DescribedKind(Protocol):
 
     def pointers(self) -> tuple[Pointer, ...]:
         """Return what is drawn of it."""
+        ...
+
+    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return by quantity what its value looks like, from end to end, where that is no pointer's line.
+
+        Parameters
+        ----------
+        dial
+            On which it is.
+        values
+            By quantity, NaN where there is none.
+        """
         ...
 
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
+from decoder.panel.attitude import Attitude
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
@@ -233,6 +234,48 @@ def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) ->
     assert [one.readings for one in together if isinstance(one, FrameReadings)] == [
         read_picture(reader, frame).readings for frame in frames
     ]
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "pitch_deg", "ends"),
+    [
+        (0.0, 0.0, ((-49.0, 0.0), (49.0, 0.0))),
+        (90.0, 0.0, ((0.0, 49.0), (0.0, -49.0))),
+        (0.0, 10.0, ((-math.sqrt(49**2 - 20**2), 20.0), (math.sqrt(49**2 - 20**2), 20.0))),
+        (180.0, 10.0, ((math.sqrt(49**2 - 20**2), -20.0), (-math.sqrt(49**2 - 20**2), -20.0))),
+    ],
+)
+def test_the_horizon_is_drawn_where_it_is(
+    roll_deg: float, pitch_deg: float, ends: tuple[tuple[float, float], ...]
+) -> None:
+    """From its left end to its right one: down when the nose is up, its right end up when the right wing is down."""
+    gauge = Gauge.model_validate({"centre": CENTRE, **described(ring=True)})
+    line = gauge.lines({"roll_deg": roll_deg, "pitch_deg": pitch_deg})["pitch_deg"]
+
+    seen = [(px * math.cos(math.radians(deg)), px * math.sin(math.radians(deg))) for deg, px in line]
+    assert np.array(seen) == pytest.approx(np.array(ends), abs=1e-6)
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(math.nan, 3.0), (3.0, math.nan), (0.0, 60.0)])
+def test_no_horizon_is_drawn_where_none_is_known(roll_deg: float, pitch_deg: float) -> None:
+    """Without a value of either, or out of sight, there is no line."""
+    gauge = Gauge.model_validate({"centre": CENTRE, **described(ring=True)})
+
+    assert gauge.lines({"roll_deg": roll_deg, "pitch_deg": pitch_deg}) == {}
+
+
+def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
+    """Radii and ladder grow with the dial, and the ladder shifts by the pitch that is read there."""
+    gauge = {**described(ring=True), "radius": [8.0, 2 * RIM_PX]}
+    arc_px = (4 + RIM_PX) / 2
+    read = {"roll_deg": 270.0 - 20.0, "pitch_deg": math.degrees(12.0 / arc_px)}
+
+    scale_turn_deg = Attitude.carry(gauge, 3.0, 2.0, read)
+
+    own = gauge["attitude"]
+    assert (own["window"], own["ring"], own["index"]) == (2 * (WINDOW_PX - 1), 2 * RING_PX, 273.0)
+    assert scale_turn_deg == pytest.approx(20.0)
+    assert [up_px for up_px, _ in own["ladder"]] == pytest.approx([2 * (up_px - 12.0) for up_px in UP_PX])
 
 
 @pytest.mark.parametrize(
