@@ -148,6 +148,13 @@ SOURCES = (
         stops=STOPS,
     ),
     Source(
+        "simulator's attitude indicator, straight on",
+        "cockpit_flight/sixpack_a/*.jpg",
+        PANELS / "sixpack_attitude.yaml",
+        "cockpit_flight/sixpack_a/f0020.jpg",
+        "cockpit_flight/sixpack_a_truth.csv",
+    ),
+    Source(
         "steam gauge",
         "boiler/*.jpg",
         PANELS / "boiler.yaml",

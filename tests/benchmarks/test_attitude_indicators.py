@@ -19,12 +19,12 @@ WORST_DEG = 2.0
 
 
 def errors_deg(source: Source, folder: Path) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """By roll and pitch the errors of what is `read`; at least nine of ten frames are."""
+    """By roll and pitch the errors of what is `read`; at least four of five frames are."""
     decoded = decode_source(source, folder)
     found = {}
     for series, truth in zip(decoded.series, decoded.truth, strict=True):
         is_read = series.status == "read"
-        assert is_read.mean() >= 0.9, series.name
+        assert is_read.mean() >= 0.8, series.name
         assert float((np.abs(series.error(truth)) <= 1.96 * series.sigma)[is_read].mean()) >= 0.6, series.name
         found[PITCH_DEG if "pitch" in series.name else ROLL_DEG] = np.abs(series.error(truth)[is_read])
     return found
@@ -44,8 +44,8 @@ def test_an_indicator_that_others_drew_is_read(source: Source, tmp_path: Path) -
 
 @pytest.mark.parametrize(
     ("source", "mean_roll_deg", "mean_pitch_deg"),
-    [(SIMULATED[0], 0.3, 0.6), (SIMULATED[1], 0.8, 1.0)],
-    ids=["oblique", "bad lens"],
+    [(SIMULATED[0], 0.3, 0.6), (SIMULATED[1], 0.8, 1.0), (SIMULATED[2], 0.3, 0.6)],
+    ids=["oblique", "bad lens", "straight on"],
 )
 def test_the_simulators_indicator_is_read(
     source: Source, mean_roll_deg: float, mean_pitch_deg: float, tmp_path: Path
