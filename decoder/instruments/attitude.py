@@ -407,6 +407,7 @@ class _Search:
         x, y = _around(angles, grid.radii_px[self._columns])
         shown = np.stack([_sampled(horizon, x, y - down, grid.column_px) for down in self._downs_px])
         self._total = max(float(self._weights.sum()), 1.0)
+        self._shown = shown.reshape(len(shown), -1).astype(np.float64)
         self._spectra = np.fft.rfft(shown, axis=1).conj()
         self._mean = self._turned_sums(self._weights, self._spectra) / self._total
         square = self._turned_sums(self._weights, np.fft.rfft(shown**2, axis=1).conj()) / self._total
@@ -423,26 +424,30 @@ class _Search:
 
         With `turned_deg` it is looked for at that turn alone.
         """
-        scores = self._scores(self._thinned(seen))
+        rows = None if turned_deg is None else round(turned_deg / self._step_deg) % self._rows
+        scores = self._scores(self._thinned(seen), rows)
         if scores is None:
             return None
-        if turned_deg is not None:
-            scores = scores[:, [round(turned_deg / self._step_deg) % self._rows]]
         shift, turn = divmod(int(scores.argmax()), scores.shape[1])
         rival = _second_peak(scores, shift, turn)
         found_deg = float(in_turn(np.array(turn * self._step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
         return Place(found_deg if turned_deg is None else turned_deg, float(self._downs_px[shift])), rival
 
-    def _scores(self, seen: Floats) -> Floats | None:
-        """(K, P): at every shift and turn; None where a window (P, C) shows nothing."""
+    def _scores(self, seen: Floats, rows: int | None) -> Floats | None:
+        """(K, P) at every shift and turn, or (K, 1) at one; None where a window (P, C) shows nothing."""
         weighted = self._weights * seen
         mean = float(weighted.sum()) / self._total
         spread = math.sqrt(max(float((weighted * seen).sum()) / self._total - mean**2, 0.0))
         if spread < MIN_SPREAD_LEVELS:
             return None
-        together = self._turned_sums(weighted, self._spectra) / self._total - mean * self._mean
-        known = self._spread > MIN_SPREAD_LEVELS
-        scores: Floats = np.divide(together, self._spread * spread, out=np.zeros_like(together), where=known)
+        if rows is None:
+            sums, turns = self._turned_sums(weighted, self._spectra), slice(None)
+        else:
+            sums, turns = self._shown @ np.roll(weighted, -rows, axis=0).reshape(-1, 1), slice(rows, rows + 1)
+        together = sums / self._total - mean * self._mean[:, turns]
+        spreads = self._spread[:, turns]
+        known = spreads > MIN_SPREAD_LEVELS
+        scores: Floats = np.divide(together, spreads * spread, out=np.zeros_like(together), where=known)
         return np.clip(scores, -1.0, 1.0)
 
     def _thinned(self, strip: Floats) -> Floats:

@@ -200,6 +200,21 @@ def test_a_covered_dial_is_missing(reader: PanelReader, ring: bool) -> None:  # 
     assert {one.status for one in read.readings.values()} == {Status.MISSING}
 
 
+@pytest.mark.parametrize("frames", [0, 5])
+def test_little_teaches_nothing_wrong(ring: bool, frames: int) -> None:  # noqa: FBT001
+    """By the panel picture alone, or by five frames, it is read rightly or not at all."""
+    taught = flight(ring=ring)[:frames]
+    reader = reader_for([described(ring=ring)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring), taught)
+    rng = np.random.default_rng(6)
+
+    for seed, (roll_deg, pitch_deg) in enumerate(rng.uniform((-180, -20), (180, 20), (12, 2)).tolist()):
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 400 + seed, ring=ring))
+        found = values(reader, read)
+        for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", pitch_deg)):
+            off_deg = abs((found[name] - truth_deg + 180) % 360 - 180)
+            assert read.readings[name].status is Status.MISSING or off_deg < 1.0
+
+
 def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
     """A line on a ball with neither sky nor ladder could be either way up: neither is `read`."""
     frames = [
