@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
+from decoder.panel.arrays import Floats
 from decoder.panel.attitude import Attitude
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
@@ -60,35 +61,49 @@ def draw(
     """Draws one: `plain` has no sky and no ladder, only its line; a `hand` covers such a part of the dial."""
 
     def what(canvas: Canvas) -> None:
-        height, width = canvas.picture.shape
-        y, x = np.mgrid[:height, :width]
+        reach = math.ceil((RIM_PX + 5) * SCALE)
+        left, top = (round((at + 0.5) * SCALE) for at in CENTRE)
+        box = slice(top - reach, top + reach), slice(left - reach, left + reach)
+        y, x = np.mgrid[box].astype(np.float32)
         x, y = (x + 0.5) / SCALE - 0.5 - CENTRE[0], (y + 0.5) / SCALE - 0.5 - CENTRE[1]
-        radius = np.hypot(x, y)
-        roll = math.radians(roll_deg)
+        radius, roll = np.hypot(x, y), math.radians(roll_deg)
         right, up = x * math.cos(roll) - y * math.sin(roll), -x * math.sin(roll) - y * math.cos(roll)
-        pitch = up / A_DEGREE_PX + pitch_deg  # that of each place on the horizon's ladder
-        levels = np.where(radius < RIM_PX + 4, BEZEL, 70.0)
-        ball = np.full(radius.shape, GROUND) if plain else np.where(pitch > 0, SKY, GROUND)
-        ball[np.abs(pitch) < 0.7] = WHITE
-        if not plain:
-            for mark in range(-80, 81, 5):
-                half_px = 0.0 if mark == 0 else 9.0 if mark % 10 else 18.0
-                ball[(np.abs(pitch - mark) < 0.35) & (np.abs(right) < half_px)] = WHITE
-        levels = np.where(radius < WINDOW_PX, ball, levels)
+        levels = np.full(radius.shape, BEZEL)
+        seen = radius < WINDOW_PX
+        levels[seen] = horizon(right[seen], up[seen] / A_DEGREE_PX + pitch_deg, plain=plain)
         if ring:
-            bank = np.degrees(np.arctan2(right, up))
-            for mark in (-90, -60, -30, -20, -10, 0, 10, 20, 30, 60, 90):
-                half_px = 1.0 if abs(mark) in {10, 20} else 2.5 if mark == 0 else 1.6
-                beside = np.radians((bank - mark + 180) % 360 - 180) * radius
-                levels[(np.abs(beside) < half_px) & (radius > RING_PX + 2) & (radius < RIM_PX - 2)] = WHITE
-        wing = (np.abs(y) < 1.5) & (np.abs(x) > 8) & (np.abs(x) < 30)
-        levels[wing | (radius < 2.5)] = 240.0
-        levels[(np.abs(x) < 5) & (y > 30) & (radius < WINDOW_PX)] = 20.0
+            around = (radius > RING_PX + 2) & (radius < RIM_PX - 2)
+            levels[around] = marks_of_bank(right[around], up[around])
+        levels[(np.abs(y) < 1.5) & (np.abs(x) > 8) & (np.abs(x) < 30) | (radius < 2.5)] = 240.0
+        levels[(np.abs(x) < 5) & (y > 30) & seen] = 20.0
         levels[(np.abs(x) < 2) & (y < -RING_PX) & (y > -RIM_PX - 4)] = 110.0
-        levels[x < RIM_PX * (2 * hand - 1) if hand else np.zeros(x.shape, bool)] = 105.0
-        canvas.picture[:] = np.where(radius < RIM_PX + 4, levels * gain, 70.0).clip(0, 255)
+        if hand:
+            levels[x < RIM_PX * (2 * hand - 1)] = 105.0
+        dial = radius < RIM_PX + 4
+        canvas.picture[box][dial] = (levels * gain).clip(0, 255)[dial]
 
     return paint(what, seed=seed)
+
+
+def horizon(right: Floats, pitch_deg: Floats, *, plain: bool) -> Floats:
+    """Levels of the horizon's picture at places of it: sky, ground, a line between, and a ladder."""
+    levels = np.full(pitch_deg.shape, GROUND) if plain else np.where(pitch_deg > 0, SKY, GROUND)
+    levels[np.abs(pitch_deg) < 0.7] = WHITE
+    if not plain:
+        mark_deg = np.round(pitch_deg / 5) * 5
+        half_px = np.where(mark_deg % 10 == 0, 18.0, 9.0)
+        levels[(np.abs(pitch_deg - mark_deg) < 0.35) & (np.abs(right) < half_px) & (np.abs(mark_deg) <= 80)] = WHITE
+    return levels
+
+
+def marks_of_bank(right: Floats, up: Floats) -> Floats:
+    """Levels of the ring: marks at 0, 10, 20, 30, 60 and 90 degrees to either side."""
+    bank_deg, radius = np.degrees(np.arctan2(right, up)), np.hypot(right, up)
+    levels = np.full(right.shape, BEZEL)
+    for mark_deg in (-90, -60, -30, -20, -10, 0, 10, 20, 30, 60, 90):
+        half_px = 1.0 if abs(mark_deg) in {10, 20} else 2.5 if mark_deg == 0 else 1.6
+        levels[np.abs(np.radians((bank_deg - mark_deg + 180) % 360 - 180)) * radius < half_px] = WHITE
+    return levels
 
 
 def flight(*, ring: bool) -> list[GreyPicture]:
@@ -130,6 +145,7 @@ def assert_read(reader: PanelReader, frame: GreyPicture, roll_deg: float, pitch_
     assert abs(found["pitch_deg"] - pitch_deg) < off_deg
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(roll_deg=st.floats(-180, 180), pitch_deg=st.floats(-18, 18))
 @example(roll_deg=0.0, pitch_deg=0.0)
@@ -152,6 +168,7 @@ def test_light_does_not_change_it(reader: PanelReader, ring: bool, gain: float) 
     assert_read(reader, draw(-33.0, 7.0, 8, ring=ring, gain=gain), -33.0, 7.0, 0.35)
 
 
+@pytest.mark.slow
 def test_uncertainties_hold(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
     """Nearly all values lie within two standard uncertainties, as frames tell them."""
     rng = np.random.default_rng(5)
@@ -200,6 +217,7 @@ def test_a_covered_dial_is_missing(reader: PanelReader, ring: bool) -> None:  # 
     assert {one.status for one in read.readings.values()} == {Status.MISSING}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [0, 5])
 def test_little_teaches_nothing_wrong(ring: bool, frames: int) -> None:  # noqa: FBT001
     """By the panel picture alone, or by five frames, it is read rightly or not at all."""
@@ -215,6 +233,7 @@ def test_little_teaches_nothing_wrong(ring: bool, frames: int) -> None:  # noqa:
             assert read.readings[name].status is Status.MISSING or off_deg < 1.0
 
 
+@pytest.mark.slow
 def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
     """A line on a ball with neither sky nor ladder could be either way up: neither is `read`."""
     frames = [
@@ -229,6 +248,7 @@ def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
     assert {one.status for one in read.readings.values()} == {Status.MISSING}
 
 
+@pytest.mark.slow
 def test_what_never_moves_teaches_nothing_wrong() -> None:
     """After a flight straight and level it is still read, or missing, and never wrong."""
     frames = [draw(0.2 * index, 0.1 * index, 70 + index) for index in range(10)]
