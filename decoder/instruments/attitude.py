@@ -491,7 +491,7 @@ def learn_attitude(
             for strip, sight in sights
             if sight.score >= LIKELY_SCORE and own.is_level_in_sight(sight.place)
         ]
-        if len(views) < FRAMES_TO_LEARN:
+        if len(views) < FRAMES_TO_LEARN or not (known.weights > HALF).any():
             return given
         horizon = _composed([_moved_back(own, known.weights, *view) for view in views])
         known = replace(known, horizon=horizon)

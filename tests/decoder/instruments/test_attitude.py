@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.attitude import Attitudes, learn_attitude
+from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.attitude import Attitude
@@ -259,6 +261,16 @@ def test_what_never_moves_teaches_nothing_wrong() -> None:
         found = values(reader, read)
         for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", pitch_deg)):
             assert read.readings[name].status is Status.MISSING or abs(found[name] - truth_deg) < 1.0
+
+
+def test_a_window_in_which_nothing_is_to_be_seen_stays_as_it_was_drawn(reader: PanelReader) -> None:
+    """Where no place of the window shows what moves, frames teach nothing."""
+    own = Attitudes.of(reader.source.panel.gauges[0], reader.grids[0])
+    known = reader.appearance.pictures["roll_deg"]
+    blind = replace(known, ring=None, weights=np.full_like(known.weights, 0.1))
+    strips = [frame.gauges[0] for frame in unwrapped(reader, flight(ring=True))]
+
+    assert learn_attitude(own, strips, blind, None) is blind
 
 
 def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
