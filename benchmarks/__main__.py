@@ -17,7 +17,7 @@ from benchmarks.comparison_page import comparison_section, memory_section, start
 from benchmarks.cost import memory, speed
 from benchmarks.pages import PICTURES, Page, accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
-from benchmarks.real_pictures import BORROWED, available, measure_source
+from benchmarks.real_pictures import ATTITUDES, BORROWED, available, measure_source
 from benchmarks.report_page import report_page
 from benchmarks.setup_page import setup_page
 from benchmarks.sized_flights import SIZES, Size
@@ -37,7 +37,7 @@ def render_what_is_absent() -> None:
         sys.stderr.write("rendering the 400-frame flights ...\n")
         make_fixtures(["frames"])
         make_fixtures(["flights"])
-    if not all(source in available() for source in BORROWED):
+    if not all(source in available() for source in (*BORROWED, *ATTITUDES)):
         sys.stderr.write("rendering the flights over borrowed instruments ...\n")
         make_fixtures(["borrowed"])
 

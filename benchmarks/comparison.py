@@ -20,7 +20,7 @@ from benchmarks.two_workers import LOOPS, TwoByOne, two_by_one
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments
 from decoder.imaging.pictures import grey_picture
 from decoder.learning.fit import reader_from_panel
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.reader import Flight
 

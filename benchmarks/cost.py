@@ -19,7 +19,7 @@ from benchmarks.programs import RENDERED, decode, decompressed_alone, peak_memor
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.pictures import grey_picture
 from decoder.learning.fit import reader_from_panel
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.reader import open_flight
 from recorder.config import parse_config

@@ -46,9 +46,10 @@ SEEN_LEGEND = """\
 ## Pictures by others
 
 A flight simulator's cockpit of a Cessna 172P, with the simulator's own values as the truth, and real gauges read by
-eye. The panels are in `benchmarks/panels` or came with the pictures, which are not part of the project. The last three
+eye. The panels are in `benchmarks/panels` or came with the pictures, which are not part of the project. The last six
 sets are instruments that others drew, of four npm packages, in a panel of ours and filmed by our simulated camera
-([fixtures/borrowed](../fixtures/borrowed/README.md)): their truth is exact, their panels are drawn as by hand. `mean`
+([fixtures/borrowed](../fixtures/borrowed/README.md)): their truth is exact, their panels are drawn as by hand. Full
+scale of roll is 360 degrees, of pitch 180. `mean`
 and `max` are over frames with status `read`, in percent of full scale; `2 % off` counts those of them that are off by
 more. `in 95 %`: of all frames with a value, and of the interpolated ones, in how many the truth lies within 1.96 sigma
 (and the eye's own doubt, where it was read by eye). The last two columns are ppf.angauge on the same dials: frames in

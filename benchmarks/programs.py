@@ -48,7 +48,7 @@ import cv2
 from threadpoolctl import threadpool_limits
 from decoder.learning.fit import reader_from_panel
 from decoder.timeseries.flight_decoder import decode_flight
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.instruments.panel_reader import PanelReader
 from flight_file.reader import open_flight

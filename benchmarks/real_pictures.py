@@ -1,7 +1,7 @@
 """Accuracy on pictures by others: a simulator's cockpit, a filmed steam gauge, photographs of a gauge, borrowed dials.
 
 They lie beside the checkout (`../shared/data`) and never in it; without them there is nothing to measure. The panels
-are in `panels`, written as a user writes them. The last three are in it: instruments that others drew, filmed by a
+are in `panels`, written as a user writes them. The last six are in it: instruments that others drew, filmed by a
 camera of ours (`fixtures/borrowed`), all of whose frames `make fixtures` renders. Beside our numbers stand those of
 ppf.angauge in the same run.
 """
@@ -88,6 +88,11 @@ BORROWED = (
     borrowed("borrowed instruments, oblique with reflections", "oblique", "0004.jpg"),
     borrowed("borrowed instruments, night", "night", "0008.jpg"),
 )
+ATTITUDES = (
+    borrowed("borrowed attitude indicator, daylight", "attitude_daylight", "0010.jpg"),
+    borrowed("borrowed attitude indicator, oblique", "attitude_oblique", "0005.jpg"),
+    borrowed("borrowed attitude indicator, night", "attitude_night", "0005.jpg"),
+)
 SOURCES = (
     Source(
         "simulator cockpit, camera fixed",
@@ -121,12 +126,33 @@ SOURCES = (
         stops=STOPS,
     ),
     Source(
+        "simulator's attitude indicator, oblique",
+        "cockpit_flight/flight_a/*.jpg",
+        PANELS / "flight_a_attitude.yaml",
+        "cockpit_flight/flight_a_panel.jpg",
+        "cockpit_flight/flight_a_truth.csv",
+    ),
+    Source(
+        "simulator's attitude indicator, bad lens",
+        "cockpit_flight/flight_a_real/*.jpg",
+        PANELS / "flight_a_attitude.yaml",
+        "cockpit_flight/flight_a_panel.jpg",
+        "cockpit_flight/flight_a_real_truth.csv",
+    ),
+    Source(
         "simulator flight, six instruments",
         "cockpit_flight/sixpack_a/*.jpg",
         PANELS / "sixpack.yaml",
         "cockpit_flight/sixpack_a/f0020.jpg",
         "cockpit_flight/sixpack_a_truth.csv",
         stops=STOPS,
+    ),
+    Source(
+        "simulator's attitude indicator, straight on",
+        "cockpit_flight/sixpack_a/*.jpg",
+        PANELS / "sixpack_attitude.yaml",
+        "cockpit_flight/sixpack_a/f0020.jpg",
+        "cockpit_flight/sixpack_a_truth.csv",
     ),
     Source(
         "steam gauge",
@@ -169,6 +195,7 @@ SOURCES = (
         "doubt",
     ),
     *BORROWED,
+    *ATTITUDES,
 )
 
 

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, expect, sync_playwright
 from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
 from decoder.outputs.report import write_report
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.parallel.decoding import decoded_flight
 from decoder.setup.sources import open_source
 from flight_file.reader import open_flight

@@ -17,7 +17,7 @@ from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import ReadBatches, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import reader_from_panel
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.parallel.worker_pool import WorkerPool
 from flight_file.reader import Flight
 

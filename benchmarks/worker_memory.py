@@ -12,7 +12,7 @@ from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import batches
 from decoder.learning.fit import reader_from_panel
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.parallel.worker_pool import WorkerPool
 from flight_file.reader import Flight
 

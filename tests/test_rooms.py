@@ -42,7 +42,7 @@ LIMITING = {"min", "max", "clip", "minimum", "maximum", "limited"}
 # The rooms that may name a kind of instrument, and where each kind is written there.
 OF_KINDS = {"instruments", "panel"}
 KIND_MODULES = {kind.__module__ for kind in KINDS} | {
-    f"decoder.instruments.{name}" for name in ("card", "needles", "pairs", "stack")
+    f"decoder.instruments.{name}" for name in ("attitude", "card", "needles", "pairs", "stack")
 }
 OF_FLIGHT_DATA = {"self.description['needles']", "content['needles']"}  # flight.json has such a key: all its columns
 LONGEST_CHAIN = {"camera_drivers": 13, "decoder": 18, "flight_file": 10, "recorder": 16}

@@ -28,8 +28,8 @@ from decoder.commands.options import (
 )
 from decoder.outputs.formats import planned_files
 from decoder.outputs.outputs import JOURNAL_SUFFIX, output_name, refuse_another_recording, refuse_overwriting
-from decoder.panel.attachments import PANEL_FILE
 from decoder.panel.errors import PanelMissing
+from decoder.panel.vocabulary import PANEL_FILE
 from decoder.parallel import fork_server
 from decoder.parallel.processes import jobs_for
 from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of

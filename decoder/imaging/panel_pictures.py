@@ -14,10 +14,10 @@ from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.resampling import inside
 from decoder.imaging.unwrapping import PolarGrid, gauge_grid
 from decoder.panel.arrays import Floats
-from decoder.panel.attachments import PANEL_FILE
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PanelError, PictureError
 from decoder.panel.panel import Panel, parse_panel
+from decoder.panel.vocabulary import PANEL_FILE
 from flight_file.untrusted import read_named_in, read_yaml_file
 
 

@@ -34,12 +34,12 @@ from decoder.instruments.thresholds import (
     STILL_ROWS,
     SURE_SCORE,
 )
+from decoder.matching.correlation import explained, weighted_correlation
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import (
     MAX_PEAK_ROWS,
     MIN_SPREAD_LEVELS,
     NOISE_LEVELS,
-    OUTLIER_SPREADS,
     SCORE_THRESHOLD,
 )
 from decoder.panel.arrays import Floats
@@ -152,7 +152,7 @@ class CardReader:
             flat = known * weights.ravel()
             shares = np.linalg.solve(flat @ known.T + np.eye(3), flat @ columns.T).T
             left = columns - shares @ known
-            weights = self._picture.weights * _explained(left[2].reshape(view.shape), self._picture.weights)
+            weights = self._picture.weights * explained(left[2].reshape(view.shape), self._picture.weights)
         gain, weighted = shares[2, 0], left * weights.ravel()
         squares = np.array([float(weighted[2] @ left[2]), float(weights.sum())])
         return gain**2 * weighted[:2] @ left[:2].T, gain * weighted[:2] @ left[2], squares
@@ -224,9 +224,9 @@ class CardReader:
             left = (seen.ravel() - solution @ columns).reshape(seen.shape)
             noise = float((weights * left**2).sum() / weights.sum())
             sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
-            score = _correlation(seen, left, self._picture.weights)
+            score = weighted_correlation(seen, left, self._picture.weights)
             row += step_rows
-            weights = self._picture.weights * _explained(left, self._picture.weights)
+            weights = self._picture.weights * explained(left, self._picture.weights)
             if abs(step_rows) < STILL_ROWS:
                 break
         return row, sigma_rows, score
@@ -241,18 +241,6 @@ def turned(card: Floats, rows: float) -> Floats:
     """Return a card (P, C) turned clockwise by a number of rows, whole or not."""
     around = np.concatenate([card[-EDGE_ROWS:], card, card[:EDGE_ROWS]])
     return rows_at(around, np.mod(np.arange(len(card)) - rows, len(card)) + EDGE_ROWS)
-
-
-def _explained(left: Floats, weights: Floats) -> Floats:
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(left[weights > 0])))
-    return (np.abs(left) <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
-
-
-def _correlation(seen: Floats, left: Floats, weights: Floats) -> float:
-    total = float(weights.sum())
-    mean = float((weights * seen).sum()) / total
-    variance = float((weights * (seen - mean) ** 2).sum())
-    return math.sqrt(max(1.0 - float((weights * left**2).sum()) / variance, 0.0)) if variance > 0 else 0.0
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:

@@ -7,17 +7,25 @@ like those below, a line in `KINDS`, and its part of the schema in `decoder.pane
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, rows_in_sweep
-from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.appearance import (
+    Appearance,
+    DrawnInstrument,
+    Instrument,
+    LearnedPicture,
+    Look,
+    needles_in_picture,
+)
+from decoder.instruments.attitude import AttitudePicture, AttitudeReader, Attitudes, first_attitude, learn_attitude
 from decoder.instruments.card import CardReader, first_card, learn_card
 from decoder.instruments.found import Found, Needle, readings_of
 from decoder.instruments.geared import GearedReader, told_together
-from decoder.instruments.needle_cuts import needles_in_picture
 from decoder.instruments.needle_lines import SeenGauge, pivot_of_tilts, tilts_of
 from decoder.instruments.needles import NeedleReader, is_simple
 from decoder.instruments.reading import Reading, Status
@@ -26,8 +34,8 @@ from decoder.instruments.stack import StackReader
 from decoder.matching.pivot_search import card_pivot, drawn_needles_deg, needle_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.panel.method import Method
-from decoder.registration.placement import Pivot
+from decoder.panel.vocabulary import Method
+from decoder.registration.placement import UNKNOWN, Pivot
 
 Readings = list[dict[str, Reading]]
 """By frame the readings by name."""
@@ -213,7 +221,49 @@ class _Card:
         return gauge.quantities[0].name
 
 
-KINDS: tuple[Kind, ...] = (_Needles(), _Geared(), _Stack(), _Card())
+class _Attitude:
+    """A horizon that turns and shifts behind a window; what is learned of it stands under its roll."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.attitude is not None
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> Reader:
+        return _Attitudes(instruments, appearance, sampler)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        own = Attitudes.of(drawn.gauge, drawn.grid)
+        ring = None if own.own.ring is None else first_card(drawn.strip[:, own.ring], own.ring_grid)
+        return Look(drawn.strip, pictures={own.own.roll: first_attitude(own, drawn.strip, ring)})
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        given: AttitudePicture = known[own.own.roll]
+        if given.ring is not None:
+            rings = [strip[:, own.ring] for strip in strips]
+            given = replace(given, ring=learn_card(own.gauge, own.ring_grid, rings, given.ring))
+        return {own.own.roll: learn_attitude(own, strips, given, _ring_of(own, given))}
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        ring = _ring_of(own, appearance.pictures[own.own.roll])
+        return UNKNOWN if ring is None else ring.pivot([strip[:, own.ring] for strip, _, _ in frames])
+
+    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
+        return None
+
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []
+
+
+KINDS: tuple[Kind, ...] = (_Needles(), _Geared(), _Stack(), _Card(), _Attitude())
 
 
 def kind_of(gauge: Gauge) -> Kind:
@@ -283,6 +333,30 @@ class _Cards:
             for name, index, reader in self._readers
         }
         return [dict(zip(columns, own, strict=True)) for own in zip(*columns.values(), strict=True)]
+
+
+def _ring_of(own: Attitudes, picture: AttitudePicture) -> CardReader | None:
+    """Return what reads the ring around a horizon, if one turns."""
+    return None if picture.ring is None else CardReader(own.gauge, own.ring_grid, picture.ring)
+
+
+class _Attitudes:
+    def __init__(self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler) -> None:
+        self._readers: list[tuple[list[str], int, AttitudeReader]] = []
+        for instrument in instruments:
+            own = Attitudes.of(instrument.gauge, instrument.grid)
+            picture: AttitudePicture = appearance.pictures[own.own.roll]
+            reader = AttitudeReader(own, picture, _ring_of(own, picture))
+            self._readers.append(([own.own.roll, own.own.pitch], instrument.index, reader))
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for names, index, reader in self._readers:
+            found = reader.read(self._sampler.strips(frames, index))
+            for own, both, sigma_deg in zip(readings, found, place_sigmas_deg[:, index].tolist(), strict=True):
+                own |= {name: one.in_place_within(sigma_deg) for name, one in zip(names, both, strict=True)}
+        return readings
 
 
 class InstrumentReaders:

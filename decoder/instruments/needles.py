@@ -36,8 +36,8 @@ from decoder.matching.strips import blocks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.gauge import Gauge
-from decoder.panel.method import Method
 from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.panel.vocabulary import Method
 
 # Powers of row and column that a light may follow within one template.
 LIGHT_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))

@@ -22,7 +22,7 @@ from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples
 from decoder.instruments.thresholds import SURE_SCORE
 from decoder.panel.errors import PictureError
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import FramePlacer, Taken, UnwrappedFrame, UnwrappedPanel
 from decoder.registration.placement import Placement, PlaceUncertainty

@@ -35,8 +35,8 @@ from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertain
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.panel.method import Method
 from decoder.panel.panel import Panel
+from decoder.panel.vocabulary import Method
 from decoder.registration.frame_placer import UnwrappedFrame, UnwrappedPanel
 from decoder.registration.placement import Pivot, Placement
 

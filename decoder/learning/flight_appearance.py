@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, touched_pixels, turn_rows
-from decoder.instruments.appearance import Instrument, LearnedPicture
+from decoder.instruments.appearance import Instrument, LearnedPicture, face_behind
 from decoder.instruments.kinds import kind_of
-from decoder.instruments.needle_cuts import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.thresholds import MIN_SAMPLES

@@ -14,7 +14,7 @@ import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
-from decoder.instruments.needle_cuts import face_behind
+from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG

@@ -14,12 +14,14 @@ All sums slide along the rows; results are by the row on which the template star
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_SPREAD_LEVELS
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_SPREAD_LEVELS, NOISE_LEVELS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, limited
 
 ROUNDING = np.finfo(np.float32).eps  # keeps a division by the weight of no pixels finite
@@ -209,3 +211,17 @@ def _sums_over(kernels: list[list[Floats]], *images: Floats) -> Floats:
     """Slide several kernels, of three parts each, along as many images side by side."""
     blocks = np.stack([np.concatenate(parts, axis=1) for parts in kernels]).astype(np.float32)
     return sliding_sums(np.concatenate(images, axis=-1), blocks)
+
+
+def explained(left: Floats, weights: Floats) -> Floats:
+    """1 where a fit leaves no more (P, C) than it leaves as a rule where there is weight, else 0."""
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(left[weights > 0])))
+    return (np.abs(left) <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
+
+
+def weighted_correlation(seen: Floats, left: Floats, weights: Floats) -> float:
+    """Return the NCC of what is seen (P, C) with its fit, by what that leaves."""
+    total = float(weights.sum())
+    mean = float((weights * seen).sum()) / total
+    variance = float((weights * (seen - mean) ** 2).sum())
+    return math.sqrt(max(1.0 - float((weights * left**2).sum()) / variance, 0.0)) if variance > 0 else 0.0

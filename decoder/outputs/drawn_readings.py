@@ -22,6 +22,7 @@ from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import value_decimals
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
+from decoder.panel.kind import Polar
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale
 from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
@@ -56,8 +57,8 @@ class DrawnReading:
     score
         NaN where the panel was not found.
     line_px
-        The needle from its bottom to its tip, in the frame, or where a card is read; None where there is no value, or
-        no needle of its own.
+        The needle from its bottom to its tip, in the frame, or where a card is read, or a horizon; None where there is
+        no value, or no needle of its own.
     """
 
     name: str
@@ -122,7 +123,7 @@ class _PlacedGauge:
     """One gauge and what is read off it."""
 
     def __init__(self, gauge: Gauge, plane: DialPlane | None, series: list[NeedleSeries]) -> None:
-        self._name = gauge.name
+        self._gauge = gauge
         self._grid = gauge_grid(gauge, plane)
         around = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG, plane=plane)
         outer = around.points()[:, :: round(RIM_STEP_DEG / around.step_deg), -1]
@@ -139,8 +140,9 @@ class _PlacedGauge:
 
     def drawn(self, index: int, alignment: Alignment) -> DrawnGauge:
         pivot_px, *rim_px = _in_frame(self._pivot_and_rim, alignment)
+        lines = self._gauge.lines({series.quantity.name: float(series.value[index]) for series, _ in self._series})
         return DrawnGauge(
-            name=self._name,
+            name=self._gauge.name,
             pivot_px=pivot_px,
             rim_px=tuple(rim_px),
             readings=tuple(
@@ -150,11 +152,20 @@ class _PlacedGauge:
                     spread=_spread(float(series.sigma[index]), decimals),
                     status=STATUSES[series.status[index]],
                     score=float(series.score[index]),
-                    line_px=self._line(series, index, alignment),
+                    line_px=(
+                        self._across(lines[series.quantity.name], alignment)
+                        if series.quantity.name in lines
+                        else self._line(series, index, alignment)
+                    ),
                 )
                 for series, decimals in self._series
             ),
         )
+
+    def _across(self, line: tuple[Polar, Polar], alignment: Alignment) -> tuple[Point, Point]:
+        ends = [self._grid.points_at(np.array([angle_deg]), np.array([px]))[:, 0, 0] for angle_deg, px in line]
+        first_px, last_px = _in_frame(np.stack(ends, axis=1), alignment)
+        return first_px, last_px
 
     def _line(self, series: NeedleSeries, index: int, alignment: Alignment) -> tuple[Point, Point] | None:
         angle_deg = self._angle_deg(series.quantity.name, float(series.value[index]))

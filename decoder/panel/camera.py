@@ -15,11 +15,11 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Number, at_most
-from decoder.panel.attachments import CAMERA_FILE
 from decoder.panel.description import FocalLength, Point, Strict, Text, parse_description
 from decoder.panel.errors import CameraError
 from decoder.panel.lens import Lens
 from decoder.panel.thresholds import FOCAL_TOLERANCE
+from decoder.panel.vocabulary import CAMERA_FILE
 from flight_file.untrusted import read_yaml_file
 
 Side = Annotated[int, Field(ge=16), NO_TRUTH, at_most(1e6)]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from decoder.panel.arrays import Degrees
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.scale import Quantity
 
 UP_DEG = 270.0
@@ -54,6 +54,10 @@ class Card(Strict):
         """Return the index."""
         return (Pointer(self.name, self.index, is_fixed=True),)
 
+    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return none: pointers show all."""
+        return {}
+
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return one turn."""
         return dial.sweep
@@ -67,7 +71,7 @@ class Card(Strict):
         return self.model_copy(update={"index": true_deg(self.index)})
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
+    def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:
         """Turn the index; the scale lies as the card is turned there."""
         card = gauge["card"]
         card_turn_deg = float(card["index"] - angles_deg.get(card["name"], card["index"]))

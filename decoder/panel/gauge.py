@@ -12,9 +12,10 @@ from typing import Annotated, Self
 from pydantic import Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees, Number, at_most
+from decoder.panel.attitude import Attitude
 from decoder.panel.card import Card
 from decoder.panel.description import Name, Point, Positive, Strict, Text
-from decoder.panel.kind import DescribedKind, Pointer
+from decoder.panel.kind import DescribedKind, Pointer, Polar
 from decoder.panel.needles import Needle, Needles
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
@@ -33,7 +34,7 @@ RadiusPx = Annotated[Positive, at_most(10_000)]
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 
-KINDS: tuple[type[DescribedKind], ...] = (Needles, Card)
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude)
 
 
 class Combined(Strict):
@@ -81,9 +82,11 @@ class Gauge(Strict):
     wraps: Positive | None = None
     """What a full turn is worth, where values begin again after it; the sweep is then 360 degrees."""
     needles: Annotated[tuple[Needle, ...], Field(min_length=1, max_length=20)] = ()
-    """In any order; either these or a card."""
+    """In any order; either these or one of what follows."""
     card: Card | None = None
     """A scale that turns under a fixed index, instead of needles."""
+    attitude: Attitude | None = None
+    """A horizon that turns and shifts behind a window, instead of needles."""
     combined: Combined | None = None
     """A value that several needles of the dial show together."""
 
@@ -116,7 +119,8 @@ class Gauge(Strict):
     @property
     def _given(self) -> list[DescribedKind]:
         """What is described on it: one kind, if the panel is right."""
-        each: tuple[DescribedKind | None, ...] = (Needles(self.needles) if self.needles else None, self.card)
+        needles = Needles(self.needles) if self.needles else None
+        each: tuple[DescribedKind | None, ...] = (needles, self.card, self.attitude)
         return [kind for kind in each if kind is not None]
 
     @property
@@ -161,6 +165,10 @@ class Gauge(Strict):
     def pointers(self) -> tuple[Pointer, ...]:
         """What is drawn of it in pictures and in the report."""
         return self.kind.pointers()
+
+    def lines(self, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """By quantity what its value looks like, where that is no pointer's line; `values` by quantity."""
+        return self.kind.lines(self, values)
 
     @property
     def turning(self) -> tuple[Pointer, ...]:

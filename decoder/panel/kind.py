@@ -11,6 +11,9 @@ from typing import Any, ClassVar, Literal, Protocol
 
 from decoder.panel.scale import Marks, Quantity
 
+Polar = tuple[float, float]
+"""A place on a dial: its angle in degrees, and its distance from the centre in pixels."""
+
 Drawn = dict[str, Any]
 """A part of a draft, in the words of `panel.yaml`, however wrong it still is."""
 
@@ -20,6 +23,8 @@ class Dial(Protocol):
 
     @property
     def name(self) -> str: ...  # noqa: D102 - said there
+    @property
+    def radius(self) -> tuple[float, float]: ...  # noqa: D102
     @property
     def sweep(self) -> tuple[float, float]: ...  # noqa: D102
     @property
@@ -58,7 +63,7 @@ class Control:
 
     key: str
     label: str
-    reads: Literal["text", "number", "optional"] = "text"
+    reads: Literal["text", "number", "optional", "pairs"] = "text"
     placeholder: str = ""
     is_angle: bool = False
     """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""
@@ -118,6 +123,18 @@ class DescribedKind(Protocol):
         """Return what is drawn of it."""
         ...
 
+    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return by quantity what its value looks like, from end to end, where that is no pointer's line.
+
+        Parameters
+        ----------
+        dial
+            On which it is.
+        values
+            By quantity, NaN where there is none.
+        """
+        ...
+
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return the first and the last angle that are unwrapped."""
         ...
@@ -131,8 +148,8 @@ class DescribedKind(Protocol):
         ...
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
-        """Turn what a draft says of it along with its dial, onto another picture.
+    def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
+        """Turn and enlarge what a draft says of it along with its dial, onto another picture.
 
         Parameters
         ----------
@@ -140,6 +157,8 @@ class DescribedKind(Protocol):
             Of the draft; changed.
         turn_deg
             By which the dial is turned there.
+        size
+            How many times as large it is there; the gauge's radius is that size already.
         angles_deg
             By name what is read there, in the draft's own angles.
 

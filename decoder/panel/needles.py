@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees
 from decoder.panel.description import Name, PictureName, Positive, Strict, Text
-from decoder.panel.kind import Dial, Drawn, Form, Pointer
+from decoder.panel.kind import Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.scale import Marks, Quantity, check_turn, marks_at, monotone, turned
 
 MIN_TEMPLATE_SPAN_DEG = 2.0
@@ -143,6 +143,10 @@ class Needles:
             for own in [needle.template]
         )
 
+    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return none: pointers show all."""
+        return {}
+
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return where needles go, and as much beyond as the widest template needs.
 
@@ -168,7 +172,7 @@ class Needles:
         return tuple(needle.at_angles(true_deg) for needle in self.each)
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, angles_deg: Mapping[str, float]) -> float:
+    def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:
         """Turn templates and own scales; a needle that was read there is cut where it is read."""
         for needle in gauge["needles"]:
             template = needle["template"]

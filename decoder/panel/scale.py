@@ -154,6 +154,8 @@ class Quantity:
         The needle that turns above this one.
     max_rate
         How fast the value can change, in its unit a second, if that is known.
+    limits
+        The lowest and the highest value that there is, where marks do not tell.
     """
 
     name: str
@@ -164,17 +166,21 @@ class Quantity:
     covered_by: str | None
     max_rate: float | None
     lowest: float = 0.0
+    limits: tuple[float, float] | None = None
 
     @property
     def full_scale(self) -> float:
         """The span of values between the outermost marks, or of a full turn."""
-        return self.wraps or abs(self.marks[-1][1] - self.marks[0][1])
+        low, high = self.range
+        return high - low
 
     @property
     def range(self) -> tuple[float, float]:
         """The lowest and the highest value of the scale."""
         if self.wraps is not None:
             return self.lowest, self.lowest + self.wraps
+        if self.limits is not None:
+            return self.limits
         values = [value for _, value in self.marks]
         return min(values), max(values)
 

@@ -24,10 +24,9 @@ from decoder.outputs.csv_output import utc_text
 from decoder.outputs.formats import Decoded, planned_files
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import output_name, write_all
-from decoder.panel.attachments import CAMERA_FILE, PANEL_FILE
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import CAMERA_FILE, PANEL_FILE, Method
 from decoder.parallel.flights import FleetFlight
 from decoder.parallel.index import JOINED, Finished, Outcome, State, decoded_outcome, failed, from_marker, to_marker
 from decoder.parallel.order import Order, installed, refuse_mismatch

@@ -18,7 +18,7 @@ from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import PanelError, PictureError
 from decoder.panel.gauge import KINDS, Gauge
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined
 from decoder.setup.drafts import Stale, panel_of_gauge
 from decoder.setup.drawn_plane import height_inches

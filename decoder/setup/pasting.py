@@ -119,5 +119,5 @@ def _carry_dial(
     for key in ("sweep", "stops"):
         if gauge.get(key):
             gauge[key] = [round(angle + turn, 4) for angle in gauge[key]]
-    besides = sum(kind.carry(gauge, turn, angles_deg) for kind in KINDS if gauge.get(kind.form.key))
+    besides = sum(kind.carry(gauge, turn, size, angles_deg) for kind in KINDS if gauge.get(kind.form.key))
     gauge["scale"] = turned(gauge["scale"], turn + besides)

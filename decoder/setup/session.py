@@ -14,10 +14,10 @@ from typing import Any
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
-from decoder.panel.attachments import CAMERA_FILE, PANEL_FILE
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.description import LONGEST_TEXT
 from decoder.panel.errors import DecoderError, PanelError, PictureError
+from decoder.panel.vocabulary import CAMERA_FILE, PANEL_FILE
 from decoder.registration.aligner import Aligner
 from decoder.setup.drafts import (
     DEFAULT_PICTURE,

@@ -15,8 +15,8 @@ from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.errors import PictureError
-from decoder.panel.method import Method
 from decoder.panel.scale import Scale
+from decoder.panel.vocabulary import Method
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.proposals import axis_deg
 from flight_file.reader import spread

@@ -22,8 +22,8 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.learning.fit import reader_from_panel
-from decoder.panel.method import Method
 from decoder.panel.panel import Panel, parse_panel
+from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 
 Field = NDArray[np.float64]

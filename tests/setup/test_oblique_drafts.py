@@ -16,7 +16,7 @@ from decoder.imaging.pictures import FramePicture, grey_picture
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.camera import camera_from_file
 from decoder.panel.errors import AlignmentLost
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.setup.answers import trial_answer
 from decoder.setup.drafts import AlignmentMemory, problems_of
 from decoder.setup.drawn_plane import Planes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -319,4 +320,32 @@ def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenP
     written["gauges"][index[altimeter]]["needles"][0] |= {"max_rate": 99, "covered_by": other}
     written["gauges"][index[card]]["card"]["max_rate"] = 30
     written["gauges"][index[stops]]["stops"][1] += 1
+    assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
+
+
+def test_an_attitude_indicator_is_drawn_in_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """A card becomes a horizon with its own fields; pitch marks are typed as pairs, and all of it is saved whole."""
+    home = FIXTURES / "borrowed" / "attitude_daylight"
+    written = yaml.safe_load((home / "panel.yaml").read_text(encoding="utf-8"))
+    attitude = written["gauges"][0].pop("attitude")
+    written["gauges"][0]["card"] = {"name": "bank_deg", "index": 270}
+    drawn_on = tmp_path / "drawn"
+    drawn_on.mkdir()
+    shutil.copyfile(home / written["picture"], drawn_on / written["picture"])
+    (drawn_on / "panel.yaml").write_text(yaml.safe_dump(written), encoding="utf-8")
+    running = start(drawn_on / written["picture"], drawn_on / "panel.yaml", tmp_path / "panel.yaml")
+    page = open_page(running)
+    hand = Hand(page)
+    page.locator("#outline li button", has_text=re.compile("^attitude")).click()
+
+    page.locator("#what-turns-0").select_option("attitude")
+    hand.type_into("gauges[0].attitude.window", f"{attitude['window']:g}")
+    hand.type_into("gauges[0].attitude.ladder", "0 0, ten 10")
+    expect(page.locator('[data-problem="gauges[0].attitude.ladder[1][0]"]')).to_contain_text("number")
+    hand.type_into("gauges[0].attitude.ladder", ", ".join(f"{up:g} {deg}" for up, deg in attitude["ladder"]))
+    expect(page.locator(".problem")).to_have_count(0)
+    hand.save()
+
+    written["gauges"][0].pop("card")
+    written["gauges"][0]["attitude"] = attitude | {"index": 270}
     assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))

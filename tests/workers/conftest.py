@@ -11,7 +11,7 @@ from decoder.imaging.pictures import FramePicture, grey_picture
 from decoder.instruments.frame_batch import Batch, batches
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight, reader_from_panel
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from flight_file.reader import open_flight
 from tests.programs import A1
 

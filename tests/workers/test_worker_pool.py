@@ -19,7 +19,7 @@ import pytest
 from decoder.instruments.frame_batch import Batch, LeftOut, read_here
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import WorkersLost
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.parallel.fork_server import WorkerProcess, _begin_worker, _leave, begin, interrupts_held
 from decoder.parallel.thresholds import BATCHES_HELD
 from decoder.parallel.worker_pool import WorkerPool

@@ -17,13 +17,17 @@ export function setAt(document, path, value) {
   else parent[last] = value;
 }
 
-const shown = (value) => (typeof value === "number" ? String(Number(value.toFixed(4))) : (value ?? ""));
+const shown = (value) => {
+  if (Array.isArray(value)) return value.map((each) => (Array.isArray(each) ? each.map(shown).join(" ") : each)).join(", ");
+  return typeof value === "number" ? String(Number(value.toFixed(4))) : (value ?? "");
+};
 
 const READERS = {
   text: (text) => text,
   // What is no number stays as it was typed: the program says what is wrong with it.
   number: (text) => (text.trim() === "" ? null : Number.isFinite(Number(text.replace(",", "."))) ? Number(text.replace(",", ".")) : text),
   optional: (text) => (text.trim() === "" ? undefined : READERS.number(text)),
+  pairs: (text) => text.split(",").filter((part) => part.trim()).map((part) => part.trim().split(/\s+/).map((each) => READERS.number(each))),
   optionalText: (text) => (text.trim() === "" ? undefined : text),
 };
 

@@ -4,8 +4,11 @@ export const kindOf = (store, gauge) => store.session.kinds.find(({ key }) => ga
 // Whether anything of its kind is drawn on a gauge.
 export const isDrawn = (store, gauge) => [gauge[kindOf(store, gauge).key] ?? []].flat().length > 0;
 
-// What a gauge begins with as one of a kind; `name` is its column's.
-const begun = (kind, name) => (kind.begun ? { name, ...kind.begun } : []);
+// What a gauge begins with as one of a kind; `name` is its column's, if it has one alone.
+const begun = (kind, name) => {
+  if (!kind.begun) return [];
+  return kind.controls.some(({ key }) => key === "name") ? { name, ...kind.begun } : { ...kind.begun };
+};
 
 // A gauge made one of another kind: what only the others have goes.
 export function becomes(store, gauge, key, name) {

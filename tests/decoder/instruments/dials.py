@@ -20,8 +20,8 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import reader_from_panel, tune
-from decoder.panel.method import Method
 from decoder.panel.panel import parse_panel
+from decoder.panel.vocabulary import Method
 
 WIDTH_PX, HEIGHT_PX = 240, 190
 CENTRE = (104.4, 94.7)

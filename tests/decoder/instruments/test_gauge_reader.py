@@ -17,7 +17,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.errors import PanelError, PictureError
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from tests.decoder.cockpit import PANEL_ANGLES_DEG, draw, reader_of
 
 COVER_DEG = 270.3

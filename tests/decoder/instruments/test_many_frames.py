@@ -22,7 +22,7 @@ from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings
 from decoder.learning.fit import reader_from_panel, tune
 from decoder.panel.errors import PictureError
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from flight_file.documents import picture_header
 from flight_file.reader import Flight, open_flight
 from tests.programs import A2

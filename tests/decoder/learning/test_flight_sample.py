@@ -9,7 +9,7 @@ from decoder.instruments.frame_batch import batches, read_batch
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.learning.flight_sample import FlightSample
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from flight_file.reader import Flight, open_flight
 from tests.programs import A1
 

@@ -17,7 +17,7 @@ from decoder.instruments.needle_lines import Tilt, pivot_of_tilts, with_lines_ch
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import Method
 from decoder.registration.placement import UNKNOWN, Pivot
 from tests.decoder.cockpit import BETWEEN_MARKS_DEG, angles_of, between_marks, draw, reader_of
 from tests.programs import FIXTURES

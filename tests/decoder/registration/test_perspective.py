@@ -17,8 +17,8 @@ from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings
 from decoder.learning.fit import reader_from_panel, tune
 from decoder.panel.errors import AlignmentLost
-from decoder.panel.method import Method
 from decoder.panel.panel import Panel
+from decoder.panel.vocabulary import Method
 from decoder.registration.aligner import Aligner
 from tests.decoder.registration.plane import CORNERS, carried, furthest_px, panel_of, see, turn
 

@@ -10,9 +10,8 @@ import pytest
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
-from decoder.panel.attachments import CAMERA_FILE
 from decoder.panel.camera import parse_camera
-from decoder.panel.method import Method
+from decoder.panel.vocabulary import CAMERA_FILE, Method
 from decoder.timeseries.flight_data import STATUSES, FlightData
 from decoder.timeseries.flight_decoder import decode_flight
 from decoder.timeseries.tables import Table, read_table

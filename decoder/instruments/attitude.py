@@ -1,0 +1,550 @@
+"""Attitude indicators: how far a horizon has turned and shifted behind its window, and what it looks like.
+
+What moves is one picture, larger than the window: turned with bank, then shifted with pitch along its own upright. The
+coarse search correlates it, at every shift, with the window unwrapped around the dial's centre, by Fourier transforms
+along the rows for all turns at once; least squares on the pixels there give parts of a degree and of a pixel, and the
+uncertainty. A ring of marks around the window turns with bank alone: it is a card, and where there is one, bank is read
+from it, and the horizon is looked for at the turn that the ring shows.
+
+The picture is put together from frames, each turned and shifted back by what was read of it. What stands still in the
+window instead, an aircraft symbol, the frame, a reflection, is smeared out by that and shows where frames differ.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.instruments.appearance import CardPicture
+from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, MAX_CONDITION, STILL_ROWS
+from decoder.matching.correlation import explained, weighted_correlation
+from decoder.matching.thresholds import (
+    HALF,
+    MAX_PEAK_ROWS,
+    MIN_LIGHT_GAIN,
+    MIN_SPREAD_LEVELS,
+    NOISE_LEVELS,
+    SCORE_THRESHOLD,
+)
+from decoder.panel.arrays import Floats
+from decoder.panel.attitude import Attitude
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn
+
+HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
+SEARCH_STEP_DEG = 2.0
+SEARCH_COLUMNS = 14
+# The horizon is looked for up to so many radii of the window away, at so many places.
+REACH_RADII = 2.0
+SEARCH_SHIFTS = 97
+# A score is a peak if none is higher within so many steps.
+PEAK_STEPS = 2
+FIT_STEPS = 5
+# What is not explained lies in patches, not in pixels: the window has so many around, and across.
+PATCHES = 12, 3
+ROUNDS = 5
+# A pitch mark is drawn so well, on a line that is tilted.
+MARK_PX = 0.5
+
+Spectra = NDArray[np.complexfloating[Any, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a horizon lies: `turned_deg` clockwise and `down_px` along its own upright from the panel picture."""
+
+    turned_deg: float
+    down_px: float
+
+
+AS_DRAWN = Place(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudePicture:
+    """What an attitude indicator looks like.
+
+    Attributes
+    ----------
+    horizon
+        (H, W) float32, what moves behind the window, upright as in the panel picture, the dial's centre in the middle;
+        a cell is as large as a column of the gauge's grid.
+    weights
+        (P, C) in [0, 1]: where in the window, which stands still, it is to be seen.
+    ring
+        The ring that turns around the window, if one does.
+    drawn
+        (P, C) float32, the window in the panel picture.
+    origin
+        Where that shows what is in `horizon`.
+    """
+
+    horizon: Floats
+    weights: Floats
+    ring: CardPicture | None
+    drawn: UnwrappedGauge
+    origin: Place = AS_DRAWN
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """A horizon in one frame: its place with the spread of that, its light, and whether nothing else matches so."""
+
+    place: Place
+    sigma_deg: float
+    sigma_px: float
+    gain: float
+    offset: float
+    score: float
+    is_alone: bool
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it can be told."""
+        return self.score >= SCORE_THRESHOLD and self.is_alone
+
+
+NOT_SEEN = Sight(AS_DRAWN, math.inf, math.inf, 1.0, 0.0, 0.0, is_alone=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Ring and horizon in one frame; `ring_deg` is how far the ring, or what stands for it, is turned clockwise."""
+
+    ring_deg: float
+    ring_sigma_deg: float
+    ring_score: float
+    is_ring_sure: bool
+    horizon: Sight
+
+
+@dataclass(frozen=True)
+class Attitudes:
+    """One attitude indicator on its grid, and how it moves: pixels of its own plane, degrees clockwise."""
+
+    own: Attitude
+    gauge: Gauge
+    grid: PolarGrid
+
+    @classmethod
+    def of(cls, gauge: Gauge, grid: PolarGrid) -> Attitudes:
+        """Of a gauge that has one."""
+        if gauge.attitude is None:
+            raise AssertionError(f"{gauge.name} is no attitude indicator")
+        return cls(gauge.attitude, gauge, grid)
+
+    @cached_property
+    def rows(self) -> int:
+        """How many rows of the grid are one turn."""
+        return self.grid.rows - 1  # the last is the first again
+
+    @cached_property
+    def window(self) -> int:
+        """How many columns of the grid lie in the window."""
+        return int(np.searchsorted(self.grid.radii_px, self.own.window, side="right"))
+
+    @cached_property
+    def ring(self) -> slice:
+        """The columns of the grid on which a ring turns."""
+        first_px = math.inf if self.own.ring is None else self.own.ring - self.grid.column_px / 2
+        return slice(int(np.searchsorted(self.grid.radii_px, first_px)), self.grid.columns)
+
+    @cached_property
+    def ring_grid(self) -> PolarGrid:
+        """The part of the grid on which a ring turns."""
+        inner_px = float(self.grid.radii_px[self.ring.start])
+        return replace(self.grid, inner_px=inner_px, columns=self.ring.stop - self.ring.start)
+
+    @cached_property
+    def upright_deg(self) -> float:
+        """How far the horizon is turned in the panel picture."""
+        return self.own.horizon_turn * self.own.turned_deg(self.gauge)
+
+    @cached_property
+    def a_pixel_deg(self) -> float:
+        """The angle as which a pixel of shift is read."""
+        return math.degrees(1.0 / self.own.arc_px(self.gauge))
+
+    @cached_property
+    def level_px(self) -> float:
+        """How far below the centre zero pitch lies in the panel picture, along the horizon's upright."""
+        return -float(Scale.of(self.own.ladder).angles_of(np.zeros(1))[0])
+
+    @cached_property
+    def _ups_px(self) -> Floats:
+        return np.array([up_px for up_px, _ in self.own.ladder])
+
+    def _slant(self, turned_deg: float) -> float:
+        """Angle from the horizon's upright to the way of its shift, radians, so far from the panel picture."""
+        ring_deg = (self.upright_deg + turned_deg) / self.own.horizon_turn
+        return math.radians((self.own.shift_turn - self.own.horizon_turn) * ring_deg)
+
+    def aside_px(self, place: Place) -> float:
+        """How far the picture has gone to the right of its own upright."""
+        there, here = math.tan(self._slant(0.0)), math.tan(self._slant(place.turned_deg))
+        return self.level_px * there - (self.level_px + place.down_px) * here
+
+    def up_px(self, place: Place) -> tuple[float, float]:
+        """How far above the centre the mark lies in the panel picture that is at the centre now; what a pixel is worth.
+
+        All of a shift lies along the horizon's upright where both turn alike.
+        """
+        part = math.cos(self._slant(place.turned_deg))
+        return (self.level_px + place.down_px) / part - self.level_px, 1.0 / abs(part)
+
+    def is_level_in_sight(self, place: Place) -> bool:
+        """Whether zero pitch lies in the window: marks of a ladder look all alike where it does not."""
+        return abs(self.level_px + place.down_px) < self.own.window
+
+    def drawn_sigma_px(self, up_px: float) -> float:
+        """How well marks that a hand drew tell a place on the ladder: along the line through them."""
+        middle_px = float(self._ups_px.mean())
+        off_px = self._ups_px - middle_px
+        return MARK_PX * math.sqrt(1.0 / len(off_px) + (up_px - middle_px) ** 2 / float(off_px @ off_px))
+
+
+class Turned(Protocol):
+    """How far a ring has turned clockwise, as `decoder.instruments.card.Turn`."""
+
+    @property
+    def rows(self) -> float: ...  # noqa: D102 - said there
+    @property
+    def sigma_rows(self) -> float: ...  # noqa: D102
+    @property
+    def score(self) -> float: ...  # noqa: D102
+    @property
+    def is_alone(self) -> bool: ...  # noqa: D102
+
+
+class Ring(Protocol):
+    """Reads a ring of marks, as `decoder.instruments.card.CardReader`."""
+
+    def turn(self, unwrapped: UnwrappedGauge) -> Turned:
+        """Tell how far it has turned from where it lies in the panel picture."""
+        ...
+
+
+class AttitudeReader:
+    """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if one turns."""
+
+    def __init__(self, own: Attitudes, picture: AttitudePicture, ring: Ring | None) -> None:
+        self._own, self._ring, self._origin = own, ring, picture.origin
+        self._horizon = _HorizonReader(own, picture)
+
+    def read(self, strips: Floats) -> list[tuple[Reading, Reading]]:
+        """Read roll and pitch in F frames of the gauge: (F, R, C) float32."""
+        return [self._readings(self.seen(strip)) for strip in strips]
+
+    def seen(self, strip: UnwrappedGauge) -> Seen:
+        """Find ring and horizon in a gauge (R, C)."""
+        turn_part = self._own.own.horizon_turn
+        if self._ring is None:
+            sight = self._horizon.sight(strip, None)
+            ring_deg = (sight.place.turned_deg - self._origin.turned_deg) / turn_part
+            is_sure = sight.is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
+            return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, is_sure, sight)
+        turn = self._ring.turn(strip[:, self._own.ring])
+        step_deg = self._own.grid.step_deg
+        ring_deg = float(in_turn(np.array(turn.rows * step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
+        sight = self._horizon.sight(strip, self._origin.turned_deg + turn_part * ring_deg)
+        is_sure = turn.score >= SCORE_THRESHOLD and turn.is_alone
+        return Seen(ring_deg, turn.sigma_rows * step_deg, turn.score, is_sure, sight)
+
+    def horizon_in(self, window: UnwrappedGauge, turned_deg: float) -> Sight:
+        """Find the horizon in a window (P, C) alone, where a ring would show so much; at any turn where none turns."""
+        return self._horizon.sight(window, None if self._ring is None else turned_deg)
+
+    def _readings(self, seen: Seen) -> tuple[Reading, Reading]:
+        own, sight, first_deg = self._own.own, seen.horizon, self._own.gauge.sweep[0]
+        angle_deg = first_deg + (own.index - seen.ring_deg - first_deg) % FULL_CIRCLE_DEG
+        roll = Reading(_status(seen.is_ring_sure), angle_deg, seen.ring_sigma_deg, seen.ring_score)
+        place = self._since_drawn(sight)
+        up_px, worth = self._own.up_px(place)
+        sigma_px = math.hypot(sight.sigma_px * worth, self._own.drawn_sigma_px(up_px))
+        a_pixel_deg = self._own.a_pixel_deg
+        is_sure = seen.is_ring_sure and sight.is_sure and self._own.is_level_in_sight(place)
+        return roll, Reading(_status(is_sure), up_px * a_pixel_deg, sigma_px * a_pixel_deg, sight.score)
+
+    def _since_drawn(self, sight: Sight) -> Place:
+        """Where the horizon lies, from where the panel picture shows it."""
+        here, there = sight.place, self._origin
+        return Place(here.turned_deg - there.turned_deg, here.down_px - there.down_px)
+
+
+def _status(is_sure: bool) -> Status:  # noqa: FBT001 - all there is to say
+    return Status.READ if is_sure else Status.MISSING
+
+
+class _HorizonReader:
+    """Finds the horizon in the window of one gauge."""
+
+    def __init__(self, own: Attitudes, picture: AttitudePicture) -> None:
+        self._own, self._picture, grid = own, picture, own.grid
+        angles = np.radians(grid.angle_deg(0) + grid.step_deg * np.arange(own.rows))
+        radii_px = grid.radii_px[: own.window]
+        self._x, self._y = _around(angles, radii_px)
+        # samples further out stand for more of the window
+        self._weights = picture.weights * (radii_px / radii_px[-1]).astype(np.float32)
+        # least squares look at rows as far apart, at the rim, as columns are
+        self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
+        self._thinned = self._weights[:: self._stride]
+        self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
+        self._slopes = [np.gradient(picture.horizon, grid.column_px, axis=axis) for axis in (1, 0)]
+        self._patches = _patches(self._thinned.shape)
+        self._search = _Search(own, picture.horizon, self._weights)
+
+    def sight(self, strip: UnwrappedGauge, turned_deg: float | None) -> Sight:
+        """Find the horizon in a gauge (R, C), at the turn it has from the panel picture where that is known."""
+        seen = strip[: self._own.rows, : self._own.window]
+        found = self._search.best(seen, turned_deg)
+        if found is None:
+            return NOT_SEEN
+        place, rival = found
+        sight = self._fitted(seen[:: self._stride], place, is_turn_known=turned_deg is not None)
+        return replace(sight, is_alone=1.0 - rival**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2))
+
+    def still(self, views: Sequence[tuple[UnwrappedGauge, Sight]]) -> Floats:
+        """(P, C): the weight of each place in the window, by how well frames show there what moves."""
+        shape = self._picture.weights.shape
+        apart = [
+            (strip[: shape[0], : shape[1]] - sight.offset) / sight.gain
+            - self._shown(self._picture.horizon, *self._turned(sight.place, 1), sight.place)
+            for strip, sight in views
+        ]
+        spread = MAD_TO_SIGMA * np.median(np.abs(apart), axis=0)
+        weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(spread - NOISE_LEVELS, 0.0) ** 2)
+        return np.asarray(weights, np.float32)
+
+    def _turned(self, place: Place, stride: int) -> tuple[Floats, Floats]:
+        """Where every so many rows of the window lie, (P', C) to the right and down along the horizon's upright."""
+        back = math.radians(self._own.upright_deg + place.turned_deg)
+        x, y = self._x[::stride], self._y[::stride]
+        return math.cos(back) * x + math.sin(back) * y, math.cos(back) * y - math.sin(back) * x
+
+    def _shown(self, levels: Floats, x_px: Floats, y_px: Floats, place: Place) -> Floats:
+        """Levels of a picture at a place, in the window at its places along the upright."""
+        x_px, y_px = x_px - self._own.aside_px(place), y_px - place.down_px
+        return _sampled(levels, x_px, y_px, self._own.grid.column_px)
+
+    def _fitted(self, seen: Floats, place: Place, *, is_turn_known: bool) -> Sight:
+        """Fit gain, offset, shift and, where it is not known, turn, by least squares.
+
+        Outliers have no weight in the place, but all the weight in the score: few pixels match many places.
+        """
+        start, weights = place, self._thinned
+        for _ in range(FIT_STEPS):
+            columns = self._columns(place, is_turn_known=is_turn_known)
+            weighted = columns * weights.ravel()
+            normal = weighted @ columns.T
+            if np.linalg.cond(normal) > MAX_CONDITION:
+                return NOT_SEEN
+            inverse = np.linalg.inv(normal)
+            solution = inverse @ (weighted @ seen.ravel())
+            gain, offset, *steps = solution.tolist()
+            if gain < MIN_LIGHT_GAIN:
+                return NOT_SEEN
+            left = (seen.ravel() - solution @ columns).reshape(seen.shape)
+            step_px, turn_deg = steps[0] / gain, math.degrees(sum(steps[1:]) / gain)
+            place = Place(place.turned_deg + turn_deg, place.down_px + step_px)
+            if not self._search.is_near(place, start):
+                return NOT_SEEN
+            if math.hypot(step_px, turn_deg) < STILL_ROWS:
+                break
+            weights = self._thinned * explained(left, self._thinned)
+        sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[2:] / gain).tolist()
+        score = weighted_correlation(seen, left, self._thinned)
+        return Sight(place, math.degrees(sum(sigmas)), sigma_px, gain, offset, score, is_alone=True)
+
+    def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
+        """(3 or 4, N): what gain, offset, shift and turn change."""
+        x, y = self._turned(place, self._stride)
+        levels, right, down = (self._shown(each, x, y, place) for each in (self._picture.horizon, *self._slopes))
+        columns = [levels, np.ones_like(levels), -down]
+        if not is_turn_known:
+            columns.append(right * y - down * x)
+        return np.stack(columns).reshape(len(columns), -1).astype(np.float64)
+
+    def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
+        """Return the standard uncertainties of a fit: the larger of what pixels tell one by one, and patch by patch."""
+        noise = float((weights * left**2).sum() / weights.sum()) / self._pixels_per_sample
+        pulls = np.stack([np.bincount(self._patches, column * left.ravel(), math.prod(PATCHES)) for column in weighted])
+        by_patch = np.diag(inverse @ (pulls @ pulls.T) @ inverse)
+        sigmas: Floats = np.sqrt(np.maximum(np.diag(inverse) * noise, by_patch))
+        return sigmas
+
+
+def _patches(shape: tuple[int, ...]) -> NDArray[np.intp]:
+    """(N,): by sample of a window (P, C) the patch that it is in."""
+    rows, columns = shape
+    around, across = PATCHES
+    numbers = (np.arange(rows) * around // rows)[:, None] * across + np.arange(columns) * across // columns
+    return numbers.ravel()
+
+
+class _Search:
+    """The coarse search: the NCC of a window with the picture at every shift and turn."""
+
+    def __init__(self, own: Attitudes, horizon: Floats, weights: Floats) -> None:
+        grid = own.grid
+        self._stride = round(SEARCH_STEP_DEG / grid.step_deg)
+        self._step_deg = self._stride * grid.step_deg
+        self._columns = np.unique(np.linspace(0, own.window - 1, SEARCH_COLUMNS).round().astype(np.intp))
+        reach_px = REACH_RADII * float(grid.radii_px[own.window - 1])
+        self._downs_px, self._step_px = np.linspace(-reach_px, reach_px, SEARCH_SHIFTS, retstep=True)
+        self._weights = self._thinned(weights).astype(np.float64)
+        self._rows = len(self._weights)
+        angles = np.radians(grid.angle_deg(0) + self._step_deg * np.arange(self._rows) - own.upright_deg)
+        x, y = _around(angles, grid.radii_px[self._columns])
+        shown = np.stack([_sampled(horizon, x, y - down, grid.column_px) for down in self._downs_px])
+        self._total = max(float(self._weights.sum()), 1.0)
+        self._shown = shown.reshape(len(shown), -1).astype(np.float64)
+        self._spectra = np.fft.rfft(shown, axis=1).conj()
+        self._mean = self._turned_sums(self._weights, self._spectra) / self._total
+        square = self._turned_sums(self._weights, np.fft.rfft(shown**2, axis=1).conj()) / self._total
+        self._spread = np.sqrt(np.maximum(square - self._mean**2, 0.0))
+
+    def is_near(self, place: Place, start: Place) -> bool:
+        """Whether two places are the same peak."""
+        turns = abs(place.turned_deg - start.turned_deg) / self._step_deg
+        shifts = abs(place.down_px - start.down_px) / float(self._step_px)
+        return turns <= MAX_PEAK_ROWS and shifts <= MAX_PEAK_ROWS
+
+    def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, float] | None:
+        """Where the picture matches a window (P, C) best, and how well it matches elsewhere; None if nothing is there.
+
+        With `turned_deg` it is looked for at that turn alone.
+        """
+        rows = None if turned_deg is None else round(turned_deg / self._step_deg) % self._rows
+        scores = self._scores(self._thinned(seen), rows)
+        if scores is None:
+            return None
+        shift, turn = divmod(int(scores.argmax()), scores.shape[1])
+        rival = _second_peak(scores, shift, turn)
+        found_deg = float(in_turn(np.array(turn * self._step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
+        return Place(found_deg if turned_deg is None else turned_deg, float(self._downs_px[shift])), rival
+
+    def _scores(self, seen: Floats, rows: int | None) -> Floats | None:
+        """(K, P) at every shift and turn, or (K, 1) at one; None where a window (P, C) shows nothing."""
+        weighted = self._weights * seen
+        mean = float(weighted.sum()) / self._total
+        spread = math.sqrt(max(float((weighted * seen).sum()) / self._total - mean**2, 0.0))
+        if spread < MIN_SPREAD_LEVELS:
+            return None
+        if rows is None:
+            sums, turns = self._turned_sums(weighted, self._spectra), slice(None)
+        else:
+            sums, turns = self._shown @ np.roll(weighted, -rows, axis=0).reshape(-1, 1), slice(rows, rows + 1)
+        together = sums / self._total - mean * self._mean[:, turns]
+        spreads = self._spread[:, turns]
+        known = spreads > MIN_SPREAD_LEVELS
+        scores: Floats = np.divide(together, spreads * spread, out=np.zeros_like(together), where=known)
+        return np.clip(scores, -1.0, 1.0)
+
+    def _thinned(self, strip: Floats) -> Floats:
+        thinned: Floats = strip[:: self._stride, self._columns]
+        return thinned
+
+    def _turned_sums(self, image: Floats, spectra: Spectra) -> Floats:
+        """Sum over a window (P, C) times each picture (K, P, C) turned by each number of rows: (K, P)."""
+        spectrum = (np.fft.rfft(image, axis=0) * spectra).sum(axis=2)
+        sums: Floats = np.fft.irfft(spectrum, self._rows, axis=1)
+        return sums
+
+
+def _second_peak(scores: Floats, shift: int, turn: int) -> float:
+    """Return the highest score (K, P) that is a peak of its own, besides the highest at all; turns go round."""
+    around = PEAK_STEPS if scores.shape[1] > 1 else 0
+    padded = np.pad(scores, ((0, 0), (around, around)), mode="wrap").astype(np.float32)
+    highest = cv2.dilate(padded, np.ones((2 * PEAK_STEPS + 1, 2 * around + 1), np.uint8))
+    is_peak = (padded == highest)[:, around : around + scores.shape[1]]
+    is_peak[shift, turn] = False
+    return float(scores[is_peak].max(initial=0.0))
+
+
+def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | None) -> AttitudePicture:
+    """Return it as the panel picture shows it, (R, C), with all that lies over it."""
+    weights = np.ones((own.rows, own.window), np.float32)
+    horizon = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
+    return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window])
+
+
+def learn_attitude(
+    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
+) -> AttitudePicture:
+    """Return it from frames (R, C) in the panel picture's light; as it was given if they do not tell."""
+    known = given
+    for _ in range(ROUNDS):
+        reader = AttitudeReader(own, known, ring)
+        sights = [(strip, reader.seen(strip).horizon) for strip in strips]
+        views = [
+            (strip, sight)
+            for strip, sight in sights
+            if sight.score >= LIKELY_SCORE and own.is_level_in_sight(sight.place)
+        ]
+        if len(views) < FRAMES_TO_LEARN or not (known.weights > HALF).any():
+            return given
+        horizon = _composed([_moved_back(own, known.weights, *view) for view in views])
+        known = replace(known, horizon=horizon)
+        known = replace(known, weights=_HorizonReader(own, known).still(views))
+    drawn = AttitudeReader(own, known, ring).horizon_in(given.drawn, 0.0)
+    return replace(known, origin=drawn.place) if drawn.is_sure else given
+
+
+def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: Sight) -> Floats:
+    """(H, W): what a frame shows of the picture, in its light; NaN where it does not."""
+    rows, columns, grid = own.rows, own.window, own.grid
+    height, width = 2 * math.ceil(columns * (1.0 + REACH_RADII)) + 1, 2 * columns + 1
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    x = (x - (width - 1) / 2) * grid.column_px + own.aside_px(sight.place)
+    y = (y - (height - 1) / 2) * grid.column_px + sight.place.down_px
+    turned = np.degrees(np.arctan2(y, x)) + own.upright_deg + sight.place.turned_deg
+    row = in_turn((turned - grid.angle_deg(0)) / grid.step_deg, rows)
+    column = (np.hypot(x, y) - grid.inner_px) / grid.column_px
+    seen = np.where(weights > HALF, (strip[:rows, :columns] - sight.offset) / sight.gain, np.nan)
+    shown = _at(np.concatenate([seen, seen[:1]]), column, row)
+    return np.where((column >= 0) & (column <= columns - 1), shown, np.nan)
+
+
+def _composed(views: Sequence[Floats]) -> Floats:
+    """(H, W): the middle of what frames show; where none shows anything, what lies nearest on the same height."""
+    seen = np.sort(np.stack(views), axis=0)  # those that show nothing come last
+    count = np.isfinite(seen).sum(axis=0)
+    low, high = np.maximum(count - 1, 0) // 2, count // 2
+    both = [np.take_along_axis(seen, np.minimum(each, len(seen) - 1)[None], axis=0)[0] for each in (low, high)]
+    middle = np.where(count > 0, (both[0] + both[1]) / 2, np.nan)
+    known = np.flatnonzero((count > 0).any(axis=1))
+    across = np.arange(middle.shape[1])
+    filled = []
+    for row in range(len(middle)):
+        near = middle[known[np.abs(known - row).argmin()]]
+        there = np.isfinite(near)
+        filled.append(np.interp(across, across[there], near[there]))
+    return np.array(filled, np.float32)
+
+
+def _around(angles: Floats, radii_px: Floats) -> tuple[Floats, Floats]:
+    """(P, C) each: x and y of points around a centre."""
+    return np.cos(angles)[:, None] * radii_px, np.sin(angles)[:, None] * radii_px
+
+
+def _sampled(levels: Floats, x_px: Floats, y_px: Floats, cell_px: float) -> Floats:
+    """Levels of a picture at places of it, counted from its middle."""
+    height, width = levels.shape
+    return _at(levels, x_px / cell_px + (width - 1) / 2, y_px / cell_px + (height - 1) / 2)
+
+
+def _at(levels: Floats, columns: Floats, rows: Floats) -> Floats:
+    places = np.asarray(columns, np.float32), np.asarray(rows, np.float32)
+    return cv2.remap(np.asarray(levels, np.float32), *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(
+        np.float32
+    )

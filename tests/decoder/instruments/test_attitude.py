@@ -1,0 +1,356 @@
+"""Attitude indicators: bank and pitch as drawn, whatever stands still over the horizon, and nothing where it hides."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.instruments.attitude import Attitudes, learn_attitude
+from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
+from decoder.instruments.reading import FrameReadings, Status
+from decoder.panel.arrays import Floats
+from decoder.panel.attitude import Attitude
+from decoder.panel.errors import PanelError
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import Scale
+from tests.decoder.instruments.dials import CENTRE, SCALE, Canvas, paint, reader_for
+
+A_DEGREE_PX = 2.0
+WINDOW_PX, RING_PX, RIM_PX = 50.0, 54.0, 70.0
+PANEL_ROLL_DEG, PANEL_PITCH_DEG = 12.0, 4.0
+SKY, GROUND, WHITE, BEZEL = 150.0, 60.0, 225.0, 35.0
+UP_PX = [(deg - PANEL_PITCH_DEG) * A_DEGREE_PX for deg in (-10, 0, 10)]
+
+
+def described(*, ring: bool) -> dict[str, Any]:
+    """The gauge as a person describes it on the picture at `PANEL_ROLL_DEG` and `PANEL_PITCH_DEG`."""
+    attitude: dict[str, Any] = {
+        "roll": "roll_deg",
+        "pitch": "pitch_deg",
+        "window": WINDOW_PX - 1,
+        "ladder": [[up_px, deg] for up_px, deg in zip(UP_PX, (-10, 0, 10), strict=True)],
+    }
+    if ring:
+        attitude["ring"] = RING_PX
+    return {
+        "name": "attitude",
+        "radius": [4, RIM_PX],
+        "sweep": [0, 360],
+        "unit": "deg",
+        "scale": [[270 - PANEL_ROLL_DEG, 0], [450 - PANEL_ROLL_DEG, 180]],
+        "wraps": 360,
+        "attitude": attitude,
+    }
+
+
+def draw(
+    roll_deg: float,
+    pitch_deg: float,
+    seed: int = 0,
+    *,
+    ring: bool = True,
+    plain: bool = False,
+    gain: float = 1.0,
+    hand: float = 0.0,
+) -> GreyPicture:
+    """Draws one: `plain` has no sky and no ladder, only its line; a `hand` covers such a part of the dial."""
+
+    def what(canvas: Canvas) -> None:
+        reach = math.ceil((RIM_PX + 5) * SCALE)
+        left, top = (round((at + 0.5) * SCALE) for at in CENTRE)
+        box = slice(top - reach, top + reach), slice(left - reach, left + reach)
+        y, x = np.mgrid[box].astype(np.float32)
+        x, y = (x + 0.5) / SCALE - 0.5 - CENTRE[0], (y + 0.5) / SCALE - 0.5 - CENTRE[1]
+        radius, roll = np.hypot(x, y), math.radians(roll_deg)
+        right, up = x * math.cos(roll) - y * math.sin(roll), -x * math.sin(roll) - y * math.cos(roll)
+        levels = np.full(radius.shape, BEZEL)
+        seen = radius < WINDOW_PX
+        levels[seen] = horizon(right[seen], up[seen] / A_DEGREE_PX + pitch_deg, plain=plain)
+        if ring:
+            around = (radius > RING_PX + 2) & (radius < RIM_PX - 2)
+            levels[around] = marks_of_bank(right[around], up[around])
+        levels[(np.abs(y) < 1.5) & (np.abs(x) > 8) & (np.abs(x) < 30) | (radius < 2.5)] = 240.0
+        levels[(np.abs(x) < 5) & (y > 30) & seen] = 20.0
+        levels[(np.abs(x) < 2) & (y < -RING_PX) & (y > -RIM_PX - 4)] = 110.0
+        if hand:
+            levels[x < RIM_PX * (2 * hand - 1)] = 105.0
+        dial = radius < RIM_PX + 4
+        canvas.picture[box][dial] = (levels * gain).clip(0, 255)[dial]
+
+    return paint(what, seed=seed)
+
+
+def horizon(right: Floats, pitch_deg: Floats, *, plain: bool) -> Floats:
+    """Levels of the horizon's picture at places of it: sky, ground, a line between, and a ladder."""
+    levels = np.full(pitch_deg.shape, GROUND) if plain else np.where(pitch_deg > 0, SKY, GROUND)
+    levels[np.abs(pitch_deg) < 0.7] = WHITE
+    if not plain:
+        mark_deg = np.round(pitch_deg / 5) * 5
+        half_px = np.where(mark_deg % 10 == 0, 18.0, 9.0)
+        levels[(np.abs(pitch_deg - mark_deg) < 0.35) & (np.abs(right) < half_px) & (np.abs(mark_deg) <= 80)] = WHITE
+    return levels
+
+
+def marks_of_bank(right: Floats, up: Floats) -> Floats:
+    """Levels of the ring: marks at 0, 10, 20, 30, 60 and 90 degrees to either side."""
+    bank_deg, radius = np.degrees(np.arctan2(right, up)), np.hypot(right, up)
+    levels = np.full(right.shape, BEZEL)
+    for mark_deg in (-90, -60, -30, -20, -10, 0, 10, 20, 30, 60, 90):
+        half_px = 1.0 if abs(mark_deg) in {10, 20} else 2.5 if mark_deg == 0 else 1.6
+        levels[np.abs(np.radians((bank_deg - mark_deg + 180) % 360 - 180)) * radius < half_px] = WHITE
+    return levels
+
+
+def flight(*, ring: bool) -> list[GreyPicture]:
+    """Frames of a flight with turns, climbs and descents."""
+    rolls = [0, 8, 25, 40, 55, 30, 5, -10, -28, -45, -60, -35, -12, 3, 15, -5]
+    pitches = [0, 5, 11, 8, 2, -6, -12, -15, -8, -2, 4, 10, 15, 18, -18, 1]
+    return [draw(*both, 100 + index, ring=ring) for index, both in enumerate(zip(rolls, pitches, strict=True))]
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["ring", "no ring"])
+def ring(request: pytest.FixtureRequest) -> bool:
+    """Whether a ring of marks turns around the window."""
+    return bool(request.param)
+
+
+@pytest.fixture(scope="module")
+def reader(ring: bool) -> PanelReader:  # noqa: FBT001 - a fixture
+    """A reader tuned to a flight."""
+    return reader_for([described(ring=ring)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring), flight(ring=ring))
+
+
+def values(reader: PanelReader, read: FrameReadings) -> dict[str, float]:
+    """Roll from -180 to 180, and pitch."""
+    quantities = reader.source.panel.gauges[0].quantities
+    found = {
+        each.name: float(Scale.of(each.marks, each.wraps).values_at(np.array([read.readings[each.name].angle_deg]))[0])
+        for each in quantities
+    }
+    return found | {"roll_deg": (found["roll_deg"] + 180) % 360 - 180}
+
+
+def assert_read(reader: PanelReader, frame: GreyPicture, roll_deg: float, pitch_deg: float, off_deg: float) -> None:
+    """Both are read, and right."""
+    read = read_picture(reader, frame)
+    found = values(reader, read)
+
+    assert {one.status for one in read.readings.values()} == {Status.READ}
+    assert abs((found["roll_deg"] - roll_deg + 180) % 360 - 180) < off_deg
+    assert abs(found["pitch_deg"] - pitch_deg) < off_deg
+
+
+@pytest.mark.slow
+@settings(max_examples=25, deadline=None)
+@given(roll_deg=st.floats(-180, 180), pitch_deg=st.floats(-18, 18))
+@example(roll_deg=0.0, pitch_deg=0.0)
+@example(roll_deg=75.0, pitch_deg=-10.0)
+@example(roll_deg=-120.0, pitch_deg=15.0)
+@example(roll_deg=180.0, pitch_deg=5.0)
+def test_it_is_read_at_any_bank_and_inverted(
+    reader: PanelReader,
+    ring: bool,  # noqa: FBT001
+    roll_deg: float,
+    pitch_deg: float,
+) -> None:
+    """Bank and pitch are as drawn, all the way round, wherever pitch leaves the horizon in the window."""
+    assert_read(reader, draw(roll_deg, pitch_deg, 7, ring=ring), roll_deg, pitch_deg, 0.35)
+
+
+@pytest.mark.parametrize("gain", [0.45, 1.1])
+def test_light_does_not_change_it(reader: PanelReader, ring: bool, gain: float) -> None:  # noqa: FBT001
+    """In half the light, and in more, it shows the same."""
+    assert_read(reader, draw(-33.0, 7.0, 8, ring=ring, gain=gain), -33.0, 7.0, 0.35)
+
+
+@pytest.mark.slow
+def test_uncertainties_hold(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
+    """Nearly all values lie within two standard uncertainties, as frames tell them."""
+    rng = np.random.default_rng(5)
+    rolls, pitches = rng.uniform(-70, 70, 30), rng.uniform(-15, 15, 30)
+    off: dict[str, list[float]] = {"roll_deg": [], "pitch_deg": []}
+    for index, (roll_deg, pitch_deg) in enumerate(zip(rolls, pitches, strict=True)):
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 300 + index, ring=ring))
+        found = values(reader, read)
+        slope = abs(float(Scale.of(reader.source.panel.gauges[0].quantities[1].marks).slopes_at(np.zeros(1))[0]))
+        off["roll_deg"].append((found["roll_deg"] - roll_deg) / math.hypot(read.readings["roll_deg"].sigma_deg, 0.05))
+        off["pitch_deg"].append((found["pitch_deg"] - pitch_deg) / (read.readings["pitch_deg"].sigma_deg * slope))
+
+    assert {name: float(np.mean(np.abs(each) < 1.96)) >= 0.9 for name, each in off.items()} == dict.fromkeys(off, True)
+
+
+@pytest.mark.parametrize("pitch_deg", [70.0, -70.0])
+def test_a_horizon_out_of_sight_is_missing(reader: PanelReader, ring: bool, pitch_deg: float) -> None:  # noqa: FBT001
+    """Sky or ground alone tells no pitch; bank is read where a ring shows it."""
+    plain = draw(20.0, pitch_deg, 9, ring=ring)
+    read = read_picture(reader, plain)
+
+    assert read.readings["pitch_deg"].status is Status.MISSING
+    assert read.readings["roll_deg"].status is (Status.READ if ring else Status.MISSING)
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("roll_deg", [-40.0, 0.0, 25.0])
+def test_a_hand_over_it_makes_no_wrong_value(
+    reader: PanelReader,
+    ring: bool,  # noqa: FBT001
+    part: float,
+    roll_deg: float,
+) -> None:
+    """Half covered by a hand it is read rightly or not at all."""
+    read = read_picture(reader, draw(roll_deg, -6.0, 10, ring=ring, hand=part))
+    found = values(reader, read)
+
+    for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", -6.0)):
+        assert read.readings[name].status is Status.MISSING or abs(found[name] - truth_deg) < 1.0
+
+
+def test_a_covered_dial_is_missing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
+    """Nothing is read of a hand."""
+    read = read_picture(reader, draw(5.0, 5.0, 11, ring=ring, hand=1.0))
+
+    assert {one.status for one in read.readings.values()} == {Status.MISSING}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frames", [0, 5])
+def test_little_teaches_nothing_wrong(ring: bool, frames: int) -> None:  # noqa: FBT001
+    """By the panel picture alone, or by five frames, it is read rightly or not at all."""
+    taught = flight(ring=ring)[:frames]
+    reader = reader_for([described(ring=ring)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring), taught)
+    rng = np.random.default_rng(6)
+
+    for seed, (roll_deg, pitch_deg) in enumerate(rng.uniform((-180, -20), (180, 20), (12, 2)).tolist()):
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 400 + seed, ring=ring))
+        found = values(reader, read)
+        for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", pitch_deg)):
+            off_deg = abs((found[name] - truth_deg + 180) % 360 - 180)
+            assert read.readings[name].status is Status.MISSING or off_deg < 1.0
+
+
+@pytest.mark.slow
+def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
+    """A line on a ball with neither sky nor ladder could be either way up: neither is `read`."""
+    frames = [
+        draw(roll, pitch, 50 + roll, ring=False, plain=True)
+        for roll, pitch in zip(range(-40, 41, 5), range(17), strict=True)
+    ]
+    picture = draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=False, plain=True)
+    reader = reader_for([described(ring=False)], picture, frames)
+
+    read = read_picture(reader, draw(10.0, 0.0, 12, ring=False, plain=True))
+
+    assert {one.status for one in read.readings.values()} == {Status.MISSING}
+
+
+@pytest.mark.slow
+def test_what_never_moves_teaches_nothing_wrong() -> None:
+    """After a flight straight and level it is still read, or missing, and never wrong."""
+    frames = [draw(0.2 * index, 0.1 * index, 70 + index) for index in range(10)]
+    reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), frames)
+
+    for roll_deg, pitch_deg in ((1.0, 0.5), (30.0, -8.0)):
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 13))
+        found = values(reader, read)
+        for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", pitch_deg)):
+            assert read.readings[name].status is Status.MISSING or abs(found[name] - truth_deg) < 1.0
+
+
+def test_a_window_in_which_nothing_is_to_be_seen_stays_as_it_was_drawn(reader: PanelReader) -> None:
+    """Where no place of the window shows what moves, frames teach nothing."""
+    own = Attitudes.of(reader.source.panel.gauges[0], reader.grids[0])
+    known = reader.appearance.pictures["roll_deg"]
+    blind = replace(known, ring=None, weights=np.full_like(known.weights, 0.1))
+    strips = [frame.gauges[0] for frame in unwrapped(reader, flight(ring=True))]
+
+    assert learn_attitude(own, strips, blind, None) is blind
+
+
+def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
+    """One frame is a batch of one."""
+    frames = [draw(roll, 3.0, 200 + roll, ring=ring) for roll in (-30, 0, 45)]
+    together = reader.read([FramePicture(frame) for frame in frames])
+
+    assert [one.readings for one in together if isinstance(one, FrameReadings)] == [
+        read_picture(reader, frame).readings for frame in frames
+    ]
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "pitch_deg", "ends"),
+    [
+        (0.0, 0.0, ((-49.0, 0.0), (49.0, 0.0))),
+        (90.0, 0.0, ((0.0, 49.0), (0.0, -49.0))),
+        (0.0, 10.0, ((-math.sqrt(49**2 - 20**2), 20.0), (math.sqrt(49**2 - 20**2), 20.0))),
+        (180.0, 10.0, ((math.sqrt(49**2 - 20**2), -20.0), (-math.sqrt(49**2 - 20**2), -20.0))),
+    ],
+)
+def test_the_horizon_is_drawn_where_it_is(
+    roll_deg: float, pitch_deg: float, ends: tuple[tuple[float, float], ...]
+) -> None:
+    """From its left end to its right one: down when the nose is up, its right end up when the right wing is down."""
+    gauge = Gauge.model_validate({"centre": CENTRE, **described(ring=True)})
+    line = gauge.lines({"roll_deg": roll_deg, "pitch_deg": pitch_deg})["pitch_deg"]
+
+    seen = [(px * math.cos(math.radians(deg)), px * math.sin(math.radians(deg))) for deg, px in line]
+    assert np.array(seen) == pytest.approx(np.array(ends), abs=1e-6)
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(math.nan, 3.0), (3.0, math.nan), (0.0, 60.0)])
+def test_no_horizon_is_drawn_where_none_is_known(roll_deg: float, pitch_deg: float) -> None:
+    """Without a value of either, or out of sight, there is no line."""
+    gauge = Gauge.model_validate({"centre": CENTRE, **described(ring=True)})
+
+    assert gauge.lines({"roll_deg": roll_deg, "pitch_deg": pitch_deg}) == {}
+
+
+def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
+    """Radii and ladder grow with the dial, and the ladder shifts by the pitch that is read there."""
+    gauge = {**described(ring=True), "radius": [8.0, 2 * RIM_PX]}
+    arc_px = (4 + RIM_PX) / 2
+    read = {"roll_deg": 270.0 - 20.0, "pitch_deg": math.degrees(12.0 / arc_px)}
+
+    scale_turn_deg = Attitude.carry(gauge, 3.0, 2.0, read)
+
+    own = gauge["attitude"]
+    assert (own["window"], own["ring"], own["index"]) == (2 * (WINDOW_PX - 1), 2 * RING_PX, 273.0)
+    assert scale_turn_deg == pytest.approx(20.0)
+    assert [up_px for up_px, _ in own["ladder"]] == pytest.approx([2 * (up_px - 12.0) for up_px in UP_PX])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"ladder": [[0, 0]]}, "two"),
+        ({"ladder": [[0, 0], [10, 5], [20, 3]]}, "monotone"),
+        ({"window": 90}, "window"),
+        ({"ring": 20}, "ring"),
+        ({"pitch": "roll_deg"}, "two names"),
+    ],
+)
+def test_what_cannot_be_is_said_in_a_sentence(wrong: dict[str, Any], said: str) -> None:
+    """A ladder of one mark, one that turns round, a window beyond the dial, a ring inside it, one name for both."""
+    gauge = described(ring=True)
+    gauge["attitude"] |= wrong
+
+    with pytest.raises(PanelError, match=said):
+        reader_for([gauge], draw(0, 0))
+
+
+def test_pitch_lies_on_its_ladder_as_on_a_scale() -> None:
+    """A ladder need not be even: between its marks pitch is on the line between them."""
+    described_so = described(ring=False)
+    described_so["attitude"]["ladder"] = [[-20, -10], [0, 0], [14, 10]]
+    gauge = Gauge.model_validate({"centre": CENTRE, **described_so})
+    pitch = gauge.quantities[1]
+    scale = Scale.of(pitch.marks)
+
+    angles = np.degrees(np.array([-10.0, 7.0]) / (sum(gauge.radius) / 2))
+    assert scale.values_at(angles) == pytest.approx([-5.0, 5.0])
