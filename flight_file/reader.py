@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 from flight_file.errors import FlightFileError, Loss, LossKind, MixedFlightsError
 from flight_file.frame import Frame
-from flight_file.messages import CHANNEL_TOPICS, IMAGE_TOPIC, Image
+from flight_file.messages import CHANNEL_TOPICS, PICTURE_TOPICS, Image
 from flight_file.records import ByteSource, ChunkPlace
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
@@ -133,7 +133,7 @@ class CaptureTimes:
 
 
 def _indexed(place: ChunkPlace, channels: dict[int, str]) -> int:
-    return sum(count for channel, count in place.messages.items() if channels.get(channel) == IMAGE_TOPIC)
+    return sum(count for channel, count in place.messages.items() if channels.get(channel) in PICTURE_TOPICS)
 
 
 def _readable(

@@ -12,6 +12,7 @@ second attachment of a name, or a chunk behind the end record. Another reader mi
 from __future__ import annotations
 
 import re
+import shlex
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -49,6 +50,10 @@ _CHUNK_START = re.compile(
     re.DOTALL,
 )
 _CHUNK_START_BYTES = RECORD_HEADER.size + CHUNK_HEAD_BYTES
+
+_HEAD_BYTES = 12
+_BOXES = frozenset((b"ftyp", b"moov", b"mdat", b"wide", b"skip"))
+_EBML = b"\x1a\x45\xdf\xa3"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +97,11 @@ class FileScan:
     losses: list[Loss] = field(default_factory=list)
 
 
+def _is_video(head: bytes) -> bool:
+    """Whether a file begins as an MP4 or MOV, an MKV, or an AVI does."""
+    return head[4:8] in _BOXES or head.startswith(_EBML) or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
+
+
 def scan_file(path: Path, source: ByteSource) -> FileScan:
     """Walk a file.
 
@@ -102,7 +112,13 @@ def scan_file(path: Path, source: ByteSource) -> FileScan:
     """
     if source.size == 0:
         raise NotAFlightError(path, reason="is empty; nothing was recorded")
-    if source.read_at(0, len(MAGIC)) != MAGIC:
+    head = source.read_at(0, _HEAD_BYTES)
+    if _is_video(head):
+        target = path.with_suffix(".mcap").name
+        command = shlex.join(["recorder", "replay", path.name, "-o", target])
+        reason = f"is a video, not a flight file; first make one of it: {command}"
+        raise NotAFlightError(path, reason=reason)
+    if not head.startswith(MAGIC):
         raise NotAFlightError(path, reason="is not an MCAP file; give a recording that ends in .mcap or .mcap.part")
     return _Walk(path, source).run()
 

@@ -34,7 +34,6 @@ from flight_file.frame import CameraStatus, ClockReading, Frame, Health, LogCloc
 from flight_file.messages import (
     FRAME_TOPIC,
     HEALTH_TOPIC,
-    IMAGE_TOPIC,
     LOG_TOPIC,
     PROFILE,
     STATUS_TOPIC,
@@ -44,6 +43,7 @@ from flight_file.messages import (
     encode_image,
     encode_log,
     encode_status,
+    picture_topic,
 )
 from flight_file.session import (
     ATTACHMENTS_RECORD,
@@ -255,7 +255,7 @@ class SegmentWriter:
         number = frame.sequence & 0xFFFFFFFF
         record, self.chain = sealed_frame(encode_frame(frame), self.chain)
         self._add(FRAME_TOPIC, record, log_ns, publish_ns, number)
-        self._add(IMAGE_TOPIC, encode_image(frame), log_ns, publish_ns, number)
+        self._add(picture_topic(frame), encode_image(frame), log_ns, publish_ns, number)
         self.frames += 1
         if self._chunk_bytes >= CHUNK_BYTES:
             self._close_chunk()

@@ -7,19 +7,18 @@ their names and of the numbers in them.
 from __future__ import annotations
 
 import hashlib
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
 from camera_drivers.exif import exif_time_ns, read_exif
 from camera_drivers.jpeg import jpeg_facts
+from camera_drivers.replay.chapters import counted
+from camera_drivers.replay.upcoming import Upcoming
 from flight_file.errors import FlightFileError
 from flight_file.frame import NS_PER_S, Frame, HostTimes
 from flight_file.reader import open_flight
@@ -29,36 +28,6 @@ _CONFIGURATION = "recorder.yaml"  # describes the recorder that made the flight,
 JPEG_SUFFIXES = frozenset({".jpg", ".jpeg"})
 _GIVE_RATE = "give rate_hz (--rate), the pictures per second."
 _HEAD_BYTES = 256 * 1024  # the markers before the picture; EXIF with its thumbnail is at most 64 KiB
-
-
-@dataclass(frozen=True, slots=True)
-class Upcoming:
-    """The next picture: when it was taken (realtime, ns), and how to take it when that time has come."""
-
-    captured_ns: int
-    take: Callable[[Clock], Frame]
-
-
-class ReplaySource(Protocol):
-    """Pictures that were taken before.
-
-    Attributes
-    ----------
-    identity
-        Of the camera they were taken with, as far as known.
-    start_ns
-        When the first was taken, realtime.
-    attachments
-        What the pictures bring along: a recorded flight's panel, camera and so on.
-    """
-
-    identity: CameraIdentity
-    start_ns: int
-    attachments: Mapping[str, bytes]
-
-    def pictures(self) -> Iterator[Upcoming]:
-        """Iterate over the pictures in order; raises ReplayError where one cannot be read."""
-        ...
 
 
 class FlightSource:
@@ -88,6 +57,8 @@ class FlightSource:
             model=session.camera_model,
             serial=session.camera_serial,
             note=f"the recording {session.recording}",
+            time_of_day=session.time_of_day,
+            originals=session.originals,
         )
 
     @property
@@ -99,13 +70,13 @@ class FlightSource:
         """Iterate over the frames that are whole."""
         try:
             for frame in self._flight.frames():
-                yield Upcoming(frame.captured_ns, _AsItWas(frame))
+                yield Upcoming(frame.captured_ns, AsItWas(frame))
         except FlightFileError as error:
             raise ReplayError(str(error)) from error
 
 
-class _AsItWas:
-    """Returns a frame as it was recorded."""
+class AsItWas:
+    """Returns a frame as it is."""
 
     __slots__ = ("_frame",)
 
@@ -113,6 +84,7 @@ class _AsItWas:
         self._frame = frame
 
     def __call__(self, _clock: Clock) -> Frame:
+        """Give the frame."""
         return self._frame
 
 
@@ -155,17 +127,11 @@ class FolderSource:
 
 def _jpegs(folder: Path) -> tuple[list[Path], int]:
     try:
-        files = sorted((path for path in folder.iterdir() if path.is_file()), key=_counted)
+        files = sorted((path for path in folder.iterdir() if path.is_file()), key=counted)
     except OSError as error:
         raise ReplayError(f"{folder}: the folder cannot be read ({error.strerror}); check its path.") from error
     jpegs = [path for path in files if path.suffix.lower() in JPEG_SUFFIXES]
     return jpegs, len(files) - len(jpegs)
-
-
-def _counted(path: Path) -> tuple[list[str | int], str]:
-    """Sort IMG_9 before IMG_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [int(part) if index % 2 else part for index, part in enumerate(parts)], path.name
 
 
 def _exif_time(path: Path) -> int | None:
@@ -207,7 +173,7 @@ def _take(path: Path, sequence: int, captured_ns: int, clock: Clock) -> Frame:
     return Frame(
         sequence=sequence,
         captured_ns=captured_ns,
-        jpeg=jpeg,
+        encoded=jpeg,
         sha256=hashlib.sha256(jpeg).hexdigest(),
         times=HostTimes(before_request=before, after_answer=after, downloaded=after),
         exif=read_exif(facts.exif),

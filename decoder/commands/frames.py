@@ -126,7 +126,7 @@ def _pictures(
     frame: Frame, stem: str, gauges: tuple[DrawnGauge, ...], gauge_names: Sequence[str], caption: tuple[str, str]
 ) -> dict[str, bytes]:
     """JPEGs by name: one of the whole frame, or one of each gauge that was asked for and that is in it."""
-    picture = colour_picture(frame.jpeg)
+    picture = colour_picture(frame.encoded)
     if not gauge_names:
         return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, caption))}
     names = file_names(gauge_names)

@@ -27,7 +27,7 @@ class RawFrame:
 
     sequence: int
     captured_ns: int
-    jpeg: bytes
+    encoded: bytes
     focal_length_mm: float | None = None
     picture: FramePicture | TopOfFrame | None = field(default=None, compare=False, repr=False)
 
@@ -62,7 +62,7 @@ def batches(
         RawFrame(
             frame.sequence,
             frame.captured_ns,
-            frame.jpeg,
+            frame.encoded,
             frame.exif.lens_mm,
             None if picture is None else picture(frame),
         )
@@ -89,7 +89,7 @@ def _picture(reader: PanelReader, frame: RawFrame, slot: int) -> FramePicture | 
     try:
         if frame.picture is not None:
             return top_of(frame.picture, reader.placement.rows)
-        return reader.block.frame(frame.jpeg, slot, frame.focal_length_mm, reader.placement.rows)
+        return reader.block.frame(frame.encoded, slot, frame.focal_length_mm, reader.placement.rows)
     except PictureError as error:
         return error
 

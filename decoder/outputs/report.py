@@ -169,7 +169,7 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
 
 def _evidence_of(frame: Frame, places: ReadingPlaces, row: int, needles: dict[str, int]) -> Evidence:
     try:
-        return evidence(colour_picture(frame.jpeg), places.frame(row), needles)
+        return evidence(colour_picture(frame.encoded), places.frame(row), needles)
     except PictureError as error:
         return {"trouble": str(error)}
 

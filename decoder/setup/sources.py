@@ -77,7 +77,7 @@ class FlightSource:
             if first <= index < first + counts.total:
                 for frame in sampled(segment, counts, {index - first}):
                     self._focal_lengths_mm[index] = frame.exif.lens_mm
-                    return frame.jpeg
+                    return frame.encoded
             first += counts.total
         raise PictureError(f"frame {index} cannot be read; choose another")
 

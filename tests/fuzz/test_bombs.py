@@ -64,7 +64,7 @@ def plain_jpeg(size: tuple[int, int] = (64, 48), **options: object) -> bytes:
 
 PICTURE = plain_jpeg()
 ATTACHED = {name: (FIXTURES / name).read_bytes() for name in ("panel.yaml", "panel.jpg")}
-FRAMES_OF_FLIGHT = tuple(frame.jpeg for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).sample_frames(2))
+FRAMES_OF_FLIGHT = tuple(frame.encoded for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).sample_frames(2))
 
 
 def frame_bytes(one: Shot) -> bytes:
