@@ -239,6 +239,8 @@ class Flight:
     def shown(self, part: range | None = None) -> Iterator[Frame]:
         """Iterate as `frames`, but in the order of time, each picture of a video with the group that it is decoded by.
 
+        They are numbered in the order of time too: pictures of a video exchange the numbers that they are stored under.
+
         Parameters
         ----------
         part

@@ -11,7 +11,8 @@ from typing import IO
 import click
 
 from decoder.commands.options import camera_option, flights_argument, method_option, panel_option
-from decoder.imaging.pictures import colour_picture
+from decoder.imaging.pictures import ColourPicture, colour_picture
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs.csv_output import utc_text
 from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
 from decoder.outputs.formats import Decoded
@@ -30,7 +31,6 @@ from decoder.outputs.outputs import Write, write_all
 from decoder.panel.errors import PictureError
 from decoder.parallel.decoding import decoded_flight, progress
 from decoder.timeseries.flight_data import FlightData
-from flight_file.frame import Frame
 from flight_file.reader import open_flight
 from flight_file.untrusted import file_names, say
 
@@ -106,6 +106,7 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
     places = ReadingPlaces(decoded.source, data)
     reasons = {missing.frame: missing.reason for missing in data.missing_frames}
     written: list[Path] = []
+    video = GroupDecoder()
     for index, frame in enumerate(progress("draw", len(data.frame))(matched_frames(data, decoded.frames))):
         if index not in wanted:
             continue
@@ -113,7 +114,11 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
         caption = _caption(decoded, index, frame.sequence)
         try:
             pictures = _pictures(
-                frame, stem, places.frame(index), gauge_names, (caption, reasons.get(frame.sequence, ""))
+                colour_picture(encoded_of(frame), video),
+                stem,
+                places.frame(index),
+                gauge_names,
+                (caption, reasons.get(frame.sequence, "")),
             )
         except PictureError as error:
             say(f"frame {frame.sequence} not drawn: {error}", err=True)
@@ -123,10 +128,13 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
 
 
 def _pictures(
-    frame: Frame, stem: str, gauges: tuple[DrawnGauge, ...], gauge_names: Sequence[str], caption: tuple[str, str]
+    picture: ColourPicture,
+    stem: str,
+    gauges: tuple[DrawnGauge, ...],
+    gauge_names: Sequence[str],
+    caption: tuple[str, str],
 ) -> dict[str, bytes]:
     """JPEGs by name: one of the whole frame, or one of each gauge that was asked for and that is in it."""
-    picture = colour_picture(frame.encoded)
     if not gauge_names:
         return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, caption))}
     names = file_names(gauge_names)

@@ -13,6 +13,7 @@ from decoder.imaging.alignment import Alignment, Matrix, is_rigid
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.imaging.sorting import median, median_of
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
 from decoder.learning.thresholds import (
     FEW,
@@ -56,6 +57,7 @@ class FlightSample:
         self._kept: dict[int, Taken] = {}
         self._by_rank: dict[int, int] = {}
         self._room = kept_bytes
+        self._video = GroupDecoder()
 
     def __call__(self, frames: int) -> Iterator[Taken]:
         """Give the same frames each time for the same number; those that cannot be opened are left out."""
@@ -88,8 +90,8 @@ class FlightSample:
 
     def _decompressed(self, frame: Frame) -> Taken:
         focal_length_mm = frame.exif.lens_mm
-        if self._rows is None:
-            return FramePicture(grey_picture(frame.encoded), focal_length_mm)
+        if self._rows is None or frame.group is not None:
+            return FramePicture(grey_picture(encoded_of(frame), self._video), focal_length_mm)
         taken = PictureBlock().frame(frame.encoded, 0, focal_length_mm, self._rows)
         return replace(taken, whole=partial(self._whole, frame)) if isinstance(taken, TopOfFrame) else taken
 

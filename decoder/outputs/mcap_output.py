@@ -37,12 +37,12 @@ from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, DrawnRead
 from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.json_output import Provenance, write_json
-from decoder.panel.errors import CameraError
+from decoder.panel.errors import CameraError, OutputError
 from decoder.panel.lens import Lens
 from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from flight_file.frame import NS_PER_S, Frame, storable
-from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, Topic, encode_image
+from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, VIDEO_TOPIC, Topic, encode_image, picture_topic
 from flight_file.untrusted import file_name
 
 READING_SCHEMA_NAME = "flight_data.Reading"
@@ -243,7 +243,7 @@ def write_mcap(decoded: Decoded, stream: IO[bytes]) -> None:
         if lens is not None:
             target.add(CALIBRATION_TOPIC, calibration_message(lens, time_ns), time_ns, number)
         if frame is not None:
-            target.add(IMAGE_TOPIC, encode_image(frame), time_ns, number)
+            target.add(picture_topic(frame), encode_image(frame), time_ns, number)
         target.add(ANNOTATIONS_TOPIC, annotations_message(places.frame(index), time_ns), time_ns, number)
     target.finish()
 
@@ -289,7 +289,11 @@ def _protobuf_topics(decoded: Decoded) -> list[Topic]:
         schema = build_file_descriptor_set(message).SerializeToString(deterministic=True)
         topics.append(Topic(name, "protobuf", message.DESCRIPTOR.full_name, "protobuf", schema))
     if decoded.with_images:
-        topics += [topic for topic in TOPICS if topic.name == IMAGE_TOPIC]
+        first = next(decoded.frames(), None)
+        name = IMAGE_TOPIC if first is None else picture_topic(first)
+        if name == VIDEO_TOPIC and decoded.data.part is not None and decoded.data.part.ranks.step > 1:
+            raise OutputError("--with-images: of a video every picture is needed to show another; leave --every out")
+        topics += [topic for topic in TOPICS if topic.name == name]
     return topics
 
 

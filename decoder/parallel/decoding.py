@@ -74,7 +74,7 @@ def decoded_flight(
             camera=camera,
             data=data,
             provenance=_provenance(flight, source, panel_file, camera_source, method),
-            frames=partial(flight.frames, None if part is None else part.ranks),
+            frames=partial(flight.shown, None if part is None else part.ranks),
             check=partial(verify, flight.paths),
             session=flight.session,
             name=output_name(flight),

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.pictures import ColourPicture, GreyPicture, decompressed, grey_picture
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.panel.errors import PictureError
 from decoder.setup.thresholds import KEPT_BYTES
-from flight_file.reader import Flight, count_images, open_flight, sampled, spread
+from flight_file.reader import Flight, open_flight, spread
 from flight_file.thresholds import MAX_READ_BYTES
 from flight_file.untrusted import read_regular
 
@@ -65,20 +66,17 @@ class FlightSource:
     def __init__(self, flight: Flight) -> None:
         self.flight = flight
         self.name = flight.recording
-        self._counts = [count_images(segment) for segment in flight.segments]
-        self.count = sum(counts.total for counts in self._counts)
+        self.count = flight.count()
+        self._video = GroupDecoder()
         self.sample = tuple(sorted(spread(self.count, SAMPLE_FRAMES)))
         self._focal_lengths_mm: dict[int, float | None] = {}
 
     def encoded(self, index: int) -> bytes:
-        """One frame's JPEG."""
-        first = 0
-        for segment, counts in zip(self.flight.segments, self._counts, strict=True):
-            if first <= index < first + counts.total:
-                for frame in sampled(segment, counts, {index - first}):
-                    self._focal_lengths_mm[index] = frame.exif.lens_mm
-                    return frame.encoded
-            first += counts.total
+        """One frame's picture as it was recorded; of a video, as a JPEG."""
+        for frame in self.flight.shown(range(index, index + 1)):
+            self._focal_lengths_mm[index] = frame.exif.lens_mm
+            encoded = encoded_of(frame)
+            return encoded if isinstance(encoded, bytes) else self._video.jpeg(encoded)
         raise PictureError(f"frame {index} cannot be read; choose another")
 
     def focal_length_mm(self, index: int) -> float | None:

@@ -57,7 +57,7 @@ def decode_flight(
     reasons: Counter[str] = Counter()
     frames = 0
     height, width = reader.source.picture.shape
-    frames_of_part = progress(flight.frames(None if part is None else part.ranks))
+    frames_of_part = progress(flight.shown(None if part is None else part.ranks))
     cut = batches(frames_of_part, batch_frames((width, height)), sample.given_up)
     for batch, outcomes in read(fitted.reader, cut):
         for frame, outcome in zip(batch, outcomes, strict=True):

@@ -42,6 +42,8 @@ def begins_group(frame: Frame) -> bool:
 def in_groups(frames: Iterable[Frame]) -> Iterator[list[Frame]]:
     """Cut frames into groups, each in the order of time; what is no video is a group of its own.
 
+    Frames are numbered in that order: those of a video exchange the numbers that they were stored under.
+
     Memory holds one group and the beginning of the next. Of a group that is too large for that, the rest comes without
     what it takes to decode it.
     """
@@ -60,7 +62,8 @@ def in_groups(frames: Iterable[Frame]) -> Iterator[list[Frame]]:
                 leading.append(frame)
                 continue
             yield from _closed(own, given, key, leading)
-            own, given, key, leading, size_bytes = [key], leading, None, [], len(key.encoded)
+            size_bytes = len(key.encoded)
+            own, given, key, leading = [key], leading, None, []
         if is_key:
             key = frame
         elif size_bytes > _MAX_GROUP_BYTES:
@@ -91,7 +94,9 @@ def _closed(
         group = Group(some.format, packets, some.rotation_deg)
         whole = [replace(frame, group=group, place=places[frame.sequence]) for frame in shown]
         broken = [_broken(frame, _LOST) for frame in row[len(sound) :] if frame is not key]
-        yield sorted([*whole, *broken], key=lambda each: (each.captured_ns, each.sequence))
+        in_time = sorted([*whole, *broken], key=lambda each: (each.captured_ns, each.sequence))
+        numbers = sorted(frame.sequence for frame in [*given[-1:], *row[bool(given) :]])
+        yield [replace(frame, sequence=number) for frame, number in zip(in_time, numbers, strict=False)]
 
 
 def _unbroken(row: Sequence[Frame]) -> int:

@@ -84,10 +84,10 @@ def test_b_frames_are_stored_in_decoding_order_and_decode_to_the_same_pictures(
 def test_parameter_sets_stand_before_each_key_frame(tmp_path: Path, codec: str) -> None:
     """In Annex B, so that a viewer can begin at any of them."""
     frames = played(film(tmp_path / "a.mp4", codec=codec, group=10))
-    is_first = {"libx264": lambda first: first & 31 == 7, "libx265": lambda first: first >> 1 & 63 == 32}[codec]
+    shift, mask, kind = {"libx264": (0, 31, 7), "libx265": (1, 63, 32)}[codec]
 
     assert all(frame.encoded.startswith((b"\0\0\0\1", b"\0\0\1")) for frame in frames)
-    with_sets = [frame.sequence for frame in frames if is_first(frame.encoded.lstrip(b"\0")[1])]
+    with_sets = [frame.sequence for frame in frames if frame.encoded.lstrip(b"\0")[1] >> shift & mask == kind]
     assert with_sets == [0, 10, 20, 30]
     for key in with_sets:
         (first, *_) = decoded_again(frames[key : key + 10])
