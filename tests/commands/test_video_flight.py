@@ -1,0 +1,143 @@
+"""Decoding a film of the animation's panel, from the video file on: everything that works with JPEGs."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import pytest
+from av.video.stream import VideoStream
+
+from decoder.imaging.pictures import colour_picture, grey_picture
+from decoder.setup.sources import open_source
+from flight_file.reader import open_flight
+from tests.programs import A1, FIXTURES, ran
+
+RATE_HZ = 4
+PANEL = FIXTURES / "panel.yaml"
+NEEDLES = ("fuel_al_lb", "fuel_fr_lb")
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The animation's twenty frames as H.264 with B-frames in three groups, as a flight with its panel."""
+    folder = tmp_path_factory.mktemp("cockpit")
+    with av.open(str(folder / "cockpit.mp4"), "w") as container:
+        container.metadata["creation_time"] = "2018-05-04T12:00:00Z"
+        stream = container.add_stream("libx264", rate=RATE_HZ, options={"crf": "8", "x264-params": "scenecut=0"})
+        assert isinstance(stream, VideoStream)
+        stream.width, stream.height, stream.pix_fmt = 1024, 768, "yuv420p"
+        stream.codec_context.gop_size, stream.codec_context.max_b_frames = 8, 2
+        for number, frame in enumerate(open_flight([A1]).frames()):
+            picture = av.VideoFrame.from_ndarray(colour_picture(frame.encoded), "rgb24")
+            picture.pts, picture.time_base = number, Fraction(1, RATE_HZ)
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode(None))
+    made = ran(
+        "recorder", "replay", folder / "cockpit.mp4", "-o", folder / "cockpit.mcap", "--panel", PANEL,
+        "--clock", "creation",
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
+    return folder / "cockpit.mcap"
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """A CSV's rows."""
+    with path.open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture(scope="module")
+def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
+    """What is read of all of it by one process."""
+    folder = tmp_path_factory.mktemp("whole")
+    done = ran("decode", flight, "-o", folder, "--jobs", 1, "--format", "csv,html,mcap", "--with-images")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "cockpit.html").stat().st_size > 100_000
+    return rows(folder / "cockpit.csv")
+
+
+def test_a_film_is_read_as_its_frames_are(whole: list[dict[str, str]], tmp_path: Path) -> None:
+    """In the order of time, numbered so, to within a quarter of a percent of the scale."""
+    assert ran("decode", A1, "-o", tmp_path).returncode == 0
+    photographs = rows(tmp_path / "thesis_a1.csv")
+
+    assert [row["frame"] for row in whole] == [str(number) for number in range(20)]
+    assert [row["time_utc"] for row in whole] == [row["time_utc"] for row in photographs]
+    for name in NEEDLES:
+        for film, photograph in zip(whole, photographs, strict=True):
+            assert float(film[name]) == pytest.approx(float(photograph[name]), abs=10)
+
+
+def test_processes_share_a_film_and_read_the_same(flight: Path, whole: list[dict[str, str]], tmp_path: Path) -> None:
+    """To the last digit."""
+    done = ran("decode", flight, "-o", tmp_path, "--jobs", 2)
+
+    assert done.returncode == 0, done.stderr
+    assert rows(tmp_path / "cockpit.csv") == whole
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [(["--from", "2.5"], range(10, 20)), (["--every", "3"], range(0, 20, 3))],
+    ids=["from", "every"],
+)
+def test_a_part_of_a_film_is_read_the_same(
+    flight: Path, whole: list[dict[str, str]], tmp_path: Path, words: list[str], wanted: range
+) -> None:
+    """From a picture in the middle of a group on, or every third."""
+    done = ran("decode", flight, "-o", tmp_path, *words)
+
+    assert done.returncode == 0, done.stderr
+    for row, number in zip(rows(tmp_path / "cockpit.csv"), wanted, strict=True):
+        other = whole[number]
+        assert (row["frame"], row["time_utc"]) == (other["frame"], other["time_utc"])
+        for name in NEEDLES:
+            assert math.isclose(float(row[name]), float(other[name]), abs_tol=1e-9)
+
+
+def test_frames_of_a_film_are_drawn(flight: Path, tmp_path: Path) -> None:
+    """As pictures with their readings."""
+    done = ran("decode", "frames", flight, "-o", tmp_path, "--at", "1.5", "--at", "3")
+
+    assert done.returncode == 0, done.stderr
+    assert [path.name.split("_")[1] for path in sorted(tmp_path.iterdir())] == ["000006", "000012"]
+
+
+def test_the_set_up_page_gets_jpegs_of_a_film(flight: Path) -> None:
+    """Which look to the decoder as the film does."""
+    source = open_source([flight])
+    frame = next(open_flight([flight]).shown(range(13, 14)))
+    picture = grey_picture(source.encoded(13))
+
+    assert source.count == 20
+    assert frame.sequence == 13
+    assert picture.shape == (768, 1024)
+
+
+def test_pictures_of_every_third_frame_of_a_film_are_refused(flight: Path, tmp_path: Path) -> None:
+    """Nobody could show them."""
+    done = ran("decode", flight, "-o", tmp_path, "--every", 3, "--format", "mcap", "--with-images")
+
+    assert done.returncode == 1
+    assert "leave --every out" in done.stderr
+
+
+def test_of_a_damaged_film_what_cannot_be_built_is_missing(flight: Path, tmp_path: Path) -> None:
+    """A lost packet takes what is built on it along, and the report says why; the next group is read."""
+    data = bytearray(flight.read_bytes())
+    frames = list(open_flight([flight]).frames())
+    data[data.index(frames[2].encoded) + 50] ^= 1
+    damaged = tmp_path / "cockpit.mcap"
+    damaged.write_bytes(data)
+    done = ran("decode", damaged, "-o", tmp_path, "--jobs", 1)
+    described = json.loads((tmp_path / "cockpit.json").read_text(encoding="utf-8"))
+
+    assert done.returncode == 3
+    assert "built on is lost" in done.stderr or described["losses"]
+    read = [row for row in rows(tmp_path / "cockpit.csv") if row["fuel_al_lb_status"] == "read"]
+    assert 10 <= len(read) < 20
