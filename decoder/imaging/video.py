@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -28,11 +29,17 @@ if TYPE_CHECKING:
 
 JPEG_QUALITY = 97  # of a picture that becomes a panel's
 _CODECS = {"h264": "h264", "h265": "hevc"}
-_FULL_RANGE = 2
 _PLANAR = frozenset({"yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "gray"})
 _EIGHT_BITS = "yuv420p"
 _INSTALL = "reading a video needs PyAV; install it: pip install 'image-flight-recorder[video]'"
 _QUARTER_DEG = 90
+
+
+class _Range(IntEnum):
+    """FFmpeg's codes of the levels that pictures have."""
+
+    TELEVISION = 1
+    FULL = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +204,7 @@ def _carried(
 
 def _levels(frame: VideoFrame) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None]:
     """Tables for luma and chroma; None for those that have all levels."""
-    is_full = frame.format.name.startswith("yuvj") or frame.color_range == _FULL_RANGE
+    is_full = frame.format.name.startswith("yuvj") or frame.color_range == _Range.FULL
     return (None, None) if is_full else _tables()
 
 

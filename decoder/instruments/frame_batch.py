@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 
 from decoder.imaging.picture_block import TopOfFrame, batch_frames, top_of
 from decoder.imaging.pictures import FramePicture
+from decoder.imaging.thresholds import MAX_BATCH_FRAMES
 from decoder.imaging.video import Encoded, GroupPicture, encoded_of
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings
 from decoder.panel.errors import AlignmentLost, PictureError
 from flight_file.frame import Frame
-
-GROUP_FRAMES = 256  # the longest groups that encoders make unless they are told otherwise have 250 pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +57,9 @@ def batches(
 ) -> Iterator[Batch]:
     """Return the frames in their order, so many at a time; the last batch may be smaller.
 
-    Of a video, whole groups of pictures are together, however many, so that each is decoded once; only one that is
-    very long is cut. `picture` gives those that are decompressed already.
+    Of a video, whole groups of pictures are together, so that each is decoded once; only those are cut that are longer
+    than the 250 pictures which encoders put into a group unless they are told otherwise. `picture` gives those that are
+    decompressed already.
     """
     raw = (
         RawFrame(
@@ -74,7 +74,7 @@ def batches(
     batch: list[RawFrame] = []
     for frame in raw:
         together = bool(batch) and _are_together(batch[-1], frame)
-        if len(batch) >= (max(size, GROUP_FRAMES) if together else size):
+        if len(batch) >= (max(size, 7 * MAX_BATCH_FRAMES) if together else size):
             yield tuple(batch)
             batch = []
         batch.append(frame)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from fractions import Fraction
 from pathlib import Path
 
@@ -81,11 +80,7 @@ def test_processes_share_a_film_and_read_the_same(flight: Path, whole: list[dict
     assert rows(tmp_path / "cockpit.csv") == whole
 
 
-@pytest.mark.parametrize(
-    ("words", "wanted"),
-    [(["--from", "2.5"], range(10, 20)), (["--every", "3"], range(0, 20, 3))],
-    ids=["from", "every"],
-)
+@pytest.mark.parametrize(("words", "wanted"), [(["--from", "2.5"], range(10, 20)), (["--every", "3"], range(0, 20, 3))])
 def test_a_part_of_a_film_is_read_the_same(
     flight: Path, whole: list[dict[str, str]], tmp_path: Path, words: list[str], wanted: range
 ) -> None:
@@ -97,7 +92,7 @@ def test_a_part_of_a_film_is_read_the_same(
         other = whole[number]
         assert (row["frame"], row["time_utc"]) == (other["frame"], other["time_utc"])
         for name in NEEDLES:
-            assert math.isclose(float(row[name]), float(other[name]), abs_tol=1e-9)
+            assert row[name] == other[name]
 
 
 def test_frames_of_a_film_are_drawn(flight: Path, tmp_path: Path) -> None:
