@@ -13,7 +13,7 @@ import click
 from decoder.commands.options import camera_option, flights_argument, method_option, panel_option
 from decoder.imaging.pictures import ColourPicture, colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
 from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import (
@@ -110,7 +110,7 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
     for index, frame in enumerate(progress("draw", len(data.frame))(matched_frames(data, decoded.frames))):
         if index not in wanted:
             continue
-        stem = f"{decoded.name}_{frame.sequence:06d}_{_file_time(frame.captured_ns)}"
+        stem = f"{decoded.name}_{frame.sequence:06d}_{_file_time(data, index)}"
         caption = _caption(decoded, index, frame.sequence)
         try:
             pictures = _pictures(
@@ -147,14 +147,15 @@ def _pictures(
 
 def _caption(decoded: Decoded, index: int, number: int) -> str:
     data = decoded.data
-    when = utc_text(int(data.time_ns[index]))
-    return (
-        f"{decoded.provenance.recording} · frame {number} · {when[:10]} {when[11:23]} UTC · {data.time_s[index]:.3f} s"
-    )
+    when = moment_text(data, int(data.time_ns[index]))
+    moment = f"{when[:10]} {when[11:23]} UTC" if when else "time of day unknown"
+    return f"{decoded.provenance.recording} · frame {number} · {moment} · {data.time_s[index]:.3f} s"
 
 
-def _file_time(time_ns: int) -> str:
-    seconds, rest = divmod(time_ns, 1_000_000_000)
+def _file_time(data: FlightData, row: int) -> str:
+    if not data.knows_time_of_day:
+        return f"{data.time_s[row]:09.3f}s"
+    seconds, rest = divmod(int(data.time_ns[row]), 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y%m%dT%H%M%S}.{rest // 1_000_000:03d}Z"
 
 

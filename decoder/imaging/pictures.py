@@ -57,18 +57,18 @@ def grey_picture(encoded: Encoded, video: GroupDecoder | None = None) -> GreyPic
 
 
 def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
-    """(H, W) or (H, W, 3) uint8: a JPEG or PNG as OpenCV has it with these flags of its own.
+    """(H, W) or (H, W, 3) uint8: a JPEG, PNG or WebP as OpenCV has it with these flags of its own.
 
     Raises
     ------
     PictureError
-        If the bytes are neither, break off, or would take more memory or time than a picture may.
+        If the bytes are none of these, break off, or would take more memory or time than a picture may.
     """
     if not encoded:
         raise PictureError("the picture is empty")
     header = picture_header(encoded)
     if header is None:
-        raise PictureError("the picture is damaged, or neither a JPEG nor a PNG; save it as one of these")
+        raise PictureError("the picture is damaged, or neither a JPEG nor a PNG nor a WebP; save it as one of these")
     objection = header.objection(len(encoded))
     if objection:
         raise PictureError(objection)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from decoder.imaging.pictures import colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs import report_facts
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces, label_decimals
 from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
@@ -101,7 +101,7 @@ def columns(data: FlightData, order: Order) -> dict[str, Any]:
     return {
         "rows": int(order.size),
         "start_ms": start_ns / 1e6,
-        "start_utc": utc_text(start_ns),
+        "start_utc": moment_text(data, start_ns),
         "since_first_ms": float(data.time_ns[0] - start_ns) / 1e6 - float(data.time_s[0]) * 1e3 if order.size else 0.0,
         "time_ms": packed((data.time_ns[order] - start_ns) / 1e6, "f8"),
         "frame": packed(data.frame[order], "f8"),

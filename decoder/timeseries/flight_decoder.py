@@ -68,7 +68,11 @@ def decode_flight(
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
     built = replace(
-        builder.build(fitted.sigma_deg), moved_pivots_px=fitted.moved_px, warnings=reader.warnings, part=part
+        builder.build(fitted.sigma_deg),
+        moved_pivots_px=fitted.moved_px,
+        warnings=reader.warnings,
+        part=part,
+        time_of_day=flight.session.time_of_day,
     )
     data = fill_gaps(built)
     return replace(data, health=gauge_health(data, fitted.findings))

@@ -137,7 +137,7 @@ def test_what_cannot_be_replayed_is_one_sentence(tmp_path: Path, folder: Path, c
     without_frames = write_flight(flights, [])
     cases: list[tuple[list[Path], float | None, str]] = [
         ([tmp_path / "nothing"], None, "no such file"),
-        ([empty], None, "there is no JPEG in it"),
+        ([empty], None, "there is no picture in it"),
         (without_frames, None, "no picture in it is whole"),
         ([folder, *without_frames], None, "a folder is replayed alone"),
         (without_frames, 4.0, "leave rate_hz out"),

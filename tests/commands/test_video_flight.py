@@ -136,3 +136,50 @@ def test_of_a_damaged_film_what_cannot_be_built_is_missing(flight: Path, tmp_pat
     assert "built on is lost" in done.stderr or described["losses"]
     read = [row for row in rows(tmp_path / "cockpit.csv") if row["fuel_al_lb_status"] == "read"]
     assert 10 <= len(read) < 20
+
+
+@pytest.fixture(scope="module")
+def timeless(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of the same film, of which nobody knows when it was taken."""
+    folder = tmp_path_factory.mktemp("timeless")
+    made = ran("recorder", "replay", flight.with_name("cockpit.mp4"), "-o", folder / "cockpit.mcap", "--panel", PANEL)
+    done = ran("decode", folder / "cockpit.mcap", "-o", folder, "--format", "csv,html")
+    assert (made.returncode, done.returncode) == (0, 0), made.stderr + done.stderr
+    return folder
+
+
+def test_a_flight_of_unknown_time_says_so_in_each_output(timeless: Path, whole: list[dict[str, str]]) -> None:
+    """No moment of 1970 and none of the conversion: the columns are there and empty."""
+    table = rows(timeless / "cockpit.csv")
+    described = json.loads((timeless / "cockpit.json").read_text(encoding="utf-8"))
+    page = (timeless / "cockpit.html").read_text(encoding="utf-8")
+
+    assert {row["time_utc"] for row in table} == {""}
+    assert [row["time_s"] for row in table] == [row["time_s"] for row in whole]
+    assert (described["time_of_day"], described["start_utc"], described["end_utc"]) == ("unknown", None, None)
+    assert "time of day unknown" in page
+    assert "1970-01-01" not in page
+
+
+def test_flight_data_of_unknown_time_are_held_against_a_truth(timeless: Path) -> None:
+    """By the time since the first frame."""
+    done = ran("decode", "accuracy", timeless / "cockpit.csv", FIXTURES / "thesis_a1_truth.csv", "--json")
+
+    assert done.returncode == 0, done.stderr
+    assert "fuel_al_lb" in done.stdout
+
+
+def test_frames_of_unknown_time_are_named_by_their_seconds(timeless: Path) -> None:
+    """The first frame's is 0."""
+    done = ran("decode", "frames", timeless / "cockpit.mcap", "-o", timeless / "drawn", "--at", "1.5")
+
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in (timeless / "drawn").iterdir()] == ["cockpit_000006_00001.500s.jpg"]
+
+
+def test_a_g1000_log_needs_a_time_of_day(timeless: Path) -> None:
+    """One sentence says how to give it one."""
+    done = ran("decode", "export", timeless / "cockpit.csv", "-o", timeless / "log.csv")
+
+    assert done.returncode == 1
+    assert "--start or --clock" in done.stderr or "no needle's name" in done.stderr

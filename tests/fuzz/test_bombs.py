@@ -336,7 +336,7 @@ def test_panel_that_would_take_too_much_is_refused(judge: Judge, name: str) -> N
     assert len(outcome.said.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("kind", ["BMP", "WEBP", "GIF", "TIFF"])
+@pytest.mark.parametrize("kind", ["BMP", "GIF", "TIFF"])
 def test_panel_picture_of_another_format_is_refused(judge: Judge, kind: str) -> None:
     """JPEG and PNG have limits; others are not tried."""
     stream = io.BytesIO()
@@ -345,7 +345,7 @@ def test_panel_picture_of_another_format_is_refused(judge: Judge, kind: str) -> 
     outcome = judge(DECODE, {"flight.mcap": content})
 
     assert outcome.faults == ()
-    assert "neither a JPEG nor a PNG" in outcome.said
+    assert "neither a JPEG nor a PNG nor a WebP" in outcome.said
 
 
 HEADER = "frame,time_utc,time_s,a,a_status,a_score,a_sigma\n"
