@@ -97,8 +97,8 @@ class FileScan:
     losses: list[Loss] = field(default_factory=list)
 
 
-def _is_video(head: bytes) -> bool:
-    """Whether a file begins as an MP4 or MOV, an MKV, or an AVI does."""
+def is_video(head: bytes) -> bool:
+    """Whether a file that begins so is an MP4 or MOV, an MKV, or an AVI."""
     return head[4:8] in _BOXES or head.startswith(_EBML) or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
 
 
@@ -113,7 +113,7 @@ def scan_file(path: Path, source: ByteSource) -> FileScan:
     if source.size == 0:
         raise NotAFlightError(path, reason="is empty; nothing was recorded")
     head = source.read_at(0, _HEAD_BYTES)
-    if _is_video(head):
+    if is_video(head):
         target = path.with_suffix(".mcap").name
         command = shlex.join(["recorder", "replay", path.name, "-o", target])
         reason = f"is a video, not a flight file; first make one of it: {command}"

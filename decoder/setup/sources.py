@@ -9,6 +9,7 @@ import re
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -20,8 +21,11 @@ from decoder.imaging.pictures import ColourPicture, GreyPicture, decompressed, g
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.panel.errors import PictureError
 from decoder.setup.thresholds import KEPT_BYTES
+from flight_file.errors import FlightFileError
 from flight_file.reader import Flight, open_flight, spread
-from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.scan import is_video
+from flight_file.segment import opened
+from flight_file.thresholds import BLOCK_BYTES, MAX_READ_BYTES
 from flight_file.untrusted import read_regular
 
 SAMPLE_FRAMES = 20
@@ -122,12 +126,19 @@ def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:
     FlightFileError
         If it is a flight file that cannot be read.
     """
-    if len(paths) == 1 and not paths[0].name.endswith(FLIGHT_ENDINGS):
+    if len(paths) == 1 and not paths[0].name.endswith(FLIGHT_ENDINGS) and not _is_video(paths[0]):
         return SinglePicture(paths[0])
     source = FlightSource(open_flight(paths))
     if not source.count:
         raise PictureError(f"{paths[0]}: holds no pictures to draw a panel on")
     return source
+
+
+def _is_video(path: Path) -> bool:
+    """Whether it is a video file, which opened as a flight says what to do first; not so if it cannot be read."""
+    with suppress(FlightFileError), opened(path) as source:
+        return is_video(source.read_at(0, BLOCK_BYTES))
+    return False
 
 
 class PictureStore:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import pytest
-from av.video.stream import VideoStream
 
-from decoder.imaging.pictures import colour_picture, grey_picture
+from decoder.imaging.pictures import grey_picture
 from decoder.setup.sources import open_source
+from fixtures.film import film as animation_film
 from flight_file.reader import open_flight
 from tests.programs import A1, FIXTURES, ran
 
-RATE_HZ = 4
 PANEL = FIXTURES / "panel.yaml"
 NEEDLES = ("fuel_al_lb", "fuel_fr_lb")
 
@@ -25,17 +22,7 @@ NEEDLES = ("fuel_al_lb", "fuel_fr_lb")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The animation's twenty frames as H.264 with B-frames in three groups, as a flight with its panel."""
     folder = tmp_path_factory.mktemp("cockpit")
-    with av.open(str(folder / "cockpit.mp4"), "w") as container:
-        container.metadata["creation_time"] = "2018-05-04T12:00:00Z"
-        stream = container.add_stream("libx264", rate=RATE_HZ, options={"crf": "8", "x264-params": "scenecut=0"})
-        assert isinstance(stream, VideoStream)
-        stream.width, stream.height, stream.pix_fmt = 1024, 768, "yuv420p"
-        stream.codec_context.gop_size, stream.codec_context.max_b_frames = 8, 2
-        for number, frame in enumerate(open_flight([A1]).frames()):
-            picture = av.VideoFrame.from_ndarray(colour_picture(frame.encoded), "rgb24")
-            picture.pts, picture.time_base = number, Fraction(1, RATE_HZ)
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode(None))
+    animation_film(A1, folder / "cockpit.mp4")
     made = ran(
         "recorder", "replay", folder / "cockpit.mp4", "-o", folder / "cockpit.mcap", "--panel", PANEL,
         "--clock", "creation",
@@ -183,3 +170,12 @@ def test_a_g1000_log_needs_a_time_of_day(timeless: Path) -> None:
 
     assert done.returncode == 1
     assert "--start or --clock" in done.stderr or "no needle's name" in done.stderr
+
+
+@pytest.mark.parametrize("words", [["setup"], ["frames"], []], ids=lambda words: " ".join(words) or "decode")
+def test_a_video_file_is_answered_with_the_command_to_run_first(flight: Path, tmp_path: Path, words: list[str]) -> None:
+    """Whatever was asked of it."""
+    done = ran("decode", *words, flight.with_name("cockpit.mp4"), *(["-o", tmp_path] if words != ["setup"] else []))
+
+    assert done.returncode == 1
+    assert "first make one of it: recorder replay cockpit.mp4 -o cockpit.mcap" in done.stderr
