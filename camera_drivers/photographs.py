@@ -20,14 +20,8 @@ from camera_drivers.jpeg import EXIF_PREFIX, JpegFacts, jpeg_facts
 from flight_file.documents import PNG_START, WEBP, picture_header
 from flight_file.frame import JPEG
 
-_HEIF = frozenset((b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1", b"avif"))
 _CHUNK_OF_PNG = struct.Struct(">I4s")
 _CHUNK_OF_WEBP = struct.Struct("<4sI")
-
-
-def is_heif(head: bytes) -> bool:
-    """Whether a file begins as HEIC, HEIF or AVIF do."""
-    return head[4:8] == b"ftyp" and head[8:12] in _HEIF
 
 
 def picture_format(data: bytes) -> str:

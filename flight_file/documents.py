@@ -48,6 +48,7 @@ _PNG_HEIGHT_AT = 20
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 PNG_START = b"\x89PNG\r\n\x1a\n"
 WEBP = re.compile(rb"RIFF.{4}WEBP", re.DOTALL)
+_HEIF = frozenset((b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1", b"avif"))
 _WEBP_BYTES = 30  # RIFF's head, a chunk's head, and its size
 _KINDS = ("null", "bool", "int", "float", "str", "seq", "map")
 _TAGS = {f"tag:yaml.org,2002:{kind}": kind for kind in _KINDS}
@@ -96,6 +97,11 @@ class PictureHeader:
         if self.scans > MAX_SCANS:
             return f"the picture is coded in {self.scans} scans; save it as a plain JPEG"
         return ""
+
+
+def is_heif(head: bytes) -> bool:
+    """Whether a file that begins so is a picture in HEIF (HEIC, AVIF), as telephones make."""
+    return head[4:8] == b"ftyp" and head[8:12] in _HEIF
 
 
 def picture_header(encoded: bytes) -> PictureHeader | None:

@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 from flight_file.errors import FlightFileError, Loss, LossKind, MixedFlightsError
 from flight_file.frame import VIDEO_FORMATS, Frame
-from flight_file.messages import CHANNEL_TOPICS, PICTURE_TOPICS, Image
+from flight_file.messages import CHANNEL_TOPICS, PICTURE_TOPICS, VIDEO_TOPIC, Image
 from flight_file.records import ByteSource, ChunkPlace
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
@@ -304,6 +304,14 @@ class Flight:
 
     @cached_property
     def _is_video(self) -> bool:
+        topics = {
+            counts.channels.get(channel)
+            for segment, counts in zip(self.segments, self._counts, strict=True)
+            for place in segment.chunks
+            for channel in place.messages
+        }
+        if topics & PICTURE_TOPICS:
+            return VIDEO_TOPIC in topics
         first = next(self.frames(range(self.count())), None)
         return first is not None and first.format in VIDEO_FORMATS
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from isal.isal_zlib import crc32
 
+from flight_file.documents import is_heif
 from flight_file.errors import Loss, LossKind, NotAFlightError
 from flight_file.records import (
     CHUNK_HEAD_BYTES,
@@ -99,6 +100,8 @@ class FileScan:
 
 def is_video(head: bytes) -> bool:
     """Whether a file that begins so is an MP4 or MOV, an MKV, or an AVI."""
+    if is_heif(head):
+        return False
     return head[4:8] in _BOXES or head.startswith(_EBML) or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
 
 

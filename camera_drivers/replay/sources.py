@@ -16,9 +16,10 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
 from camera_drivers.exif import exif_time_ns, read_exif
-from camera_drivers.photographs import is_heif, picture_facts, picture_format
+from camera_drivers.photographs import picture_facts, picture_format
 from camera_drivers.replay.chapters import counted
 from camera_drivers.replay.upcoming import Upcoming
+from flight_file.documents import is_heif
 from flight_file.errors import FlightFileError
 from flight_file.frame import JPEG, NS_PER_S, Frame, HostTimes
 from flight_file.reader import open_flight

@@ -29,7 +29,7 @@ from decoder.commands.options import (
 from decoder.outputs.formats import planned_files
 from decoder.outputs.outputs import JOURNAL_SUFFIX, output_name, refuse_another_recording, refuse_overwriting
 from decoder.panel.attachments import PANEL_FILE
-from decoder.panel.errors import PanelMissing
+from decoder.panel.errors import PanelMissing, PartError
 from decoder.parallel import fork_server
 from decoder.parallel.processes import jobs_for
 from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of
@@ -149,6 +149,13 @@ def _truth(
 
 
 def _part(flight: Flight, asked: AskedPart) -> FlightPart | None:
+    if not flight.session.knows_time_of_day and any(
+        end is not None and end.since != "start" for end in (asked.start, asked.end)
+    ):
+        raise PartError(
+            f"{flight.paths[0].name}: nobody knows its time of day; give --from and --to in seconds from its first"
+            " frame, such as 90 or 1:30"
+        )
     return None if asked.is_whole else part_of(flight, asked)
 
 

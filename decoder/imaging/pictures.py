@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.video import Encoded, GroupDecoder, GroupPicture
 from decoder.panel.errors import PictureError
-from flight_file.documents import picture_header
+from flight_file.documents import is_heif, picture_header
 
 GreyPicture = NDArray[np.uint8]
 ColourPicture = NDArray[np.uint8]
@@ -67,6 +67,8 @@ def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
     if not encoded:
         raise PictureError("the picture is empty")
     header = picture_header(encoded)
+    if is_heif(encoded):
+        raise PictureError("the picture is in HEIF; convert it to a JPEG: magick picture.heic picture.jpg")
     if header is None:
         raise PictureError("the picture is damaged, or neither a JPEG nor a PNG nor a WebP; save it as one of these")
     objection = header.objection(len(encoded))

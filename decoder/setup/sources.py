@@ -21,6 +21,7 @@ from decoder.imaging.pictures import ColourPicture, GreyPicture, decompressed, g
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.panel.errors import PictureError
 from decoder.setup.thresholds import KEPT_BYTES
+from flight_file.documents import is_heif
 from flight_file.errors import FlightFileError
 from flight_file.reader import Flight, open_flight, spread
 from flight_file.scan import is_video
@@ -103,6 +104,8 @@ class SinglePicture:
         try:
             grey_picture(self._encoded)
         except PictureError as error:
+            if is_heif(self._encoded):
+                raise PictureError(f"{path}: {error}") from error
             raise PictureError(f"{path}: neither a flight file nor a picture; name a flight or a JPEG") from error
 
     def encoded(self, index: int) -> bytes:

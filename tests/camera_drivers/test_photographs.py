@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from camera_drivers.errors import ReplayError
-from camera_drivers.photographs import is_heif, picture_facts, picture_format
+from camera_drivers.photographs import picture_facts, picture_format
 from camera_drivers.replay.camera import ReplayCamera, open_source
 from decoder.imaging.pictures import grey_picture
-from flight_file.documents import picture_header
+from flight_file.documents import is_heif, picture_header
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
 from recorder.host import SimulatedClock
@@ -97,6 +97,16 @@ def test_heif_is_refused_with_the_command_that_converts_it(tmp_path: Path, name:
 
     with pytest.raises(ReplayError, match="convert all of them first: magick mogrify -format jpg"):
         played(tmp_path)
+
+
+def test_heif_is_refused_on_the_set_up_page_too(tmp_path: Path) -> None:
+    """It begins as a video does, and is none."""
+    path = tmp_path / "panel.heic"
+    path.write_bytes(b"\0\0\0\x18ftypheic" + bytes(100))
+    done = ran("decode", "setup", path)
+
+    assert done.returncode == 1
+    assert "convert it to a JPEG" in done.stderr
 
 
 @given(data=st.binary(max_size=80), start=st.sampled_from([b"\x89PNG\r\n\x1a\n", b"RIFF\0\0\0\0WEBP", b""]))

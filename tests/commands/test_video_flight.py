@@ -164,6 +164,14 @@ def test_frames_of_unknown_time_are_named_by_their_seconds(timeless: Path) -> No
     assert [path.name for path in (timeless / "drawn").iterdir()] == ["cockpit_000006_00001.500s.jpg"]
 
 
+def test_a_part_by_a_time_of_day_that_nobody_knows_is_refused(timeless: Path) -> None:
+    """With what to type in its place."""
+    done = ran("decode", timeless / "cockpit.mcap", "-o", timeless / "part", "--from", "12:00:01Z")
+
+    assert done.returncode == 1
+    assert "in seconds from its first frame" in done.stderr
+
+
 def test_a_g1000_log_needs_a_time_of_day(timeless: Path) -> None:
     """One sentence says how to give it one."""
     done = ran("decode", "export", timeless / "cockpit.csv", "-o", timeless / "log.csv")
