@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from decoder.imaging.pictures import grey_picture
 from decoder.setup.sources import open_source
@@ -41,9 +42,13 @@ def rows(path: Path) -> list[dict[str, str]]:
 def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
     """What is read of all of it by one process."""
     folder = tmp_path_factory.mktemp("whole")
-    done = ran("decode", flight, "-o", folder, "--jobs", 1, "--format", "csv,html,mcap", "--with-images")
+    done = ran("decode", flight, "-o", folder, "--jobs", 1, "--format", "csv,html,mcap,layout", "--with-images")
     assert done.returncode == 0, done.stderr
     assert (folder / "cockpit.html").stat().st_size > 100_000
+    layout = json.loads((folder / "cockpit.layout.json").read_text(encoding="utf-8"))
+    assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] == "/camera/video"
+    with (folder / "cockpit.mcap").open("rb") as stream:
+        assert len(list(make_reader(stream).iter_messages(topics=["/camera/video"]))) == 20
     return rows(folder / "cockpit.csv")
 
 
