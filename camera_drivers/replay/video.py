@@ -32,7 +32,7 @@ from camera_drivers.errors import ReplayError
 from camera_drivers.replay.chapters import in_order
 from camera_drivers.replay.upcoming import Upcoming
 from camera_drivers.replay.video_clocks import CREATION, FILE_DATE, TIMECODE, Believed, disagreements, started
-from flight_file.frame import JPEG, NS_PER_S, Frame, HostTimes, Origin
+from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, HostTimes, Origin
 from flight_file.segment import digest_of, opened
 from flight_file.session import Original
 from flight_file.thresholds import BLOCK_BYTES, MAX_CHUNK_BYTES, MAX_PIXELS, MAX_SIDE_PX
@@ -128,6 +128,8 @@ class VideoSource:
             for packet in _packets(chapter):
                 end_ns = max(end_ns, packet.time_ns + packet.length_ns)
                 captured_ns = max(offset_ns + packet.time_ns, 0)
+                if captured_ns > MAX_TIME_NS:
+                    raise ReplayError(f"{chapter.path}: picture {sequence} has a time that no flight is at.")
                 origin = Origin(number, packet.time_ns, packet.sha256)
                 yield Upcoming(captured_ns, _Taking(chapter, packet, sequence, captured_ns, self._sigma_ns, origin))
                 sequence += 1
@@ -198,7 +200,7 @@ def look_at(path: Path) -> Chapter:
 def _turned(chapter: Chapter) -> Chapter:
     """Find out by how much its pictures are to be turned, which only a decoded one says."""
     with _opened(chapter.path) as container:
-        stream = container.streams[chapter.track]
+        stream = _same_track(chapter, container)
         try:
             frame = next(iter(container.decode(stream)), None)
         except FFmpegError as error:
@@ -242,13 +244,26 @@ def _why(path: Path, error: FFmpegError) -> str:
 
 def _track(path: Path, container: InputContainer) -> VideoStream:
     """Choose among several: the one that players show first, and of those the largest; never a cover picture."""
-    tracks = [each for each in container.streams.video if not each.disposition & Disposition.attached_pic]
+    tracks = [
+        each
+        for each in container.streams.video
+        if each.codec_context is not None  # type: ignore[redundant-expr]  # it is where FFmpeg knows no such codec
+        and not each.disposition & Disposition.attached_pic
+    ]
     if not tracks:
-        raise ReplayError(f"{path}: there is no video in it; give a file with pictures.")
+        raise ReplayError(f"{path}: there is no video in it that is known; give a file with pictures.")
     return max(
         tracks,
         key=lambda each: (bool(each.disposition & Disposition.default), each.width * each.height, -each.index),
     )
+
+
+def _same_track(chapter: Chapter, container: InputContainer) -> VideoStream:
+    """Find the track that was chosen when the file was looked at."""
+    for stream in container.streams.video:
+        if stream.index == chapter.track and stream.codec_context is not None:
+            return stream
+    raise ReplayError(f"{chapter.path}: its tracks are not what they were a moment ago; is somebody writing it?")
 
 
 def _facts(path: Path, container: InputContainer, stream: VideoStream) -> dict[str, str]:
@@ -303,7 +318,7 @@ def _time_ns(path: Path, packet: av.Packet[VideoStream], stream: VideoStream) ->
 def _packets(chapter: Chapter) -> Iterator[_Packet]:
     """Read a chapter's packets, as they came and as they are stored."""
     with _opened(chapter.path) as container:
-        stream = next(each for each in container.streams.video if each.index == chapter.track)
+        stream = _same_track(chapter, container)
         name = _TO_ANNEX_B.get(chapter.format)
         convert = None if name is None else av.BitStreamFilterContext(name, stream)
         for packet in _demuxed(chapter.path, container, stream):

@@ -5,12 +5,16 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import av
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.camera import ReplayCamera, open_source
@@ -310,6 +314,21 @@ def test_pictures_too_large_to_be_read_are_refused_before_they_take_memory(tmp_p
     except ReplayError:
         return
     assert {(frame.width_px, frame.height_px) for frame in frames} == {(160, 120)}
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_damaged_film_gives_pictures_or_a_sentence(seed: int) -> None:
+    """Whatever stands in its boxes."""
+    rng = np.random.default_rng(seed)
+    with TemporaryDirectory() as folder:
+        path = film(Path(folder) / "a.mp4", ticks=STEADY[:4], metadata=CAMERA)
+        data = bytearray(path.read_bytes())
+        boxes = data.index(b"moov")
+        for at in rng.integers(boxes, len(data), 8):
+            data[at] = int(rng.integers(0, 256))
+        path.write_bytes(data)
+        with suppress(ReplayError):
+            assert all(frame.captured_ns >= 0 for frame in played(path))
 
 
 def test_a_steady_film_is_as_long_as_it_was_filmed(tmp_path: Path) -> None:
