@@ -48,7 +48,7 @@ def compare(sizes: Sequence[Size] = SIZES) -> list[Compared]:
 def _compared(folder: Path, size: Size, needles: int) -> Compared:
     flight = sized_flight(folder, size, needles)
     source = panel_from_attachments(flight.attachments, flight=size.name)
-    few = [frame.jpeg for frame in islice(flight.frames(), size.slow_frames)]
+    few = [frame.encoded for frame in islice(flight.frames(), size.slow_frames)]
     ways: dict[str, tuple[int, Callable[[], object]]] = {
         "decode": (size.frames, lambda: decode_flight(flight, reader_from_panel(source, Method.NORMXCORR), iter)),
         "matchTemplate": (size.slow_frames, lambda: _plainly(source, few, with_opencv)),
@@ -78,7 +78,7 @@ def _plainly(source: PanelPictures, jpegs: Sequence[bytes], correlate: Correlate
 
 def _decompressed_ms(flight: Flight) -> float:
     """Milliseconds for a frame, merely decompressed."""
-    jpegs = [frame.jpeg for frame in islice(flight.frames(), PICTURES)] * LOOPS
+    jpegs = [frame.encoded for frame in islice(flight.frames(), PICTURES)] * LOOPS
     return 1000 * _processor_s(lambda: [grey_picture(jpeg).size for jpeg in jpegs]) / len(jpegs)
 
 

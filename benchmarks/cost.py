@@ -75,7 +75,7 @@ def speed() -> Speed:
     alone_bare, alone_read, bare, read, program = ([] for _ in range(5))
     with threadpool_limits(1), TemporaryDirectory() as folder:
         flight = open_flight([path])
-        jpegs = [frame.jpeg for frame in flight.frames()]
+        jpegs = [frame.encoded for frame in flight.frames()]
         panel = panel_from_attachments(flight.attachments, flight=path.name)
         for _ in range(ROUNDS):
             alone_bare.append(decompressed_alone(path))

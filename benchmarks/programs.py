@@ -33,7 +33,7 @@ import numpy as np
 from flight_file.reader import open_flight
 
 cv2.setNumThreads(1)
-jpegs = [frame.jpeg for frame in open_flight([Path(sys.argv[1])]).frames()]
+jpegs = [frame.encoded for frame in open_flight([Path(sys.argv[1])]).frames()]
 start = time.process_time()
 for jpeg in jpegs:
     cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)

@@ -221,7 +221,7 @@ def kept(box: Box, pictures: Sequence[bytes], signer: Signer, *, said: int | Non
     faults = list(box.recover(signer))
     frames = box.frames()
     numbers = [frame.sequence for frame in frames]
-    right = {frame.sequence for frame in frames if frame.jpeg == pictures[frame.sequence]}
+    right = {frame.sequence for frame in frames if frame.encoded == pictures[frame.sequence]}
     if numbers != sorted(right):
         faults.append("a frame is not the picture it was, byte for byte and in order")
     ended = box.events("recording_finished")

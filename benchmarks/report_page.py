@@ -63,7 +63,7 @@ def two_hours() -> Decoded:
     """The report of the flight."""
     source = panel_from_file(FIXTURES / "panel.yaml")
     data, zero = flight_data(source), ClockReading(0, 0)
-    jpegs = [frame.jpeg for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).frames()]
+    jpegs = [frame.encoded for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).frames()]
 
     def frames() -> Iterator[Frame]:
         for row, captured_ns in enumerate(data.time_ns.tolist()):

@@ -18,7 +18,7 @@ from pathlib import Path
 from decoder.imaging.picture_block import PictureBlock
 from flight_file.reader import open_flight
 
-jpegs = [frame.jpeg for frame in islice(open_flight([Path(sys.argv[1])]).frames(), int(sys.argv[2]))]
+jpegs = [frame.encoded for frame in islice(open_flight([Path(sys.argv[1])]).frames(), int(sys.argv[2]))]
 block = PictureBlock()
 for jpeg in jpegs[:2]:
     block.grey_picture(jpeg, 0)

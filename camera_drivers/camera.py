@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from flight_file.frame import Frame
+from flight_file.session import Original
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +19,16 @@ class CameraIdentity:
     ----------
     note
         What else is worth a line in the flight, in words.
+    time_of_day, originals
+        As in a flight's session: which clock its pictures' times are by, and the video files that they come from.
     """
 
     driver: str
     model: str = ""
     serial: str = ""
     note: str = ""
+    time_of_day: str = ""
+    originals: tuple[Original, ...] = ()
 
 
 class Camera(Protocol):

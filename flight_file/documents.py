@@ -5,11 +5,13 @@ of values with aliases written out. What would be read differently from how it l
 tag for anything but plain values. A date stays text, so a file may be called `2018-05-04`, or `2018-13-45`.
 
 A JPEG's markers are followed as libjpeg follows them, through fill bytes and stray ones, so that no picture is larger
-than it says here. Sources: ITU-T T.81 annex B; PNG (third edition) 11.2.1.
+than it says here. Sources: ITU-T T.81 annex B; PNG (third edition) 11.2.1;
+RFC 9649 and RFC 6386 (WebP).
 """
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -44,7 +46,10 @@ _HEAD = struct.Struct(">BBH")  # FF, what kind of segment it is, its length with
 _PNG = struct.Struct(">8s4x4sIIBB")  # signature, length of the first chunk, its name, width, height, depth, colour
 _PNG_HEIGHT_AT = 20
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
-_PNG_START = b"\x89PNG\r\n\x1a\n"
+PNG_START = b"\x89PNG\r\n\x1a\n"
+WEBP = re.compile(rb"RIFF.{4}WEBP", re.DOTALL)
+_HEIF = frozenset((b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1", b"avif"))
+_WEBP_BYTES = 30  # RIFF's head, a chunk's head, and its size
 _KINDS = ("null", "bool", "int", "float", "str", "seq", "map")
 _TAGS = {f"tag:yaml.org,2002:{kind}": kind for kind in _KINDS}
 _NUMBERS = ("int", "float")
@@ -94,13 +99,35 @@ class PictureHeader:
         return ""
 
 
+def is_heif(head: bytes) -> bool:
+    """Whether a file that begins so is a picture in HEIF (HEIC, AVIF), as telephones make."""
+    return head[4:8] == b"ftyp" and head[8:12] in _HEIF
+
+
 def picture_header(encoded: bytes) -> PictureHeader | None:
-    """Parse the header of a JPEG or PNG; None if it is neither, or damaged before it states its size."""
+    """Parse the header of a JPEG, PNG or WebP; None if it is none, or damaged before it states its size."""
     if encoded.startswith(SOI):
         return _jpeg_header(encoded)
-    if encoded.startswith(_PNG_START) and len(encoded) >= _PNG.size:
+    if encoded.startswith(PNG_START) and len(encoded) >= _PNG.size:
         return _png_header(encoded)
+    if WEBP.match(encoded) and len(encoded) >= _WEBP_BYTES:
+        return _webp_header(encoded)
     return None
+
+
+def _webp_header(encoded: bytes) -> PictureHeader | None:
+    kind = encoded[12:16]
+    if kind == b"VP8X":
+        width = int.from_bytes(encoded[24:27], "little") + 1
+        height = int.from_bytes(encoded[27:30], "little") + 1
+    elif kind == b"VP8 " and encoded[23:26] == b"\x9d\x01\x2a":
+        width, height = (int.from_bytes(encoded[at : at + 2], "little") & 0x3FFF for at in (26, 28))
+    elif kind == b"VP8L" and encoded[20] == 0x2F:  # noqa: PLR2004 - its signature
+        bits = int.from_bytes(encoded[21:25], "little")
+        width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    else:
+        return None
+    return PictureHeader(height, width, 0, False, stored_bytes=4 * height * width) if height and width else None
 
 
 def _png_header(encoded: bytes) -> PictureHeader | None:

@@ -86,7 +86,7 @@ class FlightWriter:
 
     def write_frame(self, frame: Frame, at: ClockReading) -> None:
         """Store a frame that arrived at this time."""
-        self.make_room(at, len(frame.jpeg))
+        self.make_room(at, len(frame.encoded))
         self._segment.write_frame(frame, at)
         self._stored += 1
 

@@ -17,6 +17,9 @@ from enum import Enum
 from flight_file.thresholds import FOCAL_LENGTHS_MM
 
 NS_PER_S = 1_000_000_000
+JPEG = "jpeg"
+VIDEO_FORMATS = frozenset({"h264", "h265"})
+"""What Foxglove calls the codecs that pictures are built on each other with."""
 MAX_TIME_NS = 2**63 - 1  # in the year 2262: times in files and arrays are signed 64-bit nanoseconds
 MAX_LOG_TIME_NS = 2**64 - 1  # MCAP stores unsigned 64-bit nanoseconds
 CONNECTION_STATES = frozenset({"connecting", "connected", "capturing", "lost", "finished"})
@@ -68,6 +71,48 @@ class Exif:
 
 
 @dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a picture of a video file stood in it.
+
+    Attributes
+    ----------
+    file
+        Which of the originals that the session names, from 0.
+    time_ns
+        Its presentation time in that file.
+    sha256
+        Hexadecimal digest of the packet as it came from the file.
+    """
+
+    file: int
+    time_ns: int
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A group of pictures of a video: what it takes to decode each of them, in decoding order.
+
+    Attributes
+    ----------
+    format
+        `h264` or `h265`.
+    packets
+        Each with its place among the group's pictures in the order of time, from 0. A place is left out whose picture
+        is another group's: it is here because one of this group's is built on it.
+    rotation_deg
+        By how much pictures are to be turned clockwise before anybody looks at them: 0, 90, 180 or 270.
+    trouble
+        Why no picture of it can be decoded, in words; empty if they can.
+    """
+
+    format: str
+    packets: tuple[tuple[int | None, bytes], ...]
+    rotation_deg: int = 0
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Frame:
     """One picture of the panel.
 
@@ -79,19 +124,29 @@ class Frame:
         Best estimate of mid-exposure, realtime.
     captured_sigma_ns
         Its standard deviation; None where nobody can say.
-    jpeg
-        The picture, byte for byte as the camera sent it.
+    encoded
+        The picture, byte for byte as the camera sent it; of a video its packet, as an access unit in Annex B.
     sha256
-        Hexadecimal digest of `jpeg`, made when the picture arrived.
+        Hexadecimal digest of `encoded`, made when the picture arrived.
     width_px, height_px
-        Size that the JPEG's header states, before any EXIF orientation; None where no header could be read.
+        Size that the picture's header states, before any EXIF orientation or rotation; None where no header could be
+        read.
     zoom_position
         The camera's own zoom position, 0 (wide) to 100 (tele) percent, if it says.
+    format
+        What `encoded` is: `jpeg`, `png`, `webp`, `h264` or `h265`.
+    rotation_deg
+        By how much a video says that its pictures are to be turned clockwise: 0, 90, 180 or 270.
+    origin
+        Where a video's picture came from; None for other pictures.
+    group, place
+        The group of pictures that a video's picture is decoded with, and which of its pictures it is in the order of
+        time; None and 0 where a flight is not read for its pictures.
     """
 
     sequence: int
     captured_ns: int
-    jpeg: bytes
+    encoded: bytes
     sha256: str
     times: HostTimes
     exif: Exif = Exif()
@@ -99,13 +154,18 @@ class Frame:
     height_px: int | None = None
     zoom_position: float | None = None
     captured_sigma_ns: int | None = None
+    format: str = JPEG
+    rotation_deg: int = 0
+    origin: Origin | None = None
+    group: Group | None = field(default=None, compare=False, repr=False)
+    place: int = field(default=0, compare=False)
 
-    def with_jpeg(self, jpeg: bytes) -> Frame:
+    def with_encoded(self, encoded: bytes) -> Frame:
         """Copy the frame with this picture."""
         return Frame(  # `replace` costs four times that, for each frame that is read
             self.sequence,
             self.captured_ns,
-            jpeg,
+            encoded,
             self.sha256,
             self.times,
             self.exif,
@@ -113,6 +173,9 @@ class Frame:
             self.height_px,
             self.zoom_position,
             self.captured_sigma_ns,
+            self.format,
+            self.rotation_deg,
+            self.origin,
         )
 
 

@@ -1,8 +1,8 @@
 """The messages of a flight file: topics and schemas, and frames and reports as bytes.
 
 The order of `TOPICS` is part of the format: our writer registers the channels in this order, so that their ids are 1
-to 5 in each of our files. MCAP keeps the channel records only in the first chunk; a reader that finds this chunk lost
-goes on with this table.
+to 6 in each of our files; older ones lack the sixth. MCAP keeps the channel records only in the first chunk; a reader
+that finds this chunk lost goes on with this table.
 
 Times in JSON are `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles.
 """
@@ -11,24 +11,40 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from flight_file.frame import MAX_TIME_NS, NS_PER_S, CameraStatus, ClockReading, Exif, Frame, Health, HostTimes, LogLine
+from flight_file.frame import (
+    JPEG,
+    MAX_TIME_NS,
+    NS_PER_S,
+    VIDEO_FORMATS,
+    CameraStatus,
+    ClockReading,
+    Exif,
+    Frame,
+    Health,
+    HostTimes,
+    LogLine,
+    Origin,
+)
 
 IMAGE_TOPIC = "/camera/image"
 FRAME_TOPIC = "/camera/frame"
 STATUS_TOPIC = "/camera/status"
 HEALTH_TOPIC = "/recorder/health"
 LOG_TOPIC = "/recorder/log"
+VIDEO_TOPIC = "/camera/video"
+PICTURE_TOPICS = frozenset({IMAGE_TOPIC, VIDEO_TOPIC})
+"""A frame's picture is on one of them."""
 PROFILE = "flight"
 FRAME_ID = "camera"
-IMAGE_FORMAT = "jpeg"
 MAX_TIME_S = MAX_TIME_NS // NS_PER_S - 1
 _EXIF_FIELDS = ("focal_length_mm", "exposure_s", "f_number", "iso", "datetime")
 _Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -112,6 +128,18 @@ _TIMES = {
 }
 
 
+_ORIGIN = {
+    "type": "object",
+    "description": "where a picture of a video file stood in it",
+    "properties": {
+        "file": _number("which of the originals that the session record names, from 0", kind="integer"),
+        "time": _time("its presentation time in that file; sec may be negative"),
+        "sha256": _text("SHA-256 of the packet as it came from the file, hexadecimal"),
+    },
+    "required": ["file", "time", "sha256"],
+}
+
+
 _FRAME_SCHEMA = _schema(
     "flight.Frame",
     ["sequence", "captured", "times", "exif", "size_bytes", "sha256"],
@@ -124,10 +152,15 @@ _FRAME_SCHEMA = _schema(
         "times": _TIMES,
         "exif": _EXIF,
         "zoom_position": _number("the camera's zoom position, 0 (wide) to 100 (tele) percent"),
-        "width_px": _number("width of the picture, px, before any EXIF orientation", kind="integer"),
-        "height_px": _number("height of the picture, px, before any EXIF orientation", kind="integer"),
-        "size_bytes": _number("size of the JPEG, bytes", kind="integer"),
-        "sha256": _text("SHA-256 of the JPEG, hexadecimal"),
+        "width_px": _number("width of the picture, px, before any EXIF orientation or rotation", kind="integer"),
+        "height_px": _number("height of the picture, px, before any EXIF orientation or rotation", kind="integer"),
+        "format": _text("png, webp, h264 or h265; absent for a JPEG"),
+        "rotation_deg": _number(
+            "by how much a video's pictures are to be turned clockwise: 90, 180 or 270", kind="integer"
+        ),
+        "origin": _ORIGIN,
+        "size_bytes": _number("size of the picture as it is stored, bytes", kind="integer"),
+        "sha256": _text("SHA-256 of the picture as it is stored, hexadecimal"),
         "chain": _text("SHA-256 over the chain value before and this record up to here, hexadecimal; the last member"),
     },
 )
@@ -174,7 +207,7 @@ _HEALTH_SCHEMA = _schema(
 )
 
 
-def _protobuf(name: str, message: type[CompressedImage | Log]) -> Topic:
+def _protobuf(name: str, message: type[CompressedImage | CompressedVideo | Log]) -> Topic:
     descriptors = build_file_descriptor_set(message).SerializeToString(deterministic=True)
     return Topic(name, "protobuf", message.DESCRIPTOR.full_name, "protobuf", descriptors)
 
@@ -189,6 +222,7 @@ TOPICS: tuple[Topic, ...] = (
     _json(STATUS_TOPIC, "flight.CameraStatus", _STATUS_SCHEMA),
     _json(HEALTH_TOPIC, "flight.Health", _HEALTH_SCHEMA),
     _protobuf(LOG_TOPIC, Log),
+    _protobuf(VIDEO_TOPIC, CompressedVideo),
 )
 
 
@@ -259,10 +293,10 @@ class MalformedMessageError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """An `/camera/image` message."""
+    """A message of `/camera/image` or `/camera/video`."""
 
     captured_ns: int
-    jpeg: bytes
+    encoded: bytes
 
 
 def _json_bytes(document: dict[str, Any]) -> bytes:
@@ -274,28 +308,36 @@ def _time_or_none(time_ns: int | None) -> dict[str, int] | None:
     return None if time_ns is None else to_json(time_ns)
 
 
+def picture_topic(frame: Frame) -> str:
+    """Tell which topic a frame's picture is on."""
+    return VIDEO_TOPIC if frame.format in VIDEO_FORMATS else IMAGE_TOPIC
+
+
 def encode_image(frame: Frame) -> bytes:
-    """Encode the picture as foxglove.CompressedImage."""
-    message = CompressedImage(data=frame.jpeg, format=IMAGE_FORMAT, frame_id=FRAME_ID)
+    """Encode the picture as foxglove.CompressedImage, or as foxglove.CompressedVideo if it is one of a video."""
+    kind = CompressedVideo if frame.format in VIDEO_FORMATS else CompressedImage
+    message = kind(data=frame.encoded, format=frame.format, frame_id=FRAME_ID)
     message.timestamp.seconds, message.timestamp.nanos = divmod(frame.captured_ns, NS_PER_S)
     return message.SerializeToString(deterministic=True)
 
 
-def decode_image(data: memoryview) -> Image:
+def decode_image(data: memoryview, topic: str = IMAGE_TOPIC) -> Image:
     """Decode what `encode_image` encodes; raises MalformedMessageError."""
+    kind = CompressedVideo if topic == VIDEO_TOPIC else CompressedImage
     try:
-        message = CompressedImage.FromString(data)  # type: ignore[arg-type]  # takes any buffer, and copies once instead of twice
+        message = kind.FromString(data)  # type: ignore[arg-type]  # takes any buffer, and copies once instead of twice
     except DecodeError as error:
-        raise MalformedMessageError("a picture's message is not a foxglove.CompressedImage") from error
+        raise MalformedMessageError(f"a picture's message is not a {kind.DESCRIPTOR.full_name}") from error
     stamp = message.timestamp
     captured_ns = stamp.seconds * NS_PER_S + stamp.nanos
     if not 0 <= captured_ns <= MAX_TIME_NS:
         raise MalformedMessageError("a picture's message has a time that no flight is at")
-    return Image(captured_ns=captured_ns, jpeg=message.data)
+    return Image(captured_ns=captured_ns, encoded=message.data)
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """Encode everything about the picture except its JPEG, as JSON."""
+    """Encode everything about the picture except the picture itself, as JSON."""
+    origin = frame.origin
     exif = {name: getattr(frame.exif, name) for name in _EXIF_FIELDS}
     return _json_bytes(
         {
@@ -307,10 +349,23 @@ def encode_frame(frame: Frame) -> bytes:
             "zoom_position": frame.zoom_position,
             "width_px": frame.width_px,
             "height_px": frame.height_px,
-            "size_bytes": len(frame.jpeg),
+            "format": None if frame.format == JPEG else frame.format,
+            "rotation_deg": frame.rotation_deg or None,
+            "origin": None
+            if origin is None
+            else {"file": origin.file, "time": to_json(origin.time_ns), "sha256": origin.sha256},
+            "size_bytes": len(frame.encoded),
             "sha256": frame.sha256,
         }
     )
+
+
+class _OriginRecord(msgspec.Struct, frozen=True):
+    """Where a video's picture came from."""
+
+    file: _Whole
+    time: Moment
+    sha256: str
 
 
 class _FrameRecord(msgspec.Struct, frozen=True):
@@ -325,6 +380,9 @@ class _FrameRecord(msgspec.Struct, frozen=True):
     height_px: _Whole | None = None
     zoom_position: float | None = None
     captured_sigma: Moment | None = None
+    format: Literal["jpeg", "png", "webp", "h264", "h265"] = "jpeg"
+    rotation_deg: Literal[0, 90, 180, 270] = 0
+    origin: _OriginRecord | None = None
 
 
 class _Report(msgspec.Struct, frozen=True):
@@ -340,18 +398,18 @@ _REPORT = msgspec.json.Decoder(_Report)
 
 
 def decode_frame(data: memoryview) -> Frame:
-    """Decode what `encode_frame` encodes, with an empty `jpeg`; raises MalformedMessageError."""
+    """Decode what `encode_frame` encodes, with an empty `encoded`; raises MalformedMessageError."""
     try:
         record = _FRAME_RECORD.decode(data)
     except (ValueError, RecursionError) as error:
         raise MalformedMessageError("a frame's record is not what /camera/frame promises") from error
     if record.captured.sec < 0:
         raise MalformedMessageError("a frame's record has a time before 1970")
-    sigma = record.captured_sigma
+    sigma, origin = record.captured_sigma, record.origin
     return Frame(
         sequence=record.sequence,
         captured_ns=record.captured.time_ns,
-        jpeg=b"",
+        encoded=b"",
         sha256=record.sha256,
         times=record.times.times,
         exif=record.exif,
@@ -359,6 +417,9 @@ def decode_frame(data: memoryview) -> Frame:
         height_px=record.height_px,
         zoom_position=record.zoom_position,
         captured_sigma_ns=None if sigma is None else sigma.time_ns,
+        format=record.format,
+        rotation_deg=record.rotation_deg,
+        origin=None if origin is None else Origin(origin.file, origin.time.time_ns, origin.sha256),
     )
 
 

@@ -11,16 +11,17 @@ from bisect import bisect_right
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from pathlib import Path
 from types import MappingProxyType
 
 from flight_file.errors import FlightFileError, Loss, LossKind, MixedFlightsError
-from flight_file.frame import Frame
-from flight_file.messages import CHANNEL_TOPICS, IMAGE_TOPIC, Image
+from flight_file.frame import VIDEO_FORMATS, Frame
+from flight_file.messages import CHANNEL_TOPICS, PICTURE_TOPICS, VIDEO_TOPIC, Image
 from flight_file.records import ByteSource, ChunkPlace
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
+from flight_file.video.groups import begins_group, in_groups
 from flight_file.walk import UNREADABLE, Records, items_of, walk
 
 _Found = tuple[ChunkPlace, Frame] | Loss
@@ -133,7 +134,7 @@ class CaptureTimes:
 
 
 def _indexed(place: ChunkPlace, channels: dict[int, str]) -> int:
-    return sum(count for channel, count in place.messages.items() if channels.get(channel) == IMAGE_TOPIC)
+    return sum(count for channel, count in place.messages.items() if channels.get(channel) in PICTURE_TOPICS)
 
 
 def _readable(
@@ -202,6 +203,7 @@ class Flight:
         self.session: Session = segments[0].session
         self.attachments: Mapping[str, bytes] = MappingProxyType(dict(attachments))
         self._losses: dict[Loss, None] = {}
+        self._held: tuple[int, list[Frame]] = (0, [])
         for loss in (*(loss for segment in segments for loss in segment.losses), *_missing_segments(segments)):
             self._note(loss)
 
@@ -234,6 +236,85 @@ class Flight:
             expected = frame.sequence + 1
             yield frame
 
+    def shown(self, part: range | None = None) -> Iterator[Frame]:
+        """Iterate as `frames`, but in the order of time, each picture of a video with the group that it is decoded by.
+
+        They are numbered in the order of time too: pictures of a video exchange the numbers that they are stored under.
+
+        Parameters
+        ----------
+        part
+            Of `range(count())`, in the order of time. Of a video, reading begins with a key frame before it.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails or a file vanishes meanwhile.
+        """
+        if part is None:
+            return chain.from_iterable(in_groups(self.frames()))
+        return self._shown(part) if self._is_video else self.frames(part)
+
+    def _shown(self, part: range) -> Iterator[Frame]:
+        for first, group in self._groups_from(part.start if part else self.count()):
+            if first >= part.stop:
+                return
+            yield from (frame for rank, frame in enumerate(group, start=first) if rank in part)
+
+    def _groups_from(self, rank: int) -> Iterator[tuple[int, list[Frame]]]:
+        """Iterate over a video's groups from the one on that holds the picture of this rank, each with its first rank.
+
+        A rank counts in the order of time: pictures of the group before that follow its key frame are counted with it.
+        """
+        total, key = self.count(), rank
+        while True:
+            key = self._key_before(key)
+            groups = in_groups(self.frames(range(key, total)))
+            first = key
+            if key:
+                orphans = next(groups, [])
+                if orphans and orphans[0].group is not None and orphans[0].group.trouble:
+                    first += len(orphans)
+                else:
+                    groups = chain([orphans], groups)
+            if first <= rank or not key:
+                break
+            key -= 1
+        for group in groups:
+            if first + len(group) > rank:
+                yield first, group
+            first += len(group)
+
+    def _key_before(self, rank: int) -> int:
+        """Find the last key frame that is stored at or before this rank; 0 if there is none."""
+        end = self.count()
+        for segment, counts in zip(reversed(self.segments), reversed(self._counts), strict=True):
+            with opened(segment.path) as source:
+                for index in reversed(range(len(counts.per_chunk))):
+                    images = counts.per_chunk[index]
+                    end -= images
+                    if end > rank or not images:
+                        continue
+                    found = list(_frames_in_chunk(segment, source, index, range(images), counts.channels))
+                    for place in reversed(range(min(images, rank + 1 - end)) if len(found) == images else ()):
+                        item = found[place]
+                        if not isinstance(item, Loss) and begins_group(item[1]):
+                            return end + place
+        return 0
+
+    @cached_property
+    def _is_video(self) -> bool:
+        topics = {
+            counts.channels.get(channel)
+            for segment, counts in zip(self.segments, self._counts, strict=True)
+            for place in segment.chunks
+            for channel in place.messages
+        }
+        if topics & PICTURE_TOPICS:
+            return VIDEO_TOPIC in topics
+        first = next(self.frames(range(self.count())), None)
+        return first is not None and first.format in VIDEO_FORMATS
+
     def _walk(self) -> Iterator[tuple[Path, _Found]]:
         for segment in self.segments:
             for found in walk(segment):
@@ -259,25 +340,49 @@ class Flight:
     def sample_frames(self, count: int) -> Iterator[Frame]:
         """Iterate over at most `count` frames spread evenly from first to last; always the same ones.
 
-        Reads only the chunks they are in. A chosen frame that is damaged is left out; `frames` is what reports it.
+        Reads only the chunks they are in, and of a video the groups: a key frame stands for what follows it, unless
+        another frame of its group was chosen before. A chosen frame that is damaged is left out; `frames` is what
+        reports it.
 
         Raises
         ------
         FlightNotReadableError
             If the disk fails or a file vanishes meanwhile.
         """
-        for _, found in self._picked(spread(self.count(), count)):
+        ranks = spread(self.count(), count)
+        if self._is_video:
+            yield from self._sampled(sorted(ranks))
+            return
+        for _, found in self._picked(ranks):
             if not isinstance(found, Loss):
                 yield found[1]
 
+    def _sampled(self, ranks: Sequence[int]) -> Iterator[Frame]:
+        before = -1
+        for rank in ranks:
+            first, group = self._group_of(rank)
+            if group:
+                yield group[0] if first > before else group[rank - first]
+            before = rank
+
+    def _group_of(self, rank: int) -> tuple[int, list[Frame]]:
+        """Read the group that holds the picture of this rank; the one that was read last is kept."""
+        first, group = self._held
+        if not first <= rank < first + len(group):
+            self._held = next(self._groups_from(rank), (rank, []))
+        return self._held
+
     def captured_ns(self, rank: int) -> int | None:
-        """Return the capture time of a frame by its rank in `range(count())`; None if it is damaged.
+        """Return the capture time of a frame by its rank in the order of time; None if it is damaged.
 
         Raises
         ------
         FlightNotReadableError
             If the disk fails.
         """
+        if self._is_video:
+            first, group = self._group_of(rank)
+            return group[rank - first].captured_ns if group else None
         for counts, times in zip(self._counts, self._capture_times, strict=True):
             if rank < counts.total:
                 return times.captured_ns(rank)

@@ -48,8 +48,9 @@ from flight_file.messages import (
     CHANNEL_TOPICS,
     FRAME_TOPIC,
     HEALTH_TOPIC,
-    IMAGE_TOPIC,
+    PICTURE_TOPICS,
     STATUS_TOPIC,
+    VIDEO_TOPIC,
     Image,
     MalformedMessageError,
     decode_dropped,
@@ -82,8 +83,9 @@ from flight_file.session import (
 from flight_file.signature import Signer, write_signature
 from flight_file.verification import Proof, prove, prove_file
 from flight_file.walk import decoded, walk
-from flight_file.writer import packed_head, registered_topics
+from flight_file.writer import packed_head, register_video, registered_topics
 
+_OF_FRAMES = PICTURE_TOPICS | {FRAME_TOPIC}
 _CUT_OFF = "recovered: the recording was cut off"
 _DAMAGED = "recovered: the file was damaged; it had ended with: "
 _ASIDE_SUFFIX = ".recovering"
@@ -189,7 +191,9 @@ class _Repacking:
         whole = self._whole_frames(place, messages)
         for index, message in enumerate(messages):
             topic = self._topics.get(message.channel_id, "")
-            if topic not in self._channels or (topic in (FRAME_TOPIC, IMAGE_TOPIC) and index not in whole):
+            if topic == VIDEO_TOPIC:
+                register_video(self._writer, self._channels)
+            if topic not in self._channels or (topic in _OF_FRAMES and index not in whole):
                 continue
             if topic == FRAME_TOPIC:
                 self._follow_chain(whole[index], message, place)
@@ -225,13 +229,13 @@ class _Repacking:
         images: dict[tuple[int, str], deque[int]] = {}
         for index, item in items.items():
             if isinstance(item, Image):
-                key = item.captured_ns, hashlib.sha256(item.jpeg).hexdigest()
+                key = item.captured_ns, hashlib.sha256(item.encoded).hexdigest()
                 images.setdefault(key, deque()).append(index)
         whole: dict[int, Frame] = {}
         for index, record in items.items():
             if isinstance(record, Frame) and (partners := images.get((record.captured_ns, record.sha256))):
                 whole[index] = whole[partners.popleft()] = record
-        parts = sum(self._topics.get(message.channel_id) in (FRAME_TOPIC, IMAGE_TOPIC) for message in messages)
+        parts = sum(self._topics.get(message.channel_id) in _OF_FRAMES for message in messages)
         if parts > len(whole):
             self._lose(place, f"{(parts - len(whole) + 1) // 2} frame(s) of a chunk are not whole")
         return whole

@@ -12,12 +12,14 @@ second attachment of a name, or a chunk behind the end record. Another reader mi
 from __future__ import annotations
 
 import re
+import shlex
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from isal.isal_zlib import crc32
 
+from flight_file.documents import is_heif
 from flight_file.errors import Loss, LossKind, NotAFlightError
 from flight_file.records import (
     CHUNK_HEAD_BYTES,
@@ -49,6 +51,10 @@ _CHUNK_START = re.compile(
     re.DOTALL,
 )
 _CHUNK_START_BYTES = RECORD_HEADER.size + CHUNK_HEAD_BYTES
+
+_HEAD_BYTES = 12
+_BOXES = frozenset((b"ftyp", b"moov", b"mdat", b"wide", b"skip"))
+_EBML = b"\x1a\x45\xdf\xa3"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +98,13 @@ class FileScan:
     losses: list[Loss] = field(default_factory=list)
 
 
+def is_video(head: bytes) -> bool:
+    """Whether a file that begins so is an MP4 or MOV, an MKV, or an AVI."""
+    if is_heif(head):
+        return False
+    return head[4:8] in _BOXES or head.startswith(_EBML) or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
+
+
 def scan_file(path: Path, source: ByteSource) -> FileScan:
     """Walk a file.
 
@@ -102,7 +115,13 @@ def scan_file(path: Path, source: ByteSource) -> FileScan:
     """
     if source.size == 0:
         raise NotAFlightError(path, reason="is empty; nothing was recorded")
-    if source.read_at(0, len(MAGIC)) != MAGIC:
+    head = source.read_at(0, _HEAD_BYTES)
+    if is_video(head):
+        target = path.with_suffix(".mcap").name
+        command = shlex.join(["recorder", "replay", path.name, "-o", target])
+        reason = f"is a video, not a flight file; first make one of it: {command}"
+        raise NotAFlightError(path, reason=reason)
+    if not head.startswith(MAGIC):
         raise NotAFlightError(path, reason="is not an MCAP file; give a recording that ends in .mcap or .mcap.part")
     return _Walk(path, source).run()
 

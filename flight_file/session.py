@@ -60,10 +60,31 @@ END_RECORD = "end"
 CHECKPOINT_RECORD = "checkpoint"  # the only one that may stand in a segment more than once; see `signature`
 DIGEST_KEY = "sha256"
 _VERSION_PREFIX = "version."
+_ORIGINAL_PREFIX = "original."
+_OF_ORIGINALS = ("name", "size_bytes", "sha256")
+UNKNOWN = "unknown"
 _LOST_BEFORE_KEY = "recovered_lost_before"
 UNKNOWN_TIME = ClockReading(realtime_ns=0, monotonic_ns=0)
 _MEMBER = b',"chain":"%s"}'
 _SEALED = re.compile(rb'(?P<content>\{.*),"chain":"(?P<value>[0-9a-f]{64})"\}', re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Original:
+    """A video file that a flight was made of.
+
+    Attributes
+    ----------
+    sha256
+        Of all its bytes, hexadecimal.
+    facts
+        What else it says of itself, by name, each in words: its codec, its clocks.
+    """
+
+    name: str
+    size_bytes: int
+    sha256: str
+    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +109,12 @@ class Session:
         Version by name of software.
     chain
         Value that the chain goes on from; empty in a file without a chain.
+    time_of_day
+        Which clock says when the pictures were taken: empty for the recorder's and the camera's own, `start` where a
+        person said it, `creation` or `timecode` for a video's; UNKNOWN if none does. Then times count from 1970, and
+        only their differences mean anything.
+    originals
+        Video files that the flight was made of, in their order.
     """
 
     recording: str
@@ -101,6 +128,13 @@ class Session:
     camera_serial: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     chain: str = ""
+    time_of_day: str = ""
+    originals: tuple[Original, ...] = ()
+
+    @property
+    def knows_time_of_day(self) -> bool:
+        """Whether times in the flight are moments, not only differences."""
+        return self.time_of_day != UNKNOWN
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +206,26 @@ def session_to_metadata(session: Session) -> dict[str, str]:
         "chain": session.chain,
     }
     versions = {_VERSION_PREFIX + name: version for name, version in sorted(session.versions.items())}
-    return sealed({**items, **versions})
+    time_of_day = {"time_of_day": session.time_of_day} if session.time_of_day else {}
+    return sealed({**items, **versions, **time_of_day, **_originals_to_metadata(session.originals)})
+
+
+def _originals_to_metadata(originals: tuple[Original, ...]) -> dict[str, str]:
+    items: dict[str, str] = {}
+    for number, original in enumerate(originals):
+        own = {"name": original.name, "size_bytes": str(original.size_bytes), "sha256": original.sha256}
+        items |= {f"{_ORIGINAL_PREFIX}{number}.{key}": text for key, text in {**original.facts, **own}.items()}
+    return items
+
+
+def _originals_from_metadata(record: Mapping[str, str]) -> Iterator[Original]:
+    for number in count():
+        prefix = f"{_ORIGINAL_PREFIX}{number}."
+        own = {key.removeprefix(prefix): text for key, text in record.items() if key.startswith(prefix)}
+        if not own:
+            return
+        facts = {key: text for key, text in own.items() if key not in _OF_ORIGINALS}
+        yield Original(own["name"], _number(own["size_bytes"]), own["sha256"], facts)
 
 
 def session_from_metadata(record: Mapping[str, str]) -> Session:
@@ -191,6 +244,8 @@ def session_from_metadata(record: Mapping[str, str]) -> Session:
             key.removeprefix(_VERSION_PREFIX): value for key, value in record.items() if key.startswith(_VERSION_PREFIX)
         },
         chain=record.get("chain", ""),
+        time_of_day=record.get("time_of_day", ""),
+        originals=tuple(_originals_from_metadata(record)),
     )
 
 

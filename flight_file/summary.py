@@ -23,7 +23,7 @@ from pathlib import Path
 from isal.isal_zlib import crc32
 
 from flight_file.errors import FindingKind
-from flight_file.messages import CHANNEL_TOPICS, IMAGE_TOPIC, TOPICS
+from flight_file.messages import CHANNEL_TOPICS, PICTURE_TOPICS, TOPICS
 from flight_file.records import (
     FOOTER_BYTES,
     MAGIC,
@@ -46,7 +46,7 @@ _FOOTER_BODY = struct.Struct("<QQI")  # where the summary begins, where its offs
 _OFFSET = struct.Struct("<BQQ")  # opcode of a group of records, where it begins, its length
 _STATISTICS = struct.Struct("<QHIIIIQQI")  # six counts, first and last log time, bytes of the counts by channel
 _COUNT = struct.Struct("<HQ")  # channel, messages
-_IMAGE_CHANNEL = next(number for number, topic in CHANNEL_TOPICS.items() if topic == IMAGE_TOPIC)
+_PICTURE_CHANNELS = frozenset(number for number, topic in CHANNEL_TOPICS.items() if topic in PICTURE_TOPICS)
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the index, start of its offsets, CRC
 _FOOTER_HEAD = (Opcode.FOOTER, FOOTER_BYTES - RECORD_HEADER.size)
 _DATA_END = struct.Struct("<BQI")
@@ -84,7 +84,8 @@ def recorded_ns(path: Path) -> int:
     fields.expect_end()
     if counts_bytes % _COUNT.size or end_ns < start_ns:
         raise DamagedRecordError("the statistics contradict themselves")
-    has_pictures = dict(_COUNT.iter_unpack(counts)).get(_IMAGE_CHANNEL, 0) > 0
+    by_channel = dict(_COUNT.iter_unpack(counts))
+    has_pictures = any(by_channel.get(channel, 0) > 0 for channel in _PICTURE_CHANNELS)
     return end_ns - start_ns if has_pictures else 0
 
 

@@ -21,7 +21,7 @@ from flight_file.frame import Frame, storable
 from flight_file.messages import (
     CHANNEL_TOPICS,
     FRAME_TOPIC,
-    IMAGE_TOPIC,
+    PICTURE_TOPICS,
     Image,
     MalformedMessageError,
     decode_frame,
@@ -124,9 +124,9 @@ class Records:
 
     def paired(self, image: Image) -> Frame | str:
         """Pair an image with the first record of its time that fits it; or say why there is none."""
-        record = self._fitting.get((image.captured_ns, hashlib.sha256(image.jpeg).hexdigest()))
+        record = self._fitting.get((image.captured_ns, hashlib.sha256(image.encoded).hexdigest()))
         if record is not None:
-            return record.with_jpeg(image.jpeg)
+            return record.with_encoded(image.encoded)
         record = self._of_time.get(image.captured_ns)
         return _why(image) if record is None else _misfit(record)
 
@@ -138,9 +138,9 @@ def _misfit(record: Frame) -> str:
 def _paired(one: Frame | Image, two: Frame | Image, offset: int, length: int) -> Frame | Unpaired:
     if isinstance(one, Image) or isinstance(two, Frame):
         return _paired(two, one, offset, length)
-    if hashlib.sha256(two.jpeg).hexdigest() != one.sha256:
+    if hashlib.sha256(two.encoded).hexdigest() != one.sha256:
         return Unpaired(_misfit(one), offset, length, one)
-    return one.with_jpeg(two.jpeg)
+    return one.with_encoded(two.encoded)
 
 
 def _why(item: Frame | Image) -> str:
@@ -211,8 +211,8 @@ def items_of(
 def decoded(message: Message, channels: Mapping[int, str]) -> Frame | Image | None:
     """Decode a message that is half of a frame; None for another; raises MalformedMessageError."""
     topic = channels.get(message.channel_id)
-    if topic == IMAGE_TOPIC:
-        return decode_image(message.data)
+    if topic in PICTURE_TOPICS:
+        return decode_image(message.data, topic)
     return decode_frame(message.data) if topic == FRAME_TOPIC else None
 
 
@@ -331,18 +331,18 @@ def _frames(messages: Sequence[tuple[Message, int]], contents: Contents) -> Iter
     waiting: Message | None = None
     for message, _ in messages:
         topic = contents.topics.get(message.channel_id)
-        if topic == IMAGE_TOPIC:
-            yield _frame(waiting, message)
+        if topic in PICTURE_TOPICS:
+            yield _frame(waiting, message, topic)
             waiting = None
         elif topic == FRAME_TOPIC:
             if waiting is not None:
-                yield _frame(waiting, None)
+                yield _frame(waiting, None, "")
             waiting = message
     if waiting is not None:
-        yield _frame(waiting, None)
+        yield _frame(waiting, None, "")
 
 
-def _frame(record: Message | None, picture: Message | None) -> FrameRecord:
+def _frame(record: Message | None, picture: Message | None, topic: str) -> FrameRecord:
     frame = _decoded(record)
     heads = [head for head in (picture, record) if head is not None]
     content, stated = opened_frame(bytes(record.data)) if record is not None else (b"", "")
@@ -353,7 +353,7 @@ def _frame(record: Message | None, picture: Message | None) -> FrameRecord:
         content=content,
         stated=stated,
         record_misfit=_misfit_of_record(record, frame),
-        picture_misfit=_misfit_of_picture(record, picture, frame),
+        picture_misfit=_misfit_of_picture(record, picture, frame, topic),
         heads_fit=_heads_fit(heads, frame),
     )
 
@@ -371,22 +371,22 @@ def _misfit_of_record(record: Message | None, frame: Frame | None) -> str:
     return "its record cannot be read" if frame is None else ""
 
 
-def _misfit_of_picture(record: Message | None, picture: Message | None, frame: Frame | None) -> str:
+def _misfit_of_picture(record: Message | None, picture: Message | None, frame: Frame | None, topic: str) -> str:
     if picture is None:
         return "its picture is gone, its record is there"
-    return _misfit_of_content(picture, frame) if record is not None and frame is not None else ""
+    return _misfit_of_content(picture, frame, topic) if record is not None and frame is not None else ""
 
 
-def _misfit_of_content(picture: Message, frame: Frame) -> str:
+def _misfit_of_content(picture: Message, frame: Frame, topic: str) -> str:
     try:
-        image = decode_image(picture.data)
+        image = decode_image(picture.data, topic)
     except MalformedMessageError:
         return "its picture cannot be read"
     if image.captured_ns != frame.captured_ns:
         return "its picture is dated otherwise than its record"
-    if hashlib.sha256(image.jpeg).hexdigest() != frame.sha256:
+    if hashlib.sha256(image.encoded).hexdigest() != frame.sha256:
         return "its picture does not fit its SHA-256"
-    if encode_image(frame.with_jpeg(image.jpeg)) != picture.data:
+    if encode_image(frame.with_encoded(image.encoded)) != picture.data:
         return "its picture's message holds something besides the picture"
     return ""
 

@@ -34,16 +34,18 @@ from flight_file.frame import CameraStatus, ClockReading, Frame, Health, LogCloc
 from flight_file.messages import (
     FRAME_TOPIC,
     HEALTH_TOPIC,
-    IMAGE_TOPIC,
     LOG_TOPIC,
     PROFILE,
     STATUS_TOPIC,
     TOPICS,
+    VIDEO_TOPIC,
+    Topic,
     encode_frame,
     encode_health,
     encode_image,
     encode_log,
     encode_status,
+    picture_topic,
 )
 from flight_file.session import (
     ATTACHMENTS_RECORD,
@@ -73,6 +75,7 @@ _MEDIA_TYPES = {
     ".jpg": "image/jpeg",
     ".jpeg": "image/jpeg",
     ".png": "image/png",
+    ".webp": "image/webp",
 }
 
 
@@ -117,12 +120,19 @@ def packed_head(
 
 
 def registered_topics(writer: Writer) -> dict[str, int]:
-    """Put all schemas and channels into the chunk that is open; gives channel ids by topic."""
-    channels = {}
-    for topic in TOPICS:
-        schema_id = writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema)
-        channels[topic.name] = writer.register_channel(topic.name, topic.message_encoding, schema_id)
-    return channels
+    """Put all schemas and channels but the video's into the chunk that is open; gives channel ids by topic."""
+    return {topic.name: _registered(writer, topic) for topic in TOPICS if topic.name != VIDEO_TOPIC}
+
+
+def register_video(writer: Writer, channels: dict[str, int]) -> None:
+    """Put the video's schema and channel into the chunk that is open, unless that is done."""
+    if VIDEO_TOPIC not in channels:
+        channels[VIDEO_TOPIC] = _registered(writer, next(topic for topic in TOPICS if topic.name == VIDEO_TOPIC))
+
+
+def _registered(writer: Writer, topic: Topic) -> int:
+    schema_id = writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema)
+    return writer.register_channel(topic.name, topic.message_encoding, schema_id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,8 +264,10 @@ class SegmentWriter:
         publish_ns = storable(frame.captured_ns)
         number = frame.sequence & 0xFFFFFFFF
         record, self.chain = sealed_frame(encode_frame(frame), self.chain)
+        if picture_topic(frame) == VIDEO_TOPIC:
+            register_video(self._writer, self._channels)
         self._add(FRAME_TOPIC, record, log_ns, publish_ns, number)
-        self._add(IMAGE_TOPIC, encode_image(frame), log_ns, publish_ns, number)
+        self._add(picture_topic(frame), encode_image(frame), log_ns, publish_ns, number)
         self.frames += 1
         if self._chunk_bytes >= CHUNK_BYTES:
             self._close_chunk()

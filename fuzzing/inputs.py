@@ -68,7 +68,7 @@ def fixture() -> Fixture:
     """The animation's panel, and three frames of it."""
     frames = open_flight([FIXTURES / "thesis_a1.mcap"]).sample_frames(3)
     panel = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
-    return Fixture(tuple(frame.jpeg for frame in frames), panel, (FIXTURES / "panel.jpg").read_bytes())
+    return Fixture(tuple(frame.encoded for frame in frames), panel, (FIXTURES / "panel.jpg").read_bytes())
 
 
 @st.composite

@@ -19,6 +19,7 @@ from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraUnusableError, ReplayError
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.replay.camera import ReplayCamera, open_source
+from camera_drivers.replay.video_clocks import Believed
 from camera_drivers.reporter import Reporter
 from flight_file.frame import NS_PER_S, CameraStatus
 from recorder.config import Qx10Settings, RecorderConfig, ReplaySettings
@@ -69,7 +70,8 @@ def _replay(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     if not isinstance(settings, ReplaySettings):
         raise TypeError(settings)
     try:
-        source = open_source(settings.paths, rate_hz=settings.rate_hz, clock=host.clock)
+        believed = Believed(settings.start, settings.clock, settings.utc_offset)
+        source = open_source(settings.paths, rate_hz=settings.rate_hz, clock=host.clock, believed=believed)
     except ReplayError as error:
         raise ConfigurationError(f"camera.path: {error}") from error
     live = settings.pace == "realtime"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,19 @@ import click
 from flight_file.errors import Loss, LossKind
 from flight_file.frame import Frame
 from flight_file.reader import Flight, open_flight
+from flight_file.session import UNKNOWN, Session
 from flight_file.signature import signature_path
 from flight_file.untrusted import say, say_json
 from recorder.cli import DONE_WITH_LOSS, FAILED, failures_as_sentences
 from recorder.host import utc_text
 from recorder.marks import is_marked
+
+_TIME_BY = {
+    "start": "what was typed as --start",
+    "creation": "the creation time of the video, which was believed",
+    "timecode": "the timecode of the video, which was believed",
+    UNKNOWN: "no clock: only differences of times mean anything",
+}
 
 
 @dataclass(slots=True)
@@ -41,8 +49,9 @@ class FrameFacts:
     missing: int = 0
     captured_ns: Range = field(default_factory=Range)
     focal_length_mm: Range = field(default_factory=Range)
-    jpeg_bytes: Range = field(default_factory=Range)
+    picture_bytes: Range = field(default_factory=Range)
     sizes_px: set[tuple[int, int]] = field(default_factory=set)
+    formats: set[str] = field(default_factory=set)
 
     @property
     def duration_s(self) -> float:
@@ -93,7 +102,8 @@ def summarize(frames: Iterable[Frame]) -> FrameFacts:
         expected = frame.sequence + 1
         facts.captured_ns.add(frame.captured_ns)
         facts.focal_length_mm.add(frame.exif.focal_length_mm)
-        facts.jpeg_bytes.add(len(frame.jpeg))
+        facts.picture_bytes.add(len(frame.encoded))
+        facts.formats.add(frame.format)
         if frame.width_px is not None and frame.height_px is not None:
             facts.sizes_px.add((frame.width_px, frame.height_px))
     return facts
@@ -122,8 +132,9 @@ def as_json(info: FlightInfo) -> dict[str, Any]:
             }
             for segment in flight.segments
         ],
-        "start_utc": utc_text(facts.captured_ns.least),
-        "end_utc": utc_text(facts.captured_ns.most),
+        "start_utc": utc_text(facts.captured_ns.least) if flight.session.knows_time_of_day else None,
+        "end_utc": utc_text(facts.captured_ns.most) if flight.session.knows_time_of_day else None,
+        "time_of_day": flight.session.time_of_day or None,
         "duration_s": facts.duration_s,
         "frames": facts.frames,
         "rate_hz": facts.rate_hz,
@@ -136,8 +147,13 @@ def as_json(info: FlightInfo) -> dict[str, Any]:
             "serial": flight.session.camera_serial or None,
         },
         "focal_length_mm": _pair(facts.focal_length_mm),
-        "jpeg_bytes": _pair(facts.jpeg_bytes),
+        "picture_bytes": _pair(facts.picture_bytes),
+        "formats": sorted(facts.formats),
         "picture_sizes_px": [list(size) for size in sorted(facts.sizes_px)],
+        "originals": [
+            {"name": one.name, "size_bytes": one.size_bytes, "sha256": one.sha256, "facts": dict(one.facts)}
+            for one in flight.session.originals
+        ],
         "attachments": {name: len(content) for name, content in sorted(flight.attachments.items())},
         "losses": [
             {
@@ -154,26 +170,35 @@ def as_json(info: FlightInfo) -> dict[str, Any]:
 
 def as_text(info: FlightInfo) -> list[str]:
     """Format a page, one fact a line."""
-    facts = as_json(info)
+    facts, session = as_json(info), info.flight.session
     size_bytes = sum(file["size_bytes"] for file in facts["files"])
     camera = " ".join(value for value in facts["camera"].values() if value)
     rows = [
         ("recording", facts["recording"]),
         ("files", f"{len(facts['files'])}, {size_bytes / 1e6:.1f} MB"),
-        ("start", facts["start_utc"]),
-        ("end", facts["end_utc"]),
+        ("start", facts["start_utc"] if session.knows_time_of_day else "time of day unknown"),
+        ("end", facts["end_utc"] if session.knows_time_of_day else "time of day unknown"),
         ("duration", f"{facts['duration_s']:.1f} s"),
         ("frames", f"{facts['frames']}{_rate(facts['rate_hz'])}"),
         ("gaps", f"{facts['gaps']} ({facts['frames_missing']} frames missing, {facts['frames_dropped']} dropped)"),
         ("camera", camera),
         ("zoom", _span(facts["focal_length_mm"], "mm")),
         ("pictures", ", ".join(f"{width}x{height}" for width, height in facts["picture_sizes_px"])),
-        ("JPEG size", _span(facts["jpeg_bytes"], "bytes")),
+        ("format", ", ".join(facts["formats"])),
+        ("size", _span(facts["picture_bytes"], "bytes")),
         ("attachments", ", ".join(facts["attachments"]) or "none"),
         ("evidence", ", ".join(_evidence(facts["files"]))),
     ]
     lines = [f"{name + ':':<13}{value or 'not known'}" for name, value in rows]
-    return lines + _loss_lines(info)
+    return lines + list(_original_lines(session)) + _loss_lines(info)
+
+
+def _original_lines(session: Session) -> Iterator[str]:
+    if session.time_of_day:
+        yield f"{'time by:':<13}{_TIME_BY.get(session.time_of_day, session.time_of_day)}"
+    for original in session.originals:
+        yield f"{'made of:':<13}{original.name}, {original.size_bytes} bytes, SHA-256 {original.sha256}"
+        yield from (f"  {name}: {fact}" for name, fact in original.facts.items())
 
 
 def _evidence(files: list[dict[str, Any]]) -> list[str]:

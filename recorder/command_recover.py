@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from flight_file.errors import FlightFileError
+from flight_file.frame import JPEG, VIDEO_FORMATS
 from flight_file.reader import Flight, open_flight
 from flight_file.salvage import Outcome, Recovery, recover_segment
 from flight_file.signature import Signer
@@ -20,6 +21,7 @@ from recorder.errors import FileNotWrittenError, ReplayNotPossibleError
 from recorder.host import SystemClock
 from recorder.plan import configured_signer
 
+_SUFFIXES = {JPEG: ".jpg", "png": ".png", "webp": ".webp", "h264": ".h264", "h265": ".h265"}
 _SENTENCES = {
     Outcome.RECOVERED: "{source}: {frames} frames recovered into {path}",
     Outcome.FINISHED: "{source}: was whole, {frames} frames; it is {path} now",
@@ -127,7 +129,10 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something of the flight is lost."
 )  # fmt: skip
 @click.pass_context
 def extract(context: click.Context, files: tuple[Path, ...], directory: Path) -> None:
-    """Take the pictures out of a flight, byte for byte as they were recorded, named by their number."""
+    """Take the pictures out of a flight, byte for byte as they were recorded, named by their number.
+
+    A video becomes one file, a stream that players and ffmpeg read; the times of its pictures are in the flight alone.
+    """
     with failures_as_sentences():
         flight = open_flight(files)
         count = sum(1 for _ in extract_pictures(flight, directory))
@@ -149,19 +154,24 @@ def extract_pictures(flight: Flight, directory: Path) -> Iterator[Extracted]:
     FileNotWrittenError
         A picture cannot be written.
     """
+    begun: set[Path] = set()
     for frame in flight.frames():
-        path = directory / f"{file_name(f'{frame.sequence:06d}')}.jpg"
+        is_video = frame.format in VIDEO_FORMATS
+        name = file_name(flight.recording) if is_video else file_name(f"{frame.sequence:06d}")
+        path = directory / (name + _SUFFIXES[frame.format])
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            with path.open("xb") as stream:  # whatever lies there, a link too, is left as it is
-                stream.write(frame.jpeg)
+            with path.open("ab" if path in begun else "xb") as stream:  # what lies there, a link too, is left as it is
+                stream.write(frame.encoded)
         except FileExistsError as error:
-            if not _holds(path, frame.jpeg):
+            if is_video or not _holds(path, frame.encoded):
                 raise ReplayNotPossibleError(
                     f"{path}: is there already with another picture; choose another folder."
                 ) from error
         except OSError as error:
             raise FileNotWrittenError(path, error) from error
+        if is_video:
+            begun.add(path)
         yield Extracted(path, frame.sequence)
 
 

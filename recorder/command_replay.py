@@ -1,10 +1,10 @@
-"""`recorder replay`: make one flight file of a folder of photographs, or of earlier flight files."""
+"""`recorder replay`: make one flight file of a folder of photographs, of a video, or of earlier flight files."""
 
 from __future__ import annotations
 
 import io
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,8 +12,9 @@ from tempfile import TemporaryDirectory
 import click
 
 from camera_drivers.errors import ReplayError
-from flight_file.errors import Loss
+from camera_drivers.replay.camera import is_flight
 from flight_file.reader import open_flight
+from flight_file.session import Original, Session
 from flight_file.untrusted import say
 from recorder.cli import DONE_WITH_LOSS, failures_as_sentences
 from recorder.config import AttachSettings, RecorderConfig, ReplaySettings, StorageSettings
@@ -29,14 +30,22 @@ _NO_LIMIT = 10**10
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """How many pictures are in the new flight file, and what the flights they come from have lost of theirs."""
+    """How many pictures are in the new flight file, what is lost of those that they come from, and which videos."""
 
     stored: int
-    losses: tuple[Loss, ...]
+    losses: tuple[str, ...]
+    originals: tuple[Original, ...] = ()
+    knows_time_of_day: bool = True
 
 
 def replay_into(
-    target: Path, sources: Sequence[Path], *, rate_hz: float | None, attach: AttachSettings, host: Host, stop: Stop
+    target: Path,
+    sources: Sequence[Path],
+    *,
+    attach: AttachSettings,
+    host: Host,
+    stop: Stop,
+    **times: str | float | None,
 ) -> Replayed:
     """Record pictures into one flight file, named after it.
 
@@ -47,13 +56,13 @@ def replay_into(
     target
         The flight file, `NAME.mcap`; must not be there yet.
     sources
-        One folder of JPEGs, or flight files.
-    rate_hz
-        Pictures a second, for folders; None where EXIF tells when each was taken.
+        One folder of pictures, flight files, or video files.
     attach
         The panel and camera to put into it.
     stop
         To end it from elsewhere.
+    times
+        What else `ReplaySettings` takes: when the pictures were taken.
 
     Raises
     ------
@@ -73,12 +82,13 @@ def replay_into(
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=".replay-", dir=target.parent) as directory:
-            config = _config(Path(directory), sources, rate_hz=rate_hz, attach=attach)
+            config = _config(Path(directory), sources, attach=attach, **times)
             outcome = record(config, host=host, stop=stop, journal=Journal(io.StringIO()), name=target.stem)
             if stop.is_requested:
                 raise ReplayNotPossibleError(f"{target}: {stop.reason}; nothing was written.")
-            losses = () if sources[0].is_dir() else _losses(sources)
             (path,) = outcome.paths
+            session = open_flight([path]).session
+            losses = _losses(sources, session, outcome.stored)
             path.rename(target)
     except OSError as error:
         raise FileNotWrittenError(target, error) from error
@@ -86,21 +96,32 @@ def replay_into(
         if isinstance(error.__cause__, ReplayError):
             raise error.__cause__ from None  # the sources stand on a command line, not in a recorder.yaml
         raise
-    return Replayed(outcome.stored, losses)
+    return Replayed(outcome.stored, losses, session.originals, session.knows_time_of_day)
 
 
-def _losses(paths: Sequence[Path]) -> tuple[Loss, ...]:
-    """Find what cannot be read of flight files; a gap at an end shows nowhere else."""
+def _losses(paths: Sequence[Path], session: Session, stored: int) -> tuple[str, ...]:
+    """Find what cannot be read of flight files, where a gap at an end shows nowhere else, or of videos."""
+    if paths[0].is_dir():
+        return ()
+    if session.originals and not is_flight(paths[0]):
+        return tuple(_cut_off(session.originals, stored))
     flight = open_flight(paths)
     deque(flight.frames(), maxlen=0)
-    return tuple(flight.losses)
+    return tuple(loss.reason for loss in flight.losses)
+
+
+def _cut_off(originals: Sequence[Original], stored: int) -> Iterator[str]:
+    listed = [original.facts.get("pictures", "") for original in originals]
+    if all(number.isdecimal() for number in listed) and sum(map(int, listed)) > stored:
+        yield f"{sum(map(int, listed)) - stored} of the pictures that the index lists: a file is cut off or damaged"
 
 
 def _config(
-    directory: Path, sources: Sequence[Path], *, rate_hz: float | None, attach: AttachSettings
+    directory: Path, sources: Sequence[Path], *, attach: AttachSettings, **times: str | float | None
 ) -> RecorderConfig:
     one = len(sources) == 1 and sources[0].is_dir()
-    camera = ReplaySettings(driver="replay", path=sources[0] if one else list(sources), rate_hz=rate_hz, pace="fastest")
+    path = sources[0] if one else list(sources)
+    camera = ReplaySettings.model_validate({"driver": "replay", "path": path, "pace": "fastest", **times})
     storage = StorageSettings(directory=directory, keep_free_gib=0.0)
     unlimited = storage.model_copy(update=dict.fromkeys(("segment_s", "segment_mib", "segment_frames"), _NO_LIMIT))
     return RecorderConfig(camera=camera, storage=unlimited, attach=attach)
@@ -112,9 +133,10 @@ Examples:
   recorder replay photographs -o flight.mcap
   recorder replay photographs -o flight.mcap --rate 0.5 --panel panel.yaml
   recorder replay flights/20180504T120000Z_*.mcap -o flight.mcap --panel panel.yaml
+  recorder replay GX010123.MP4 GX020123.MP4 -o flight.mcap --start 2026-05-04T09:30:00Z
 
 \b
-Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of the flights that were replayed.""",
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of what was replayed.""",
 )
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
@@ -125,29 +147,43 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of the flights 
     "--rate", "rate_hz", type=click.FloatRange(1e-6, 1000), metavar="HZ",
     help="Pictures a second, for photographs whose EXIF times are missing or too coarse.",
 )  # fmt: skip
+@click.option("--start", metavar="TIME", help="When a video's first picture was taken, such as 2026-05-04T09:30:00Z.")
+@click.option(
+    "--clock", type=click.Choice(["creation", "timecode"]),
+    help="Which of a video's clocks is believed; without this or --start the flight has no time of day.",
+)  # fmt: skip
+@click.option(
+    "--utc-offset", metavar="+HH:MM", help="By how much --start, or the clock that is believed, is ahead of UTC."
+)
 @click.option("--panel", type=click.Path(path_type=Path), help="A panel.yaml to put in, with the pictures it names.")
 @click.option("--camera", type=click.Path(path_type=Path), help="A camera.yaml to put in.")
 @click.pass_context
 def replay(
     context: click.Context,
+    /,
     *,
     sources: tuple[Path, ...],
     target: Path,
-    rate_hz: float | None,
     panel: Path | None,
     camera: Path | None,
+    **times: str | float | None,
 ) -> None:
-    """Make one flight file of a folder of photographs, or of earlier flight files.
+    """Make one flight file of a folder of photographs, of a video, or of earlier flight files.
 
-    SOURCE is a folder whose JPEGs are taken in the order of their names, each at its EXIF time, or the segments of a
-    recording. The pictures go in byte for byte.
+    SOURCE is a folder whose pictures are taken in the order of their names, each at its EXIF time; the video files of
+    one recording, H.264, H.265 or MJPEG, in any order; or the segments of a recording. The pictures go in as they are,
+    never encoded again.
     """
     with failures_as_sentences():
         attach = AttachSettings(panel=panel, camera=camera)
         stop = Stop()
         stop_on_signals(stop)
-        replayed = replay_into(target, sources, rate_hz=rate_hz, attach=attach, host=this_host(), stop=stop)
+        replayed = replay_into(target, sources, attach=attach, host=this_host(), stop=stop, **times)
     say(f"{target}: {replayed.stored} pictures")
+    for original in replayed.originals:
+        say(f"  {original.name}:", *(f"    {name}: {fact}" for name, fact in original.facts.items()))
+    if not replayed.knows_time_of_day:
+        say("  time of day unknown: no clock is believed unless --start or --clock says so")
     for loss in replayed.losses:
-        say(f"  lost: {loss.reason}", err=True)
+        say(f"  lost: {loss}", err=True)
     context.exit(DONE_WITH_LOSS if replayed.losses else 0)

@@ -175,4 +175,4 @@ class FrameQueue:
 
 
 def _size_bytes(item: Item) -> int:
-    return len(item.frame.jpeg) if isinstance(item, Arrival) else 0
+    return len(item.frame.encoded) if isinstance(item, Arrival) else 0

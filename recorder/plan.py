@@ -208,6 +208,8 @@ def plan_recording(
         camera_model=identity.model,
         camera_serial=identity.serial,
         versions=host.versions,
+        time_of_day=identity.time_of_day,
+        originals=identity.originals,
     )
     carried = {} if config.attach.panel or config.attach.camera else wiring.attachments
     return Plan(

@@ -291,7 +291,7 @@ class SegmentStore:
     def _write_next(self, writer: FlightWriter) -> None:
         what, when = self._pending[self._handed]
         if isinstance(what, Frame):
-            writer.make_room(when, len(what.jpeg))
+            writer.make_room(when, len(what.encoded))
         self._handed += 1
         write(writer, what, when)
 

@@ -1,7 +1,7 @@
 """Print what the box needs of pyproject.toml: what builds the project, and what the box's code imports.
 
-So a dependency is stated once, and the box lacks none and gets none of the desk's. `make lock` writes requirements.lock
-from it.
+So a dependency is stated once, and the box lacks none and gets none of the desk's, nor what an extra brings.
+`make lock` writes requirements.lock from it.
 """
 
 from __future__ import annotations
@@ -42,11 +42,13 @@ def requirements() -> list[str]:
     """Those of pyproject.toml's dependencies; ends the program if an import is of none of them."""
     document = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     stated = {_distribution(line): line for line in document["project"]["dependencies"]}
+    extras = {_distribution(line) for lines in document["project"]["optional-dependencies"].values() for line in lines}
     distributions = packages_distributions()
     needed = set()
     for name, path in sorted(imported().items()):
-        known = {_distribution(each) for each in distributions.get(name, ())} & stated.keys()
-        if not known:
+        own = {_distribution(each) for each in distributions.get(name, ())}
+        known = own & stated.keys()
+        if not known and not own & extras:
             sys.exit(f"{path.relative_to(ROOT)} imports {name}, which pyproject.toml does not state; state it there.")
         needed |= known
     return sorted([*document["build-system"]["requires"], *(stated[name] for name in needed)])

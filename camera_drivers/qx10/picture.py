@@ -76,7 +76,7 @@ class FrameMaker:
         return Frame(
             sequence=next(self._numbers),
             captured_ns=_realtime_ns(middle_ns, times.after_answer),
-            jpeg=jpeg,
+            encoded=jpeg,
             sha256=hashlib.sha256(jpeg).hexdigest(),
             times=times,
             exif=exif,

@@ -6,6 +6,7 @@ cannot tell.
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,36 +16,50 @@ from typing import Self
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
-from camera_drivers.replay.sources import FLIGHT_SUFFIXES, FlightSource, FolderSource, ReplaySource, Upcoming
+from camera_drivers.replay.sources import FLIGHT_SUFFIXES, FlightSource, FolderSource
+from camera_drivers.replay.upcoming import ReplaySource, Upcoming
+from camera_drivers.replay.video_clocks import Believed
 from flight_file.frame import Frame
+from flight_file.records import MAGIC
+from flight_file.untrusted import open_regular
 
 
-def open_source(paths: Sequence[Path], *, rate_hz: float | None, clock: Clock) -> ReplaySource:
+def open_source(
+    paths: Sequence[Path], *, rate_hz: float | None, clock: Clock, believed: Believed | None = None
+) -> ReplaySource:
     """Open what is to be replayed.
 
     Parameters
     ----------
     paths
-        One folder of JPEGs, one folder of flight files, or flight files.
+        One folder of JPEGs, one folder of flight files, flight files, or the video files of one recording.
     rate_hz
         Pictures per second, for a folder of JPEGs only.
     clock
         Says what now is, for pictures without any time.
+    believed
+        What somebody said of a video's time; for video files only.
 
     Raises
     ------
     ReplayError
-        Nothing there can be replayed, or rate_hz was given for a flight.
+        Nothing there can be replayed, or rate_hz or `believed` was given for what keeps its own times.
     """
     if not paths:
         raise ReplayError("There is nothing to replay; give a folder of pictures or flight files.")
     try:
         folders = [path for path in paths if path.is_dir()]
+        if not folders and not any(map(is_flight, paths)):
+            return _video(paths, rate_hz, believed or Believed())
+        if believed not in (None, Believed()):
+            raise ReplayError(f"{paths[0]}: is no video; --start, --clock and --utc-offset are for videos.")
         if not folders:
             return _flight(paths, rate_hz)
         if len(paths) > 1:
             raise ReplayError(f"{folders[0]}: a folder is replayed alone; give one folder, or only flight files.")
         flights = sorted(path for path in folders[0].iterdir() if path.name.endswith(FLIGHT_SUFFIXES))
+    except FileNotFoundError as error:
+        raise ReplayError(f"{error.filename}: there is no such file; check its name.") from error
     except OSError as error:
         raise ReplayError(f"{paths[0]}: cannot be looked at ({error.strerror}); check its name.") from error
     return _flight(flights, rate_hz) if flights else FolderSource(folders[0], rate_hz=rate_hz, clock=clock)
@@ -54,6 +69,26 @@ def _flight(paths: Sequence[Path], rate_hz: float | None) -> FlightSource:
     if rate_hz is not None:
         raise ReplayError(f"{paths[0]}: a flight keeps its own times; leave rate_hz out.")
     return FlightSource(paths)
+
+
+def is_flight(path: Path) -> bool:
+    """Whether it is a flight file by its name or its first bytes."""
+    if path.name.endswith(FLIGHT_SUFFIXES):
+        return True
+    with os.fdopen(open_regular(path), "rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def _video(paths: Sequence[Path], rate_hz: float | None, believed: Believed) -> ReplaySource:
+    if rate_hz is not None:
+        raise ReplayError(f"{paths[0]}: a video keeps its own times; leave rate_hz (--rate) out.")
+    try:
+        from camera_drivers.replay.video import VideoSource  # noqa: PLC0415 - FFmpeg, which the box need not have
+    except ImportError as error:
+        raise ReplayError(
+            f"{paths[0]}: video files need PyAV; install it: pip install 'image-flight-recorder[video]'"
+        ) from error
+    return VideoSource(paths, believed)
 
 
 class ReplayCamera:

@@ -1,64 +1,35 @@
 """What can be replayed, in order, each picture with the time at which it was taken: a recorded flight, or a folder.
 
-A flight's frames come again as they were, with their times, EXIF and gaps. The JPEGs of a folder come in the order of
-their names and of the numbers in them.
+A flight's frames come again as they were, with their times, EXIF and gaps. The pictures of a folder come in the order
+of their names and of the numbers in them.
 """
 
 from __future__ import annotations
 
 import hashlib
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
 from camera_drivers.exif import exif_time_ns, read_exif
-from camera_drivers.jpeg import jpeg_facts
+from camera_drivers.photographs import picture_facts, picture_format
+from camera_drivers.replay.chapters import counted
+from camera_drivers.replay.upcoming import Upcoming
+from flight_file.documents import is_heif
 from flight_file.errors import FlightFileError
-from flight_file.frame import NS_PER_S, Frame, HostTimes
+from flight_file.frame import JPEG, NS_PER_S, Frame, HostTimes
 from flight_file.reader import open_flight
+from flight_file.thresholds import MAX_READ_BYTES
 
 FLIGHT_SUFFIXES = (".mcap", ".mcap.part")
 _CONFIGURATION = "recorder.yaml"  # describes the recorder that made the flight, not the one that replays it
-JPEG_SUFFIXES = frozenset({".jpg", ".jpeg"})
+PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".avif"})
 _GIVE_RATE = "give rate_hz (--rate), the pictures per second."
 _HEAD_BYTES = 256 * 1024  # the markers before the picture; EXIF with its thumbnail is at most 64 KiB
-
-
-@dataclass(frozen=True, slots=True)
-class Upcoming:
-    """The next picture: when it was taken (realtime, ns), and how to take it when that time has come."""
-
-    captured_ns: int
-    take: Callable[[Clock], Frame]
-
-
-class ReplaySource(Protocol):
-    """Pictures that were taken before.
-
-    Attributes
-    ----------
-    identity
-        Of the camera they were taken with, as far as known.
-    start_ns
-        When the first was taken, realtime.
-    attachments
-        What the pictures bring along: a recorded flight's panel, camera and so on.
-    """
-
-    identity: CameraIdentity
-    start_ns: int
-    attachments: Mapping[str, bytes]
-
-    def pictures(self) -> Iterator[Upcoming]:
-        """Iterate over the pictures in order; raises ReplayError where one cannot be read."""
-        ...
 
 
 class FlightSource:
@@ -88,6 +59,8 @@ class FlightSource:
             model=session.camera_model,
             serial=session.camera_serial,
             note=f"the recording {session.recording}",
+            time_of_day=session.time_of_day,
+            originals=session.originals,
         )
 
     @property
@@ -99,13 +72,13 @@ class FlightSource:
         """Iterate over the frames that are whole."""
         try:
             for frame in self._flight.frames():
-                yield Upcoming(frame.captured_ns, _AsItWas(frame))
+                yield Upcoming(frame.captured_ns, AsItWas(frame))
         except FlightFileError as error:
             raise ReplayError(str(error)) from error
 
 
-class _AsItWas:
-    """Returns a frame as it was recorded."""
+class AsItWas:
+    """Returns a frame as it is."""
 
     __slots__ = ("_frame",)
 
@@ -113,11 +86,12 @@ class _AsItWas:
         self._frame = frame
 
     def __call__(self, _clock: Clock) -> Frame:
+        """Give the frame."""
         return self._frame
 
 
 class FolderSource:
-    """Pictures from a folder; anything that is not named like a JPEG is left alone and counted.
+    """Pictures from a folder; anything that is not named like a picture is left alone and counted.
 
     Parameters
     ----------
@@ -132,13 +106,13 @@ class FolderSource:
     Raises
     ------
     ReplayError
-        There is no JPEG, or the EXIF times are needed and do not increase strictly.
+        There is no picture, or one in HEIF, or the EXIF times are needed and do not increase strictly.
     """
 
     def __init__(self, folder: Path, *, rate_hz: float | None, clock: Clock) -> None:
-        paths, ignored = _jpegs(folder)
+        paths, ignored = _pictures(folder)
         if not paths:
-            raise ReplayError(f"{folder}: there is no JPEG in it; give a folder of pictures or flight files.")
+            raise ReplayError(f"{folder}: there is no picture in it; give a folder of pictures or flight files.")
         self._paths = paths
         self._captured_ns = _exif_times(paths) if rate_hz is None else _paced_times(paths, rate_hz, clock)
         self.start_ns = self._captured_ns[0]
@@ -153,28 +127,33 @@ class FolderSource:
             yield Upcoming(captured_ns, partial(_take, path, sequence, captured_ns))
 
 
-def _jpegs(folder: Path) -> tuple[list[Path], int]:
+def _pictures(folder: Path) -> tuple[list[Path], int]:
     try:
-        files = sorted((path for path in folder.iterdir() if path.is_file()), key=_counted)
+        files = sorted((path for path in folder.iterdir() if path.is_file()), key=counted)
     except OSError as error:
         raise ReplayError(f"{folder}: the folder cannot be read ({error.strerror}); check its path.") from error
-    jpegs = [path for path in files if path.suffix.lower() in JPEG_SUFFIXES]
-    return jpegs, len(files) - len(jpegs)
+    pictures = [path for path in files if path.suffix.lower() in PICTURE_SUFFIXES]
+    for path in pictures:
+        if is_heif(_head(path)):
+            raise ReplayError(
+                f"{path}: HEIF pictures are not stored; convert all of them first: magick mogrify -format jpg *.HEIC"
+            )
+    return pictures, len(files) - len(pictures)
 
 
-def _counted(path: Path) -> tuple[list[str | int], str]:
-    """Sort IMG_9 before IMG_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [int(part) if index % 2 else part for index, part in enumerate(parts)], path.name
+def _head(path: Path, size_bytes: int = 12) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(size_bytes)
+    except OSError as error:
+        raise _unreadable(path, error) from error
 
 
 def _exif_time(path: Path) -> int | None:
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise _unreadable(path, error) from error
-    return exif_time_ns(read_exif(jpeg_facts(head).exif).datetime)
+    head = _head(path, _HEAD_BYTES)
+    if picture_format(head) != JPEG:
+        head = _head(path, MAX_READ_BYTES)  # in PNG and WebP it may stand behind the picture
+    return exif_time_ns(read_exif(picture_facts(head).exif).datetime)
 
 
 def _exif_times(paths: Sequence[Path]) -> list[int]:
@@ -199,20 +178,21 @@ def _paced_times(paths: Sequence[Path], rate_hz: float, clock: Clock) -> list[in
 def _take(path: Path, sequence: int, captured_ns: int, clock: Clock) -> Frame:
     before = clock.read()
     try:
-        jpeg = path.read_bytes()
+        encoded = path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error) from error
     after = clock.read()
-    facts = jpeg_facts(jpeg)
+    facts = picture_facts(encoded)
     return Frame(
         sequence=sequence,
         captured_ns=captured_ns,
-        jpeg=jpeg,
-        sha256=hashlib.sha256(jpeg).hexdigest(),
+        encoded=encoded,
+        sha256=hashlib.sha256(encoded).hexdigest(),
         times=HostTimes(before_request=before, after_answer=after, downloaded=after),
         exif=read_exif(facts.exif),
         width_px=facts.width_px,
         height_px=facts.height_px,
+        format=picture_format(encoded),
     )
 
 

@@ -28,16 +28,18 @@ from decoder.commands.options import (
 )
 from decoder.outputs.formats import planned_files
 from decoder.outputs.outputs import JOURNAL_SUFFIX, output_name, refuse_another_recording, refuse_overwriting
-from decoder.panel.errors import PanelMissing
+from decoder.panel.errors import PanelMissing, PartError
 from decoder.panel.vocabulary import PANEL_FILE
 from decoder.parallel import fork_server
 from decoder.parallel.processes import jobs_for
 from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of
 from decoder.timeseries.truth_request import TruthRequest
+from flight_file.frame import VIDEO_FORMATS
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say
 
 EXIT_LOSS = 3
+_PIXELS_OF_A_BYTE = 10  # of a cockpit's JPEG
 EPILOG = """\b
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
 
@@ -149,6 +151,13 @@ def _truth(
 
 
 def _part(flight: Flight, asked: AskedPart) -> FlightPart | None:
+    if not flight.session.knows_time_of_day and any(
+        end is not None and end.since != "start" for end in (asked.start, asked.end)
+    ):
+        raise PartError(
+            f"{flight.paths[0].name}: nobody knows its time of day; give --from and --to in seconds from its first"
+            " frame, such as 90 or 1:30"
+        )
     return None if asked.is_whole else part_of(flight, asked)
 
 
@@ -165,6 +174,9 @@ def _frames(flight: Flight, part: FlightPart | None) -> str:
 
 
 def _picture_bytes(flight: Flight, part: FlightPart | None) -> int:
-    """About how many bytes of pictures are to be read."""
+    """About how many bytes of pictures are to be read; of a video, had they been JPEGs."""
     whole = sum(segment.size_bytes for segment in flight.segments)
+    first = next(flight.frames(range(1)), None)
+    if first is not None and first.format in VIDEO_FORMATS:
+        whole = flight.count() * (first.width_px or 0) * (first.height_px or 0) // _PIXELS_OF_A_BYTE
     return whole if part is None else whole * len(part.ranks) // part.frames_in_flight

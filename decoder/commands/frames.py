@@ -11,8 +11,9 @@ from typing import IO
 import click
 
 from decoder.commands.options import camera_option, flights_argument, method_option, panel_option
-from decoder.imaging.pictures import colour_picture
-from decoder.outputs.csv_output import utc_text
+from decoder.imaging.pictures import ColourPicture, colour_picture
+from decoder.imaging.video import GroupDecoder, encoded_of
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
 from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import (
@@ -30,7 +31,6 @@ from decoder.outputs.outputs import Write, write_all
 from decoder.panel.errors import PictureError
 from decoder.parallel.decoding import decoded_flight, progress
 from decoder.timeseries.flight_data import FlightData
-from flight_file.frame import Frame
 from flight_file.reader import open_flight
 from flight_file.untrusted import file_names, say
 
@@ -106,14 +106,19 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
     places = ReadingPlaces(decoded.source, data)
     reasons = {missing.frame: missing.reason for missing in data.missing_frames}
     written: list[Path] = []
+    video = GroupDecoder()
     for index, frame in enumerate(progress("draw", len(data.frame))(matched_frames(data, decoded.frames))):
         if index not in wanted:
             continue
-        stem = f"{decoded.name}_{frame.sequence:06d}_{_file_time(frame.captured_ns)}"
+        stem = f"{decoded.name}_{frame.sequence:06d}_{_file_time(data, index)}"
         caption = _caption(decoded, index, frame.sequence)
         try:
             pictures = _pictures(
-                frame, stem, places.frame(index), gauge_names, (caption, reasons.get(frame.sequence, ""))
+                colour_picture(encoded_of(frame), video),
+                stem,
+                places.frame(index),
+                gauge_names,
+                (caption, reasons.get(frame.sequence, "")),
             )
         except PictureError as error:
             say(f"frame {frame.sequence} not drawn: {error}", err=True)
@@ -123,10 +128,13 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
 
 
 def _pictures(
-    frame: Frame, stem: str, gauges: tuple[DrawnGauge, ...], gauge_names: Sequence[str], caption: tuple[str, str]
+    picture: ColourPicture,
+    stem: str,
+    gauges: tuple[DrawnGauge, ...],
+    gauge_names: Sequence[str],
+    caption: tuple[str, str],
 ) -> dict[str, bytes]:
     """JPEGs by name: one of the whole frame, or one of each gauge that was asked for and that is in it."""
-    picture = colour_picture(frame.jpeg)
     if not gauge_names:
         return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, caption))}
     names = file_names(gauge_names)
@@ -139,14 +147,15 @@ def _pictures(
 
 def _caption(decoded: Decoded, index: int, number: int) -> str:
     data = decoded.data
-    when = utc_text(int(data.time_ns[index]))
-    return (
-        f"{decoded.provenance.recording} · frame {number} · {when[:10]} {when[11:23]} UTC · {data.time_s[index]:.3f} s"
-    )
+    when = moment_text(data, int(data.time_ns[index]))
+    moment = f"{when[:10]} {when[11:23]} UTC" if when else "time of day unknown"
+    return f"{decoded.provenance.recording} · frame {number} · {moment} · {data.time_s[index]:.3f} s"
 
 
-def _file_time(time_ns: int) -> str:
-    seconds, rest = divmod(time_ns, 1_000_000_000)
+def _file_time(data: FlightData, row: int) -> str:
+    if not data.knows_time_of_day:
+        return f"{data.time_s[row]:09.3f}s"
+    seconds, rest = divmod(int(data.time_ns[row]), 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y%m%dT%H%M%S}.{rest // 1_000_000:03d}Z"
 
 

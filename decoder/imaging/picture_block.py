@@ -14,6 +14,7 @@ import simplejpeg
 
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.imaging.thresholds import MAX_BATCH_FRAMES, MAX_BATCH_PIXELS
+from decoder.imaging.video import Encoded, GroupDecoder, GroupPicture
 from flight_file.documents import picture_header
 
 ROWS_OF_BLOCKS = 16
@@ -56,6 +57,7 @@ class PictureBlock:
     def __init__(self) -> None:
         self._memory = np.empty((1, 0), np.uint8)
         self._jpeg = bytearray()
+        self._video = GroupDecoder()
 
     def reserve(self, slots: int) -> None:
         """Make room for so many pictures at once, which it would make one by one."""
@@ -63,7 +65,7 @@ class PictureBlock:
             room = self._memory.shape[1]
             self._memory = np.empty((slots, room if slots * room <= MAX_BATCH_PIXELS else 0), np.uint8)
 
-    def grey_picture(self, encoded: bytes, slot: int) -> GreyPicture:
+    def grey_picture(self, encoded: Encoded, slot: int) -> GreyPicture:
         """As `pictures.grey_picture`, bit for bit.
 
         Raises
@@ -71,6 +73,8 @@ class PictureBlock:
         PictureError
             If the bytes are no picture, or one that breaks off.
         """
+        if isinstance(encoded, GroupPicture):
+            return self._video.grey(encoded, self._slot(slot, self._video.size_px(encoded)))
         header = picture_header(encoded)
         if header is None or header.objection(len(encoded)):
             return grey_picture(encoded)  # the judge of what is odd
@@ -82,7 +86,7 @@ class PictureBlock:
         return np.asarray(picture[..., 0], np.uint8)
 
     def frame(
-        self, encoded: bytes, slot: int, focal_length_mm: float | None, rows: int | None
+        self, encoded: Encoded, slot: int, focal_length_mm: float | None, rows: int | None
     ) -> FramePicture | TopOfFrame:
         """Return a frame, or as many of its first rows as are wanted, if that spares anything.
 
@@ -95,6 +99,8 @@ class PictureBlock:
         def whole() -> FramePicture:
             return FramePicture(self.grey_picture(encoded, slot), focal_length_mm)
 
+        if isinstance(encoded, GroupPicture):
+            return whole()  # a video's picture is decoded whole or not at all
         header = None if rows is None else picture_header(encoded)
         if rows is None or header is None or not header.is_sequential or rows >= header.height_px:
             return whole()

@@ -1,4 +1,4 @@
-"""Pictures as grey arrays: the one place where JPEGs are decompressed, always the same way.
+"""Pictures as grey arrays: the one place where pictures are decompressed, always the same way.
 
 Grey is the JPEG's own luma plane, which saves the colour conversion; it differs by up to five levels from the grey of
 the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is never
@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.video import Encoded, GroupDecoder, GroupPicture
 from decoder.panel.errors import PictureError
-from flight_file.documents import picture_header
+from flight_file.documents import is_heif, picture_header
 
 GreyPicture = NDArray[np.uint8]
 ColourPicture = NDArray[np.uint8]
@@ -33,12 +34,13 @@ class FramePicture:
         return len(self.pixels)
 
 
-def grey_picture(encoded: bytes) -> GreyPicture:
+def grey_picture(encoded: Encoded, video: GroupDecoder | None = None) -> GreyPicture:
     """Decompress a picture's luma.
 
     Parameters
     ----------
-    encoded : JPEG or PNG bytes
+    encoded : a file's bytes, or a picture of a video
+    video : what has decoded the video's pictures before, if there are more than one to come
 
     Returns
     -------
@@ -49,22 +51,26 @@ def grey_picture(encoded: bytes) -> GreyPicture:
     PictureError
         As `decompressed`.
     """
+    if isinstance(encoded, GroupPicture):
+        return (video or GroupDecoder()).grey(encoded)
     return decompressed(encoded, cv2.IMREAD_GRAYSCALE)
 
 
 def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
-    """(H, W) or (H, W, 3) uint8: a JPEG or PNG as OpenCV has it with these flags of its own.
+    """(H, W) or (H, W, 3) uint8: a JPEG, PNG or WebP as OpenCV has it with these flags of its own.
 
     Raises
     ------
     PictureError
-        If the bytes are neither, break off, or would take more memory or time than a picture may.
+        If the bytes are none of these, break off, or would take more memory or time than a picture may.
     """
     if not encoded:
         raise PictureError("the picture is empty")
     header = picture_header(encoded)
+    if is_heif(encoded):
+        raise PictureError("the picture is in HEIF; convert it to a JPEG: magick picture.heic picture.jpg")
     if header is None:
-        raise PictureError("the picture is damaged, or neither a JPEG nor a PNG; save it as one of these")
+        raise PictureError("the picture is damaged, or neither a JPEG nor a PNG nor a WebP; save it as one of these")
     objection = header.objection(len(encoded))
     if objection:
         raise PictureError(objection)
@@ -77,12 +83,12 @@ def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
     return np.asarray(picture, np.uint8)
 
 
-def colour_picture(encoded: bytes) -> ColourPicture:
+def colour_picture(encoded: Encoded, video: GroupDecoder | None = None) -> ColourPicture:
     """Decompress a picture in colour, for people to look at; nothing is ever read from it.
 
     Parameters
     ----------
-    encoded : JPEG or PNG bytes
+    encoded, video : as of `grey_picture`
 
     Returns
     -------
@@ -93,6 +99,8 @@ def colour_picture(encoded: bytes) -> ColourPicture:
     PictureError
         As `decompressed`.
     """
+    if isinstance(encoded, GroupPicture):
+        return (video or GroupDecoder()).colour(encoded)
     picture = decompressed(encoded, cv2.IMREAD_COLOR)
     cv2.cvtColor(picture, cv2.COLOR_BGR2RGB, picture)
     return picture

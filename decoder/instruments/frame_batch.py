@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 
-from decoder.imaging.picture_block import TopOfFrame, top_of
+from decoder.imaging.picture_block import TopOfFrame, batch_frames, top_of
 from decoder.imaging.pictures import FramePicture
+from decoder.imaging.thresholds import MAX_BATCH_FRAMES
+from decoder.imaging.video import Encoded, GroupPicture, encoded_of
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings
 from decoder.panel.errors import AlignmentLost, PictureError
@@ -22,12 +23,12 @@ from flight_file.frame import Frame
 class RawFrame:
     """Of a frame what reading it takes; `focal_length_mm` is None if it does not tell.
 
-    `picture` is the JPEG decompressed, or its first rows, if that has been done; another process is not told.
+    `picture` is decompressed, or its first rows, if that has been done; another process is not told.
     """
 
     sequence: int
     captured_ns: int
-    jpeg: bytes
+    encoded: Encoded
     focal_length_mm: float | None = None
     picture: FramePicture | TopOfFrame | None = field(default=None, compare=False, repr=False)
 
@@ -56,27 +57,51 @@ def batches(
 ) -> Iterator[Batch]:
     """Return the frames in their order, so many at a time; the last batch may be smaller.
 
-    `picture` gives those that are decompressed already.
+    Of a video, whole groups of pictures are together, so that each is decoded once; only those are cut that are longer
+    than the 250 pictures which encoders put into a group unless they are told otherwise. `picture` gives those that are
+    decompressed already.
     """
     raw = (
         RawFrame(
             frame.sequence,
             frame.captured_ns,
-            frame.jpeg,
+            encoded_of(frame),
             frame.exif.lens_mm,
             None if picture is None else picture(frame),
         )
         for frame in frames
     )
-    while batch := tuple(islice(raw, size)):
-        yield batch
+    batch: list[RawFrame] = []
+    for frame in raw:
+        together = bool(batch) and _are_together(batch[-1], frame)
+        if len(batch) >= (max(size, 7 * MAX_BATCH_FRAMES) if together else size):
+            yield tuple(batch)
+            batch = []
+        batch.append(frame)
+    if batch:
+        yield tuple(batch)
+
+
+def _are_together(one: RawFrame, two: RawFrame) -> bool:
+    """Whether both are pictures of the same group."""
+    return (
+        isinstance(one.encoded, GroupPicture)
+        and isinstance(two.encoded, GroupPicture)
+        and one.encoded.group is two.encoded.group
+    )
 
 
 def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
     """Return what is read of each frame, in their order; keeps nothing from batch to batch."""
-    reader.block.reserve(len(frames))
-    pictures = (_picture(reader, frame, slot) for slot, frame in enumerate(frames))
-    return [_unread(one) if isinstance(one, PictureError) else one for one in reader.read(pictures)]
+    height, width = reader.source.picture.shape
+    at_once = batch_frames((width, height))
+    outcomes: list[Outcome] = []
+    for first in range(0, len(frames), at_once):
+        some = frames[first : first + at_once]
+        reader.block.reserve(len(some))
+        pictures = (_picture(reader, frame, slot) for slot, frame in enumerate(some))
+        outcomes += [_unread(one) if isinstance(one, PictureError) else one for one in reader.read(pictures)]
+    return outcomes
 
 
 def read_here(reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
@@ -89,7 +114,7 @@ def _picture(reader: PanelReader, frame: RawFrame, slot: int) -> FramePicture | 
     try:
         if frame.picture is not None:
             return top_of(frame.picture, reader.placement.rows)
-        return reader.block.frame(frame.jpeg, slot, frame.focal_length_mm, reader.placement.rows)
+        return reader.block.frame(frame.encoded, slot, frame.focal_length_mm, reader.placement.rows)
     except PictureError as error:
         return error
 

@@ -13,6 +13,7 @@ from decoder.imaging.alignment import Alignment, Matrix, is_rigid
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.imaging.sorting import median, median_of
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
 from decoder.learning.thresholds import (
     FEW,
@@ -56,6 +57,7 @@ class FlightSample:
         self._kept: dict[int, Taken] = {}
         self._by_rank: dict[int, int] = {}
         self._room = kept_bytes
+        self._video = GroupDecoder()
 
     def __call__(self, frames: int) -> Iterator[Taken]:
         """Give the same frames each time for the same number; those that cannot be opened are left out."""
@@ -88,9 +90,9 @@ class FlightSample:
 
     def _decompressed(self, frame: Frame) -> Taken:
         focal_length_mm = frame.exif.lens_mm
-        if self._rows is None:
-            return FramePicture(grey_picture(frame.jpeg), focal_length_mm)
-        taken = PictureBlock().frame(frame.jpeg, 0, focal_length_mm, self._rows)
+        if self._rows is None or frame.group is not None:
+            return FramePicture(grey_picture(encoded_of(frame), self._video), focal_length_mm)
+        taken = PictureBlock().frame(frame.encoded, 0, focal_length_mm, self._rows)
         return replace(taken, whole=partial(self._whole, frame)) if isinstance(taken, TopOfFrame) else taken
 
     def _whole(self, frame: Frame) -> FramePicture:
@@ -98,7 +100,7 @@ class FlightSample:
         self._too_few += 1
         if self._too_few > FEW:
             self._rows = None
-        picture = FramePicture(grey_picture(frame.jpeg), frame.exif.lens_mm)
+        picture = FramePicture(grey_picture(frame.encoded), frame.exif.lens_mm)
         if frame.sequence in self._kept:
             self._room += _size(frame, self._kept[frame.sequence]) - _size(frame, picture)
             self._kept[frame.sequence] = picture
@@ -114,7 +116,7 @@ class FlightSample:
 
 def _size(frame: Frame, taken: Taken) -> int:
     """Bytes that a picture keeps in memory: if it is not whole, its JPEG too."""
-    return taken.pixels.nbytes + (len(frame.jpeg) if isinstance(taken, TopOfFrame) else 0)
+    return taken.pixels.nbytes + (len(frame.encoded) if isinstance(taken, TopOfFrame) else 0)
 
 
 def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list[UnwrappedFrame]]:

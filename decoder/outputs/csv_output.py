@@ -27,7 +27,7 @@ def write_csv(data: FlightData, stream: IO[str]) -> None:
     decimals = [value_decimals(series) for series in data.series]
     time_s = data.time_s
     for row in range(len(data.frame)):
-        fields = [str(data.frame[row]), utc_text(int(data.time_ns[row])), f"{time_s[row]:.{TIME_DECIMALS}f}"]
+        fields = [str(data.frame[row]), moment_text(data, int(data.time_ns[row])), f"{time_s[row]:.{TIME_DECIMALS}f}"]
         for series, places in zip(data.series, decimals, strict=True):
             fields += [
                 _number(value_within_turn(series.value[row], places, series.quantity), places),
@@ -56,6 +56,11 @@ def utc_text(time_ns: int) -> str:
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{rest // 1000:06d}Z"
 
 
+def moment_text(data: FlightData, time_ns: int) -> str:
+    """Format a time as `utc_text`; empty where nobody knows the flight's time of day."""
+    return utc_text(time_ns) if data.knows_time_of_day else ""
+
+
 def _number(value: float, decimals: int) -> str:
     return f"{value:.{decimals}f}" if math.isfinite(value) else ""
 
@@ -72,7 +77,7 @@ def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str])
     middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
     for row, (frame, time_ns) in enumerate(zip(data.frame.tolist(), data.time_ns.tolist(), strict=True)):
         alignment = data.alignments[row]
-        fields = [str(frame), utc_text(time_ns)]
+        fields = [str(frame), moment_text(data, time_ns)]
         failed = to_cell(";".join(data.alignments.failed(row)))
         if alignment is None:
             writer.writerow([*fields, "", failed, "", "", "", ""])

@@ -109,7 +109,7 @@ class Format:
 FORMATS: dict[str, Format] = {
     "csv": Format(_late("csv_output:write_csv", "data", is_text=True)),
     "mcap": Format(_late("mcap_output:write_mcap"), takes_images=True),
-    "layout": Format(_late("mcap_output:write_layout", "data", is_text=True), suffix="layout.json"),
+    "layout": Format(_late("mcap_output:write_layout", is_text=True), suffix="layout.json"),
     "html": Format(_late("report:write_report"), needs=("jinja2", "report")),
     "parquet": Format(_late("parquet_output:write_parquet", "data", "provenance"), needs=("pyarrow", "parquet")),
 }

@@ -151,6 +151,11 @@ def plan(flight: FlightTable, mapping: Mapping[str, MappedName]) -> GarminPlan:
             if name in mapping:
                 raise
             left_out[name] = str(error)
+    if not flight.knows_time_of_day:
+        raise OutputError(
+            f"{flight.table.path}: a G1000 log needs a time of day, which nobody knows of this flight; make its flight"
+            " file again with --start or --clock"
+        )
     _check(flight, chosen)
     return GarminPlan(tuple(chosen), left_out)
 

@@ -10,7 +10,7 @@ from typing import IO, Any
 import numpy as np
 
 from decoder.instruments.reading import Status
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
 from decoder.timeseries.health import health_line
 from decoder.timeseries.outliers import Outlier, find_outliers
@@ -48,9 +48,10 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
     return {
         **asdict(provenance),
         **_part(data),
+        **({"time_of_day": data.time_of_day} if data.time_of_day else {}),
         "frames": len(data.frame),
-        "start_utc": utc_text(int(data.time_ns[0])) if len(data.frame) else None,
-        "end_utc": utc_text(int(data.time_ns[-1])) if len(data.frame) else None,
+        "start_utc": (moment_text(data, int(data.time_ns[0])) or None) if len(data.frame) else None,
+        "end_utc": (moment_text(data, int(data.time_ns[-1])) or None) if len(data.frame) else None,
         "duration_s": round(float(data.time_s[-1] - data.time_s[0]), 6) if len(data.frame) else 0.0,
         "needles": {series.quantity.name: _needle(series) for series in data.series},
         "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
@@ -73,7 +74,7 @@ def _part(data: FlightData) -> dict[str, Any]:
         "part": {
             "every": data.part.ranks.step,
             "frames_in_flight": data.part.frames_in_flight,
-            "flight_start_utc": utc_text(data.part.began_ns),
+            "flight_start_utc": moment_text(data, data.part.began_ns) or None,
         }
     }
 

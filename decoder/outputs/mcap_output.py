@@ -37,14 +37,15 @@ from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, DrawnRead
 from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.json_output import Provenance, write_json
-from decoder.panel.errors import CameraError
+from decoder.panel.errors import CameraError, OutputError
 from decoder.panel.lens import Lens
-from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
+from decoder.timeseries.flight_data import STATUSES, NeedleSeries
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from flight_file.frame import NS_PER_S, Frame, storable
-from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, Topic, encode_image
+from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, VIDEO_TOPIC, Topic, encode_image, picture_topic
 from flight_file.untrusted import file_name
 
+_SIDEWAYS_DEG = (90, 270)
 READING_SCHEMA_NAME = "flight_data.Reading"
 ANNOTATIONS_TOPIC = "/camera/annotations"
 CALIBRATION_TOPIC = "/camera/calibration"
@@ -243,7 +244,7 @@ def write_mcap(decoded: Decoded, stream: IO[bytes]) -> None:
         if lens is not None:
             target.add(CALIBRATION_TOPIC, calibration_message(lens, time_ns), time_ns, number)
         if frame is not None:
-            target.add(IMAGE_TOPIC, encode_image(frame), time_ns, number)
+            target.add(picture_topic(frame), encode_image(frame), time_ns, number)
         target.add(ANNOTATIONS_TOPIC, annotations_message(places.frame(index), time_ns), time_ns, number)
     target.finish()
 
@@ -289,8 +290,16 @@ def _protobuf_topics(decoded: Decoded) -> list[Topic]:
         schema = build_file_descriptor_set(message).SerializeToString(deterministic=True)
         topics.append(Topic(name, "protobuf", message.DESCRIPTOR.full_name, "protobuf", schema))
     if decoded.with_images:
-        topics += [topic for topic in TOPICS if topic.name == IMAGE_TOPIC]
+        name = _topic_of_pictures(decoded)
+        if name == VIDEO_TOPIC and decoded.data.part is not None and decoded.data.part.ranks.step > 1:
+            raise OutputError("--with-images: of a video every picture is needed to show another; leave --every out")
+        topics += [topic for topic in TOPICS if topic.name == name]
     return topics
+
+
+def _topic_of_pictures(decoded: Decoded) -> str:
+    first = next(decoded.frames(), None)
+    return IMAGE_TOPIC if first is None else picture_topic(first)
 
 
 def _texts(provenance: Provenance) -> dict[str, str]:
@@ -314,6 +323,7 @@ class _Lenses:
         if frame is not None:
             focal_length_mm = frame.exif.lens_mm or focal_length_mm
             size_px = (frame.width_px or size_px[0], frame.height_px or size_px[1])
+            size_px = size_px[::-1] if frame.rotation_deg in _SIDEWAYS_DEG else size_px
         if self._camera is None or focal_length_mm is None or (focal_length_mm, size_px) == self._known:
             return None
         self._known = (focal_length_mm, size_px)
@@ -323,14 +333,14 @@ class _Lenses:
             return None  # taken at a zoom that was never calibrated
 
 
-def write_layout(data: FlightData, stream: IO[str]) -> None:
-    """Write the layout for the values of a flight."""
-    units = [(series.quantity.name, series.quantity.unit) for series in data.series]
-    json.dump(layout(units), stream, indent=2, ensure_ascii=False)
+def write_layout(decoded: Decoded, stream: IO[str]) -> None:
+    """Write the layout for the values and the pictures of a flight."""
+    units = [(series.quantity.name, series.quantity.unit) for series in decoded.data.series]
+    json.dump(layout(units, _topic_of_pictures(decoded)), stream, indent=2, ensure_ascii=False)
     stream.write("\n")
 
 
-def layout(units: Iterable[tuple[str, str]]) -> dict[str, Any]:
+def layout(units: Iterable[tuple[str, str]], pictures: str = IMAGE_TOPIC) -> dict[str, Any]:
     """Make a layout as Foxglove exports one."""
     by_unit: dict[str, list[str]] = {}
     names = []
@@ -340,7 +350,7 @@ def layout(units: Iterable[tuple[str, str]]) -> dict[str, Any]:
     plots = {f"Plot!values{number}": _plot(unit, of) for number, (unit, of) in enumerate(by_unit.items(), start=1)}
     right = _split("column", _stacked(list(plots)), "StateTransitions!status", PLOTS_PART)
     return {
-        "configById": {"Image!camera": _image(), **plots, "StateTransitions!status": _states(names)},
+        "configById": {"Image!camera": _image(pictures), **plots, "StateTransitions!status": _states(names)},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
@@ -348,10 +358,10 @@ def layout(units: Iterable[tuple[str, str]]) -> dict[str, Any]:
     }
 
 
-def _image() -> dict[str, Any]:
+def _image(topic: str) -> dict[str, Any]:
     return {
         "imageMode": {
-            "imageTopic": IMAGE_TOPIC,
+            "imageTopic": topic,
             "annotations": {ANNOTATIONS_TOPIC: {"visible": True}},
         },
         "synchronize": False,

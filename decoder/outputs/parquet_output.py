@@ -24,7 +24,7 @@ UNIT_KEY = "unit"
 
 def write_parquet(data: FlightData, provenance: Provenance, stream: IO[bytes]) -> None:
     """Write flight data as Parquet: one row for each frame, `time_utc` in microseconds UTC."""
-    columns = _leading(data.frame, data.time_ns, data.time_s)
+    columns = _leading(data.frame, data.time_ns if data.knows_time_of_day else None, data.time_s)
     for series in data.series:
         quantity = series.quantity
         columns += _needle((quantity.name, quantity.unit), series.status, (series.value, series.score, series.sigma))
@@ -40,7 +40,11 @@ def write_parquet_of_table(flight: FlightTable, stream: IO[bytes]) -> None:
         If a time cannot be read.
     """
     table = flight.table
-    columns = _leading(table.numbers("frame").astype(np.int64), flight.time_ns, table.numbers("time_s"))
+    columns = _leading(
+        table.numbers("frame").astype(np.int64),
+        flight.time_ns if flight.knows_time_of_day else None,
+        table.numbers("time_s"),
+    )
     for name in flight.names:
         status = np.array([CODE[Status(text)] for text in table.columns[f"{name}_status"]])
         numbers = tuple(table.numbers(f"{name}{suffix}") for suffix in ("", "_score", "_sigma"))
@@ -48,6 +52,7 @@ def write_parquet_of_table(flight: FlightTable, stream: IO[bytes]) -> None:
     _write(columns, flight.description, stream)
 
 
+_MOMENT = pa.timestamp("us", "UTC")
 _Column = tuple[str, str, Any]
 """Name, unit, values."""
 
@@ -55,7 +60,7 @@ _Column = tuple[str, str, Any]
 def _leading(frame: Any, time_ns: Any, time_s: Any) -> list[_Column]:  # noqa: ANN401 - pyarrow has no types
     return [
         ("frame", "", pa.array(frame)),
-        ("time_utc", "", pa.array(time_ns // 1000, pa.timestamp("us", "UTC"))),
+        ("time_utc", "", pa.array([None] * len(frame) if time_ns is None else time_ns // 1000, _MOMENT)),
         ("time_s", "s", pa.array(time_s)),
     ]
 

@@ -25,8 +25,9 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from decoder.imaging.pictures import colour_picture
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs import report_facts
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces, label_decimals
 from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
@@ -100,7 +101,7 @@ def columns(data: FlightData, order: Order) -> dict[str, Any]:
     return {
         "rows": int(order.size),
         "start_ms": start_ns / 1e6,
-        "start_utc": utc_text(start_ns),
+        "start_utc": moment_text(data, start_ns),
         "since_first_ms": float(data.time_ns[0] - start_ns) / 1e6 - float(data.time_s[0]) * 1e3 if order.size else 0.0,
         "time_ms": packed((data.time_ns[order] - start_ns) / 1e6, "f8"),
         "frame": packed(data.frame[order], "f8"),
@@ -155,10 +156,11 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
     places, position = ReadingPlaces(report.source, data), _positions(order)
     needles = {series.quantity.name: place for place, series in enumerate(data.series)}
     wanted = wanted_rows(data, flags, len(report.source.panel.gauges), room_bytes)
+    video = GroupDecoder()
     for row, frame in enumerate(matched_frames(data, report.frames)):
         if row not in wanted:
             continue
-        found = _evidence_of(frame, places, row, needles)
+        found = _evidence_of(frame, video, places, row, needles)
         head = f'<script type="application/json" class="evidence" data-row="{position[row]}">'
         block = f"{head}{_json(found)}</script>\n".encode(errors="backslashreplace")
         room_bytes -= len(block)
@@ -167,9 +169,11 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
         yield block
 
 
-def _evidence_of(frame: Frame, places: ReadingPlaces, row: int, needles: dict[str, int]) -> Evidence:
+def _evidence_of(
+    frame: Frame, video: GroupDecoder, places: ReadingPlaces, row: int, needles: dict[str, int]
+) -> Evidence:
     try:
-        return evidence(colour_picture(frame.jpeg), places.frame(row), needles)
+        return evidence(colour_picture(encoded_of(frame), video), places.frame(row), needles)
     except PictureError as error:
         return {"trouble": str(error)}
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.instruments.reading import Status
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text, utc_text
 from decoder.outputs.report_flags import KINDS, Flag, Kind
 from decoder.outputs.thresholds import MOST_FLAGS, MOST_LISTED
 from decoder.panel.arrays import Floats
@@ -19,7 +19,7 @@ from decoder.panel.scale import Quantity
 from decoder.timeseries.flight_data import AlignmentSeries, FlightData, NeedleSeries, status_counts
 from decoder.timeseries.health import health_line
 from flight_file.errors import FindingKind
-from flight_file.session import Session
+from flight_file.session import UNKNOWN, Session
 from flight_file.untrusted import printable
 from flight_file.verification import RecordingCheck, Verdict
 
@@ -95,6 +95,14 @@ def checked(recordings: Sequence[RecordingCheck]) -> list[Checked]:
     return lines + NOT_CHECKED
 
 
+_TIME_BY = {
+    "start": "as it was typed when the flight file was made",
+    "creation": "by the video's creation time, which was believed",
+    "timecode": "by the video's timecode, which was believed",
+    UNKNOWN: "unknown: no clock was believed; only differences of times mean anything",
+}
+
+
 def recorded_by(session: Session) -> list[tuple[str, str]]:
     """List what a recording says of its recorder and camera: (what, says) each."""
     versions = ", ".join(f"{name} {version}" for name, version in session.versions.items())
@@ -104,8 +112,13 @@ def recorded_by(session: Session) -> list[tuple[str, str]]:
         "camera": camera,
         "recorder's clock": session.clock,
         "recorder's host": session.host,
+        "time of day": _TIME_BY.get(session.time_of_day, session.time_of_day),
     }
-    return [(what, text) for what, text in says.items() if text]
+    told = [(what, text) for what, text in says.items() if text]
+    for original in session.originals:
+        told.append(("made of", f"{original.name}, SHA-256 {original.sha256}"))
+        told += [(f"{original.name}: {name}", fact) for name, fact in original.facts.items()]
+    return [(printable(what), printable(text)) for what, text in told]
 
 
 def _chain(recordings: Sequence[RecordingCheck], segments: int) -> Checked:
@@ -158,6 +171,8 @@ def when(data: FlightData) -> str:
     """When the flight was, in a line."""
     if not len(data.frame):
         return "no frames"
+    if not data.knows_time_of_day:
+        return "time of day unknown"
     first, last = utc_text(int(data.time_ns.min())), utc_text(int(data.time_ns.max()))
     until = last[11:19] if first[:10] == last[:10] else f"{last[:10]} {last[11:19]}"
     return f"{first[:10]} {first[11:19]} to {until} UTC"
@@ -235,7 +250,7 @@ def _listed(data: FlightData, flag: Flag, position: Order) -> dict[str, Any]:
         "dot": DOTS.get(flag.kind, flag.kind.value),
         "needle": flag.needle,
         "place": next((place for place, one in enumerate(data.series) if one.quantity.name == flag.needle), -1),
-        "start": utc_text(start_ns)[11:23],
+        "start": moment_text(data, start_ns)[11:23] or f"{data.time_s[flag.first]:.3f} s",
         "duration": "one frame" if flag.frames == 1 else _duration(abs(end_ns - start_ns) / 1e9),
         "frames": str(first) if first == last else f"{first} to {last} ({flag.frames})",
         "reason": flag.reason,

@@ -20,7 +20,7 @@ from tqdm import tqdm
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.instruments.frame_batch import ReadBatches, read_here
 from decoder.learning.fit import reader_from_panel
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.formats import Decoded, planned_files
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import output_name, write_all
@@ -73,7 +73,7 @@ def decoded_flight(
             camera=camera,
             data=data,
             provenance=_provenance(flight, source, panel_file, camera_source, method),
-            frames=partial(flight.frames, None if part is None else part.ranks),
+            frames=partial(flight.shown, None if part is None else part.ranks),
             check=partial(verify, flight.paths),
             session=flight.session,
             name=output_name(flight),
@@ -96,7 +96,8 @@ def _command(flight: Flight, panel_file: Path | None, method: str, camera_file: 
     words += [] if panel_file is None else ["--panel", panel_file.name]
     words += [] if camera_file is None else ["--camera", camera_file.name]
     if data.part is not None:
-        first, last = (utc_text(int(data.time_ns[row])) for row in (0, -1))
+        ends = ((int(data.time_ns[row]), float(data.time_s[row])) for row in (0, -1))
+        first, last = (moment_text(data, time_ns) or f"{time_s:.6f}" for time_ns, time_s in ends)
         words += ["--from", first, "--to", last, "--every", str(data.part.ranks.step)]
     return printable(shlex.join([*words, "--method", method, "--format", "html"]))
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from decoder.outputs.csv_output import utc_text
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.formats import Decoded
 from decoder.panel.errors import OutputError
 from decoder.parallel.flights import FleetFlight
@@ -108,8 +108,8 @@ def decoded_outcome(flight: FleetFlight, decoded: Decoded, outputs: list[str]) -
         status=State.DECODED,
         recording=provenance.recording,
         frames=len(data.frame),
-        start_utc=utc_text(int(data.time_ns[0])),
-        end_utc=utc_text(int(data.time_ns[-1])),
+        start_utc=moment_text(data, int(data.time_ns[0])),
+        end_utc=moment_text(data, int(data.time_ns[-1])),
         **totals,
         missing_frames=len(data.missing_frames),
         losses=JOINED.join(provenance.losses),

@@ -22,7 +22,7 @@ from decoder.parallel.store import is_url, join, leaf, normal, parent, working_f
 from decoder.parallel.stores import store_of
 from flight_file.untrusted import read_named_in
 
-LIBRARIES = ("numpy", "opencv-python-headless", "simplejpeg")
+LIBRARIES = ("numpy", "opencv-python-headless", "simplejpeg", "av")
 LIBRARIES_OF_FORMATS = {
     "mcap": ("mcap", "mcap-protobuf-support", "protobuf", "foxglove-schemas-protobuf", "zstandard"),
     "html": ("jinja2", "pillow"),

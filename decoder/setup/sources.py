@@ -9,6 +9,7 @@ import re
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -17,10 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.pictures import ColourPicture, GreyPicture, decompressed, grey_picture
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.panel.errors import PictureError
 from decoder.setup.thresholds import KEPT_BYTES
-from flight_file.reader import Flight, count_images, open_flight, sampled, spread
-from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.documents import is_heif
+from flight_file.errors import FlightFileError
+from flight_file.reader import Flight, open_flight, spread
+from flight_file.scan import is_video
+from flight_file.segment import opened
+from flight_file.thresholds import BLOCK_BYTES, MAX_READ_BYTES
 from flight_file.untrusted import read_regular
 
 SAMPLE_FRAMES = 20
@@ -65,20 +71,17 @@ class FlightSource:
     def __init__(self, flight: Flight) -> None:
         self.flight = flight
         self.name = flight.recording
-        self._counts = [count_images(segment) for segment in flight.segments]
-        self.count = sum(counts.total for counts in self._counts)
+        self.count = flight.count()
+        self._video = GroupDecoder()
         self.sample = tuple(sorted(spread(self.count, SAMPLE_FRAMES)))
         self._focal_lengths_mm: dict[int, float | None] = {}
 
     def encoded(self, index: int) -> bytes:
-        """One frame's JPEG."""
-        first = 0
-        for segment, counts in zip(self.flight.segments, self._counts, strict=True):
-            if first <= index < first + counts.total:
-                for frame in sampled(segment, counts, {index - first}):
-                    self._focal_lengths_mm[index] = frame.exif.lens_mm
-                    return frame.jpeg
-            first += counts.total
+        """One frame's picture as it was recorded; of a video, as a JPEG."""
+        for frame in self.flight.shown(range(index, index + 1)):
+            self._focal_lengths_mm[index] = frame.exif.lens_mm
+            encoded = encoded_of(frame)
+            return encoded if isinstance(encoded, bytes) else self._video.jpeg(encoded)
         raise PictureError(f"frame {index} cannot be read; choose another")
 
     def focal_length_mm(self, index: int) -> float | None:
@@ -101,6 +104,8 @@ class SinglePicture:
         try:
             grey_picture(self._encoded)
         except PictureError as error:
+            if is_heif(self._encoded):
+                raise PictureError(f"{path}: {error}") from error
             raise PictureError(f"{path}: neither a flight file nor a picture; name a flight or a JPEG") from error
 
     def encoded(self, index: int) -> bytes:
@@ -124,12 +129,19 @@ def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:
     FlightFileError
         If it is a flight file that cannot be read.
     """
-    if len(paths) == 1 and not paths[0].name.endswith(FLIGHT_ENDINGS):
+    if len(paths) == 1 and not paths[0].name.endswith(FLIGHT_ENDINGS) and not _is_video(paths[0]):
         return SinglePicture(paths[0])
     source = FlightSource(open_flight(paths))
     if not source.count:
         raise PictureError(f"{paths[0]}: holds no pictures to draw a panel on")
     return source
+
+
+def _is_video(path: Path) -> bool:
+    """Whether it is a video file, which opened as a flight says what to do first; not so if it cannot be read."""
+    with suppress(FlightFileError), opened(path) as source:
+        return is_video(source.read_at(0, BLOCK_BYTES))
+    return False
 
 
 class PictureStore:

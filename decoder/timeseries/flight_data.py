@@ -22,6 +22,7 @@ from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
 from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, in_turn, shortest
 from decoder.timeseries.flight_part import FlightPart
+from flight_file.session import UNKNOWN
 
 Kind = tuple[tuple[str, ...], Lens | None]
 _ELEMENTS = 9
@@ -165,6 +166,8 @@ class FlightData:
         By gauge what is to be said of how it is drawn and read, see `decoder.timeseries.health`; nothing if it is well.
     part
         Which frames of the flight these are; None if they are all.
+    time_of_day
+        Which clock says when frames were taken, as the flight's session has it.
     """
 
     frame: NDArray[np.int64]
@@ -177,6 +180,12 @@ class FlightData:
     warnings: tuple[str, ...] = ()
     health: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     part: FlightPart | None = None
+    time_of_day: str = ""
+
+    @property
+    def knows_time_of_day(self) -> bool:
+        """Whether times are moments, not only differences."""
+        return self.time_of_day != UNKNOWN
 
     @property
     def time_s(self) -> Floats:

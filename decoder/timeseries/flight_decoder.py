@@ -57,7 +57,7 @@ def decode_flight(
     reasons: Counter[str] = Counter()
     frames = 0
     height, width = reader.source.picture.shape
-    frames_of_part = progress(flight.frames(None if part is None else part.ranks))
+    frames_of_part = progress(flight.shown(None if part is None else part.ranks))
     cut = batches(frames_of_part, batch_frames((width, height)), sample.given_up)
     for batch, outcomes in read(fitted.reader, cut):
         for frame, outcome in zip(batch, outcomes, strict=True):
@@ -68,7 +68,11 @@ def decode_flight(
     if sum(reasons.values()) == frames:
         raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
     built = replace(
-        builder.build(fitted.sigma_deg), moved_pivots_px=fitted.moved_px, warnings=reader.warnings, part=part
+        builder.build(fitted.sigma_deg),
+        moved_pivots_px=fitted.moved_px,
+        warnings=reader.warnings,
+        part=part,
+        time_of_day=flight.session.time_of_day,
     )
     data = fill_gaps(built)
     return replace(data, health=gauge_health(data, fitted.findings))

@@ -85,14 +85,22 @@ class FlightTable:
 
     @property
     def time_ns(self) -> NDArray[np.int64]:
-        """(N,): mid-exposure, realtime.
+        """(N,): mid-exposure, realtime; counted from the flight's first frame where nobody knows the time of day.
 
         Raises
         ------
         TableError
             If a time cannot be read.
         """
-        return times_ns(self.table, "time_utc")
+        if self.knows_time_of_day:
+            return times_ns(self.table, "time_utc")
+        times: NDArray[np.int64] = np.rint(np.nan_to_num(self.table.numbers("time_s")) * 1e9).astype(np.int64)
+        return times
+
+    @property
+    def knows_time_of_day(self) -> bool:
+        """Whether times are moments; otherwise they count from the flight's first frame."""
+        return any(self.table.columns.get("time_utc", ("",))) or "time_s" not in self.table.columns
 
     @property
     def began_ns(self) -> int:

@@ -33,7 +33,7 @@ def test_thesis_way_reads_the_animation(correlate: Correlate, frames: int) -> No
     }
 
     for frame, row in list(zip(flight.frames(), truth, strict=True))[:frames]:
-        for name, value in way.read(frame.jpeg).items():
+        for name, value in way.read(frame.encoded).items():
             assert value == pytest.approx(float(row[name]), abs=1.5 * widest[name]), name
 
 
@@ -53,5 +53,5 @@ def test_repeated_flight_goes_on_with_the_same_pictures() -> None:
     frames = list(Repeated(open_flight([A1]), 45).frames())
 
     assert [frame.sequence for frame in frames] == list(range(45))
-    assert frames[41].jpeg == frames[1].jpeg
+    assert frames[41].encoded == frames[1].encoded
     assert frames[41].captured_ns - frames[1].captured_ns == 10_000_000_000

@@ -38,5 +38,5 @@ def folder(tmp_path: Path, make_jpeg: MakeJpeg) -> Path:
         tags = {0x9003: f"2018:05:04 12:00:0{second}", 0x9291: "50", 0x920A: 4.45}
         (pictures / name).write_bytes(make_jpeg(tags, shade=second))
     (pictures / "notes.txt").write_text("not a picture")
-    (pictures / "a3.png").write_bytes(b"neither")
+    (pictures / "a3.gif").write_bytes(b"neither")
     return pictures

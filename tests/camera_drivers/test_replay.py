@@ -59,9 +59,11 @@ def test_pictures_come_in_the_order_of_their_names(folder: Path, clock: Simulate
     """Every name of a JPEG counts, other files are counted, the bytes are the file's, and EXIF says when it was."""
     frames = play([folder], clock)
 
-    assert [frame.jpeg for frame in frames] == [(folder / name).read_bytes() for name in ("a1.jpg", "a2.JPG", "b.jpeg")]
+    assert [frame.encoded for frame in frames] == [
+        (folder / name).read_bytes() for name in ("a1.jpg", "a2.JPG", "b.jpeg")
+    ]
     assert [frame.sequence for frame in frames] == [0, 1, 2]
-    assert all(frame.sha256 == hashlib.sha256(frame.jpeg).hexdigest() for frame in frames)
+    assert all(frame.sha256 == hashlib.sha256(frame.encoded).hexdigest() for frame in frames)
     assert (frames[0].width_px, frames[0].height_px, frames[0].exif.focal_length_mm) == (64, 48, 4.45)
     assert "2 other files" in open_source([folder], rate_hz=None, clock=clock).identity.note
     assert [frame.captured_ns - NOON_NS for frame in frames] == [0, 10**9, 2 * 10**9]
@@ -103,7 +105,7 @@ def test_damaged_picture_is_passed_on_and_a_vanished_one_is_one_sentence(folder:
         (folder / "a2.JPG").unlink()
         frame = camera.next_frame(stop)
         assert frame is not None
-        assert (frame.jpeg, frame.width_px, frame.height_px, frame.exif) == (b"no picture", None, None, Exif())
+        assert (frame.encoded, frame.width_px, frame.height_px, frame.exif) == (b"no picture", None, None, Exif())
         with pytest.raises(ReplayError, match=r"a2\.JPG: .*cannot be read"):
             camera.next_frame(stop)
         stop.set()
@@ -135,7 +137,7 @@ def test_what_cannot_be_replayed_is_one_sentence(tmp_path: Path, folder: Path, c
     without_frames = write_flight(flights, [])
     cases: list[tuple[list[Path], float | None, str]] = [
         ([tmp_path / "nothing"], None, "no such file"),
-        ([empty], None, "there is no JPEG in it"),
+        ([empty], None, "there is no picture in it"),
         (without_frames, None, "no picture in it is whole"),
         ([folder, *without_frames], None, "a folder is replayed alone"),
         (without_frames, 4.0, "leave rate_hz out"),

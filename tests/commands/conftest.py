@@ -111,7 +111,7 @@ def decoded_a2(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Decoded:
 @pytest.fixture(scope="session")
 def pictures() -> list[bytes]:
     """The JPEGs of a committed flight."""
-    return [frame.jpeg for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).frames()]
+    return [frame.encoded for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).frames()]
 
 
 @pytest.fixture

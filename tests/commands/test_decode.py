@@ -135,7 +135,7 @@ def test_flight_for_viewers(run: Run, decode: Decode, tmp_path: Path) -> None:
     assert str(one.folder / "thesis_a1.layout.json") in one.done.stdout
     assert files.keys() == {"thesis_a1.json", "thesis_a1.layout.json", "thesis_a1.mcap"}
     assert contents(other.folder) == files
-    assert len(files["thesis_a1.mcap"]) > 0.9 * sum(len(frame.jpeg) for frame in open_flight([A1]).frames())
+    assert len(files["thesis_a1.mcap"]) > 0.9 * sum(len(frame.encoded) for frame in open_flight([A1]).frames())
     assert alone.returncode == 2
     assert "--with-images needs --format mcap" in alone.stderr
     assert not (tmp_path / "none").exists()

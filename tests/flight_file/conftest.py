@@ -35,7 +35,7 @@ def make_frame() -> MakeFrame:
         return Frame(
             sequence=sequence,
             captured_ns=reading.realtime_ns,
-            jpeg=jpeg,
+            encoded=jpeg,
             sha256=hashlib.sha256(jpeg).hexdigest(),
             times=HostTimes(reading, reading, reading),
             exif=Exif(4.45, 0.01, 3.3, 100, "2018-05-04T12:00:00"),

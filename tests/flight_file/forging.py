@@ -92,7 +92,7 @@ class Taken:
         document = json.loads(opened_frame(record.data)[0] + b"}")
         document |= {"sha256": hashlib.sha256(jpeg).hexdigest(), "size_bytes": len(jpeg)}
         record.data = json.dumps(document, separators=(",", ":")).encode()
-        frame = replace(decode_frame(memoryview(record.data)), jpeg=jpeg)
+        frame = replace(decode_frame(memoryview(record.data)), encoded=jpeg)
         picture.data = encode_image(frame)
 
     def chain_anew(self) -> None:

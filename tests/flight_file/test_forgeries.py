@@ -23,7 +23,7 @@ from mcap.records import Metadata
 from mcap.writer import Writer
 
 from flight_file.frame import CameraStatus, ClockReading, Frame
-from flight_file.messages import IMAGE_TOPIC, LOG_TOPIC
+from flight_file.messages import IMAGE_TOPIC, LOG_TOPIC, TOPICS
 from flight_file.salvage import recover_segment
 from flight_file.scan import scan_file
 from flight_file.segment import open_segment, opened
@@ -88,7 +88,7 @@ def evidence(tmp_path: Path, make_frame: MakeFrame, write_flight: WriteFlight) -
     frames = [make_frame(sequence) for sequence in range(9)]
     attachments = {"panel.yaml": b"name: F-16\n"}
     paths = write_flight(folder, frames, recording=OLD, attachments=attachments, frames_per_segment=3, signer=signer)
-    return Evidence(paths, signer, tmp_path / "box.key.pub", make_frame(99).jpeg)
+    return Evidence(paths, signer, tmp_path / "box.key.pub", make_frame(99).encoded)
 
 
 def forged_picture(evidence: Evidence, *, finished: bool, keep: tuple[str, ...] = ()) -> None:
@@ -206,7 +206,7 @@ def second_session(taken: Taken) -> None:
 def second_channel(writer: Writer, _taken: Taken) -> None:
     """Another channel with the log's topic, and a line in it."""
     writer.register_channel(LOG_TOPIC, "protobuf", 5)
-    writer.add_message(6, 2**61, b"", 2**61)
+    writer.add_message(len(TOPICS), 2**61, b"", 2**61)
     writer.flush()  # type: ignore[no-untyped-call]
 
 
@@ -416,7 +416,7 @@ def small(tmp_path: Path, make_frame: MakeFrame) -> tuple[Path, bytes, list[rang
     writer.finish("stopped", dropped=0, at=at)
     data = path.read_bytes()
     heads = [data.index(b'{"sequence":%d,' % number) - MESSAGE_HEAD_BYTES for number in range(FRAMES)]
-    ends = [data.index(make_frame(number, 30).jpeg) + 30 for number in range(FRAMES)]
+    ends = [data.index(make_frame(number, 30).encoded) + 30 for number in range(FRAMES)]
     return path, data, [range(head, end) for head, end in zip(heads, ends, strict=True)]
 
 

@@ -105,7 +105,7 @@ def test_sample_is_spread_from_the_first_frame_to_the_last(
 
 def test_sample_leaves_out_a_damaged_frame(flight: Path, frames: list[Frame]) -> None:
     """A chosen frame whose chunk is damaged is missing from the sample, and nothing is raised."""
-    flip(flight, frames[2].jpeg)
+    flip(flight, frames[2].encoded)
 
     assert [frame.sequence for frame in open_flight([flight]).sample_frames(6)] == [0, 1, 3, 4, 5]
 

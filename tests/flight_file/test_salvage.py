@@ -114,7 +114,7 @@ def test_damage_anywhere_never_gives_a_wrong_byte(
 
 def test_damaged_chunk_inside_costs_its_frame_and_is_declared(flight: Path, frames: list[Frame]) -> None:
     """The frames behind it are recovered, and the end record says before which of them something is missing."""
-    flip(flight, frames[2].jpeg)
+    flip(flight, frames[2].encoded)
     cut = flight.read_bytes()[: chunks(flight)[-1].offset + 50]
     recovery, found, end = recovered(as_left_behind(flight, cut))
 
@@ -180,7 +180,7 @@ def test_damaged_finished_file_is_kept_beside_the_new_one(
     """It is evidence, also if it came out of a recovery: it is never changed. Again, no second copy is made."""
     assert recover_segment(flight, at=AT).outcome is Outcome.NOTHING_TO_DO
     bad = flight.rename(flight.with_name(name))
-    flip(bad, frames[4].jpeg)
+    flip(bad, frames[4].encoded)
     data = bad.read_bytes()
     again = [recover_segment(bad, at=AT) for _ in range(2)]
 
@@ -196,7 +196,7 @@ def test_frame_that_does_not_fit_its_digest_is_left_out(flight: Path, frames: li
     data = bytearray(flight.read_bytes())
     place = chunks(flight)[3]
     head = place.offset + 9
-    data[data.index(frames[2].jpeg)] ^= 1
+    data[data.index(frames[2].encoded)] ^= 1
     records = bytes(data[head + 40 : place.offset + place.length])
     data[head + 24 : head + 28] = zlib.crc32(records).to_bytes(4, "little")
     flight.write_bytes(data)
@@ -318,7 +318,7 @@ def test_damaged_signed_file_is_signed_again_as_far_as_it_is_proven(
 ) -> None:
     """Behind the damage no checkpoint fits any more: what is whole there is set apart."""
     as_left_behind(final, b"")
-    final.write_bytes(bytes([*signed[: (at := signed.index(frames[3].jpeg))], signed[at] ^ 1, *signed[at + 1 :]]))
+    final.write_bytes(bytes([*signed[: (at := signed.index(frames[3].encoded))], signed[at] ^ 1, *signed[at + 1 :]]))
     recovery = recover_segment(final, at=AT, signer=signer)
     assert recovery.unproven is not None
 

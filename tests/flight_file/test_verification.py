@@ -67,7 +67,7 @@ def other_byte(taken: Taken, frames: list[Frame]) -> None:
     """One byte of a JPEG, every CRC in order."""
     _, _, picture = taken.frame(3)
     data = bytearray(picture.data)
-    data[data.index(frames[3].jpeg) + 100] ^= 1
+    data[data.index(frames[3].encoded) + 100] ^= 1
     picture.data = bytes(data)
 
 
@@ -104,7 +104,7 @@ def record(**members: Any) -> Callable[[Taken, object], None]:  # noqa: ANN401 -
 CHANGES: dict[str, tuple[Callable[[Taken, list[Frame]], object], FindingKind, int | None, str]] = {
     "a byte of a picture": (other_byte, FindingKind.CHANGED_PICTURE, 3, ""),
     "a picture with its digest": (
-        lambda taken, frames: taken.exchange_picture(3, frames[0].jpeg),
+        lambda taken, frames: taken.exchange_picture(3, frames[0].encoded),
         FindingKind.CHANGED_RECORD,
         3,
         "",
@@ -259,7 +259,7 @@ def test_cut_file_fits_as_far_as_it_goes(flight: Path) -> None:
 
 def test_hole_that_a_recovery_declares_is_a_loss(flight: Path, frames: list[Frame]) -> None:
     """What a recovery found damaged is a loss where it says so; a frame removed elsewhere is still found."""
-    flip(flight, frames[2].jpeg)
+    flip(flight, frames[2].encoded)
     recovered = recover_segment(flight, at=AT).path
     damaged, check = fault(flight), checked(recovered)
     forge(recovered, lambda taken: taken.remove(4))

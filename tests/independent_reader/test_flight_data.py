@@ -66,5 +66,5 @@ def test_every_picture_has_its_annotations(seen: dict[str, Any]) -> None:
         assert annotation["timestamp"] == image["timestamp"]
         assert (len(annotation["points"]), len(annotation["texts"]), len(annotation["circles"])) == (7, 7, 6)
         assert {line["type"] for line in annotation["points"]} == {"LINE_STRIP"}
-    jpegs = [frame.jpeg for frame in open_flight([A1]).frames()]
+    jpegs = [frame.encoded for frame in open_flight([A1]).frames()]
     assert [base64.b64decode(image["data"]) for image in images] == jpegs

@@ -56,7 +56,7 @@ def test_picture_is_ours_in_the_fields_that_foxglove_publishes(seen: dict[str, A
         for names in (seen["expectedImageFields"], seen["firstImage"]["fields"])
     )
 
-    assert seen["picture"] == next(iter(open_flight([A1]).frames())).jpeg
+    assert seen["picture"] == next(iter(open_flight([A1]).frames())).encoded
     assert seen["firstImage"]["format"] == "jpeg"
     assert fields == published
 

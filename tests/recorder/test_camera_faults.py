@@ -23,7 +23,7 @@ def test_camera_is_connected_again_for_ever(start_daemon: StartDaemon) -> None:
     daemon.finish()
 
     assert daemon.camera.connections == 4
-    assert [frame.jpeg for frame in daemon.frames()] == [b"one", b"two"]
+    assert [frame.encoded for frame in daemon.frames()] == [b"one", b"two"]
     assert [(entry["state"], entry["reason"]) for entry in daemon.messages("/camera/status")] == [
         ("connecting", "puppet"),
         ("capturing", "puppet"),

@@ -62,7 +62,7 @@ def test_recorded_flight_fits_and_says_who_signed(flight: list[Path], key: Path)
 
 def test_changed_picture_is_named(flight: list[Path]) -> None:
     """Exit code 1, and which frame of which file does not fit first."""
-    jpeg = list(open_flight([flight[1]]).frames())[2].jpeg
+    jpeg = list(open_flight([flight[1]]).frames())[2].encoded
     data = bytearray(flight[1].read_bytes())
     data[data.index(jpeg) + 200] ^= 1
     flight[1].write_bytes(data)

@@ -52,7 +52,7 @@ def test_jump_by_years_is_recorded_and_breaks_nothing(start_daemon: StartDaemon,
     jumps = [entry for entry in daemon.messages("/camera/status") if "wall clock was set" in entry["reason"]]
     offsets = {entry["clock_offset"]["sec"] for entry in daemon.messages("/recorder/health")}
 
-    assert [frame.jpeg for frame in daemon.frames()] == [b"1", b"2", b"3", b"4", b"5", b"6", b"7"]
+    assert [frame.encoded for frame in daemon.frames()] == [b"1", b"2", b"3", b"4", b"5", b"6", b"7"]
     assert len(outcome.paths) > 2
     assert list(outcome.paths) == sorted(outcome.paths)
     assert log_times == sorted(log_times)

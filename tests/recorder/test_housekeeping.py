@@ -258,8 +258,8 @@ def test_segment_of_yesterday_is_finished(start_daemon: StartDaemon) -> None:
     outcome = daemon.finish()
 
     assert not part.exists()
-    assert [frame.jpeg for frame in open_flight([part.with_suffix("")]).frames()] == given
-    assert [frame.jpeg for frame in open_flight(outcome.paths).frames()] == [b"new"]
+    assert [frame.encoded for frame in open_flight([part.with_suffix("")]).frames()] == given
+    assert [frame.encoded for frame in open_flight(outcome.paths).frames()] == [b"new"]
 
 
 def test_segment_that_had_only_been_begun_is_removed(start_daemon: StartDaemon) -> None:

@@ -45,7 +45,7 @@ def test_replayed_folder_is_a_flight(configure: Configure, pictures: Path) -> No
         ("finished", "no more pictures"),
     ]
     assert (outcome.stored, outcome.dropped, outcome.reason) == (40, 0, "no more pictures")
-    assert [frame.jpeg for frame in frames] == [path.read_bytes() for path in sorted(pictures.iterdir())]
+    assert [frame.encoded for frame in frames] == [path.read_bytes() for path in sorted(pictures.iterdir())]
     assert [frame.captured_ns for frame in frames] == [NOON_NS + index * 250_000_000 for index in range(40)]
     assert frames[3].exif.focal_length_mm == pytest.approx(7.45)
     assert flight.losses == []

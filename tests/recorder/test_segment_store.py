@@ -158,7 +158,7 @@ def assert_all_accounted_for(daemon: Daemon, given: list[bytes], *, dropped: int
     sequences = [frame.sequence for frame in frames]
 
     assert sequences == sorted(set(sequences))
-    assert [frame.jpeg for frame in frames] == [given[sequence] for sequence in sequences]
+    assert [frame.encoded for frame in frames] == [given[sequence] for sequence in sequences]
     assert len(given) - len(frames) == dropped
 
 

@@ -40,7 +40,7 @@ def source() -> PanelPictures:
 
 @cache
 def _jpeg() -> bytes:
-    return next(open_flight([A1]).frames()).jpeg
+    return next(open_flight([A1]).frames()).encoded
 
 
 def curve(place: int, rows: int, low: float, high: float) -> np.ndarray[Any, np.dtype[np.float64]]:

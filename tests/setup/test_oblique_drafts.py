@@ -46,7 +46,7 @@ def test_squared_up_angles_stay_when_a_panel_is_carried_over(written: Draft) -> 
     camera = camera_from_file(FOLDER / "camera.yaml")
     reader = reader_from_panel(PanelPictures(panel.panel, panel.pictures, "", camera), Method.NORMXCORR)
     frame = list(open_flight([FLIGHT]).frames())[5]
-    target = FramePicture(grey_picture(frame.jpeg), frame.exif.focal_length_mm)
+    target = FramePicture(grey_picture(frame.encoded), frame.exif.focal_length_mm)
     done = pasted(written, reader.aligner, target, {}, camera)
 
     assert abs(done.roll_deg) > 3.0

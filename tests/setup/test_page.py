@@ -227,7 +227,7 @@ def test_panel_is_pasted_onto_another_flight(start: Start, open_page: OpenPage, 
     assert [gauge["name"] for gauge in saved["gauges"]] == [gauge["name"] for gauge in written["gauges"]]
     assert saved["gauges"][0]["centre"] == pytest.approx(written["gauges"][0]["centre"], abs=1.0)
     frame = list(running.session.source.flight.frames())[3]
-    assert (running.session.target.parent / saved["picture"]).read_bytes() == frame.jpeg
+    assert (running.session.target.parent / saved["picture"]).read_bytes() == frame.encoded
 
 
 def test_needle_is_proposed_and_accepted(start: Start, open_page: OpenPage) -> None:

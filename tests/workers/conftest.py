@@ -31,7 +31,7 @@ def fitted() -> Fitted:
     panel = panel_from_attachments(flight.attachments, flight=A1.name)
 
     def sample(frames: int) -> list[FramePicture]:
-        return [FramePicture(grey_picture(frame.jpeg)) for frame in flight.sample_frames(frames)]
+        return [FramePicture(grey_picture(frame.encoded)) for frame in flight.sample_frames(frames)]
 
     reader = fit_to_flight(reader_from_panel(panel, Method.NORMXCORR), sample).reader
     return Fitted(reader, tuple(batches(flight.frames(), 4)))

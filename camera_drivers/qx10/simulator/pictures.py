@@ -50,7 +50,7 @@ def open_pictures(path: Path | None) -> Source:
         if not files:
             raise NoPicturesError(f"{path}: there is no JPEG in it; give another folder, or a flight file.")
         return lambda number: files[number % len(files)].read_bytes()
-    frames = [frame.jpeg for frame in open_flight([path]).frames()]  # a fixture's; small enough to be kept
+    frames = [frame.encoded for frame in open_flight([path]).frames()]  # a fixture's; small enough to be kept
     if not frames:
         raise NoPicturesError(f"{path}: there is no picture in it; give another flight file, or a folder.")
     return lambda number: frames[number % len(frames)]

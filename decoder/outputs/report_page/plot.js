@@ -136,7 +136,7 @@ export class TimePlot {
       width, height: this.host.clientHeight || 150, margin: { l: 58, r: 14, t: 6, b: 22 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "x", hoverdistance: -1, dragmode: "zoom",
       font: { family: "system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif" },
-      xaxis: { ...grid, fixedrange: false, type: "date", range: view.map(this.date), anchor: this.track.status ? "y2" : "y", ticks: "outside", ticklen: 3, tickcolor: colours.line, nticks: 9 },
+      xaxis: { ...grid, fixedrange: false, type: "date", range: view.map(this.date), anchor: this.track.status ? "y2" : "y", ticks: "outside", ticklen: 3, tickcolor: colours.line, nticks: 9, ...(flight.start_utc ? {} : { tickformat: "%H:%M:%S.%1f" }) },
       yaxis: { ...grid, domain: [this.track.status ? 0.13 : 0, 1], range: this.extent(), nticks: 5, tickformat: "~r", exponentformat: "none", separatethousands: true },
       ...(this.track.status ? { yaxis2: { domain: [0, 0.06], range: [0, 1], visible: false, fixedrange: true } } : {}),
       shapes: chosen.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: colours.accent, width: 1.5 } })),

@@ -14,6 +14,7 @@ export function spreadText(needle, row) {
 }
 
 export function utcText(flight, row) {
+  if (!flight.start_utc) return "time of day unknown";
   const text = new Date(flight.start_ms + flight.time_ms[row]).toISOString();
   return `${text.slice(0, 10)} ${text.slice(11, 23)} UTC`;
 }

@@ -88,7 +88,7 @@ def test_frames_are_the_pictures_of_the_stream(make_bench: MakeBench) -> None:
     """Each in order, without the junk after its end, with times that never run back."""
     frames = make_bench(mode="liveview").take(5)
 
-    assert [frame.jpeg for frame in frames] == [drawn_picture(number) for number in range(5)]
+    assert [frame.encoded for frame in frames] == [drawn_picture(number) for number in range(5)]
     assert [frame.sequence for frame in frames] == list(range(5))
     captured = [frame.captured_ns for frame in frames]
     assert captured == sorted(captured)

@@ -82,7 +82,7 @@ def test_frame_is_the_picture_byte_for_byte(make_bench: MakeBench) -> None:
 
     assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
     for frame in frames:
-        assert hashlib.sha256(frame.jpeg).hexdigest() == frame.sha256
+        assert hashlib.sha256(frame.encoded).hexdigest() == frame.sha256
         assert (frame.width_px, frame.height_px, frame.zoom_position) == (640, 480, 0.0)
         assert (frame.exif.focal_length_mm, frame.exif.iso) == (4.45, 200)
         times = frame.times

@@ -37,7 +37,7 @@ def flight() -> Flight:
 @pytest.fixture(scope="module")
 def pictures(flight: Flight) -> list[GreyPicture]:
     """Its frames."""
-    return [grey_picture(frame.jpeg) for frame in flight.frames()]
+    return [grey_picture(frame.encoded) for frame in flight.frames()]
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,8 @@ def test_lost_and_damaged_frames_leave_their_batch_alone(
     (batch,) = batches(flight.frames(), 30)
     black = encoded(np.zeros_like(pictures[1]))
     outcomes = read_batch(
-        reader, (*batch[:3], replace(batch[3], jpeg=black), replace(batch[4], jpeg=batch[4].jpeg[:1000]), *batch[5:])
+        reader,
+        (*batch[:3], replace(batch[3], encoded=black), replace(batch[4], encoded=batch[4].encoded[:1000]), *batch[5:]),
     )
 
     assert isinstance(outcomes[3], Unread)
@@ -204,7 +205,7 @@ def test_first_rows_alone_give_the_same_bits(
     assert enough is not None
     assert enough < reader.source.picture.shape[0]
     block = PictureBlock()
-    tops = [block.frame(frame.jpeg, slot, None, rows or enough) for slot, frame in enumerate(flight.frames())]
+    tops = [block.frame(frame.encoded, slot, None, rows or enough) for slot, frame in enumerate(flight.frames())]
 
     assert rows or all(isinstance(top, TopOfFrame) and len(top.pixels) == enough for top in tops)
     assert [as_text(read) for read in reader.read(tops)] == together
@@ -213,7 +214,7 @@ def test_first_rows_alone_give_the_same_bits(
 def test_first_rows_are_those_of_the_picture(flight: Flight, pictures: list[GreyPicture]) -> None:
     """Bit for bit; more rows than there are, or a progressive JPEG, give the whole picture."""
     block = PictureBlock()
-    jpeg = next(iter(flight.frames())).jpeg
+    jpeg = next(iter(flight.frames())).encoded
 
     for rows in (16, 400, 401):
         assert np.array_equal(block.frame(jpeg, 0, None, rows).pixels, pictures[0][:rows])

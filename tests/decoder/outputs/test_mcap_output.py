@@ -62,7 +62,7 @@ def frame(sequence: int, focal_length_mm: float | None = None) -> Frame:
     return Frame(
         sequence=sequence,
         captured_ns=START_NS + sequence * 500_000_000,
-        jpeg=b"jpeg %d" % sequence,
+        encoded=b"jpeg %d" % sequence,
         sha256="",
         times=HostTimes(clock, clock, clock),
         exif=Exif(focal_length_mm=focal_length_mm),

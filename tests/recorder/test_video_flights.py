@@ -1,0 +1,175 @@
+"""Flights made of video files, by the commands: made, described, checked, taken apart and repaired like any other."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+from mcap.reader import make_reader
+
+from flight_file.reader import open_flight
+from flight_file.salvage import recover_segment
+from recorder.command_replay import replay_into
+from recorder.config import AttachSettings
+from recorder.host import SimulatedClock, fixed_host
+from recorder.supervision import Stop
+from tests.programs import ran
+from tests.recorder.helpers import recorder
+from tests.videos import STEADY, TICKS_PER_S, decoded, film, luma
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    """A film with B-frames."""
+    return film(tmp_path / "cockpit.mp4", b_frames=2, metadata={"creation_time": "2026-05-04T11:30:00Z"})
+
+
+@pytest.fixture
+def flight(tmp_path: Path, video: Path) -> Path:
+    """The flight that is made of it."""
+    made = recorder("replay", video, "-o", tmp_path / "flight.mcap")
+    assert made.returncode == 0, made.stderr
+    return tmp_path / "flight.mcap"
+
+
+def test_what_a_video_says_of_itself_is_said_when_it_becomes_a_flight(tmp_path: Path, video: Path) -> None:
+    """Its clocks, its oddities, and that nobody knows the time of day."""
+    made = recorder("replay", video, "-o", tmp_path / "flight.mcap")
+
+    assert "40 pictures" in made.stdout
+    assert "creation time: 2026-05-04T11:30:00" in made.stdout
+    assert "B-frames: stored in decoding order, which Foxglove does not play" in made.stdout
+    assert "time of day unknown" in made.stdout
+
+
+def test_the_same_video_gives_the_same_bytes(tmp_path: Path, video: Path) -> None:
+    """Nothing of the moment gets into the flight."""
+    made = []
+    for name in ("one", "two"):
+        target = tmp_path / name / "flight.mcap"
+        host = fixed_host(SimulatedClock(0))
+        replay_into(target, [video], attach=AttachSettings(), host=host, stop=Stop())
+        made.append(target.read_bytes())
+
+    assert made[0] == made[1]
+
+
+def test_strangers_find_foxglove_messages(flight: Path) -> None:
+    """On /camera/video, each an access unit at its own time."""
+    with flight.open("rb") as stream:
+        read = make_reader(stream).iter_messages(topics=["/camera/video"])
+        messages = [(schema.name, CompressedVideo.FromString(message.data)) for schema, _, message in read if schema]
+
+    assert {name for name, _ in messages} == {"foxglove.CompressedVideo"}
+    assert {message.format for _, message in messages} == {"h264"}
+    decoder = av.CodecContext.create("h264", "r")
+    pictures = [each for _, message in messages for each in decoder.decode(av.Packet(message.data))]
+    assert len([*pictures, *decoder.decode(None)]) == len(STEADY)
+
+
+def test_info_lists_the_original_with_its_digest_and_clocks(video: Path, flight: Path) -> None:
+    """And says that no clock is believed, in words and for scripts."""
+    facts = json.loads(recorder("info", "--json", flight).stdout)
+    page = recorder("info", flight).stdout
+
+    assert (facts["frames"], facts["formats"], facts["time_of_day"]) == (40, ["h264"], "unknown")
+    assert (facts["start_utc"], facts["end_utc"]) == (None, None)
+    assert facts["duration_s"] == pytest.approx((STEADY[-1] - STEADY[0]) / TICKS_PER_S)
+    (original,) = facts["originals"]
+    assert original["sha256"] == hashlib.sha256(video.read_bytes()).hexdigest()
+    assert original["facts"]["creation time"].startswith("2026-05-04T11:30:00")
+    assert "time of day unknown" in page
+    assert f"made of:     cockpit.mp4, {video.stat().st_size} bytes" in page
+
+
+def test_verify_finds_a_changed_packet(flight: Path) -> None:
+    """The chain covers a video's pictures as it covers photographs."""
+    assert recorder("verify", flight).returncode == 0
+    data = bytearray(flight.read_bytes())
+    packet = list(open_flight([flight]).frames())[7].encoded
+    data[data.index(packet) + len(packet) // 2] ^= 1
+    flight.write_bytes(data)
+
+    assert recorder("verify", flight).returncode != 0
+
+
+def test_extract_gives_a_stream_that_plays(tmp_path: Path, video: Path, flight: Path) -> None:
+    """One file with all packets; a second time it is not written over."""
+    done = recorder("extract", flight, "-o", tmp_path / "out")
+    (stream,) = (tmp_path / "out").iterdir()
+    with av.open(str(stream)) as container:
+        pictures = [luma(frame) for frame in container.decode(video=0)]
+
+    assert done.returncode == 0
+    assert "40 pictures" in done.stdout
+    assert stream.name == "flight.h264"
+    assert np.array_equal(pictures, decoded(video))
+    assert recorder("extract", flight, "-o", tmp_path / "out").returncode == 1
+
+
+def test_recover_keeps_the_packets_that_are_whole(tmp_path: Path) -> None:
+    """Of a flight that was cut off, with the originals' names and the unknown time of day."""
+    flight = tmp_path / "flight.mcap"
+    recorder("replay", film(tmp_path / "cockpit.mp4", b_frames=2, noise=100), "-o", flight)
+    frames = list(open_flight([flight]).frames())
+    data = flight.read_bytes()
+    part = flight.with_name("flight.mcap.part")
+    part.write_bytes(data[: data.index(frames[30].encoded)])
+    flight.unlink()
+    recovery = recover_segment(part, at=SimulatedClock(0).read())
+    again = open_flight([recovery.path])
+    kept = list(again.frames())
+
+    assert 0 < len(kept) <= 30
+    assert kept == frames[: len(kept)]
+    assert not again.session.knows_time_of_day
+    assert [original.name for original in again.session.originals] == ["cockpit.mp4"]
+
+
+def test_a_flight_of_a_video_can_be_replayed_with_a_panel(tmp_path: Path, flight: Path) -> None:
+    """Frames, originals and what is known of the time go along."""
+    done = recorder("replay", flight, "-o", tmp_path / "again.mcap")
+    again, first = open_flight([tmp_path / "again.mcap"]), open_flight([flight])
+
+    assert done.returncode == 0
+    assert list(again.frames()) == list(first.frames())
+    assert again.session.originals == first.session.originals
+    assert not again.session.knows_time_of_day
+
+
+def test_a_broken_copy_is_done_with_loss(tmp_path: Path) -> None:
+    """What is whole is stored, what is missing is counted."""
+    path = film(tmp_path / "a.mp4", muxing={"movflags": "faststart"})
+    path.write_bytes(path.read_bytes()[:-2000])
+    done = recorder("replay", path, "-o", tmp_path / "flight.mcap")
+
+    assert done.returncode == 3
+    assert "of the pictures that the index lists" in done.stderr
+    assert (tmp_path / "flight.mcap").exists()
+
+
+@pytest.mark.parametrize("program", ["recorder", "decode"])
+def test_a_video_in_place_of_a_flight_is_answered_with_the_command_to_run_first(video: Path, program: str) -> None:
+    """One sentence."""
+    done = ran(program, *(["info"] if program == "recorder" else []), video)
+
+    assert done.returncode == 1
+    assert "first make one of it: recorder replay cockpit.mp4 -o cockpit.mcap" in done.stderr
+
+
+def test_without_the_extra_a_video_is_answered_with_how_to_install_it(tmp_path: Path, video: Path) -> None:
+    """The box itself needs no FFmpeg."""
+    program = "import sys; sys.modules['av'] = None; from recorder.cli import main; main()"
+    words = ["replay", str(video), "-o", str(tmp_path / "flight.mcap")]
+
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=False)
+
+    assert done.returncode == 1
+    assert "pip install 'image-flight-recorder[video]'" in done.stderr
