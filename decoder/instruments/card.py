@@ -299,10 +299,11 @@ class Learned:
     unexplained: float
 
     def agrees(self, other: Learned, step_deg: float) -> bool:
-        """Whether both turn all frames alike, with rows of so many degrees."""
-        apart = (self.rows - other.rows) * step_deg
-        apart = apart - apart[0]
-        return np.allclose(shortest(apart, FULL_CIRCLE_DEG), 0.0, atol=RIVAL_REACH_DEG)
+        """Whether both turn frames alike, with rows of so many degrees, but for fewer than would tell a card."""
+        apart_deg = (self.rows - other.rows) * step_deg
+        others_deg = shortest(apart_deg[:, None] - apart_deg, FULL_CIRCLE_DEG)
+        is_alike = np.isclose(others_deg, 0.0, atol=RIVAL_REACH_DEG)
+        return bool((np.count_nonzero(~is_alike, axis=1) < FRAMES_TO_LEARN).any())
 
 
 def clearest(learned: Sequence[Learned | None], step_deg: float) -> CardPicture | None:

@@ -45,7 +45,6 @@ from flight_file.frame import NS_PER_S, Frame, storable
 from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, VIDEO_TOPIC, Topic, encode_image, picture_topic
 from flight_file.untrusted import file_name
 
-_SIDEWAYS_DEG = (90, 270)
 READING_SCHEMA_NAME = "flight_data.Reading"
 ANNOTATIONS_TOPIC = "/camera/annotations"
 CALIBRATION_TOPIC = "/camera/calibration"
@@ -323,7 +322,8 @@ class _Lenses:
         if frame is not None:
             focal_length_mm = frame.exif.lens_mm or focal_length_mm
             size_px = (frame.width_px or size_px[0], frame.height_px or size_px[1])
-            size_px = size_px[::-1] if frame.rotation_deg in _SIDEWAYS_DEG else size_px
+            is_sideways = bool(frame.rotation_deg // 90 % 2)
+            size_px = size_px[::-1] if is_sideways else size_px
         if self._camera is None or focal_length_mm is None or (focal_length_mm, size_px) == self._known:
             return None
         self._known = (focal_length_mm, size_px)

@@ -142,7 +142,8 @@ def learned(rows: Sequence[float], unexplained: float) -> Learned:
 def test_card_is_the_one_that_explains_frames_clearly_better_than_any_other() -> None:
     """Cards that turn all frames alike are one; a second that leaves little more unexplained makes both doubtful."""
     step_deg = 0.5
-    best, same, other = learned([0, 100, 719], 0.01), learned([90, 189, 90], 0.011), learned([0, 280, 719], 0.1)
+    best, same = learned([0] * 6 + [100] * 5, 0.01), learned([90] * 6 + [400] + [189] * 4, 0.011)
+    other = learned([0] * 6 + [280] * 5, 0.1)
 
     assert clearest([other, None, same, best], step_deg) is best.picture
     assert clearest([best, replace(other, unexplained=0.015)], step_deg) is None
