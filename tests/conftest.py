@@ -17,7 +17,10 @@ from hypothesis import settings
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-settings.register_profile("unhurried", deadline=None)  # timing is asserted nowhere, and a busy machine is no fault
+# Timing is asserted nowhere, and a busy machine is no fault. Each run tries the same examples, so that a change is
+# judged by what it changed; `--hypothesis-profile searching` tries others.
+settings.register_profile("unhurried", deadline=None, derandomize=True)
+settings.register_profile("searching", deadline=None)
 settings.load_profile("unhurried")
 
 COVERAGE_OF_PROGRAMS = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")

@@ -6,13 +6,9 @@ import copy
 from typing import Any
 
 import pytest
-from hypothesis import settings
 
 from decoder.instruments.panel_reader import PanelReader
 from tests.decoder.cockpit import DOCUMENT, reader_of
-
-settings.register_profile("patient", deadline=None)  # a busy machine is no failure
-settings.load_profile("patient")
 
 
 @pytest.fixture
