@@ -197,9 +197,23 @@ def plan_recording(
         with suppress(OSError):
             make_marks_folder(directory)
     _remove_begun(directory)
+    carried = {} if config.attach.panel or config.attach.camera else wiring.attachments
+    return Plan(
+        directory=directory,
+        session=_session(_free_name(directory, at, wiring, name), at, host, wiring),
+        attachments={**carried, **attachments},
+        segment_ns=round(config.storage.segment_s * NS_PER_S),
+        segment_bytes=round(config.storage.segment_mib * 2**20),
+        segment_frames=config.storage.segment_frames,
+        signer=signer,
+    )
+
+
+def _session(recording: str, at: ClockReading, host: Host, wiring: Wiring) -> Session:
+    """Say what is recorded, since when, by which machine and camera."""
     identity = wiring.camera.identity
-    session = Session(
-        recording=_free_name(directory, at, wiring, name),
+    return Session(
+        recording=recording,
         started=at,
         clock=clock_name(wiring),
         boot_id=host.boot_id,
@@ -210,16 +224,6 @@ def plan_recording(
         versions=host.versions,
         time_of_day=identity.time_of_day,
         originals=identity.originals,
-    )
-    carried = {} if config.attach.panel or config.attach.camera else wiring.attachments
-    return Plan(
-        directory=directory,
-        session=session,
-        attachments={**carried, **attachments},
-        segment_ns=round(config.storage.segment_s * NS_PER_S),
-        segment_bytes=round(config.storage.segment_mib * 2**20),
-        segment_frames=config.storage.segment_frames,
-        signer=signer,
     )
 
 
