@@ -50,7 +50,7 @@ def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
             " picture in which nothing is printed behind what moves"
         )
     elif seen > 1 and not _moves(series.value[is_seen], series.sigma[is_seen], series.quantity.wraps):
-        yield f"{name} never moves: the flight tells nothing of its scale or its centre"
+        yield f"{name} hardly moves: the flight tells little of its scale and its centre"
 
 
 def _is_seen(series: NeedleSeries) -> NDArray[np.bool_]:

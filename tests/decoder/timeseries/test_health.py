@@ -71,11 +71,11 @@ def flight_of(*series: NeedleSeries, combinations: tuple[Combination, ...] = ())
     ("values", "wraps", "moves"),
     [([5.0, 5.1, 4.95], None, False), ([5.0, 6.0, 5.0], None, True), ([99.95, 0.02, 0.1], 100.0, False)],
 )
-def test_needle_that_never_moves_is_named(values: list[float], wraps: float | None, moves: bool) -> None:  # noqa: FBT001
+def test_needle_that_hardly_moves_is_named(values: list[float], wraps: float | None, moves: bool) -> None:  # noqa: FBT001
     """It moves if its values go further than each of them may be off, the short way round."""
     (findings,) = gauge_health(flight_of(series_of(values, wraps=wraps)), {}).values()
 
-    assert [each.split(":")[0] for each in findings] == ([] if moves else ["a never moves"])
+    assert [each.split(":")[0] for each in findings] == ([] if moves else ["a hardly moves"])
 
 
 def test_pointers_that_contradict_each_other_are_named() -> None:
