@@ -1,11 +1,12 @@
-"""Photographs to calibrate with: their grey, and the focal length in their EXIF."""
+"""Photographs to calibrate with, or frames of a flight file: their grey, and the focal length in their EXIF."""
 
 from __future__ import annotations
 
 import io
 import struct
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +14,17 @@ from PIL import Image
 
 from decoder.calibration.thresholds import MOST_PIXELS
 from decoder.imaging.pictures import GreyPicture, grey_picture
+from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.panel.errors import CalibrationError, PictureError
 from flight_file.frame import is_focal_length_mm
+from flight_file.reader import open_flight
+from flight_file.records import MAGIC
+from flight_file.scan import is_video
 from flight_file.thresholds import MAX_READ_BYTES
 from flight_file.untrusted import read_regular
 
+_LOOKED_AT = 120  # frames of a flight: a board held to thirty places, for a few seconds each
+_HEAD_BYTES = 16
 _EXIF_IFD, _FOCAL_LENGTH, _MODEL = 0x8769, 0x920A, 0x0110
 _DAMAGE = (SyntaxError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, OSError, struct.error)
 
@@ -38,8 +45,51 @@ class Photograph:
         return width, height
 
 
-def read_photograph(path: Path) -> Photograph:
-    """Read a photograph with its focal length.
+def read_photographs(paths: Sequence[Path], otherwise_mm: float | None = None) -> Iterator[Photograph]:
+    """Read photographs one after the other, and of each flight file frames from all over it.
+
+    Parameters
+    ----------
+    paths : of pictures and of flight files
+    otherwise_mm : the focal length where a picture does not say it
+
+    Raises
+    ------
+    CalibrationError
+        As `read_photograph`.
+    FlightFileError
+        If a flight file cannot be read.
+    """
+    for path in paths:
+        if _is_flight(path):
+            yield from _frames(path, otherwise_mm)
+        else:
+            yield read_photograph(path, otherwise_mm)
+
+
+def _is_flight(path: Path) -> bool:
+    """Whether it is a flight file, or a video, of which `open_flight` says what to do with it."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+    except OSError:
+        return False  # `read_photograph` says why
+    return head.startswith(MAGIC) or is_video(head)
+
+
+def _frames(path: Path, otherwise_mm: float | None) -> Iterator[Photograph]:
+    """Read some `_LOOKED_AT` frames, evenly spread; those that are damaged are left out."""
+    flight, video = open_flight([path]), GroupDecoder()
+    count = flight.count()
+    for frame in flight.shown(range(0, count, count // _LOOKED_AT or 1)):
+        name = f"{path}, frame {frame.sequence}"
+        with suppress(PictureError):
+            grey = grey_picture(encoded_of(frame), video)
+            yield _photograph(name, grey, frame.exif.lens_mm or otherwise_mm, "")
+
+
+def read_photograph(path: Path, otherwise_mm: float | None = None) -> Photograph:
+    """Read a photograph with its focal length; `otherwise_mm` if its EXIF does not say.
 
     Raises
     ------
@@ -53,18 +103,22 @@ def read_photograph(path: Path) -> Photograph:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from error
     except PictureError as error:
         raise CalibrationError(f"{path}: {error}; take another photograph") from error
+    focal_length_mm, model = _tags(encoded)
+    return _photograph(str(path), grey, focal_length_mm or otherwise_mm, model)
+
+
+def _photograph(name: str, grey: GreyPicture, focal_length_mm: float | None, model: str) -> Photograph:
     if grey.size > MOST_PIXELS:
         height, width = grey.shape
         raise CalibrationError(
-            f"{path}: is {width} x {height}; calibrate with photographs of {MOST_PIXELS // 10**6} million pixels or"
+            f"{name}: is {width} x {height}; calibrate with photographs of {MOST_PIXELS // 10**6} million pixels or"
             " fewer, as the camera takes them at a smaller picture size"
         )
-    focal_length_mm, model = _tags(encoded)
     if focal_length_mm is None:
         raise CalibrationError(
-            f"{path}: its EXIF says no focal length; use the camera's own file, or give focal_length_mm in a YAML file"
+            f"{name}: says no focal length; use the camera's own file, or give focal_length_mm"
         )
-    return Photograph(path.name, grey, focal_length_mm, model)
+    return Photograph(Path(name).name, grey, focal_length_mm, model)
 
 
 def same_size(sizes_px: Mapping[str, tuple[int, int]]) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,12 @@ import numpy as np
 from decoder.calibration.board import BoardFit, charuco, chessboard, fit_boards
 from decoder.calibration.camera_file import known_camera, merged, write_camera
 from decoder.calibration.focal_fit import fit_focal
-from decoder.calibration.photographs import read_photograph, same_size
+from decoder.calibration.photographs import Photograph, read_photographs
 from decoder.calibration.thresholds import MIN_PHOTOGRAPHS
 from decoder.commands.options import camera_output
 from decoder.outputs.csv_output import text_table
+from decoder.panel.camera import COEFFICIENTS
+from decoder.panel.lens import DistortionModel
 from flight_file.untrusted import say, say_json
 
 HEADER = ["mm", "photographs", "px/rad", "sigma", "k1", "sigma", "k2", "rms px"]
@@ -27,6 +29,7 @@ Six photographs or more for each zoom, the board tilted to different sides and b
 Examples:
   decode calibrate board board_*.jpg --squares 9x6
   decode calibrate board board_*.jpg --squares 9x7 --dictionary DICT_5X5_100 --marker-part 0.75
+  decode calibrate board board.mcap --squares 9x7 --model fisheye --focal-length-mm 3
 """
 
 
@@ -38,11 +41,15 @@ def _squares(_context: click.Context, _option: click.Parameter, value: str) -> t
 
 
 @click.command("board", epilog=EPILOG)
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="PHOTOGRAPH...")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="PHOTOGRAPH|FLIGHT...")
 @click.option("--squares", callback=_squares, required=True, metavar="NxM", help="Squares across and down.")
 @click.option("--dictionary", metavar="DICT", help="For a ChArUco board: its markers, such as DICT_5X5_100.")
 @click.option("--marker-part", type=click.FloatRange(0.2, 0.95), default=0.75, show_default=True,
               help="For a ChArUco board: a marker's width, as a part of a square's.")  # fmt: skip
+@click.option("--model", type=click.Choice([str(model) for model in DistortionModel]), default="brown_conrady",
+              show_default=True, help="rational for a wide lens, fisheye for an action camera's.")  # fmt: skip
+@click.option("--focal-length-mm", "otherwise_mm", type=click.FloatRange(min=0.1, max=1e4), metavar="MM",
+              help="Of pictures that do not say it, such as a film's.")  # fmt: skip
 @click.option("--replace-focal", is_flag=True, help="Put the focal length into CAMERA even if it has one.")
 @camera_output
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for a script to read.")
@@ -51,37 +58,62 @@ def command(
     squares: tuple[int, int],
     dictionary: str | None,
     marker_part: float,
-    camera_file: Path,
     *,
+    model: str,
+    otherwise_mm: float | None,
+    camera_file: Path,
     replace_focal: bool,
     as_json: bool,
 ) -> None:
-    """Photographs of a board, at one zoom or several, give the lens's distortion and focal length.
+    """Photographs or a film of a board, at one zoom or several, give the lens's distortion and focal length.
 
     The distortion takes its place in camera.yaml beside what is there; the focal length does so if there is none yet.
     Three zooms or more give the quadratic, fewer the straight line of a pinhole.
     """
     known = known_camera(camera_file)
-    photographs = [read_photograph(path) for path in files]
-    size = same_size({photograph.name: photograph.size_px for photograph in photographs})
     find = chessboard(squares) if dictionary is None else charuco(squares, marker_part, dictionary)
-    fits = fit_boards(photographs, find)
+    cameras: list[str] = []
+    fits = fit_boards(_noting(read_photographs(files, otherwise_mm), cameras), find, DistortionModel(model))
     new: dict[str, Any] = {
-        "picture_size": size,
+        "picture_size": fits[0].size_px,
         "distortion": [
-            {"focal_length_mm": fit.focal_length_mm, "k1": fit.k1, "k1_sigma": fit.k1_sigma, "k2": fit.k2}
+            {"focal_length_mm": fit.focal_length_mm, **_model(fit), **_coefficients(fit), "k1_sigma": fit.k1_sigma}
             for fit in fits
         ],
     }
     if known is None or replace_focal:
         new["focal"] = _focal(fits)
-    if known is None and photographs[0].model:
-        new["model"] = photographs[0].model
+    if known is None and any(cameras):
+        new["model"] = cameras[0]
     write_camera(camera_file, merged(known, **new))
     if as_json:
-        say_json([asdict(fit) for fit in fits])
+        say_json([_json(fit) for fit in fits])
     else:
         say(*_text(fits, camera_file).split("\n"))
+
+
+def _noting(photographs: Iterator[Photograph], cameras: list[str]) -> Iterator[Photograph]:
+    """Pass photographs on, and note which camera took each."""
+    for photograph in photographs:
+        cameras.append(photograph.model)
+        yield photograph
+
+
+def _model(fit: BoardFit) -> dict[str, str]:
+    model = fit.distortion.model
+    return {} if model is DistortionModel.BROWN_CONRADY else {"model": str(model)}
+
+
+def _coefficients(fit: BoardFit) -> dict[str, float]:
+    return dict(zip(COEFFICIENTS[fit.distortion.model], fit.distortion.coefficients, strict=True))
+
+
+def _json(fit: BoardFit) -> dict[str, Any]:
+    return {
+        "focal_length_mm": fit.focal_length_mm, "pixels_per_radian": fit.pixels_per_radian, "sigma": fit.sigma,
+        "model": str(fit.distortion.model), **_coefficients(fit), "k1_sigma": fit.k1_sigma, "rms_px": fit.rms_px,
+        "photographs": fit.photographs,
+    }  # fmt: skip
 
 
 def _focal(fits: tuple[BoardFit, ...]) -> dict[str, Any]:
@@ -109,7 +141,8 @@ def _text(fits: tuple[BoardFit, ...], camera_file: Path) -> str:
     rows = [
         [
             f"{fit.focal_length_mm:.2f}", str(fit.photographs), f"{fit.pixels_per_radian:.2f}", f"{fit.sigma:.2f}",
-            f"{fit.k1:+.5f}", f"{fit.k1_sigma:.5f}", f"{fit.k2:+.5f}", f"{fit.rms_px:.3f}",
+            f"{fit.distortion.radial[0]:+.5f}", f"{fit.k1_sigma:.5f}", f"{fit.distortion.radial[1]:+.5f}",
+            f"{fit.rms_px:.3f}",
         ]
         for fit in fits
     ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -56,10 +57,9 @@ def command(panel_file: Path, camera_file: Path, sigma_px: float, squared: Path 
         beside = [panel_file.parent / name for name in source.panel.pictures]
         refuse_overwriting([panel_file, camera_file, *beside], [squared])
     panel = source.panel
-    if panel.focal_length_mm is None:
+    lens = replace(source, camera=camera_from_file(camera_file)).optics.lens
+    if lens is None:
         raise PanelError("focal_length_mm", "is missing; the lens depends on it", source=str(panel_file))
-    height, width = source.picture.shape
-    lens = camera_from_file(camera_file).lens(panel.focal_length_mm, (width, height))
     inches = np.array([point.inches for point in panel.reference_points], np.float64).reshape(-1, 2)
     pixels = np.array([point.at for point in panel.reference_points], np.float64).reshape(-1, 2)
     plumb = None if panel.level is None else np.array(panel.level, np.float64)

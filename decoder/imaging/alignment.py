@@ -181,18 +181,8 @@ def _projected(matrices: Floats, points: Floats) -> Floats:
 def bent(places: NDArray[Any], lens: Lens) -> NDArray[Any]:
     """As `Lens.distorted`, in single precision: a thousandth of a pixel, at a tenth of the cost."""
     middle, focal = np.array(lens.principal_point_px, np.float32), np.float32(lens.pixels_per_radian)
-    normal = (places - middle) / focal
-    x, y = normal[..., 0], normal[..., 1]
-    square = x * x + y * y
-    k1, k2, k3 = (np.float32(k) for k in lens.radial)
-    gain = square * (k1 + square * (k2 + square * k3)) * focal
-    there = np.asarray(places + normal * gain[..., None], np.float32)
-    if any(lens.tangential):
-        p1, p2 = (np.float32(p) * focal for p in lens.tangential)
-        across = 2 * x * y
-        there[..., 0] += p1 * across + p2 * (square + 2 * x * x)
-        there[..., 1] += p1 * (square + 2 * y * y) + p2 * across
-    return there
+    moved = lens.distortion.shift(np.moveaxis((places - middle) / focal, -1, 0))
+    return np.asarray(places + focal * np.moveaxis(moved, 0, -1), np.float32)
 
 
 IDENTITY = Alignment.rigid(0.0, (0.0, 0.0), 1.0)

@@ -32,15 +32,22 @@ class Optics:
     ----------
     size_px
         Of the panel picture.
-    focal_length_mm
-        At which the panel picture was taken, if known.
+    stated_mm
+        The focal length at which the panel picture was taken, if the panel says it.
     camera
         If known.
     """
 
     size_px: Size
-    focal_length_mm: float | None = None
+    stated_mm: float | None = None
     camera: Camera | None = None
+
+    @property
+    def focal_length_mm(self) -> float | None:
+        """At which the panel picture was taken, if known: of a camera that does not zoom its own."""
+        if self.stated_mm is None and self.camera is not None:
+            return self.camera.only_focal_length_mm
+        return self.stated_mm
 
     @property
     def lens(self) -> Lens | None:

@@ -38,7 +38,7 @@ from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.json_output import Provenance, write_json
 from decoder.panel.errors import CameraError, OutputError
-from decoder.panel.lens import Lens
+from decoder.panel.lens import DistortionModel, Lens
 from decoder.timeseries.flight_data import STATUSES, NeedleSeries
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from flight_file.frame import NS_PER_S, Frame, storable
@@ -55,6 +55,13 @@ QUALITY: dict[Status, int] = {
     Status.HIDDEN: 2,
     Status.INTERPOLATED: 1,
     Status.MISSING: 0,
+}
+
+# As Foxglove names them.
+_DISTORTION_MODELS = {
+    DistortionModel.BROWN_CONRADY: "plumb_bob",
+    DistortionModel.RATIONAL: "rational_polynomial",
+    DistortionModel.FISHEYE: "kannala_brandt",
 }
 
 _NEEDLE_PX = 0.03  # of the dial's radius
@@ -200,8 +207,8 @@ def calibration_message(lens: Lens, time_ns: int) -> bytes:
         frame_id=FRAME_ID,
         width=width,
         height=height,
-        distortion_model="plumb_bob",
-        D=lens.coefficients.tolist(),
+        distortion_model=_DISTORTION_MODELS[lens.distortion.model],
+        D=lens.distortion.coefficients,
         K=matrix.ravel().tolist(),
         R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         P=[*matrix[0], 0.0, *matrix[1], 0.0, *matrix[2], 0.0],
@@ -318,7 +325,7 @@ class _Lenses:
 
     def changed(self, frame: Frame | None) -> Lens | None:
         """Tell the lens from this frame on; None if it is the same as before, or not known."""
-        focal_length_mm, size_px = self._source.panel.focal_length_mm, self._source.optics.size_px
+        focal_length_mm, size_px = self._source.optics.focal_length_mm, self._source.optics.size_px
         if frame is not None:
             focal_length_mm = frame.exif.lens_mm or focal_length_mm
             size_px = (frame.width_px or size_px[0], frame.height_px or size_px[1])

@@ -188,7 +188,7 @@ def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
     )
     tracks = alignment_tracks(report.data, report.source.optics.size_px)
     scripts = {"plotly": plotly(), "script": script()}
-    charts = [] if report.camera is None else calibration_charts(report.camera, report.source.panel.focal_length_mm)
+    charts = [] if report.camera is None else calibration_charts(report.camera, report.source.optics.focal_length_mm)
     page: str = environment.get_template("report.html").render(
         **_texts(report, flags, order),
         policy=security_policy(iter(scripts.values())),

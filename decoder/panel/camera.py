@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -17,7 +17,7 @@ from pydantic import Field, field_validator, model_validator
 from decoder.panel.arrays import NO_TRUTH, Number, at_most
 from decoder.panel.description import FocalLength, Point, Strict, Text, parse_description
 from decoder.panel.errors import CameraError
-from decoder.panel.lens import Lens
+from decoder.panel.lens import BrownConrady, DistortionModel, Fisheye, Lens
 from decoder.panel.thresholds import FOCAL_TOLERANCE
 from decoder.panel.vocabulary import CAMERA_FILE
 from flight_file.untrusted import read_yaml_file
@@ -74,13 +74,24 @@ class Focal(Strict):
         return float(np.sqrt(max(powers @ np.array(self.covariance) @ powers, 0.0)))
 
 
+_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+COEFFICIENTS = {
+    DistortionModel.BROWN_CONRADY: _KEYS[:5],
+    DistortionModel.RATIONAL: _KEYS,
+    DistortionModel.FISHEYE: ("k1", "k2", "k3", "k4"),
+}
+"""The keys of each model's coefficients, in OpenCV's order."""
+
+
 class Distortion(Strict):
-    """The lens's distortion at one focal length: Brown-Conrady in OpenCV's normalised coordinates."""
+    """The lens's distortion at one focal length, in OpenCV's normalised coordinates."""
 
     focal_length_mm: FocalLength
     """The zoom that this is about; in between it is interpolated."""
+    model: Literal["brown_conrady", "rational", "fisheye"] = "brown_conrady"
+    """`rational` divides Brown-Conrady's polynomial by one of k4, k5, k6; `fisheye` is equidistant but for k1 to k4."""
     k1: Number
-    """Radial: a tangent r off the axis appears at r + k1 r^3 + k2 r^5 + k3 r^7."""
+    """Radial: a tangent r off the axis appears at r + k1 r^3 + k2 r^5 + k3 r^7; of `fisheye` r is the angle."""
     k1_sigma: Annotated[float, Field(ge=0, allow_inf_nan=False), NO_TRUTH, at_most(1e12)] | None = None
     """Its standard uncertainty."""
     k2: Number = 0.0
@@ -91,6 +102,20 @@ class Distortion(Strict):
     """Tangential."""
     k3: Number = 0.0
     """Radial."""
+    k4: Number = 0.0
+    """Of `rational`: the divisor is 1 + k4 r^2 + k5 r^4 + k6 r^6. Of `fisheye`: radial."""
+    k5: Number = 0.0
+    """Of `rational`."""
+    k6: Number = 0.0
+    """Of `rational`."""
+
+    @model_validator(mode="after")
+    def _has_what_its_model_has(self) -> Self:
+        known = COEFFICIENTS[DistortionModel(self.model)]
+        foreign = [key for key in _KEYS if key not in known and getattr(self, key)]
+        if foreign:
+            raise ValueError(f"model {self.model} has no {foreign[0]}; it has {', '.join(known)}")
+        return self
 
 
 class Camera(Strict):
@@ -113,6 +138,8 @@ class Camera(Strict):
         ordered = sorted(distortion, key=lambda entry: entry.focal_length_mm)
         if any(before.focal_length_mm == after.focal_length_mm for before, after in pairwise(ordered)):
             raise ValueError("has two entries for one focal length; keep one")
+        if len({entry.model for entry in ordered}) > 1:
+            raise ValueError("has entries of two models; between them nothing can be interpolated")
         return tuple(ordered)
 
     @model_validator(mode="after")
@@ -127,6 +154,12 @@ class Camera(Strict):
         """The principal point at the calibration's picture size; the picture's middle unless it was measured."""
         width, height = self.picture_size
         return self.principal_point or ((width - 1) / 2, (height - 1) / 2)
+
+    @property
+    def only_focal_length_mm(self) -> float | None:
+        """Of a lens that does not zoom; None of one that does."""
+        low, high = self.focal.range_mm
+        return low if low == high else None
 
     def covers(self, focal_length_mm: float) -> bool:
         """Whether the calibration holds at this focal length, but for the rounding of EXIF."""
@@ -157,15 +190,13 @@ class Camera(Strict):
                 " calibrate with photographs at that zoom too",
             )
         scale = self._scale(size_px)
-        k1, k2, p1, p2, k3 = self._coefficients(focal_length_mm)
         x, y = self.middle_px
         lens = Lens(
             size_px=size_px,
             principal_point_px=((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5),
             pixels_per_radian=self.focal.at(focal_length_mm) * scale,
             pixels_per_radian_sigma=self.focal.sigma(focal_length_mm) * scale,
-            radial=(k1, k2, k3),
-            tangential=(p1, p2),
+            distortion=self._distortion(focal_length_mm),
         )
         if not lens.reaches_corners():
             raise CameraError(
@@ -185,13 +216,16 @@ class Camera(Strict):
             )
         return scale
 
-    def _coefficients(self, focal_length_mm: float) -> tuple[float, ...]:
-        """k1, k2, p1, p2, k3 at a focal length."""
+    def _distortion(self, focal_length_mm: float) -> BrownConrady | Fisheye:
         if not self.distortion:
-            return (0.0,) * 5
+            return BrownConrady()
         at = [entry.focal_length_mm for entry in self.distortion]
-        table = np.array([[entry.k1, entry.k2, entry.p1, entry.p2, entry.k3] for entry in self.distortion])
-        return tuple(float(np.interp(focal_length_mm, at, column)) for column in table.T)
+        k1, k2, p1, p2, k3, k4, k5, k6 = (
+            float(np.interp(focal_length_mm, at, [getattr(entry, key) for entry in self.distortion])) for key in _KEYS
+        )
+        if self.distortion[0].model == "fisheye":
+            return Fisheye((k1, k2, k3, k4))
+        return BrownConrady((k1, k2, k3), (p1, p2), (k4, k5, k6))
 
 
 def parse_camera(text: bytes | str, *, source: str = CAMERA_FILE) -> Camera:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from decoder.panel.camera import camera_from_file
 from fixtures.calibration.board import SIZE_PX, photographs
+from fixtures.film import film as make_film
 from tests.programs import Run, says
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("board")]  # one worker renders the photographs
@@ -40,9 +43,37 @@ def test_a_board_gives_the_lens(run: Run, shoot: Callable[..., list[Path]], tmp_
     assert done.returncode == 0, done.stderr
     lens = camera_from_file(file).lens(4.45, SIZE_PX)
     radius = 0.35
-    bent = radius * (lens.radial[0] * radius**2 + lens.radial[1] * radius**4) * lens.pixels_per_radian
+    bent = lens.distortion.shift(np.array([radius, 0.0]))[0] * lens.pixels_per_radian
     assert lens.pixels_per_radian == pytest.approx(TRUE, rel=3e-3)
     assert bent == pytest.approx(-0.1 * radius**3 * TRUE, abs=0.5)
+
+
+@pytest.mark.parametrize(("model", "scale", "seen_deg"), [("fisheye", 450.0, 60), ("rational", 700.0, 40)])
+def test_a_film_of_a_board_gives_a_wide_lens(
+    run: Run, tmp_path: Path, model: str, scale: float, seen_deg: float
+) -> None:
+    """An equidistant lens, 130 or 84 degrees wide, from H.264: within a pixel as far out as the board was seen."""
+    pictures, flight, film = tmp_path / "pictures", tmp_path / "pictures.mcap", tmp_path / "board.mp4"
+    pictures.mkdir()
+    for number, jpeg in enumerate(photographs(scale, 0.0, None, fisheye=True)):
+        (pictures / f"{number}.jpg").write_bytes(jpeg)
+    run("recorder", "replay", pictures, "-o", flight, "--rate", "2")
+    make_film(flight, film)
+    run("recorder", "replay", film, "-o", tmp_path / "board.mcap")
+    file = tmp_path / "camera.yaml"
+    calibrate = ("decode", "calibrate", "board", tmp_path / "board.mcap", "--squares", "9x7", "--model", model)
+    done = run(*calibrate, "-o", file, "--focal-length-mm", "3", "--json")
+
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)[0]["model"] == model
+    camera = camera_from_file(file)
+    lens = camera.lens(3.0, SIZE_PX)
+    angle = np.radians(np.linspace(0, seen_deg, 20))
+    seen = lens.distorted(lens.pixels(np.stack([np.tan(angle), np.zeros(20)])))[0] - (SIZE_PX[0] - 1) / 2
+    assert camera.only_focal_length_mm == 3.0
+    assert seen == pytest.approx(scale * angle, abs=1.0)
+    says(run(*calibrate, "-o", file), "frame 0", "says no focal length", "focal_length_mm")
+    says(run("decode", "calibrate", "board", film, "--squares", "9x7"), "recorder replay")
 
 
 def test_a_focal_length_that_is_known_stays(run: Run, shoot: Callable[..., list[Path]], tmp_path: Path) -> None:

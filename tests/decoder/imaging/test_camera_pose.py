@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.camera_pose import Pose
-from decoder.panel.lens import Lens
+from decoder.panel.lens import BrownConrady, Lens
 from fixtures.calibration.views import PIXELS_PER_RADIAN, PRINCIPAL_POINT_PX, SIZE_PX, random_view
 from tests.poses import pose_at
 
@@ -61,7 +61,9 @@ def test_pixels_are_opencv_s(y_up: bool) -> None:  # noqa: FBT001
     rng = np.random.default_rng(7)
     distortion = np.array([-0.1, 0.01, 0.001, -0.002, 0.0])
     view = random_view(rng, 12, relief_inches=1.0, distortion=distortion)
-    lens = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, radial=(-0.1, 0.01, 0.0), tangential=(0.001, -0.002))
+    lens = Lens(
+        SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, distortion=BrownConrady((-0.1, 0.01, 0.0), (0.001, -0.002))
+    )
     written = view.points_inches * [1, -1 if y_up else 1, -1]
 
     pose = Pose(view.rotation, view.translation_inches, y_up)

@@ -10,7 +10,7 @@ from decoder.imaging.camera_pose import Measured, Pose, PoseSolution, difference
 from decoder.imaging.pose import pose_from_points
 from decoder.imaging.thresholds import AGREEMENT_INCHES
 from decoder.panel.errors import PoseError
-from decoder.panel.lens import Lens
+from decoder.panel.lens import BrownConrady, Lens
 from fixtures.calibration.views import PIXELS_PER_RADIAN, PRINCIPAL_POINT_PX, SIZE_PX, View, projected, random_view
 from tests.poses import pose_at
 
@@ -113,7 +113,7 @@ def test_the_thesis_s_guess_leads_to_the_same_place() -> None:
 def test_points_through_a_distorting_lens_are_straightened() -> None:
     """The distortion is the lens's, not the view's."""
     view = random_view(np.random.default_rng(8), 3, distortion=np.array([-0.12, 0.02, 0.0, 0.0, 0.0]))
-    lens = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, radial=(-0.12, 0.02, 0.0))
+    lens = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, distortion=BrownConrady((-0.12, 0.02, 0.0)))
     found = nearest(pose_from_points(view.points_inches[:, :2], view.points_px, lens), view)
 
     assert np.abs(difference_of(found.pose, true_pose(view))).max() < 1e-4
@@ -179,7 +179,7 @@ def test_two_solutions_that_fall_together_are_not_trusted() -> None:
 
 
 SEEN_PX = OBLIQUE.pixels(TRIANGLE, LENS)
-FOLDED = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, radial=(-0.4, 0.0, 0.0))
+FOLDED = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, distortion=BrownConrady((-0.4, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from decoder.imaging.optics import Optics
 from decoder.panel.camera import camera_from_file, parse_camera
 from decoder.panel.errors import CameraError
-from decoder.panel.lens import Lens
+from decoder.panel.lens import BrownConrady, Fisheye, Lens
 
 DOCUMENT: dict[str, Any] = {
     "model": "DSC-QX10",
@@ -57,17 +58,16 @@ def test_an_original_and_a_2m_picture_share_a_calibration() -> None:
     for axis in (0, 1):
         ratio = (large.principal_point_px[axis] + 0.5) / (small.principal_point_px[axis] + 0.5)
         assert ratio == pytest.approx(4896 / 1616)
-    assert large.radial == small.radial
+    assert large.distortion == small.distortion
 
 
 def test_distortion_is_interpolated_between_focal_lengths_and_kept_beyond() -> None:
     """In any order of the file."""
     camera = parse_camera(camera_text())
 
-    assert camera.lens(4.45, (1616, 1212)).radial[0] == pytest.approx(-0.08)
-    assert camera.lens(7.225, (1616, 1212)).radial[0] == pytest.approx(-0.05)
-    assert camera.lens(7.225, (1616, 1212)).tangential[0] == pytest.approx(0.001)
-    assert camera.lens(40.0, (1616, 1212)).radial[0] == pytest.approx(-0.02)
+    for focal_length_mm, k1, p1 in [(4.45, -0.08, 0.002), (7.225, -0.05, 0.001), (40.0, -0.02, 0.0)]:
+        bend = camera.lens(focal_length_mm, (1616, 1212)).distortion
+        assert bend.coefficients == pytest.approx((k1, 0, p1, 0, 0))
 
 
 @pytest.mark.parametrize(
@@ -103,6 +103,9 @@ def test_picture_without_a_lens_is_refused(
         (lambda c: c["focal"].update(covariance=[[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "focal.covariance: is no cov"),
         (lambda c: c["distortion"][1].pop("k1"), "distortion[1].k1: is missing"),
         (lambda c: c["distortion"][1].update(focal_length_mm=10.0), "distortion: has two entries for one"),
+        (lambda c: c["distortion"][1].update(model="fisheye"), "distortion[1]: model fisheye has no p1; it has k1, k2"),
+        (lambda c: c["distortion"][0].update(k4=0.1), "distortion[0]: model brown_conrady has no k4"),
+        (lambda c: c["distortion"][0].update(model="fisheye"), "distortion: has entries of two models"),
         (lambda c: c.update(principal_point=[2000, 3]), "principal_point lies outside"),
         (lambda c: c.update(picture_size=[0, 3]), "picture_size[0]"),
     ],
@@ -138,7 +141,7 @@ def grid() -> np.ndarray:
 
 def lens(k1: float, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0, k3: float = 0.0) -> Lens:
     """A wide lens with its axis off the middle."""
-    return Lens(SIZE, (800.3, 611.9), 1400.0, radial=(k1, k2, k3), tangential=(p1, p2))
+    return Lens(SIZE, (800.3, 611.9), 1400.0, distortion=BrownConrady((k1, k2, k3), (p1, p2)))
 
 
 @given(k1=coefficient, k2=small, p1=small, p2=small, k3=small)
@@ -156,9 +159,56 @@ def test_distorting_is_opencv_s(k1: float, k2: float, p1: float, p2: float, k3: 
     bent = lens(k1, k2, p1, p2, k3)
     sights = np.vstack([bent.normalised(grid()), np.ones((1, grid().shape[1]))])
     nowhere = np.zeros(3)
-    projected, _ = cv2.projectPoints(sights.T.copy(), nowhere, nowhere, bent.matrix, bent.coefficients)
+    coefficients = np.array(bent.distortion.coefficients)
+    projected, _ = cv2.projectPoints(sights.T.copy(), nowhere, nowhere, bent.matrix, coefficients)
 
     assert bent.distorted(grid()) == pytest.approx(projected[:, 0].T, abs=1e-6)
+
+
+@given(k1=coefficient, k2=small, k4=coefficient, k5=small, k6=small)
+def test_a_rational_lens_is_opencv_s(k1: float, k2: float, k4: float, k5: float, k6: float) -> None:
+    """Both ways, all over the picture."""
+    bend = BrownConrady((k1, k2, 0.0), (0.001, -0.002), (k4, k5, k6))
+    bent = Lens(SIZE, (800.3, 611.9), 1400.0, distortion=bend)
+    sights = np.vstack([bent.normalised(grid()), np.ones((1, grid().shape[1]))])
+    coefficients = np.array([*bend.coefficients, 0, 0, 0])[:8]
+    projected, _ = cv2.projectPoints(sights.T.copy(), np.zeros(3), np.zeros(3), bent.matrix, coefficients)
+
+    assert bent.distorted(grid()) == pytest.approx(projected[:, 0].T, abs=1e-6)
+    assert bent.undistorted(bent.distorted(grid())) == pytest.approx(grid(), abs=1e-6)
+
+
+@given(k1=st.floats(-0.05, 0.1), k2=small, k3=small, k4=st.floats(-0.001, 0.001))
+def test_a_fisheye_is_opencv_s(k1: float, k2: float, k3: float, k4: float) -> None:
+    """Both ways, up to 83 degrees off the axis: from there a pinhole's picture is soon endless."""
+    bent = Lens(SIZE, (800.3, 611.9), 700.0, distortion=Fisheye((k1, k2, k3, k4)))
+    angle, around = np.meshgrid(np.radians(np.linspace(0, 83, 40)), np.linspace(0, 2 * np.pi, 12))
+    tangents = np.tan(angle.ravel()) * np.stack([np.cos(around.ravel()), np.sin(around.ravel())])
+    sights = bent.pixels(tangents)
+    seen = cv2.fisheye.distortPoints(tangents.T[:, None].copy(), bent.matrix, np.array([k1, k2, k3, k4]))
+
+    assert bent.distorted(sights) == pytest.approx(seen[:, 0].T, abs=1e-6)
+    assert bent.normalised(bent.undistorted(np.asarray(seen[:, 0].T, np.float64))) == pytest.approx(tangents, abs=1e-7)
+
+
+def test_behind_a_fisheye_there_is_no_number() -> None:
+    """What it sees at the side or from behind has no place in a pinhole's picture; all else has, up to its corners."""
+    wide = Lens(SIZE, (807.5, 605.5), 500.0, distortion=Fisheye())
+    seen = wide.undistorted(np.array([[807.5, 1500.0, 1607.5], [605.5, 605.5, 605.5]]))
+
+    assert seen[:, 0] == pytest.approx([807.5, 605.5])
+    assert seen[0, 1] == pytest.approx(807.5 + 500 * np.tan(692.5 / 500))
+    assert np.isnan(seen[:, 2]).all()
+    assert wide.reaches_corners()
+    assert not Lens(SIZE, (807.5, 605.5), 500.0, distortion=Fisheye((-0.3, 0, 0, 0))).reaches_corners()
+
+
+def test_a_lens_that_does_not_zoom_needs_no_focal_length() -> None:
+    """Films do not tell one."""
+    fixed = parse_camera(camera_text(lambda c: c["focal"].update(range_mm=[4.45, 4.45])))
+
+    assert Optics((1616, 1212), camera=fixed).lens == fixed.lens(4.45, (1616, 1212))
+    assert Optics((1616, 1212), camera=parse_camera(camera_text())).lens is None
 
 
 def test_a_pinhole_changes_nothing() -> None:
