@@ -115,9 +115,7 @@ def _photograph(name: str, grey: GreyPicture, focal_length_mm: float | None, mod
             " fewer, as the camera takes them at a smaller picture size"
         )
     if focal_length_mm is None:
-        raise CalibrationError(
-            f"{name}: says no focal length; use the camera's own file, or give focal_length_mm"
-        )
+        raise CalibrationError(f"{name}: says no focal length; use the camera's own file, or give focal_length_mm")
     return Photograph(Path(name).name, grey, focal_length_mm, model)
 
 

@@ -86,6 +86,7 @@ class CardReader:
         self._picture = picture
         weights = picture.weights
         self._total = float(weights.sum())
+        self._middle = np.float32(picture.card.mean())
         transformed = np.fft.rfft(picture.card, axis=0).conj()
         self._transformed = transformed
         self._mean = self._shifted_sums(weights, transformed) / self._total
@@ -209,19 +210,23 @@ class CardReader:
         Outliers have no weight in the row, but all the weight in the score: few pixels match many places.
         """
         start, weights, sigma_rows, score = row, self._picture.weights, math.inf, 0.0
+        columns = np.ones((3, seen.size), np.float32)
+        shown, slope = columns[:2].reshape(2, *seen.shape)
         for _ in range(FIT_STEPS):
-            card = turned(self._picture.card, row)
-            slope = (np.roll(card, 1, axis=0) - np.roll(card, -1, axis=0)) / 2
-            columns = np.stack([card, slope, np.ones_like(card)]).reshape(3, -1).astype(np.float64)
-            normal = (columns * weights.ravel()) @ columns.T
+            card = turned(self._picture.card, row, beyond=1)
+            np.subtract(card[1:-1], self._middle, out=shown)
+            np.subtract(card[:-2], card[2:], out=slope)
+            slope /= 2
+            weighted = columns * weights.ravel()
+            normal = (weighted @ columns.T).astype(np.float64)
             if np.linalg.cond(normal) > MAX_CONDITION:  # a card without marks has no direction
                 return start, math.inf, 0.0
             inverse = np.linalg.inv(normal)
-            gain, shift, _offset = solution = inverse @ (columns @ (weights.ravel() * seen.ravel()))
+            gain, shift, _offset = solution = inverse @ (weighted @ seen.ravel())
             step_rows = float(shift / gain) if gain > 0 else math.inf
             if not abs(row + step_rows - start) <= MAX_PEAK_ROWS:
                 return start, math.inf, 0.0
-            left = (seen.ravel() - solution @ columns).reshape(seen.shape)
+            left = seen - (solution.astype(np.float32) @ columns).reshape(seen.shape)
             noise = float((weights * left**2).sum() / weights.sum())
             sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
             score = weighted_correlation(seen, left, self._picture.weights)
@@ -237,10 +242,11 @@ def _turned_back(turn: float) -> Floats:
     return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
 
 
-def turned(card: Floats, rows: float) -> Floats:
-    """Return a card (P, C) turned clockwise by a number of rows, whole or not."""
-    around = np.concatenate([card[-EDGE_ROWS:], card, card[:EDGE_ROWS]])
-    return rows_at(around, np.mod(np.arange(len(card)) - rows, len(card)) + EDGE_ROWS)
+def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
+    """Return a card (P, C) turned clockwise by a number of rows, whole or not; so many rows more at each end."""
+    first, count = math.floor(-rows) - beyond, len(card) + 2 * beyond
+    around = card[np.arange(first - EDGE_ROWS, first + count + EDGE_ROWS) % len(card)]
+    return rows_at(around, np.arange(count) + (-rows - math.floor(-rows)) + EDGE_ROWS)
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:

@@ -37,6 +37,8 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, Gearing, shortest
 
 # So many directions of the finest hand are tried, each with so many numbers of turns, and with the others anywhere.
 DIRECTIONS, TURNS, ANYWHERE = 6, 8, 2
+# Of these so many are judged that go together, and so many that do not.
+LIKELY = 8
 ROUNDS = 2
 # What a hand at the end of its tolerance must score more than one where the gearing has it.
 STRAY_COST = 0.15
@@ -99,6 +101,10 @@ class _Guesses:
     def is_geared(self) -> Mask:
         """(M,): whether they go together."""
         return np.isfinite(self.values)
+
+    def part(self, which: Indices) -> _Guesses:
+        """Return some of them."""
+        return _Guesses(self.rows[which], self.values[which])
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,12 +173,12 @@ class GearedReader:
         scores = [self._scores(strips, template) for template in self._coarse]
         dials = self._once_around(strips)
         tried = [self._tried([own[frame] for own in scores]) for frame in range(len(strips))]
-        best = [self._best(dial, guesses) for dial, guesses in zip(dials, tried, strict=True)]
-        guessed = np.array([guesses.rows[index] for guesses, index in zip(tried, best, strict=True)])
+        likely = [self._likely(dial, guesses) for dial, guesses in zip(dials, tried, strict=True)]
+        guessed = np.array([guesses.rows[0] for guesses in likely])
         placed = self._settled(dials, guessed)
         hands = Found.missing((len(strips), len(self._columns)))
         values = []
-        for frame, own in enumerate(zip(dials, tried, best, strict=True)):
+        for frame, own in enumerate(zip(dials, likely, strict=True)):
             found, value = self._judged(*own, placed.part(frame))
             for which, column in enumerate(self._columns):
                 hands.put((np.array([frame]), column), found.part(np.array([which])))
@@ -230,16 +236,26 @@ class GearedReader:
         stray = np.clip(shortest(place - middle, len(scores)), -slack, slack)
         return COARSE_STEP * (middle + stray), there[every, best]
 
-    def _best(self, dial: Floats, guesses: _Guesses) -> int:
-        """Return which guess explains a frame best: hands that do not go together must do so clearly better."""
+    def _likely(self, dial: Floats, guesses: _Guesses) -> _Guesses:
+        """Return the guesses that explain a frame best, first the best, and of those that go together and not.
+
+        Hands that do not go together must explain it clearly better to be the best.
+        """
         seen = self._thin.thinned(dial)
-        pictures = lit_as(seen, self._thin.drawn(guesses.rows[:, self._order]))
+        pictures = self._thin.drawn(guesses.rows[:, self._order])
         left = unexplained(seen, pictures)
         geared = int(np.where(guesses.is_geared, left, np.inf).argmin())
         free = int(np.where(guesses.is_geared, np.inf, left).argmin())
-        worse = float(times_worse(seen, pictures[free], pictures[[geared]])[0])
+        best, *rest = lit_as(seen, pictures[[free, geared]])
+        worse = float(times_worse(seen, best, np.array(rest))[0])
         apart = np.abs(shortest(guesses.rows[free] - guesses.rows[geared], self._turn)) > self._reach_rows
-        return free if apart.any() and worse > CLEARLY_WORSE else geared
+        best = free if apart.any() and worse > CLEARLY_WORSE else geared
+        left[best] = -1.0
+        order = np.argsort(left, kind="stable")
+        is_geared = guesses.is_geared[order]
+        return guesses.part(
+            np.concatenate([order[is_geared == first][:LIKELY] for first in (is_geared[0], not is_geared[0])])
+        )
 
     def _settled(self, dials: Floats, rows: Floats) -> _Placed:
         """Fit all hands in F frames, from rows (F, K) on, each given the others, from the uppermost down."""
@@ -284,9 +300,9 @@ class GearedReader:
         windows: Floats = seen.reshape(len(which), -1)
         return windows
 
-    def _judged(self, dial: Floats, guesses: _Guesses, best: int, placed: _Placed) -> tuple[Found, Reading]:
-        """Judge one frame's hands, and their value, by what else would explain the dial."""
-        guessed, value = guesses.rows[best], float(guesses.values[best])
+    def _judged(self, dial: Floats, guesses: _Guesses, placed: _Placed) -> tuple[Found, Reading]:
+        """Judge one frame's hands, the first guess, and their value, by what else would explain the dial."""
+        guessed, value = guesses.rows[0], float(guesses.values[0])
         off_rows = np.abs(shortest(guesses.rows - guessed, self._turn))
         others = np.where(off_rows <= MAX_PEAK_ROWS, placed.row, guesses.rows)
         seen_dial = self._thin.thinned(dial)
@@ -323,10 +339,8 @@ class GearedReader:
 
     def _adds_up(self, seen: Floats, rows: Floats) -> bool:
         """Whether no hand on these rows, (K,), is clearly better left out, and nothing like a hand is left."""
-        layers = range(len(self._order))
-        own = rows[None, self._order]
-        without = [self._thin.drawn(own, [layer for layer in layers if layer != left]) for left in layers]
-        drawn = np.concatenate([self._thin.drawn(own), *without])
+        every = rows[self._order]
+        drawn = self._thin.drawn(np.vstack([every, np.where(np.eye(len(every), dtype=bool), np.nan, every)]))
         best, *rest = lit_as(seen, drawn)
         needless = DOUBTFUL_WORSE * times_worse(seen, best, np.array(rest))
         if needless.min() < 1.0:

@@ -19,11 +19,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_SPREAD_LEVELS, NOISE_LEVELS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, limited
 
+EVERY = 4  # pixels: so many tell a median as well
 ROUNDING = np.finfo(np.float32).eps  # keeps a division by the weight of no pixels finite
 
 
@@ -215,8 +216,11 @@ def _sums_over(kernels: list[list[Floats]], *images: Floats) -> Floats:
 
 def explained(left: Floats, weights: Floats) -> Floats:
     """1 where a fit leaves no more (P, C) than it leaves as a rule where there is weight, else 0."""
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(left[weights > 0])))
-    return (np.abs(left) <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
+    off = np.abs(left)
+    some, known = off.ravel()[::EVERY], weights.ravel()[::EVERY]
+    some = some[known > 0]
+    spread = MAD_TO_SIGMA * float(median(some)) if some.size else 0.0
+    return (off <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
 
 
 def weighted_correlation(seen: Floats, left: Floats, weights: Floats) -> float:

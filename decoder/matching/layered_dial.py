@@ -13,16 +13,20 @@ import numpy as np
 
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import MIN_LIGHT_GAIN, NOISE_LEVELS
-from decoder.panel.arrays import Floats
+from decoder.panel.arrays import Floats, Indices
 
 
 @dataclass(frozen=True, slots=True)
 class _Layer:
-    """A needle, or its tail: light and transparency, (H, C), around a row that lies so many rows behind the tip's."""
+    """A needle, or its tail: light and transparency, (H, 2, C), around a row so many rows behind the tip's."""
 
-    light: Floats
-    transparency: Floats
+    pixels: Floats
     behind_rows: float
+
+    @property
+    def shadow(self) -> _Layer:
+        """The same without light."""
+        return _Layer(self.pixels * np.array([[0.0], [1.0]], np.float32), self.behind_rows)
 
 
 class LayeredDial:
@@ -49,34 +53,36 @@ class LayeredDial:
         return thin
 
     def drawn(self, rows: Floats, needles: Sequence[int] | None = None) -> Floats:
-        """(M, N', C') float32: the dial with all of its needles, or some of them, on rows (M, K)."""
+        """(M, N', C') float32: the dial with all of its needles, or some of them, on rows (M, K); NaN draws none."""
         pictures = np.repeat(self.face[None], len(rows), axis=0)
         for needle in range(len(self._layers)) if needles is None else needles:
+            there = np.flatnonzero(np.isfinite(rows[:, needle]))
             for layer in self._layers[needle]:
-                self._draw(pictures, layer.light, layer.transparency, rows[:, needle] + layer.behind_rows)
+                self._draw(pictures, there, layer, rows[there, needle] + layer.behind_rows)
         return pictures
 
     def left_bare(self, rows: Floats, needles: Sequence[int]) -> Floats:
         """(M, N', C') float32: how much of what lies behind some of the needles shows through them."""
-        through = np.ones((len(rows), *self.face.shape), np.float32)
+        through, every = np.ones((len(rows), *self.face.shape), np.float32), np.arange(len(rows))
         for needle in needles:
             for layer in self._layers[needle]:
-                self._draw(through, np.zeros_like(layer.light), layer.transparency, rows[:, needle] + layer.behind_rows)
+                self._draw(through, every, layer.shadow, rows[:, needle] + layer.behind_rows)
         return through
 
-    def _draw(self, pictures: Floats, light: Floats, transparency: Floats, rows: Floats) -> None:
-        """Draw a layer on each picture, around a row of its own, (M,)."""
-        last, axis = len(light) - 1, (len(light) - 1) // 2
+    def _draw(self, pictures: Floats, which: Indices, layer: _Layer, rows: Floats) -> None:
+        """Draw a layer on some of the pictures, around a row of its own on each."""
+        last, axis = len(layer.pixels) - 1, (len(layer.pixels) - 1) // 2
         first = np.ceil((rows - axis) / self._step)
         at = (first * self._step - rows + axis)[:, None] + self._step * np.arange(last // self._step + 1)
-        inside = (at <= last)[..., None]
         before = np.minimum(at.astype(np.intp), last)
-        after, part = np.minimum(before + 1, last), (at - before).astype(np.float32)[..., None]
-        own, through = (each[before] + part * (each[after] - each[before]) for each in (light, transparency))
-        which = np.arange(len(rows))[:, None]
+        after, part = np.minimum(before + 1, last), (at - before).astype(np.float32)[..., None, None]
+        own = layer.pixels[before]
+        own += part * (layer.pixels[after] - own)
         there = (first.astype(np.intp)[:, None] + np.arange(at.shape[1])) % pictures.shape[1]
-        drawn = through * pictures[which, there] + own
-        pictures[which, there] = np.where(inside, drawn, pictures[which, there])
+        behind = pictures[which[:, None], there]
+        pictures[which[:, None], there] = np.where(
+            (at <= last)[..., None], own[..., 1, :] * behind + own[..., 0, :], behind
+        )
 
 
 def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> list[_Layer]:
@@ -84,26 +90,41 @@ def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> l
     tail = template.light.shape[1] - columns
     halves = [(slice(tail, None), 0.0), *([(slice(tail - 1, None, -1), turn / 2)] if tail else [])]
     return [
-        _Layer(template.light[:, own][:, ::step], template.transparency[:, own][:, ::step], behind_rows)
+        _Layer(np.stack([template.light[:, own], template.transparency[:, own]], axis=1)[..., ::step], behind_rows)
         for own, behind_rows in halves
     ]
 
 
 def lit_as(seen: Floats, drawn: Floats) -> Floats:
     """Bring drawings (M, N, C) into the light of what is seen, (N, C): gain and offset, by least squares."""
-    flat, mean_seen = drawn.reshape(len(drawn), -1), np.float32(seen.mean())
-    off = flat - flat.mean(axis=1, keepdims=True)
-    shared = np.einsum("mx,x->m", off, seen.ravel() - mean_seen)
-    gain = np.maximum(shared / np.maximum(np.einsum("mx,mx->m", off, off), 1.0), MIN_LIGHT_GAIN)
-    lit: Floats = (off * gain[:, None].astype(np.float32) + mean_seen).reshape(drawn.shape)
+    light = _Light.of(seen, drawn)
+    lit: Floats = (light.off * light.gain[:, None].astype(np.float32) + seen.mean()).reshape(drawn.shape)
     return lit
 
 
-def unexplained(seen: Floats, lit: Floats) -> Floats:
-    """Return the mean square that each of the drawings (M, N, C) leaves, grey levels squared: (M,)."""
-    left = (lit - seen).reshape(len(lit), -1)
-    squares: Floats = np.einsum("mx,mx->m", left, left) / seen.size
-    return squares
+def unexplained(seen: Floats, drawn: Floats) -> Floats:
+    """Return the mean square that drawings (M, N, C) leave in the light of what is seen, grey levels squared: (M,)."""
+    light = _Light.of(seen, drawn)
+    left: Floats = float(seen.var()) + light.gain * (light.gain * light.power - 2 * light.shared) / seen.size
+    return left
+
+
+@dataclass(frozen=True, slots=True)
+class _Light:
+    """Drawings (M, N * C) about their means, their squares and products with what is seen, and the gain of each."""
+
+    off: Floats
+    power: Floats
+    shared: Floats
+    gain: Floats
+
+    @classmethod
+    def of(cls, seen: Floats, drawn: Floats) -> _Light:
+        flat = drawn.reshape(len(drawn), -1)
+        off = flat - flat.mean(axis=1, keepdims=True)
+        shared = off @ (seen.ravel() - np.float32(seen.mean()))
+        power = np.einsum("mx,mx->m", off, off)
+        return cls(off, power, shared, np.maximum(shared / np.maximum(power, 1.0), MIN_LIGHT_GAIN))
 
 
 def times_worse(seen: Floats, best: Floats, others: Floats) -> Floats:
