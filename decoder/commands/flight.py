@@ -27,7 +27,13 @@ from decoder.commands.options import (
     truth_options,
 )
 from decoder.outputs.formats import planned_files
-from decoder.outputs.outputs import JOURNAL_SUFFIX, output_name, refuse_another_recording, refuse_overwriting
+from decoder.outputs.outputs import (
+    JOURNAL_SUFFIX,
+    output_name,
+    refuse_another_recording,
+    refuse_overwriting,
+    refuse_unwritable,
+)
 from decoder.panel.errors import PanelMissing, PartError
 from decoder.panel.vocabulary import PANEL_FILE
 from decoder.parallel import fork_server
@@ -109,6 +115,7 @@ def command(
     refuse_overwriting([*flight.paths, *given], [directory / file for file in written])
     refuse_another_recording(flight, directory)
     panel, part = _panel(flight, panel_file), _part(flight, AskedPart(start, end, every))
+    refuse_unwritable(directory, written[0])
     say(f"{flight.recording}: decoding {_frames(flight, part)} with {panel}")
     jobs = jobs_for(_picture_bytes(flight, part), asked=jobs)
     if jobs > 1:

@@ -58,10 +58,29 @@ def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
             for part, final in zip(parts, finals, strict=True):
                 part.replace(final)
     except OSError as error:
-        raise OutputError(
-            f"{directory}: the flight data cannot be written: {error.strerror}; choose another with -o"
-        ) from error
+        raise _unwritable(directory, error) from error
     return finals
+
+
+def refuse_unwritable(directory: Path, name: str) -> None:
+    """Try whether a file of this name could be written into a directory, or it could be made; nothing is left.
+
+    Raises
+    ------
+    OutputError
+        If not.
+    """
+    there = next(path for path in (directory, *directory.absolute().parents) if path.exists())
+    try:
+        with _parts([there / name]) as (part,):
+            part.unlink(missing_ok=True)
+            part.touch()
+    except OSError as error:
+        raise _unwritable(directory, error) from error
+
+
+def _unwritable(directory: Path, error: OSError) -> OutputError:
+    return OutputError(f"{directory}: the flight data cannot be written: {error.strerror}; choose another with -o")
 
 
 def part_of(final: Path) -> Path:

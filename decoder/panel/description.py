@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
+from functools import cache
 from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
@@ -100,7 +102,7 @@ def check_description(
     try:
         return model.model_validate(content)
     except ValidationError as problem:
-        raise _first_problem(problem, error, thing, source) from problem
+        raise _first_problem(problem, error, model, thing, source) from problem
 
 
 def problems_in(model: type[Strict], content: object, *, thing: str) -> list[tuple[str, str]]:
@@ -108,13 +110,18 @@ def problems_in(model: type[Strict], content: object, *, thing: str) -> list[tup
     try:
         model.model_validate(content)
     except ValidationError as found:
-        return [_sentence(problem, thing) for problem in _telling(found)]
+        return [_sentence(problem, model, thing) for problem in _telling(found)]
     return []
 
 
-def _first_problem(found: ValidationError, error: type[DescriptionError], thing: str, source: str) -> DescriptionError:
+def _first_problem(
+    found: ValidationError, error: type[DescriptionError], model: type[Strict], thing: str, source: str
+) -> DescriptionError:
     problems = _telling(found)
-    path, message = _sentence(problems[0], thing)
+    # A key that is missing may be there, misspelt.
+    beside = [problem for problem in problems if problem["loc"][:-1] == problems[0]["loc"][:-1]]
+    first = next((problem for problem in beside if problem["type"] == "extra_forbidden"), problems[0])
+    path, message = _sentence(first, model, thing)
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return error(path, message + more, source=source)
 
@@ -125,14 +132,25 @@ def _telling(found: ValidationError) -> list[ErrorDetails]:
     return problems or found.errors(include_url=False)
 
 
-def _sentence(problem: ErrorDetails, thing: str) -> tuple[str, str]:
+def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[str, str]:
     path = ""
     for part in problem["loc"]:
         key = part if isinstance(part, int) else printable(part[:LONGEST_KEY])
         path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        message = f"is not a key of the {thing} format; remove it or correct its spelling"
+        (*_, key) = problem["loc"]
+        like = get_close_matches(str(key), _keys(model), 1)
+        instead = f"did you mean {like[0]}?" if like else "remove it or correct its spelling"
+        message = f"is not a key of the {thing} format; {instead}"
     elif problem["type"] == "missing":
         message = "is missing"
     return path, message[0].lower() + message[1:]
+
+
+@cache
+def _keys(model: type[Strict]) -> list[str]:
+    """List the keys of a description and of all its parts."""
+    schema = model.model_json_schema()
+    parts = [schema, *schema.get("$defs", {}).values()]
+    return sorted({key for part in parts for key in part.get("properties", {})})

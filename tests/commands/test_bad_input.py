@@ -90,7 +90,7 @@ def test_truncated_flight_is_decoded_as_far_as_it_goes(decode: Decode, tmp_path:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (key_spelt_otherwise, ["gauges[1].cent"]),
+        (key_spelt_otherwise, ["gauges[1].center: is not a key", "did you mean centre?"]),
         (empty_sweep, ["gauges[2].sweep", "empty"]),
         (scale_up_and_down, ["gauges[3].scale", "monotone"]),
         (gauge_outside, ["gauges[0]", "outside"]),

@@ -8,7 +8,7 @@ from typing import IO
 
 import pytest
 
-from decoder.outputs.outputs import write_all
+from decoder.outputs.outputs import refuse_unwritable, write_all
 from decoder.panel.errors import OutputError
 
 
@@ -88,5 +88,15 @@ def test_folder_that_cannot_be_made_is_an_output_error(tmp_path: Path, folder: s
     (tmp_path / "out").write_text("a file\n")
     with pytest.raises(OutputError, match=f"{folder}: the flight data cannot be written"):
         write_all(tmp_path / folder, {"a.csv": says("1\n")})
+    with pytest.raises(OutputError, match=f"{folder}: the flight data cannot be written"):
+        refuse_unwritable(tmp_path / folder, "a.csv")
 
     assert (tmp_path / "out").read_text() == "a file\n"
+
+
+@pytest.mark.parametrize("folder", ["", "new", "new/deeper"])
+def test_trying_whether_a_folder_can_be_written_leaves_nothing(tmp_path: Path, folder: str) -> None:
+    """Neither a file nor a folder."""
+    refuse_unwritable(tmp_path / folder, "a.csv")
+
+    assert list(tmp_path.iterdir()) == []
