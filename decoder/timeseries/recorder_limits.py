@@ -3,7 +3,10 @@
 The tables give a range for some parameters (such as 100 to 700 ft, by altitude): within its narrow end a needle
 passes, beyond its wide end it fails, in between it depends on the installation. It passes or fails by 95 % of its
 values, because a truth at 1 Hz is itself interpolated. Percentages are of the value for airspeed and vertical speed,
-of full scale for the others; an airspeed need not be finer than the resolution that is asked for, 1 kt.
+of full scale for the others; a value need not be finer than the resolution that is asked for, 1 kt or 250 fpm.
+
+A camera reads the aircraft's own instruments. Where these are the source, 14 CFR 91 lets the recording add at most half
+of what an installed system may be off, altimeters aside: that half is a table of its own.
 """
 
 from __future__ import annotations
@@ -23,9 +26,13 @@ from decoder.timeseries.tables import Described, FlightTable, Table
 from decoder.timeseries.thresholds import NEEDED_PART
 
 FAA = "14 CFR 135 App. C"
+AIRPLANES = "14 CFR 91 App. E"
+RECORDING = "14 CFR 91 App. E, note 1"
 EASA = "EASA AMC5 CAT.IDE.A.190"
 SOURCES: dict[str, str] = {
     FAA: "14 CFR Part 135 Appendix C, helicopter flight recorder specifications",
+    AIRPLANES: "14 CFR Part 91 Appendix E, airplane flight recorder specifications, accuracy of the installed system",
+    RECORDING: "the same, note 1: what the recording may add where aircraft instruments are the source, half of that",
     EASA: "EASA Easy Access Rules for Air Operations, AMC5 CAT.IDE.A.190, flight data recorder performance, aeroplanes",
 }
 
@@ -96,9 +103,21 @@ LIMITS: tuple[Limit, ...] = (
     _limit(FAA, "vertical speed", "10 % or 250 fpm", Tolerance(250, "fpm", of_value=0.10)),
     _limit(FAA, "attitude", "2 deg", Tolerance(2, "deg")),
     _limit(FAA, "power", "5 %", Tolerance(of_scale=0.05)),
+    _limit(AIRPLANES, "airspeed", "5 % or 10 kt", Tolerance(10, "kt", of_value=0.05)),
+    _limit(AIRPLANES, "altitude", "100 to 700 ft", Tolerance(100, "ft"), Tolerance(700, "ft")),
+    _limit(AIRPLANES, "heading", "5 deg", Tolerance(5, "deg")),
+    _limit(AIRPLANES, "vertical speed", "10 % or 250 fpm", Tolerance(250, "fpm", of_value=0.10)),
+    _limit(AIRPLANES, "attitude", "2 deg", Tolerance(2, "deg")),
+    _limit(AIRPLANES, "power", "5 %", Tolerance(of_scale=0.05)),
+    _limit(RECORDING, "airspeed", "2.5 % or 5 kt", Tolerance(5, "kt", of_value=0.025)),
+    _limit(RECORDING, "heading", "2.5 deg", Tolerance(2.5, "deg")),
+    _limit(RECORDING, "vertical speed", "5 % or 125 fpm", Tolerance(125, "fpm", of_value=0.05)),
+    _limit(RECORDING, "attitude", "1 deg", Tolerance(1, "deg")),
+    _limit(RECORDING, "power", "2.5 %", Tolerance(of_scale=0.025)),
     _limit(EASA, "airspeed", "3 to 5 %", Tolerance(1, "kt", of_value=0.03), Tolerance(1, "kt", of_value=0.05)),
     _limit(EASA, "altitude", "100 to 700 ft", Tolerance(100, "ft"), Tolerance(700, "ft")),
     _limit(EASA, "heading", "2 deg", Tolerance(2, "deg")),
+    _limit(EASA, "attitude", "2 deg", Tolerance(2, "deg")),
     _limit(EASA, "power", "2 %", Tolerance(of_scale=0.02)),
 )
 

@@ -10,7 +10,7 @@ import pytest
 
 from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitError
 from decoder.timeseries.name_mapping import MappedName, read_mapping
-from decoder.timeseries.recorder_limits import Judged, Verdict, judged, kind_of
+from decoder.timeseries.recorder_limits import EASA, FAA, RECORDING, Judged, Verdict, judged, kind_of
 from decoder.timeseries.recorder_truth import recorder_truth
 from decoder.timeseries.tables import FlightTable, Table, flight_table
 
@@ -162,39 +162,40 @@ def test_name_tells_the_kind(name: str, kind: str | None) -> None:
 def judge(tmp_path: Path, name: str, truth: Sequence[float], shown: Sequence[float]) -> dict[str, Judged]:
     """The judgements of one needle by source."""
     results = judged(flight(tmp_path, {name: shown}), table({"time_s": range(len(truth)), name: truth}))
-    return {result.source.split()[0]: result for result in results}
+    return {result.source: result for result in results}
 
 
 @pytest.mark.parametrize(
-    ("name", "truth", "off", "faa", "easa"),
+    ("name", "truth", "off", "faa", "easa", "half"),
     [
-        ("ias_kt", 100.0, 2.9, Verdict.PASS, Verdict.PASS),
-        ("ias_kt", 100.0, 4.9, Verdict.PASS, Verdict.DEPENDS),
-        ("ias_kt", 100.0, 9.9, Verdict.PASS, Verdict.FAIL),
-        ("ias_kt", 100.0, 10.1, Verdict.FAIL, Verdict.FAIL),
-        ("ias_kt", 0.0, 0.9, Verdict.PASS, Verdict.PASS),
-        ("altitude_ft", 5000.0, -99.0, Verdict.PASS, Verdict.PASS),
-        ("altitude_ft", 5000.0, 300.0, Verdict.DEPENDS, Verdict.DEPENDS),
-        ("altitude_ft", 5000.0, 701.0, Verdict.FAIL, Verdict.FAIL),
-        ("heading_deg", 359.0, 1.9, Verdict.PASS, Verdict.PASS),
-        ("heading_deg", 1.0, -4.9, Verdict.PASS, Verdict.FAIL),
-        ("n1_pct", 50.0, 2.2, Verdict.PASS, Verdict.PASS),
-        ("n1_pct", 50.0, 2.4, Verdict.PASS, Verdict.FAIL),
+        ("ias_kt", 100.0, 2.9, Verdict.PASS, Verdict.PASS, Verdict.PASS),
+        ("ias_kt", 100.0, 4.9, Verdict.PASS, Verdict.DEPENDS, Verdict.PASS),
+        ("ias_kt", 100.0, 9.9, Verdict.PASS, Verdict.FAIL, Verdict.FAIL),
+        ("ias_kt", 100.0, 10.1, Verdict.FAIL, Verdict.FAIL, Verdict.FAIL),
+        ("ias_kt", 0.0, 0.9, Verdict.PASS, Verdict.PASS, Verdict.PASS),
+        ("altitude_ft", 5000.0, -99.0, Verdict.PASS, Verdict.PASS, None),
+        ("altitude_ft", 5000.0, 300.0, Verdict.DEPENDS, Verdict.DEPENDS, None),
+        ("altitude_ft", 5000.0, 701.0, Verdict.FAIL, Verdict.FAIL, None),
+        ("heading_deg", 359.0, 1.9, Verdict.PASS, Verdict.PASS, Verdict.PASS),
+        ("heading_deg", 1.0, -4.9, Verdict.PASS, Verdict.FAIL, Verdict.FAIL),
+        ("n1_pct", 50.0, 2.2, Verdict.PASS, Verdict.PASS, Verdict.PASS),
+        ("n1_pct", 50.0, 2.4, Verdict.PASS, Verdict.FAIL, Verdict.PASS),
     ],
 )
 def test_verdict_is_by_the_published_limits(
-    tmp_path: Path, name: str, truth: float, off: float, faa: Verdict, easa: Verdict
+    tmp_path: Path, name: str, truth: float, off: float, faa: Verdict, easa: Verdict, half: Verdict | None
 ) -> None:
-    """Errors just within and just beyond each limit; a compass goes the short way round."""
+    """Errors just within and just beyond each limit, or the half of it; a compass goes the short way round."""
     turn = 360.0 if name == "heading_deg" else 1e9
     found = judge(tmp_path, name, [truth] * 20, [(truth + off) % turn] * 20)
 
-    assert (found["14"].verdict, found["EASA"].verdict) == (faa, easa)
-    assert found["14"].worst == pytest.approx(abs(off))
+    assert (found[FAA].verdict, found[EASA].verdict) == (faa, easa)
+    assert (found[RECORDING].verdict if RECORDING in found else None) == half
+    assert found[FAA].worst == pytest.approx(abs(off))
 
 
 def test_one_value_in_twenty_may_be_off(tmp_path: Path) -> None:
     """95 % of the values decide."""
     shown = [100.0] * 19
-    assert judge(tmp_path, "ias_kt", [100.0] * 20, [*shown, 150.0])["14"].verdict is Verdict.PASS
-    assert judge(tmp_path, "ias_kt", [100.0] * 20, [*shown[1:], 150.0, 150.0])["14"].verdict is Verdict.FAIL
+    assert judge(tmp_path, "ias_kt", [100.0] * 20, [*shown, 150.0])[FAA].verdict is Verdict.PASS
+    assert judge(tmp_path, "ias_kt", [100.0] * 20, [*shown[1:], 150.0, 150.0])[FAA].verdict is Verdict.FAIL
