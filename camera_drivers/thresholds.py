@@ -3,16 +3,15 @@
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | LOOK_S | 0.1 | s | how often a wait looks for a stop | a stop is noticed at once |
-| AGAIN_S | 0.25 | s | how often a state is asked for again | the camera takes longer to change |
+| AGAIN_S | 0.25 | s | how often a state, or news, is asked for again | the camera takes longer to change |
 | SAY_S | 1 | s | how often a wait is reported | the watchdog waits 20 s |
 | CLOSE_S | 1 | s | for an aborted call or thread to end | then it is left behind |
 | REST_S | 1 | s | before a failed call is repeated | whatever the interval |
-| NEWS_BREATH_S | 0.2 | s | between two calls that wait for news | whatever the camera answers |
 | NEWS_REST_S | 5 | s | after one that failed | nothing needs news |
 | MAX_FAILURES | 4 | - | useless answers in a row | then the camera is connected again |
 | MAX_SHOTS | 3 | - | tries at a shot while it is not ready | then it is reported |
 | MAX_DOWNLOADS | 2 | - | of one picture | the same damage twice is the camera's |
-| MAX_ANSWER_BYTES | 1 | MiB | an answer, or a liveview picture | real ones have at most 14 kB |
+| MAX_ANSWER_BYTES | 1 | MiB | an answer, a liveview picture, a payload of telemetry | real ones have at most 14 kB |
 | MAX_WAITING_PICTURES | 64 | - | liveview pictures that wait | what came in one piece |
 | REMEMBERED_PICTURES | 16 | - | addresses of pictures | none is found twice |
 | SEARCH_AGAIN_S | 2 | s | before a search is sent again | SSDP is lossy |
@@ -27,6 +26,7 @@
 | ZOOM_MAX_STEPS | 60 | - | from one end to the other | steps are of two percent or more |
 | ZOOM_STILL_LOOKS | 8 | - | looks that see the lens at rest | 0.8 s |
 | ZOOM_MAX_TURNS | 2 | - | to and fro across the goal | then the nearest is kept |
+| MAX_PARTS | 256 | - | positions in a payload of telemetry, boxes in a row | 18, and about ten |
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ AGAIN_S = 0.25
 SAY_S = 1.0
 CLOSE_S = 1.0
 REST_S = 1.0
-NEWS_BREATH_S = 0.2
 NEWS_REST_S = 5.0
 MAX_FAILURES = 4
 MAX_SHOTS = 3
@@ -56,3 +55,4 @@ ZOOM_MAX_PICTURES = 12
 ZOOM_MAX_STEPS = 60
 ZOOM_STILL_LOOKS = 8
 ZOOM_MAX_TURNS = 2
+MAX_PARTS = 256

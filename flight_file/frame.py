@@ -22,6 +22,9 @@ VIDEO_FORMATS = frozenset({"h264", "h265"})
 """What Foxglove calls the codecs that pictures are built on each other with."""
 MAX_TIME_NS = 2**63 - 1  # in the year 2262: times in files and arrays are signed 64-bit nanoseconds
 MAX_LOG_TIME_NS = 2**64 - 1  # MCAP stores unsigned 64-bit nanoseconds
+NO_FIX, FIX_2D, FIX_3D = 0, 2, 3
+MOST_OF_A_FIX = (100_000.0, 10_000.0, 100.0)
+"""Altitude in m, speed in m/s and dilution of precision that a receiver may tell; none on an aircraft comes near."""
 CONNECTION_STATES = frozenset({"connecting", "connected", "capturing", "lost", "finished"})
 """What is true of the camera until it says the next of these; any other state is something that happened meanwhile."""
 
@@ -90,6 +93,43 @@ class Origin:
 
 
 @dataclass(frozen=True, slots=True)
+class GpsFix:
+    """Where a GPS receiver beside the camera was, or that it did not know; None where it did not say.
+
+    Attributes
+    ----------
+    captured_ns
+        When, by the frames' clock.
+    origin_file, origin_ns
+        Which of the originals that the session names it stood in, from 0, and when in that file.
+    fix
+        NO_FIX, FIX_2D (no altitude) or FIX_3D.
+    latitude_deg, longitude_deg
+        WGS 84.
+    altitude_m
+        As the receiver has it: above the ellipsoid or above the sea.
+    speed_mps, speed_3d_mps
+        Over ground, and in space.
+    dop
+        Dilution of precision: below 5 is good.
+    gps_ns
+        The receiver's own time, UTC since the Unix epoch; it need not be what the frames' clock says.
+    """
+
+    captured_ns: int
+    origin_file: int = 0
+    origin_ns: int = 0
+    fix: int = NO_FIX
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+    speed_mps: float | None = None
+    speed_3d_mps: float | None = None
+    dop: float | None = None
+    gps_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Group:
     """A group of pictures of a video: what it takes to decode each of them, in decoding order.
 
@@ -139,6 +179,10 @@ class Frame:
         By how much a video says that its pictures are to be turned clockwise: 0, 90, 180 or 270.
     origin
         Where a video's picture came from; None for other pictures.
+    readout_s
+        How long the camera takes from the first row of its sensor to the last; None where nobody knows.
+    fixes
+        Positions that came with it; a reader has them from `Flight.fixes`, and not here.
     group, place
         The group of pictures that a video's picture is decoded with, and which of its pictures it is in the order of
         time; None and 0 where a flight is not read for its pictures.
@@ -157,6 +201,8 @@ class Frame:
     format: str = JPEG
     rotation_deg: int = 0
     origin: Origin | None = None
+    readout_s: float | None = None
+    fixes: tuple[GpsFix, ...] = field(default=(), compare=False, repr=False)
     group: Group | None = field(default=None, compare=False, repr=False)
     place: int = field(default=0, compare=False)
 
@@ -176,6 +222,7 @@ class Frame:
             self.format,
             self.rotation_deg,
             self.origin,
+            self.readout_s,
         )
 
 

@@ -1,8 +1,8 @@
 """The messages of a flight file: topics and schemas, and frames and reports as bytes.
 
 The order of `TOPICS` is part of the format: our writer registers the channels in this order, so that their ids are 1
-to 6 in each of our files; older ones lack the sixth. MCAP keeps the channel records only in the first chunk; a reader
-that finds this chunk lost goes on with this table.
+to 7 in each of our files; those that do not need them lack the last two. MCAP keeps the channel records only in the
+chunk in which they come first; a reader that finds this chunk lost goes on with this table.
 
 Times in JSON are `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles.
 """
@@ -41,13 +41,16 @@ STATUS_TOPIC = "/camera/status"
 HEALTH_TOPIC = "/recorder/health"
 LOG_TOPIC = "/recorder/log"
 VIDEO_TOPIC = "/camera/video"
+FIX_TOPIC = "/gps/fix"
+LATE_TOPICS = (VIDEO_TOPIC, FIX_TOPIC)
+"""They stand in a file only if it has such messages."""
 PICTURE_TOPICS = frozenset({IMAGE_TOPIC, VIDEO_TOPIC})
 """A frame's picture is on one of them."""
 PROFILE = "flight"
 FRAME_ID = "camera"
 MAX_TIME_S = MAX_TIME_NS // NS_PER_S - 1
 _EXIF_FIELDS = ("focal_length_mm", "exposure_s", "f_number", "iso", "datetime")
-_Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +162,7 @@ _FRAME_SCHEMA = _schema(
             "by how much a video's pictures are to be turned clockwise: 90, 180 or 270", kind="integer"
         ),
         "origin": _ORIGIN,
+        "readout_s": _number("time from the sensor's first row to its last, s"),
         "size_bytes": _number("size of the picture as it is stored, bytes", kind="integer"),
         "sha256": _text("SHA-256 of the picture as it is stored, hexadecimal"),
         "chain": _text("SHA-256 over the chain value before and this record up to here, hexadecimal; the last member"),
@@ -207,6 +211,28 @@ _HEALTH_SCHEMA = _schema(
 )
 
 
+# Foxglove's map shows what is called so and has its fields; what else it holds, it passes over.
+_FIX_SCHEMA = _schema(
+    "foxglove.LocationFix",
+    ["timestamp", "frame_id", "position_covariance_type", "fix", "file", "time"],
+    {
+        "timestamp": _time("when, by the frames' clock"),
+        "frame_id": _text("gps"),
+        "latitude": _number("degrees north, WGS 84; absent without a fix"),
+        "longitude": _number("degrees east, WGS 84; absent without a fix"),
+        "altitude": _number("m, as the receiver has it, above the ellipsoid or the sea; absent without a 3D fix"),
+        "position_covariance_type": _number("0: not known", kind="integer"),
+        "fix": _number("0 none, 2 without altitude, 3 with altitude", kind="integer"),
+        "speed_mps": _number("speed over ground, m/s"),
+        "speed_3d_mps": _number("speed in space, m/s"),
+        "dop": _number("dilution of precision; below 5 is good"),
+        "gps_time": _time("the receiver's own time, UTC; it need not agree with timestamp"),
+        "file": _number("which of the originals that the session record names, from 0", kind="integer"),
+        "time": _time("when in that file; sec may be negative"),
+    },
+)
+
+
 def _protobuf(name: str, message: type[CompressedImage | CompressedVideo | Log]) -> Topic:
     descriptors = build_file_descriptor_set(message).SerializeToString(deterministic=True)
     return Topic(name, "protobuf", message.DESCRIPTOR.full_name, "protobuf", descriptors)
@@ -223,6 +249,7 @@ TOPICS: tuple[Topic, ...] = (
     _json(HEALTH_TOPIC, "flight.Health", _HEALTH_SCHEMA),
     _protobuf(LOG_TOPIC, Log),
     _protobuf(VIDEO_TOPIC, CompressedVideo),
+    _json(FIX_TOPIC, "foxglove.LocationFix", _FIX_SCHEMA),
 )
 
 
@@ -299,12 +326,14 @@ class Image:
     encoded: bytes
 
 
-def _json_bytes(document: dict[str, Any]) -> bytes:
+def json_bytes(document: dict[str, Any]) -> bytes:
+    """Encode a document without what is None."""
     present = {key: value for key, value in document.items() if value is not None}
     return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
-def _time_or_none(time_ns: int | None) -> dict[str, int] | None:
+def time_or_none(time_ns: int | None) -> dict[str, int] | None:
+    """Convert a time that may be unknown."""
     return None if time_ns is None else to_json(time_ns)
 
 
@@ -339,11 +368,11 @@ def encode_frame(frame: Frame) -> bytes:
     """Encode everything about the picture except the picture itself, as JSON."""
     origin = frame.origin
     exif = {name: getattr(frame.exif, name) for name in _EXIF_FIELDS}
-    return _json_bytes(
+    return json_bytes(
         {
             "sequence": frame.sequence,
             "captured": to_json(frame.captured_ns),
-            "captured_sigma": _time_or_none(frame.captured_sigma_ns),
+            "captured_sigma": time_or_none(frame.captured_sigma_ns),
             "times": host_times_to_json(frame.times),
             "exif": {name: value for name, value in exif.items() if value is not None},
             "zoom_position": frame.zoom_position,
@@ -354,6 +383,7 @@ def encode_frame(frame: Frame) -> bytes:
             "origin": None
             if origin is None
             else {"file": origin.file, "time": to_json(origin.time_ns), "sha256": origin.sha256},
+            "readout_s": frame.readout_s,
             "size_bytes": len(frame.encoded),
             "sha256": frame.sha256,
         }
@@ -363,7 +393,7 @@ def encode_frame(frame: Frame) -> bytes:
 class _OriginRecord(msgspec.Struct, frozen=True):
     """Where a video's picture came from."""
 
-    file: _Whole
+    file: Whole
     time: Moment
     sha256: str
 
@@ -371,24 +401,25 @@ class _OriginRecord(msgspec.Struct, frozen=True):
 class _FrameRecord(msgspec.Struct, frozen=True):
     """What `encode_frame` writes, as far as it is asked for again."""
 
-    sequence: _Whole
+    sequence: Whole
     captured: Moment
     sha256: str
     times: HostClocks
     exif: Exif
-    width_px: _Whole | None = None
-    height_px: _Whole | None = None
+    width_px: Whole | None = None
+    height_px: Whole | None = None
     zoom_position: float | None = None
     captured_sigma: Moment | None = None
     format: Literal["jpeg", "png", "webp", "h264", "h265"] = "jpeg"
     rotation_deg: Literal[0, 90, 180, 270] = 0
     origin: _OriginRecord | None = None
+    readout_s: float | None = None
 
 
 class _Report(msgspec.Struct, frozen=True):
     """Of a camera status or a health report."""
 
-    dropped: _Whole
+    dropped: Whole
 
 
 _FRAME_RECORD = msgspec.json.Decoder(_FrameRecord)
@@ -420,6 +451,7 @@ def decode_frame(data: memoryview) -> Frame:
         format=record.format,
         rotation_deg=record.rotation_deg,
         origin=None if origin is None else Origin(origin.file, origin.time.time_ns, origin.sha256),
+        readout_s=record.readout_s,
     )
 
 
@@ -433,22 +465,22 @@ def decode_dropped(data: memoryview) -> int:
 
 def encode_status(status: CameraStatus, at: ClockReading) -> bytes:
     """Encode a camera status as JSON."""
-    return _json_bytes(
+    return json_bytes(
         {
             "clocks": reading_to_json(at),
             "state": status.state,
             "reason": status.reason,
             "dropped": status.dropped,
             "sequence": status.sequence,
-            "camera_clock_offset": _time_or_none(status.camera_clock_offset_ns),
-            "camera_clock_sigma": _time_or_none(status.camera_clock_sigma_ns),
+            "camera_clock_offset": time_or_none(status.camera_clock_offset_ns),
+            "camera_clock_sigma": time_or_none(status.camera_clock_sigma_ns),
         }
     )
 
 
 def encode_health(health: Health, at: ClockReading) -> bytes:
     """Encode a health report as JSON."""
-    return _json_bytes(
+    return json_bytes(
         {
             "clocks": reading_to_json(at),
             "free_bytes": health.free_bytes,

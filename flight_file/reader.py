@@ -16,13 +16,13 @@ from pathlib import Path
 from types import MappingProxyType
 
 from flight_file.errors import FlightFileError, Loss, LossKind, MixedFlightsError
-from flight_file.frame import VIDEO_FORMATS, Frame
-from flight_file.messages import CHANNEL_TOPICS, PICTURE_TOPICS, VIDEO_TOPIC, Image
+from flight_file.frame import VIDEO_FORMATS, Frame, GpsFix
+from flight_file.messages import CHANNEL_TOPICS, FIX_TOPIC, PICTURE_TOPICS, VIDEO_TOPIC, Image
 from flight_file.records import ByteSource, ChunkPlace
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
 from flight_file.video.groups import begins_group, in_groups
-from flight_file.walk import UNREADABLE, Records, items_of, walk
+from flight_file.walk import UNREADABLE, Records, fixes_of, items_of, walk
 
 _Found = tuple[ChunkPlace, Frame] | Loss
 
@@ -326,6 +326,27 @@ class Flight:
             for found in picked(segment, counts, _From(wanted, first)):
                 yield segment.path, found
             first += counts.total
+
+    def fixes(self) -> Iterator[GpsFix]:
+        """Iterate over the positions in the order they were recorded; those that cannot be read are losses.
+
+        Only the chunks are read that hold any, by their indexes.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails or a file vanishes meanwhile.
+        """
+        for segment in self.segments:
+            channels = dict(CHANNEL_TOPICS)
+            with opened(segment.path) as source:
+                for place in segment.chunks:
+                    if place.messages and not any(channels.get(each) == FIX_TOPIC for each in place.messages):
+                        continue
+                    try:
+                        yield from fixes_of(segment, source, place, channels)
+                    except UNREADABLE as error:
+                        self._note(Loss(segment.path, place.offset, place.length, str(error), LossKind.DAMAGED))
 
     def count(self) -> int:
         """Count the frames that the files' own indexes list, damaged ones included.

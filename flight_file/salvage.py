@@ -50,7 +50,6 @@ from flight_file.messages import (
     HEALTH_TOPIC,
     PICTURE_TOPICS,
     STATUS_TOPIC,
-    VIDEO_TOPIC,
     Image,
     MalformedMessageError,
     decode_dropped,
@@ -83,7 +82,7 @@ from flight_file.session import (
 from flight_file.signature import Signer, write_signature
 from flight_file.verification import Proof, prove, prove_file
 from flight_file.walk import decoded, walk
-from flight_file.writer import packed_head, register_video, registered_topics
+from flight_file.writer import packed_head, register_late, registered_topics
 
 _OF_FRAMES = PICTURE_TOPICS | {FRAME_TOPIC}
 _CUT_OFF = "recovered: the recording was cut off"
@@ -191,8 +190,7 @@ class _Repacking:
         whole = self._whole_frames(place, messages)
         for index, message in enumerate(messages):
             topic = self._topics.get(message.channel_id, "")
-            if topic == VIDEO_TOPIC:
-                register_video(self._writer, self._channels)
+            register_late(self._writer, self._channels, topic)
             if topic not in self._channels or (topic in _OF_FRAMES and index not in whole):
                 continue
             if topic == FRAME_TOPIC:

@@ -111,8 +111,8 @@ class Session:
         Value that the chain goes on from; empty in a file without a chain.
     time_of_day
         Which clock says when the pictures were taken: empty for the recorder's and the camera's own, `start` where a
-        person said it, `creation` or `timecode` for a video's; UNKNOWN if none does. Then times count from 1970, and
-        only their differences mean anything.
+        person said it, `creation`, `timecode` or `gps` for a video's; UNKNOWN if none does. Then times count from 1970,
+        and only their differences mean anything.
     originals
         Video files that the flight was made of, in their order.
     """

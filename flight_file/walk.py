@@ -17,9 +17,10 @@ from dataclasses import dataclass, replace
 from itertools import count, takewhile
 
 from flight_file.errors import Loss, LossKind
-from flight_file.frame import Frame, storable
+from flight_file.frame import Frame, GpsFix, storable
 from flight_file.messages import (
     CHANNEL_TOPICS,
+    FIX_TOPIC,
     FRAME_TOPIC,
     PICTURE_TOPICS,
     Image,
@@ -45,6 +46,7 @@ from flight_file.segment import Segment, opened
 from flight_file.session import opened_frame
 from flight_file.summary import Contents
 from flight_file.thresholds import MAX_UNPAIRED
+from flight_file.video.positions import decode_fix
 
 UNREADABLE = (DamagedRecordError, MalformedMessageError)
 _NUMBERS = 2**32  # MCAP numbers messages by 32 bits
@@ -206,6 +208,15 @@ def items_of(
             item = decoded(record, channels)
             if item is not None:
                 yield item
+
+
+def fixes_of(segment: Segment, source: ByteSource, place: ChunkPlace, channels: dict[int, str]) -> Iterator[GpsFix]:
+    """Iterate over a chunk's positions, as `items_of` over its frames."""
+    for record in split_chunk(read_chunk(source, place, needs_crc=not segment.finished)):
+        if isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif channels.get(record.channel_id) == FIX_TOPIC:
+            yield decode_fix(record.data)
 
 
 def decoded(message: Message, channels: Mapping[int, str]) -> Frame | Image | None:

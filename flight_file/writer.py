@@ -32,13 +32,14 @@ from mcap.writer import CompressionType, Writer
 from flight_file.files import DurableFile, refuse_existing, rename_durably
 from flight_file.frame import CameraStatus, ClockReading, Frame, Health, LogClock, LogLine, storable
 from flight_file.messages import (
+    FIX_TOPIC,
     FRAME_TOPIC,
     HEALTH_TOPIC,
+    LATE_TOPICS,
     LOG_TOPIC,
     PROFILE,
     STATUS_TOPIC,
     TOPICS,
-    VIDEO_TOPIC,
     Topic,
     encode_frame,
     encode_health,
@@ -66,6 +67,7 @@ from flight_file.session import (
 )
 from flight_file.signature import Signer, checkpoint, write_signature
 from flight_file.thresholds import CHUNK_BYTES, SYNC_BYTES, SYNC_NS
+from flight_file.video.positions import encode_fix
 
 LIBRARY = f"image-flight-recorder/{version('image-flight-recorder')}"
 _NEVER_CLOSE_A_CHUNK = 2**62
@@ -120,14 +122,21 @@ def packed_head(
 
 
 def registered_topics(writer: Writer) -> dict[str, int]:
-    """Put all schemas and channels but the video's into the chunk that is open; gives channel ids by topic."""
-    return {topic.name: _registered(writer, topic) for topic in TOPICS if topic.name != VIDEO_TOPIC}
+    """Put the schemas and channels that every file has into the chunk that is open; gives channel ids by topic."""
+    return {topic.name: _registered(writer, topic) for topic in TOPICS if topic.name not in LATE_TOPICS}
 
 
-def register_video(writer: Writer, channels: dict[str, int]) -> None:
-    """Put the video's schema and channel into the chunk that is open, unless that is done."""
-    if VIDEO_TOPIC not in channels:
-        channels[VIDEO_TOPIC] = _registered(writer, next(topic for topic in TOPICS if topic.name == VIDEO_TOPIC))
+def register_late(writer: Writer, channels: dict[str, int], name: str) -> None:
+    """Put a late topic's schema and channel into the chunk that is open, unless that is done; those before it too.
+
+    So channels have the ids that a reader takes them to have who has lost the chunk that says so.
+    """
+    if name in LATE_TOPICS and name not in channels:
+        for topic in TOPICS:
+            if topic.name not in channels:
+                channels[topic.name] = _registered(writer, topic)
+            if topic.name == name:
+                return
 
 
 def _registered(writer: Writer, topic: Topic) -> int:
@@ -250,7 +259,7 @@ class SegmentWriter:
         return self._file.tell() + self._chunk_bytes
 
     def write_frame(self, frame: Frame, at: ClockReading) -> None:
-        """Store a frame that arrived at this time.
+        """Store a frame that arrived at this time, and the positions that came with it.
 
         Parameters
         ----------
@@ -264,10 +273,12 @@ class SegmentWriter:
         publish_ns = storable(frame.captured_ns)
         number = frame.sequence & 0xFFFFFFFF
         record, self.chain = sealed_frame(encode_frame(frame), self.chain)
-        if picture_topic(frame) == VIDEO_TOPIC:
-            register_video(self._writer, self._channels)
+        register_late(self._writer, self._channels, picture_topic(frame))
         self._add(FRAME_TOPIC, record, log_ns, publish_ns, number)
         self._add(picture_topic(frame), encode_image(frame), log_ns, publish_ns, number)
+        for fix in frame.fixes:
+            register_late(self._writer, self._channels, FIX_TOPIC)
+            self._add(FIX_TOPIC, encode_fix(fix), log_ns, storable(fix.captured_ns), 0)
         self.frames += 1
         if self._chunk_bytes >= CHUNK_BYTES:
             self._close_chunk()

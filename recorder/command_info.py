@@ -23,6 +23,7 @@ _TIME_BY = {
     "start": "what was typed as --start",
     "creation": "the creation time of the video, which was believed",
     "timecode": "the timecode of the video, which was believed",
+    "gps": "the GPS time of the video, which was believed",
     UNKNOWN: "no clock: only differences of times mean anything",
 }
 

@@ -149,7 +149,7 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of what was rep
 )  # fmt: skip
 @click.option("--start", metavar="TIME", help="When a video's first picture was taken, such as 2026-05-04T09:30:00Z.")
 @click.option(
-    "--clock", type=click.Choice(["creation", "timecode"]),
+    "--clock", type=click.Choice(["creation", "timecode", "gps"]),
     help="Which of a video's clocks is believed; without this or --start the flight has no time of day.",
 )  # fmt: skip
 @click.option(

@@ -82,7 +82,7 @@ class ReplaySettings(_Model):
     """Pictures a second, for folders; flight files and videos have their own times."""
     start: str | None = None
     """When a video's first picture was taken, such as 2026-05-04T09:30:00Z; for video files."""
-    clock: Literal["creation", "timecode"] | None = None
+    clock: Literal["creation", "timecode", "gps"] | None = None
     """Which of a video's clocks is believed, in place of start; without either nobody knows its time of day."""
     utc_offset: str | None = None
     """By how much start or clock is ahead of UTC, such as +02:00."""

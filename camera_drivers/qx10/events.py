@@ -20,7 +20,7 @@ from typing import Any
 from camera_drivers.errors import CameraError, CameraRefusedError
 from camera_drivers.qx10.remote_api import Code, RemoteApi
 from camera_drivers.qx10.waiting import Stopped
-from camera_drivers.thresholds import CLOSE_S, NEWS_BREATH_S, NEWS_REST_S, REMEMBERED_PICTURES
+from camera_drivers.thresholds import AGAIN_S, CLOSE_S, NEWS_REST_S, REMEMBERED_PICTURES
 from flight_file.frame import CameraStatus
 
 EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that asked for more broke on it
@@ -137,10 +137,10 @@ class Watcher(threading.Thread):
             self._events.ask(self._api, wait=True)
         except CameraRefusedError as error:
             # "Timeout" is how the camera says that there is no news.
-            return NEWS_BREATH_S if error.code == Code.TIMEOUT else NEWS_REST_S
+            return AGAIN_S if error.code == Code.TIMEOUT else NEWS_REST_S
         except CameraError:
             return NEWS_REST_S
-        return NEWS_BREATH_S
+        return AGAIN_S
 
 
 class SilentReporter:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 from camera_drivers.camera import CameraIdentity
@@ -69,10 +70,20 @@ class FlightSource:
         return len(self._flight.losses)
 
     def pictures(self) -> Iterator[Upcoming]:
-        """Iterate over the frames that are whole."""
+        """Iterate over the frames that are whole, each with the positions up to a second later, the last with all."""
+        fixes = self._flight.fixes()
         try:
-            for frame in self._flight.frames():
-                yield Upcoming(frame.captured_ns, AsItWas(frame))
+            waiting = next(fixes, None)
+            for frame, following in pairwise(chain(self._flight.frames(), [None])):
+                if frame is None:
+                    return
+                came = []
+                while waiting is not None and (
+                    following is None or waiting.captured_ns <= frame.captured_ns + NS_PER_S
+                ):
+                    came.append(waiting)
+                    waiting = next(fixes, None)
+                yield Upcoming(frame.captured_ns, AsItWas(replace(frame, fixes=tuple(came)) if came else frame))
         except FlightFileError as error:
             raise ReplayError(str(error)) from error
 

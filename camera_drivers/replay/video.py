@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fractions import Fraction
-from itertools import islice, pairwise
+from itertools import accumulate, islice, pairwise
 from pathlib import Path
 
 import av
@@ -30,9 +30,21 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.chapters import in_order
+from camera_drivers.replay.telemetry import Telemetry, TimedPayload, payloads, summarized
 from camera_drivers.replay.upcoming import Upcoming
-from camera_drivers.replay.video_clocks import CREATION, FILE_DATE, TIMECODE, Believed, disagreements, started
-from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, HostTimes, Origin
+from camera_drivers.replay.video_clocks import (
+    CREATION,
+    FILE_DATE,
+    GPS,
+    TIMECODE,
+    Believed,
+    GpsClock,
+    disagreements,
+    gps_of_chapters,
+    shift_of_chapter,
+    started,
+)
+from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, GpsFix, HostTimes, Origin
 from flight_file.segment import digest_of, opened
 from flight_file.session import Original
 from flight_file.thresholds import BLOCK_BYTES, MAX_CHUNK_BYTES, MAX_PIXELS, MAX_SIDE_PX
@@ -61,6 +73,10 @@ class Chapter:
         How many its index lists; 0 if it has none.
     first_ns
         The earliest time of its first pictures, by its own time base.
+    length_ns
+        How long it says that it is.
+    telemetry
+        What its telemetry says.
     facts
         What it says of itself, for the session.
     """
@@ -73,6 +89,8 @@ class Chapter:
     pictures: int
     rate_hz: float
     first_ns: int
+    length_ns: int
+    telemetry: Telemetry
     facts: Mapping[str, str]
 
 
@@ -107,7 +125,9 @@ class VideoSource:
         first = self._chapters[0]
         for chapter in self._chapters[1:]:
             _refuse_other_kind(first, chapter)
-        start = started(believed, first.facts, first.rate_hz, first.path.name)
+        begins_ns = [0, *accumulate(chapter.length_ns for chapter in self._chapters[:-1])]
+        gps = gps_of_chapters([chapter.telemetry.clock for chapter in self._chapters], begins_ns)
+        start = started(believed, first.facts, first.rate_hz, first.path.name, gps)
         self._sigma_ns = start.sigma_ns
         # Where nobody knows the time of day, the earliest picture is at 0: no time may be less.
         self._zero_ns = max(start.time_ns, -first.first_ns)
@@ -117,7 +137,9 @@ class VideoSource:
             driver="replay",
             note=f"video, {len(self._chapters)} {'file' if len(self._chapters) == 1 else 'files'}",
             time_of_day=start.time_of_day,
-            originals=tuple(map(_original, self._chapters)),
+            originals=tuple(
+                _original(chapter, gps, begin_ns) for chapter, begin_ns in zip(self._chapters, begins_ns, strict=True)
+            ),
         )
 
     def pictures(self) -> Iterator[Upcoming]:
@@ -125,15 +147,59 @@ class VideoSource:
         sequence, offset_ns = 0, self._zero_ns
         for number, chapter in enumerate(self._chapters):
             end_ns = 0
+            fixes = _Fixes(chapter, number, offset_ns)
             for packet in _packets(chapter):
                 end_ns = max(end_ns, packet.time_ns + packet.length_ns)
                 captured_ns = max(offset_ns + packet.time_ns, 0)
                 if captured_ns > MAX_TIME_NS:
                     raise ReplayError(f"{chapter.path}: picture {sequence} has a time that no flight is at.")
                 origin = Origin(number, packet.time_ns, packet.sha256)
-                yield Upcoming(captured_ns, _Taking(chapter, packet, sequence, captured_ns, self._sigma_ns, origin))
+                came = fixes.up_to(packet.time_ns)
+                taking = _Taking(chapter, packet, sequence, captured_ns, self._sigma_ns, origin, came)
+                yield Upcoming(captured_ns, taking)
                 sequence += 1
             offset_ns += end_ns
+
+
+class _Fixes:
+    """The positions of a chapter, payload by payload: they go with the first picture that a payload is as old as."""
+
+    def __init__(self, chapter: Chapter, number: int, offset_ns: int) -> None:
+        self._payloads = _payloads(chapter)
+        self._next = next(self._payloads, None)
+        self._number = number
+        self._offset_ns = offset_ns
+
+    def up_to(self, time_ns: int) -> tuple[GpsFix, ...]:
+        """Take those whose payloads begin up to a time of the chapter; one that no flight is at has none."""
+        fixes: list[GpsFix] = []
+        while self._next is not None and self._next.start_ns <= time_ns:
+            times = ((self._offset_ns + at_ns, at_ns, sample) for at_ns, sample in self._next.samples())
+            fixes += [
+                GpsFix(
+                    captured_ns,
+                    self._number,
+                    at_ns,
+                    sample.fix,
+                    sample.latitude_deg,
+                    sample.longitude_deg,
+                    sample.altitude_m,
+                    sample.speed_mps,
+                    sample.speed_3d_mps,
+                    sample.dop,
+                    sample.utc_ns,
+                )
+                for captured_ns, at_ns, sample in times
+                if 0 <= captured_ns <= MAX_TIME_NS
+            ]
+            self._next = next(self._payloads, None)
+        return tuple(fixes)
+
+
+def _payloads(chapter: Chapter) -> Iterator[TimedPayload]:
+    if chapter.telemetry.payloads:
+        with _opened(chapter.path) as container:
+            yield from payloads(container)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +212,7 @@ class _Taking:
     captured_ns: int
     sigma_ns: int | None
     origin: Origin
+    fixes: tuple[GpsFix, ...] = ()
 
     def __call__(self, clock: Clock) -> Frame:
         now = clock.read()
@@ -162,6 +229,8 @@ class _Taking:
             format=chapter.format,
             rotation_deg=chapter.rotation_deg,
             origin=self.origin,
+            readout_s=chapter.telemetry.readout_s,
+            fixes=self.fixes,
         )
 
 
@@ -192,9 +261,21 @@ def look_at(path: Path) -> Chapter:
         rate_hz = float(stream.average_rate or 0)
         facts = _facts(path, container, stream) | _oddities(stream, times)
         chapter = Chapter(
-            path, stream.index, _FORMATS[codec], size_px, 0, len(stream.index_entries), rate_hz, min(times), facts
+            path=path,
+            track=stream.index,
+            format=_FORMATS[codec],
+            size_px=size_px,
+            rotation_deg=0,
+            pictures=len(stream.index_entries),
+            rate_hz=rate_hz,
+            first_ns=min(times),
+            length_ns=round((stream.duration or 0) * (stream.time_base or Fraction(0)) * NS_PER_S),
+            telemetry=Telemetry(),
+            facts=facts,
         )
-    return _turned(chapter)
+    with _opened(path) as container:
+        chapter = replace(chapter, telemetry=summarized(path, container))
+    return _turned(replace(chapter, facts={**chapter.facts, **chapter.telemetry.facts()}))
 
 
 def _turned(chapter: Chapter) -> Chapter:
@@ -329,10 +410,17 @@ def _packets(chapter: Chapter) -> Iterator[_Packet]:
             yield _Packet(time_ns, length_ns, hashlib.sha256(came).hexdigest(), stored)
 
 
-def _original(chapter: Chapter) -> Original:
+def _original(chapter: Chapter, gps: GpsClock | None, begin_ns: int) -> Original:
+    """Say what a chapter says of itself; `gps` is what the recording's GPS time is, `begin_ns` when the chapter begins.
+
+    Every chapter carries the creation time and the timecode of its own beginning or of the first, nobody knows which.
+    """
+    own = chapter.telemetry.clock
     with opened(chapter.path) as source:
         facts = dict(chapter.facts)
-        apart = disagreements(facts)
+        if own is not None and gps is not None:
+            facts[GPS] = own.fact + shift_of_chapter(own, gps, begin_ns)
+        apart = disagreements(facts, own)
         if apart:
             facts["clocks"] = apart
         return Original(chapter.path.name, source.size, digest_of(source), facts)

@@ -1,22 +1,23 @@
 """When a video was taken: what its clocks say, and which of them is believed.
 
 None is believed unless somebody says so: a creation time is often local time that is labelled UTC, and the same in
-every chapter; a timecode knows no day; a file's date is when it was copied.
+every chapter; a timecode knows no day; a file's date is when it was copied; a GPS receiver may lack leap seconds (see
+`telemetry`).
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from camera_drivers.errors import ReplayError
 from flight_file.frame import NS_PER_S
 from flight_file.session import UNKNOWN
 
-CREATION, TIMECODE, FILE_DATE = "creation time", "timecode", "file date"
-CLOCKS = {"creation": CREATION, "timecode": TIMECODE}
+CREATION, TIMECODE, FILE_DATE, GPS = "creation time", "timecode", "file date", "GPS time"
+CLOCKS = {"creation": CREATION, "timecode": TIMECODE, "gps": GPS}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _TIMECODE = re.compile(r"(\d\d):(\d\d):(\d\d)[:;](\d\d)")
 _OFFSET = re.compile(r"([+-])(\d\d):(\d\d)")
@@ -51,13 +52,73 @@ class Start:
     time_of_day: str
 
 
-def started(believed: Believed, facts: Mapping[str, str], rate_hz: float, name: str) -> Start:
+@dataclass(frozen=True, slots=True)
+class GpsClock:
+    """What a GPS receiver says of the time.
+
+    Attributes
+    ----------
+    zero_ns
+        When the film's time is 0: UTC since the Unix epoch.
+    sigma_ns
+        Standard deviation of one of its times.
+    times, apart
+        How many times it is the median of, and how many of them are more than half a second off.
+    """
+
+    zero_ns: int
+    sigma_ns: int
+    times: int
+    apart: int
+
+    @property
+    def moment(self) -> datetime:
+        """The film's time 0, to a microsecond."""
+        return _EPOCH + timedelta(microseconds=self.zero_ns / 1000)
+
+    @property
+    def fact(self) -> str:
+        """In words, for the session."""
+        off = f", {self.apart} of them more than 0.5 s off" if self.apart else ""
+        said = f"{self.moment:%Y-%m-%dT%H:%M:%S}.{self.moment.microsecond // 1000:03d}Z at the film's time 0"
+        return f"{said}, sigma {self.sigma_ns / NS_PER_S:.2f} s, by {self.times} times{off}"
+
+
+def gps_of_chapters(clocks: Sequence[GpsClock | None], begins_ns: Sequence[int]) -> GpsClock | None:
+    """Choose what a recording's GPS time is: that of the first chapter that knows it, carried back to the beginning.
+
+    Parameters
+    ----------
+    clocks
+        What each chapter's says of that chapter.
+    begins_ns
+        When each begins, by the recording's own clock.
+    """
+    for clock, begin_ns in zip(clocks, begins_ns, strict=True):
+        if clock is not None:
+            return replace(clock, zero_ns=clock.zero_ns - begin_ns)
+    return None
+
+
+def shift_of_chapter(own: GpsClock, first: GpsClock, begin_ns: int) -> str:
+    """Say how far a chapter's GPS time is from what the recording's would be there; nothing if it is the same."""
+    shift_s = (own.zero_ns - begin_ns - first.zero_ns) / NS_PER_S
+    if not begin_ns or not round(shift_s, 2):
+        return ""
+    return f"; {abs(shift_s):.2f} s {'ahead of' if shift_s > 0 else 'behind'} the chapters before"
+
+
+def started(
+    believed: Believed, facts: Mapping[str, str], rate_hz: float, name: str, gps: GpsClock | None = None
+) -> Start:
     """Find out when a video began.
 
     Parameters
     ----------
     facts
         What the file's clocks say, by name.
+    gps
+        What its GPS says; None if it has none, or never had a fix.
     rate_hz
         Of its pictures, for the last two digits of a timecode.
 
@@ -75,6 +136,8 @@ def started(believed: Believed, facts: Mapping[str, str], rate_hz: float, name: 
         if ahead is not None:
             raise ReplayError("--utc-offset says nothing by itself; give --start or --clock too.")
         return Start(0, None, UNKNOWN)
+    if believed.clock == "gps":
+        return _by_gps(gps, ahead, facts, name)
     said = facts.get(CLOCKS[believed.clock])
     if said is None or (believed.clock == "timecode" and CREATION not in facts):
         raise ReplayError(f"{name}: has no {CLOCKS[believed.clock]}; give --start, or leave --clock out.")
@@ -82,6 +145,15 @@ def started(believed: Believed, facts: Mapping[str, str], rate_hz: float, name: 
     if believed.clock == "timecode":
         moment = _by_timecode(moment, said, rate_hz, name)
     return Start(_ns(moment - (ahead or timedelta())), _SIGMA_NS, believed.clock)
+
+
+def _by_gps(gps: GpsClock | None, ahead: timedelta | None, facts: Mapping[str, str], name: str) -> Start:
+    if ahead is not None:
+        raise ReplayError("GPS time is UTC; leave --utc-offset out.")
+    if gps is None:
+        why = facts.get("GPS", "it has no telemetry")
+        raise ReplayError(f"{name}: has no {GPS} ({why}); give --start, or leave --clock out.")
+    return Start(gps.zero_ns, gps.sigma_ns, "gps")
 
 
 def _ahead(offset: str | None) -> timedelta | None:
@@ -131,15 +203,26 @@ def _ns(moment: datetime) -> int:
     return time_ns
 
 
-def disagreements(facts: Mapping[str, str]) -> str:
+def disagreements(facts: Mapping[str, str], gps: GpsClock | None = None) -> str:
     """Say how far a video's clocks are apart, as far as they can be compared; empty if one is all there is."""
-    creation, timecode = facts.get(CREATION), facts.get(TIMECODE)
-    if creation is None or timecode is None or not _TIMECODE.fullmatch(timecode):
-        return ""
+    timecode = facts.get(TIMECODE, "")
     try:
-        apart = datetime.fromisoformat(creation)
-    except ValueError:
+        creation = _creation(facts[CREATION], "")
+    except (KeyError, ReplayError):
         return ""
-    hours, minutes, seconds = (int(part) for part in timecode[:8].split(":"))
-    apart_s = (hours * 3600 + minutes * 60 + seconds) - (apart.hour * 3600 + apart.minute * 60 + apart.second)
-    return f"the timecode is {abs(apart_s)} s {'ahead of' if apart_s > 0 else 'behind'} the creation time"
+    said = []
+    if _TIMECODE.fullmatch(timecode):
+        hours, minutes, seconds = (int(part) for part in timecode[:8].split(":"))
+        apart = timedelta(hours=hours - creation.hour, minutes=minutes - creation.minute)
+        said.append(_apart("timecode", (apart + timedelta(seconds=seconds - creation.second)).total_seconds()))
+    if gps is not None:
+        said.append(_apart(GPS, (gps.moment - creation).total_seconds()))
+    return "; ".join(said)
+
+
+def _apart(clock: str, apart_s: float) -> str:
+    """Say how far a clock is from the creation time; where it is more than an hour, a time zone may be why."""
+    minutes, seconds = divmod(abs(round(apart_s, 1)), 60)
+    hours, minutes = divmod(int(minutes), 60)
+    far = f"{hours} h {minutes} min {seconds:g} s" if hours else f"{abs(round(apart_s, 1)):g} s"
+    return f"the {clock} is {far} {'ahead of' if apart_s > 0 else 'behind'} the creation time"

@@ -99,6 +99,7 @@ _TIME_BY = {
     "start": "as it was typed when the flight file was made",
     "creation": "by the video's creation time, which was believed",
     "timecode": "by the video's timecode, which was believed",
+    "gps": "by the video's GPS time, which was believed",
     UNKNOWN: "unknown: no clock was believed; only differences of times mean anything",
 }
 
