@@ -22,6 +22,7 @@ from recorder.host import SimulatedClock, fixed_host
 from recorder.supervision import Stop
 from tests.programs import ran
 from tests.recorder.helpers import recorder
+from tests.telemetry import flight_payloads, with_telemetry
 from tests.videos import STEADY, TICKS_PER_S, decoded, film, luma
 
 
@@ -131,6 +132,38 @@ def test_recover_keeps_the_packets_that_are_whole(tmp_path: Path) -> None:
     assert kept == frames[: len(kept)]
     assert not again.session.knows_time_of_day
     assert [original.name for original in again.session.originals] == ["cockpit.mp4"]
+
+
+def test_positions_go_wherever_the_pictures_go(tmp_path: Path, video: Path) -> None:
+    """Replayed, verified, described, taken apart, replayed again, and recovered as far as the file is whole."""
+    path = with_telemetry(video, tmp_path / "GX010123.MP4", flight_payloads(2))
+    flight, again = tmp_path / "flight.mcap", tmp_path / "again.mcap"
+    made = recorder("replay", path, "-o", flight, "--clock", "gps")
+    assert recorder("replay", flight, "-o", again).returncode == 0
+    fixes = list(open_flight([flight]).fixes())
+    facts = json.loads(recorder("info", "--json", flight).stdout)
+
+    assert made.returncode == 0, made.stderr
+    assert "GPS time: 2026-05-04T09:30:00.000Z at the film's time 0, sigma 0.29 s, by 2 times" in made.stdout
+    assert "the GPS time is 2 h 0 min 0 s behind the creation time" in made.stdout
+    assert (facts["time_of_day"], facts["start_utc"][:19]) == ("gps", "2026-05-04T09:30:00")
+    assert "time by:     the GPS time of the video, which was believed" in recorder("info", flight).stdout
+    assert len(fixes) == 20
+    assert list(open_flight([again]).fixes()) == fixes
+    assert recorder("verify", flight, again).returncode == 0
+    assert recorder("extract", flight, "-o", tmp_path / "out").returncode == 0
+    with flight.open("rb") as stream:
+        (first, *_) = make_reader(stream).iter_messages(topics=["/gps/fix"])
+    assert (first[0] and first[0].name, json.loads(first[2].data)["latitude"]) == ("foxglove.LocationFix", 47.5)
+
+    part = flight.with_name("flight.mcap.part")
+    data = flight.read_bytes()
+    part.write_bytes(data[: data.rindex(b"/gps/fix") - 9])
+    flight.unlink()
+    recovered = open_flight([recover_segment(part, at=SimulatedClock(0).read()).path])
+    kept = list(recovered.fixes())
+    assert 0 < len(kept) <= 20
+    assert kept == fixes[: len(kept)]
 
 
 def test_a_flight_of_a_video_can_be_replayed_with_a_panel(tmp_path: Path, flight: Path) -> None:
