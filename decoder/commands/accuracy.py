@@ -24,7 +24,7 @@ from decoder.timeseries.truth_comparison import (
     read_truth,
     source_lines,
 )
-from decoder.timeseries.truth_request import TruthRequest
+from decoder.timeseries.truth_request import Names, TruthRequest
 from flight_file.untrusted import say, say_json
 
 EPILOG = """\b
@@ -33,7 +33,7 @@ signed one), %FS of full scale, then in the gauge's own unit. `in95%`: frames wh
 
 \b
 A flight data recorder has its own names, units and clock:
---map      a YAML file: NEEDLE: COLUMN, or NEEDLE: {name: COLUMN, unit: UNIT, factor: NUMBER}
+--map      NEEDLE=COLUMN,... or a YAML file: NEEDLE: COLUMN, or NEEDLE: {name: COLUMN, unit: UNIT, factor: NUMBER}
 --time     its column of times: seconds, times of the day, or ISO 8601 with a zone
 --offset   what to add to its times: SECONDS, or auto to let the curves tell; without it nothing is added
 --limits   judge each parameter by what regulators ask of recorders: pass if 95 % of its values are within the limit
@@ -43,19 +43,20 @@ Examples:
   decode accuracy flight.csv truth.csv
   decode accuracy flight.csv truth.csv --json
   decode accuracy flight.csv fdr.csv --map names.yaml --time TIME --offset auto --limits
+  decode accuracy flight.csv --map airspeed_kt=gps_speed_kt,altitude_ft=gps_altitude_ft
 """
 
 
 @click.command("accuracy", epilog=EPILOG)
 @click.argument("flight_data", type=click.Path(path_type=Path))
-@click.argument("truth", type=click.Path(path_type=Path))
+@click.argument("truth", required=False, type=click.Path(path_type=Path))
 @truth_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for a script to read.")
 def command(
     flight_data: Path,
-    truth: Path,
+    truth: Path | None,
     *,
-    map_file: Path | None,
+    names: Names | None,
     time_column: str | None,
     offset: str | float | None,
     window_s: float,
@@ -64,11 +65,15 @@ def command(
 ) -> None:
     """Hold FLIGHT_DATA (the CSV that `decode` wrote) against TRUTH, a CSV whose columns are named like the needles.
 
+    Without TRUTH it is held against its own columns of the camera's GPS, which --map names.
+
     Rows are matched by `frame` where both have that column, otherwise by `time_s`, the truth interpolated between its
     rows. The truth may also be a flight data recorder's, with names, units and a clock of its own.
     """
     flight = flight_table(read_table(flight_data))
-    request = TruthRequest(truth, map_file, time_column, offset, window_s, wants_limits)
+    if truth is None and names is None:
+        raise click.UsageError("give a TRUTH, or --map NEEDLE=gps_COLUMN to hold it against the camera's own GPS")
+    request = TruthRequest(truth or flight_data, names, time_column, offset, window_s, wants_limits)
     result = compared(flight, read_truth(request))
     if as_json:
         plain = not (request.has_own_clock or wants_limits)

@@ -39,7 +39,7 @@ from decoder.panel.vocabulary import PANEL_FILE
 from decoder.parallel import fork_server
 from decoder.parallel.processes import jobs_for
 from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of
-from decoder.timeseries.truth_request import TruthRequest
+from decoder.timeseries.truth_request import Names, TruthRequest
 from flight_file.frame import VIDEO_FORMATS
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say
@@ -95,7 +95,7 @@ def command(
     every: int,
     jobs: int | None,
     truth_file: Path | None,
-    map_file: Path | None,
+    names: Names | None,
     time_column: str | None,
     offset: str | float | None,
     window_s: float,
@@ -107,10 +107,10 @@ def command(
     NAME is the recording's; a single file that was given another name keeps that one.
     """
     refuse_unheld_images(formats, with_images=with_images)
-    truth = _truth(truth_file, map_file, time_column, offset, window_s, wants_limits=wants_limits, formats=formats)
+    truth = _truth(truth_file, names, time_column, offset, window_s, wants_limits=wants_limits, formats=formats)
     flight = open_flight(flights)
     files = planned_files(output_name(flight), formats)
-    given = [file for file in (panel_file, camera_file, truth_file, map_file) if file is not None]
+    given = [file for file in (panel_file, camera_file, truth_file, names) if isinstance(file, Path)]
     written = [*files, output_name(flight) + JOURNAL_SUFFIX]
     refuse_overwriting([*flight.paths, *given], [directory / file for file in written])
     refuse_another_recording(flight, directory)
@@ -141,7 +141,7 @@ def command(
 
 def _truth(
     file: Path | None,
-    map_file: Path | None,
+    names: Names | None,
     time_column: str | None,
     offset: str | float | None,
     window_s: float,
@@ -150,11 +150,11 @@ def _truth(
     formats: tuple[str, ...],
 ) -> TruthRequest | None:
     """Gather what the report shall hold the flight against; refuse options that say nothing without another."""
-    if file is None and (map_file or time_column or offset is not None or wants_limits):
+    if file is None and (names or time_column or offset is not None or wants_limits):
         raise click.UsageError("--map, --time, --offset and --limits need a --truth")
     if file is not None and "html" not in formats:
         raise click.UsageError("--truth needs --format html; without a report there is `decode accuracy`")
-    return None if file is None else TruthRequest(file, map_file, time_column, offset, window_s, wants_limits)
+    return None if file is None else TruthRequest(file, names, time_column, offset, window_s, wants_limits)
 
 
 def _part(flight: Flight, asked: AskedPart) -> FlightPart | None:

@@ -11,7 +11,7 @@ import click
 from decoder.outputs.formats import FORMATS
 from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_part import EXAMPLES, TypedTime, typed_time
-from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S
+from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S, Names
 
 flights_argument = click.argument(
     "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
@@ -53,8 +53,18 @@ def _offset(_context: click.Context, _option: click.Parameter, value: str | None
         raise click.BadParameter(f"{value!r} is neither auto nor a number of seconds") from error
 
 
+def _names(_context: click.Context, _option: click.Parameter, value: str | None) -> Names | None:
+    """Take a name for that of a file, unless it has an equals sign and there is no such file."""
+    if value is None or "=" not in value or Path(value).exists():
+        return None if value is None else Path(value)
+    pairs = tuple((needle, column) for needle, _, column in (each.partition("=") for each in value.split(",")))
+    if not all(needle and column for needle, column in pairs) or len(dict(pairs)) < len(pairs):
+        raise click.BadParameter(f"{value!r} is not NEEDLE=COLUMN,... with each needle once")
+    return pairs
+
+
 _OPTIONS = (
-    click.option("--map", "map_file", type=click.Path(path_type=Path), metavar="YAML",
+    click.option("--map", "names", callback=_names, metavar="YAML|NEEDLE=COLUMN,...",
                  help="What the truth calls them."),
     click.option("--time", "time_column", metavar="COLUMN",
                  help=f"The truth's column of times.  [default: {TIME_COLUMN}]"),
@@ -66,7 +76,7 @@ _OPTIONS = (
 
 
 def truth_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add them: map_file, time_column, offset, window_s, wants_limits."""
+    """Add them: names, time_column, offset, window_s, wants_limits."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command

@@ -23,7 +23,9 @@ COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shif
 def write_csv(data: FlightData, stream: IO[str]) -> None:
     """Write flight data as CSV: UTF-8, LF, floats always with a decimal point."""
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*LEADING_COLUMNS, *(s.quantity.name + suffix for s in data.series for suffix in NEEDLE_SUFFIXES)])
+    columns = () if data.gps is None else data.gps.columns
+    needles = (series.quantity.name + suffix for series in data.series for suffix in NEEDLE_SUFFIXES)
+    writer.writerow([*LEADING_COLUMNS, *needles, *(column.name for column in columns)])
     decimals = [value_decimals(series) for series in data.series]
     time_s = data.time_s
     for row in range(len(data.frame)):
@@ -35,6 +37,7 @@ def write_csv(data: FlightData, stream: IO[str]) -> None:
                 _number(series.score[row], SCORE_DECIMALS),
                 _number(series.sigma[row], places + 1),
             ]
+        fields += [_number(column.number(row), column.decimals) for column in columns]
         writer.writerow(fields)
 
 
@@ -61,8 +64,8 @@ def moment_text(data: FlightData, time_ns: int) -> str:
     return utc_text(time_ns) if data.knows_time_of_day else ""
 
 
-def _number(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}" if math.isfinite(value) else ""
+def _number(value: float | None, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if value is not None and math.isfinite(value) else ""
 
 
 def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import moment_text
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
+from decoder.timeseries.gps import GpsData
 from decoder.timeseries.health import health_line
 from decoder.timeseries.outliers import Outlier, find_outliers
 
@@ -49,6 +50,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         **asdict(provenance),
         **_part(data),
         **({"time_of_day": data.time_of_day} if data.time_of_day else {}),
+        **({} if data.gps is None else {"gps": _gps(data, data.gps)}),
         "frames": len(data.frame),
         "start_utc": (moment_text(data, int(data.time_ns[0])) or None) if len(data.frame) else None,
         "end_utc": (moment_text(data, int(data.time_ns[-1])) or None) if len(data.frame) else None,
@@ -76,6 +78,21 @@ def _part(data: FlightData) -> dict[str, Any]:
             "frames_in_flight": data.part.frames_in_flight,
             "flight_start_utc": moment_text(data, data.part.began_ns) or None,
         }
+    }
+
+
+def _gps(data: FlightData, gps: GpsData) -> dict[str, Any]:
+    return {
+        "columns": {
+            column.name: {"unit": column.unit, "frames": int(np.isfinite(column.values).sum())}
+            for column in gps.columns
+        },
+        "samples": gps.samples,
+        "samples_without_fix": gps.without_fix,
+        "without_position": [
+            {"first_frame": int(data.frame[first]), "last_frame": int(data.frame[last])}
+            for first, last in spans(~gps.located)
+        ],
     }
 
 

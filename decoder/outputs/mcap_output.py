@@ -39,7 +39,9 @@ from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.json_output import Provenance, write_json
 from decoder.panel.errors import CameraError, OutputError
 from decoder.panel.lens import DistortionModel, Lens
+from decoder.panel.units import FOOT_M
 from decoder.timeseries.flight_data import STATUSES, NeedleSeries
+from decoder.timeseries.gps import GpsData
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from flight_file.frame import NS_PER_S, Frame, storable
 from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, VIDEO_TOPIC, Topic, encode_image, picture_topic
@@ -48,6 +50,8 @@ from flight_file.untrusted import file_name
 READING_SCHEMA_NAME = "flight_data.Reading"
 ANNOTATIONS_TOPIC = "/camera/annotations"
 CALIBRATION_TOPIC = "/camera/calibration"
+GPS_TOPIC = "/gps/fix"
+GPS_SCHEMA_NAME = "foxglove.LocationFix"  # which a map shows by its name; what else the message has, it passes over
 
 QUALITY: dict[Status, int] = {
     Status.READ: 4,
@@ -134,6 +138,48 @@ def reading_message(series: NeedleSeries, index: int, frame: int) -> bytes:
         "low_95": _rounded(value - reach, decimals),
         "high_95": _rounded(value + reach, decimals),
         "frame": frame,
+    }
+    known = {key: content for key, content in document.items() if content is not None}
+    return json.dumps(known, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def gps_schema(gps: GpsData) -> dict[str, Any]:
+    """Describe what the camera's GPS says of a frame that it has a position for."""
+    own = {column.name: _property("number", f"{column.unit}; absent where there is none") for column in gps.columns}
+    moment = {"sec": _property("integer", "s"), "nsec": _property("integer", "ns, 0 to 999999999")}
+    return {
+        "$schema": READING_SCHEMA["$schema"],
+        "title": GPS_SCHEMA_NAME,
+        "type": "object",
+        "properties": {
+            "timestamp": {**_property("object", "mid-exposure of the frame"), "properties": moment},
+            "frame_id": _property("string", "gps"),
+            "latitude": _property("number", "degrees north, WGS 84"),
+            "longitude": _property("number", "degrees east, WGS 84"),
+            "altitude": _property("number", "m"),
+            "position_covariance_type": _property("integer", "0: not known"),
+            "frame": _property("integer", "the frame's number in the recording"),
+            **own,
+        },
+        "required": ["timestamp", "frame_id", "position_covariance_type", "frame"],
+        "additionalProperties": False,
+    }
+
+
+def gps_message(gps: GpsData, index: int, time_ns: int, frame: int) -> bytes:
+    """Encode what the camera's GPS says of one frame."""
+    own = {column.name: column.number(index) for column in gps.columns}
+    altitude_ft = own.get("gps_altitude_ft")
+    sec, nsec = divmod(time_ns, NS_PER_S)
+    document = {
+        "timestamp": {"sec": sec, "nsec": nsec},
+        "frame_id": "gps",
+        "latitude": own.get("gps_latitude_deg"),
+        "longitude": own.get("gps_longitude_deg"),
+        "altitude": None if altitude_ft is None else round(altitude_ft * FOOT_M, 2),
+        "position_covariance_type": 0,
+        "frame": frame,
+        **own,
     }
     known = {key: content for key, content in document.items() if content is not None}
     return json.dumps(known, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
@@ -246,6 +292,8 @@ def write_mcap(decoded: Decoded, stream: IO[bytes]) -> None:
         time_ns, number = storable(int(data.time_ns[index])), int(data.frame[index])
         for series in data.series:
             target.add(topic_of(series.quantity.name), reading_message(series, index, number), time_ns, number)
+        if data.gps is not None and data.gps.located[index]:
+            target.add(GPS_TOPIC, gps_message(data.gps, index, time_ns, number), time_ns, number)
         lens = lenses.changed(frame)
         if lens is not None:
             target.add(CALIBRATION_TOPIC, calibration_message(lens, time_ns), time_ns, number)
@@ -277,6 +325,11 @@ class _Target:
             for series in data.series
             for topic in [topic_of(series.quantity.name)]
         }
+        if data.gps is not None:
+            schema_id = self._writer.register_schema(
+                GPS_SCHEMA_NAME, "jsonschema", json.dumps(gps_schema(data.gps), indent=1).encode()
+            )
+            self._channels[GPS_TOPIC] = self._writer.register_channel(GPS_TOPIC, "json", schema_id)
         for topic in _protobuf_topics(decoded):
             schema_id = self._writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema)
             self._channels[topic.name] = self._writer.register_channel(topic.name, topic.message_encoding, schema_id)

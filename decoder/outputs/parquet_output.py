@@ -28,6 +28,8 @@ def write_parquet(data: FlightData, provenance: Provenance, stream: IO[bytes]) -
     for series in data.series:
         quantity = series.quantity
         columns += _needle((quantity.name, quantity.unit), series.status, (series.value, series.score, series.sigma))
+    if data.gps is not None:
+        columns += [(column.name, column.unit, _numbers(column.values)) for column in data.gps.columns]
     _write(columns, describe(data, provenance), stream)
 
 
@@ -49,6 +51,7 @@ def write_parquet_of_table(flight: FlightTable, stream: IO[bytes]) -> None:
         status = np.array([CODE[Status(text)] for text in table.columns[f"{name}_status"]])
         numbers = tuple(table.numbers(f"{name}{suffix}") for suffix in ("", "_score", "_sigma"))
         columns += _needle((name, flight.described(name).unit), status, numbers)
+    columns += [(name, unit, _numbers(table.numbers(name))) for name, unit in flight.gps_units.items()]
     _write(columns, flight.description, stream)
 
 

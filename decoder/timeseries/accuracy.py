@@ -99,6 +99,8 @@ def truth_at(flight: Table, truth: Table, name: str, wraps: float | None, offset
     wanted_s = flight.numbers("time_s") - (offset_s or 0.0)
     known = values[usable] if wraps is None else np.unwrap(values[usable], period=wraps)
     interpolated: Floats = np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
+    if "frame" in truth.columns:  # a row for each frame: an empty field is a value that is lost, and not bridged
+        interpolated[np.interp(wanted_s, known_s, usable.astype(float)) < 1] = np.nan
     return interpolated
 
 

@@ -22,6 +22,7 @@ from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
 from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, in_turn, shortest
 from decoder.timeseries.flight_part import FlightPart
+from decoder.timeseries.gps import GpsData
 from flight_file.session import UNKNOWN
 
 Kind = tuple[tuple[str, ...], Lens | None]
@@ -168,6 +169,8 @@ class FlightData:
         Which frames of the flight these are; None if they are all.
     time_of_day
         Which clock says when frames were taken, as the flight's session has it.
+    gps
+        What the camera's GPS says at the frames; None if the flight has none.
     """
 
     frame: NDArray[np.int64]
@@ -181,6 +184,7 @@ class FlightData:
     health: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     part: FlightPart | None = None
     time_of_day: str = ""
+    gps: GpsData | None = None
 
     @property
     def knows_time_of_day(self) -> bool:

@@ -12,9 +12,11 @@ from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_sample import FlightSample
 from decoder.panel.errors import FlightUnreadable
+from decoder.panel.panel import NEEDLE_SUFFIXES
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.gaps import fill_gaps
+from decoder.timeseries.gps import resampled
 from decoder.timeseries.health import gauge_health
 from flight_file.frame import Frame
 from flight_file.reader import Flight
@@ -74,8 +76,21 @@ def decode_flight(
         part=part,
         time_of_day=flight.session.time_of_day,
     )
-    data = fill_gaps(built)
+    data = with_gps(fill_gaps(built), flight)
     return replace(data, health=gauge_health(data, fitted.findings))
+
+
+def with_gps(data: FlightData, flight: Flight) -> FlightData:
+    """Add what the camera's GPS says; a column that a needle has the name of is the needle's, and a warning says so."""
+    found = resampled(flight.fixes(), data.time_ns)
+    if found is None:
+        return data
+    names = [series.quantity.name for series in data.series]
+    taken = {name + suffix for name in names for suffix in NEEDLE_SUFFIXES}
+    gps = found.without(taken)
+    left_out = [column.name for column in found.columns if column not in gps.columns]
+    warnings = tuple(f"the panel has a needle called {name}; what the GPS says of it is left out" for name in left_out)
+    return replace(data, gps=gps, warnings=data.warnings + warnings)
 
 
 def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:

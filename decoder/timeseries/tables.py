@@ -84,6 +84,15 @@ class FlightTable:
             return UNDESCRIBED
 
     @property
+    def gps_units(self) -> Mapping[str, str]:
+        """The unit of each column of the camera's GPS that is there, by name."""
+        gps = self.description.get("gps")
+        said = gps.get("columns") if isinstance(gps, dict) else None
+        columns = said if isinstance(said, dict) else {}
+        units = {name: told.get("unit") for name, told in columns.items() if isinstance(told, dict)}
+        return {name: unit for name, unit in units.items() if isinstance(unit, str) and name in self.table.columns}
+
+    @property
     def time_ns(self) -> NDArray[np.int64]:
         """(N,): mid-exposure, realtime; counted from the flight's first frame where nobody knows the time of day.
 

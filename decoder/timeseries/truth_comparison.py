@@ -1,23 +1,34 @@
-"""Flight data held against a truth: matched, judged, and put in words, the same for the terminal and for the report."""
+"""Flight data held against a truth: matched, judged, and put in words, the same for the terminal and for the report.
+
+A truth may be a flight data recorder's: its names, units and clock are brought to those of the flight data first. Or
+it may be the flight data's own columns of the camera's GPS.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from decoder.panel.errors import AccuracyError
+import numpy as np
+
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import AccuracyError, TableError
+from decoder.panel.units import converted
 from decoder.timeseries.accuracy import Errors, NeedleAccuracy, compare
 from decoder.timeseries.clock_offset import ClockOffset, clock_offset
 from decoder.timeseries.name_mapping import MappedName, read_mapping
 from decoder.timeseries.recorder_limits import Judged, judged, sources_of
-from decoder.timeseries.recorder_truth import recorder_truth
-from decoder.timeseries.tables import FlightTable, Table, read_table
+from decoder.timeseries.tables import FlightTable, Table, read_table, times_ns
 from decoder.timeseries.thresholds import SPREADS, STEP_S
-from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, TruthRequest
+from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, Names, TruthRequest
 
 HEADER = ["needle", "status", "frames", "mean%", "signed%", "max%", "mean%FS", "max%FS", "mean", "max", "unit", "in95%"]
 LIMITS_HEADER = ["needle", "limit", "of", "within", "worst", "unit", "verdict"]
 NO_LIMITS = "limits: no needle's name and unit say which recorder parameter it is"
+DAY_S = 86400.0
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +69,15 @@ def read_truth(request: TruthRequest) -> Truth:
     TableError, MappingError
         If it or its mapping cannot be read.
     """
-    mapping = {} if request.map_file is None else read_mapping(request.map_file)
-    return Truth(read_table(request.file), mapping, request)
+    return Truth(read_table(request.file), _mapping(request.names), request)
+
+
+def _mapping(names: Names | None) -> dict[str, MappedName]:
+    if names is None:
+        return {}
+    if isinstance(names, Path):
+        return read_mapping(names)
+    return {needle: MappedName(name=column) for needle, column in names}
 
 
 def compared(flight: FlightTable, truth: Truth) -> Compared:
@@ -73,8 +91,11 @@ def compared(flight: FlightTable, truth: Truth) -> Compared:
         If the truth's columns are not what the mapping says.
     """
     table, request, told = truth.table, truth.request, None
-    if request.has_own_clock:
+    if table.path == flight.table.path:
+        table = gps_truth(flight, truth.mapping)
+    elif request.has_own_clock:
         table = recorder_truth(flight, table, truth.mapping, request.time_column or TIME_COLUMN)
+    if request.has_own_clock:
         told = _told(flight, table, request)
     applied_s = told.offset_s if request.offset == AUTO and told is not None else None
     if isinstance(request.offset, float):
@@ -92,6 +113,99 @@ def _told(flight: FlightTable, table: Table, request: TruthRequest) -> ClockOffs
         if request.offset == AUTO:
             raise
         return None
+
+
+def gps_truth(flight: FlightTable, mapping: Mapping[str, MappedName]) -> Table:
+    """Make a truth of the flight data's own columns of the camera's GPS, named like the needles, in their units.
+
+    Raises
+    ------
+    AccuracyError
+        If a needle or a column that the mapping names does not exist.
+    UnitError
+        If a column's unit is not of the needle's kind.
+    """
+    own = flight.table
+    columns = {name: own.columns[name] for name in ("frame", TIME_COLUMN) if name in own.columns}
+    for needle, mapped in mapping.items():
+        if needle not in flight.names:
+            raise AccuracyError(f"{own.path}: has no needle {needle}, which the mapping names")
+        unit = flight.gps_units.get(mapped.name)
+        if unit is None:
+            known = ", ".join(flight.gps_units) or "none, since its flight file holds no position"
+            raise AccuracyError(f"{own.path}: has no column {mapped.name} of the camera's GPS; it has {known}")
+        said = mapped.model_copy(update={"unit": mapped.unit or unit})
+        columns[needle] = _texts(_in_unit(flight, needle, own.numbers(mapped.name), said))
+    return Table(own.path, columns)
+
+
+def recorder_truth(flight: FlightTable, recorder: Table, mapping: Mapping[str, MappedName], time_column: str) -> Table:
+    """Rename and convert a recorder's table: `time_s`, and columns named like the needles, in their units.
+
+    Columns that are named like needles stay as they are, unless `mapping` names another for them. Times may be
+    seconds as they are, or times of the day (UTC) or ISO 8601 with a zone, which then count from the flight's first
+    frame.
+
+    Raises
+    ------
+    AccuracyError
+        If a needle or a column that the mapping names does not exist.
+    UnitError
+        If a mapped column's unit is not of the needle's kind.
+    TableError
+        If a time cannot be read.
+    """
+    columns = {name: recorder.columns[name] for name in flight.names if name in recorder.columns}
+    for needle, mapped in mapping.items():
+        if needle not in flight.names:
+            raise AccuracyError(f"{flight.table.path}: has no needle {needle}, which the mapping names")
+        if mapped.name not in recorder.columns:
+            raise AccuracyError(f"{recorder.path}: has no column {mapped.name}, which the mapping names for {needle}")
+        columns[needle] = _texts(_in_unit(flight, needle, recorder.numbers(mapped.name), mapped))
+    if time_column not in recorder.columns:
+        raise AccuracyError(
+            f"{recorder.path}: has no column {time_column}; name the one that tells the time with --time"
+        )
+    return Table(recorder.path, {TIME_COLUMN: _texts(_seconds(flight, recorder, time_column)), **columns})
+
+
+def _in_unit(flight: FlightTable, needle: str, numbers: Floats, mapped: MappedName) -> Floats:
+    scaled = numbers * mapped.factor
+    own = flight.described(needle).unit
+    return scaled if mapped.unit is None or not own else converted(scaled, mapped.unit, own)
+
+
+def _seconds(flight: FlightTable, recorder: Table, column: str) -> Floats:
+    numbers = recorder.numbers(column)
+    if np.isfinite(numbers).any():
+        return numbers
+    texts = recorder.columns[column]
+    clocks = [_CLOCK.fullmatch(text.strip()) for text in texts]
+    if any(clocks):
+        of_day = [_of_day(clock) for clock in clocks]
+        seconds = np.array(of_day)
+        known = np.isfinite(seconds)
+        seconds[known] = np.unwrap(seconds[known], period=DAY_S)  # past midnight it goes on
+        started_s = flight.began_ns / 1e9 % DAY_S
+        days = round((float(seconds[known][0]) - started_s) / DAY_S)
+        of_flight: Floats = seconds - started_s - days * DAY_S
+        return of_flight
+    try:
+        since: Floats = (times_ns(recorder, column) - flight.began_ns) / 1e9
+    except TableError as error:
+        raise TableError(f"{error}; give seconds, times such as 12:00:00, or 2018-05-04T12:00:00Z") from error
+    return since
+
+
+def _of_day(clock: re.Match[str] | None) -> float:
+    if clock is None:
+        return float("nan")
+    hours, minutes, seconds = clock.groups()
+    return int(hours) * 3600 + int(minutes) * 60 + float(seconds)
+
+
+def _texts(numbers: Floats) -> tuple[str, ...]:
+    return tuple(repr(number) if np.isfinite(number) else "" for number in numbers.tolist())
 
 
 def offset_text(result: Compared) -> str:

@@ -11,8 +11,8 @@ import pytest
 from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitError
 from decoder.timeseries.name_mapping import MappedName, read_mapping
 from decoder.timeseries.recorder_limits import EASA, FAA, RECORDING, Judged, Verdict, judged, kind_of
-from decoder.timeseries.recorder_truth import recorder_truth
 from decoder.timeseries.tables import FlightTable, Table, flight_table
+from decoder.timeseries.truth_comparison import recorder_truth
 
 NEEDLES = {
     "ias_kt": ("kt", 0, 200, None),
