@@ -224,5 +224,7 @@ def _apart(clock: str, apart_s: float) -> str:
     """Say how far a clock is from the creation time; where it is more than an hour, a time zone may be why."""
     minutes, seconds = divmod(abs(round(apart_s, 1)), 60)
     hours, minutes = divmod(int(minutes), 60)
-    far = f"{hours} h {minutes} min {seconds:g} s" if hours else f"{abs(round(apart_s, 1)):g} s"
+    days, hours = divmod(hours, 24)
+    far = f"{f'{days} d ' if days else ''}{hours} h {minutes} min {round(seconds, 1):g} s"
+    far = far if days or hours else f"{abs(round(apart_s, 1)):g} s"
     return f"the {clock} is {far} {'ahead of' if apart_s > 0 else 'behind'} the creation time"

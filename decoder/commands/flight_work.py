@@ -93,6 +93,9 @@ def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], w
     say(f"{len(data.frame)} frames, {data.time_s[-1] - data.time_s[0]:.2f} s", "")
     say(*summary_table(data).split("\n"))
     say("", *(f"{gauge}: {health_line(findings)}" for gauge, findings in data.health.items()))
+    if data.gps is not None:
+        located = f"{int(data.gps.located.sum())} of {len(data.frame)} frames have a position"
+        say(f"GPS: {located}; the receiver had no fix in {data.gps.without_fix} of {data.gps.samples} samples")
     for missing in data.missing_frames[:MOST_LISTED]:
         say(f"frame {missing.frame} missing: {missing.reason}", err=True)
     if len(data.missing_frames) > MOST_LISTED:
