@@ -8,7 +8,7 @@ What the receiver's time is worth:
 
 - `GPS9` (HERO11 on) has a time for each sample, `GPSU` before it one for a payload, without saying of which sample. It
   is taken for the first, and half a payload either way is in sigma.
-- Both are taken for UTC, as the format says. A receiver that has not heard of leap seconds yet, which takes a new one
+- Both are taken for UTC, which the format says of `GPSU`, and of `GPS9` nothing. A receiver that has not heard of leap seconds yet, which takes a new one
   up to 12.5 minutes of good reception, is up to 18 s off, and nothing in the file tells. So the other clocks are told
   beside it, and how far they are apart.
 - Single times are stale or wrong: in GoPro's public sample the first is 1.4 s late. The median over all that have a fix

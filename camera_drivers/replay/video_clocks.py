@@ -222,6 +222,8 @@ def disagreements(facts: Mapping[str, str], gps: GpsClock | None = None) -> str:
 
 def _apart(clock: str, apart_s: float) -> str:
     """Say how far a clock is from the creation time; where it is more than an hour, a time zone may be why."""
+    if not round(apart_s, 1):
+        return f"the {clock} and the creation time agree"
     minutes, seconds = divmod(abs(round(apart_s, 1)), 60)
     hours, minutes = divmod(int(minutes), 60)
     days, hours = divmod(hours, 24)

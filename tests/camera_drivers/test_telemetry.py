@@ -16,9 +16,7 @@ from camera_drivers.errors import ReplayError
 from camera_drivers.replay.camera import open_source
 from camera_drivers.replay.gpmf import GpsSample, Payload, parse
 from camera_drivers.replay.video_clocks import Believed
-from flight_file.frame import Frame, GpsFix
-from recorder.host import SimulatedClock
-from tests.telemetry import (
+from fixtures.telemetry import (
     BEGAN,
     PLACE,
     device,
@@ -31,6 +29,8 @@ from tests.telemetry import (
     readout,
     with_telemetry,
 )
+from flight_file.frame import Frame, GpsFix
+from recorder.host import SimulatedClock
 from tests.videos import film
 
 SAMPLE = Path(__file__).parents[3] / "shared" / "data" / "gopro" / "max-heromode.mp4"

@@ -12,8 +12,8 @@ from jsonschema import validate
 from mcap.reader import make_reader
 
 from fixtures.film import film as animation_film
+from fixtures.telemetry import flight_payloads, flown, with_telemetry
 from tests.programs import A1, FIXTURES, ran
-from tests.telemetry import flight_payloads, flown, with_telemetry
 
 COLUMNS = ("gps_latitude_deg", "gps_longitude_deg", "gps_altitude_ft", "gps_speed_kt", "gps_track_deg")
 LOST_S = 2

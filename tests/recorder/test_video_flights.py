@@ -14,6 +14,7 @@ import pytest
 from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
 from mcap.reader import make_reader
 
+from fixtures.telemetry import flight_payloads, with_telemetry
 from flight_file.reader import open_flight
 from flight_file.salvage import recover_segment
 from recorder.command_replay import replay_into
@@ -22,7 +23,6 @@ from recorder.host import SimulatedClock, fixed_host
 from recorder.supervision import Stop
 from tests.programs import ran
 from tests.recorder.helpers import recorder
-from tests.telemetry import flight_payloads, with_telemetry
 from tests.videos import STEADY, TICKS_PER_S, decoded, film, luma
 
 
