@@ -6,11 +6,12 @@ them.
 
 What the receiver's time is worth:
 
-- `GPS9` (HERO11 on) has a time for each sample, `GPSU` before it one for a payload, without saying of which sample. It
-  is taken for the first, and half a payload either way is in sigma.
-- Both are taken for UTC, which the format says of `GPSU`, and of `GPS9` nothing. A receiver that has not heard of leap seconds yet, which takes a new one
-  up to 12.5 minutes of good reception, is up to 18 s off, and nothing in the file tells. So the other clocks are told
-  beside it, and how far they are apart.
+- `GPS9` (HERO11 on) has a time for each sample, `GPSU` before it one for a payload. GoPro says that it is that of the
+  first; but in its own sample the steps from one to the next do not follow the number of samples between, and users
+  find cameras up to a second apart. So it is taken for the first, and what is uniform over a payload is in sigma.
+- Both are taken for UTC, which the format says of `GPSU`; of `GPS9` it says nothing. A receiver that has not heard of
+  leap seconds yet, which takes a new one up to 12.5 minutes of good reception, is up to 18 s off, and nothing in the
+  file tells. So the other clocks are told beside it, and how far they are apart.
 - Single times are stale or wrong: in GoPro's public sample the first is 1.4 s late. The median over all that have a fix
   is believed; sigma is their spread (from the median absolute deviation), with the doubt above.
 
