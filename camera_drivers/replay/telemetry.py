@@ -47,8 +47,9 @@ _UNIFORM = 12**-0.5
 
 @dataclass(frozen=True, slots=True)
 class TimedPayload:
-    """A payload, and when it was taken by the film's clock: its start and length, ns."""
+    """A payload, the track that it stands in, and when it was taken by the film's clock: its start and length, ns."""
 
+    track: int
     start_ns: int
     length_ns: int
     payload: Payload
@@ -128,12 +129,13 @@ def payloads(container: InputContainer) -> Iterator[TimedPayload]:
         data = bytes(packet)
         if chosen is None and data.startswith(DEVICE):
             chosen = packet.stream_index
-        if packet.stream_index != chosen or not data or packet.pts is None or packet.is_corrupt:
-            continue
-        start_ns, length_ns = (
-            round(ticks * (packet.time_base or Fraction(0)) * NS_PER_S) for ticks in (packet.pts, packet.duration or 0)
-        )
-        yield TimedPayload(start_ns, length_ns, parse(data))
+        if chosen is not None and packet.stream_index == chosen and data:
+            is_whole = packet.pts is not None and not packet.is_corrupt
+            start_ns, length_ns = (
+                round((ticks or 0) * (packet.time_base or Fraction(0)) * NS_PER_S)
+                for ticks in (packet.pts, packet.duration)
+            )
+            yield TimedPayload(chosen, start_ns, length_ns, parse(data) if is_whole else Payload(damaged=1))
 
 
 def summarized(path: Path, container: InputContainer) -> Telemetry:
@@ -145,13 +147,14 @@ def summarized(path: Path, container: InputContainer) -> Telemetry:
         If the file cannot be read.
     """
     of_file = parse(of_camera(path))
-    count, damaged, samples, positions, has_gps = 0, of_file.damaged, 0, 0, False
+    count, listed, damaged, samples, positions, has_gps = 0, 0, of_file.damaged, 0, 0, False
     readout_s, device = of_file.readout_s, ""
     dops: list[float] = []
     times: list[tuple[int, int]] = []
     for timed in payloads(container):
         payload = timed.payload
         count += 1
+        listed = len(container.streams[timed.track].index_entries)
         damaged += payload.damaged
         has_gps = has_gps or payload.has_gps
         readout_s, device = readout_s or payload.readout_s, device or payload.device
@@ -162,7 +165,7 @@ def summarized(path: Path, container: InputContainer) -> Telemetry:
         times += _times(timed)
     return Telemetry(
         count,
-        damaged,
+        damaged + max(0, listed - count),
         samples,
         positions,
         has_gps,

@@ -214,6 +214,21 @@ def test_the_shift_of_a_chapters_telemetry_is_told(plain: Path, tmp_path: Path) 
     assert all(after.captured_ns > before.captured_ns for before, after in pairwise(fixes))
 
 
+@pytest.mark.parametrize("left", [0.3, 0.6, 0.9])
+def test_of_a_copy_that_broke_off_the_telemetry_that_is_there_is_read(plain: Path, tmp_path: Path, left: float) -> None:
+    """As its pictures are; what is cut is counted."""
+    whole = with_telemetry(plain, tmp_path / "whole.mp4", flight_payloads(5), muxing={"movflags": "faststart"})
+    path = tmp_path / "cut.mp4"
+    path.write_bytes(whole.read_bytes()[: round(left * whole.stat().st_size)])
+    frames, fixes = played(path)
+
+    assert 0 < len(frames) <= len(TICKS_OF_5_S)
+    assert fixes == played(whole)[1][: len(fixes)]
+    lost = 5 - len(fixes) // 10
+    assert lost > 0
+    assert f"{lost} parts of it cannot be read" in facts(path)[0]["telemetry"]
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_film_with_damaged_telemetry_is_a_flight_all_the_same(
     plain: Path, tmp_path_factory: pytest.TempPathFactory, seed: int
