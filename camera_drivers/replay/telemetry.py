@@ -35,7 +35,7 @@ from av.stream import Discard
 from camera_drivers.replay.gpmf import DEVICE, GpsSample, Payload, parse
 from camera_drivers.replay.video_clocks import GpsClock
 from camera_drivers.thresholds import MAX_ANSWER_BYTES, MAX_PARTS
-from flight_file.frame import NO_FIX, NS_PER_S
+from flight_file.frame import MAX_TIME_NS, NO_FIX, NS_PER_S, GpsFix
 from flight_file.untrusted import open_regular, printable
 
 _BOX = struct.Struct(">I4s")
@@ -138,6 +138,51 @@ def payloads(container: InputContainer) -> Iterator[TimedPayload]:
             yield TimedPayload(chosen, start_ns, length_ns, parse(data) if is_whole else Payload(damaged=1))
 
 
+class Fixes:
+    """The positions of a film, payload by payload: they go with the first picture that a payload is as old as.
+
+    Parameters
+    ----------
+    timed
+        The film's payloads.
+    number
+        Which of the originals it is, from 0.
+    offset_ns
+        When its time is 0 by the frames' clock.
+    """
+
+    def __init__(self, timed: Iterator[TimedPayload], number: int, offset_ns: int) -> None:
+        self._payloads = timed
+        self._next = next(self._payloads, None)
+        self._number = number
+        self._offset_ns = offset_ns
+
+    def up_to(self, time_ns: int) -> tuple[GpsFix, ...]:
+        """Take those whose payloads begin up to a time of the film; one that no flight is at has none."""
+        fixes: list[GpsFix] = []
+        while self._next is not None and self._next.start_ns <= time_ns:
+            times = ((self._offset_ns + at_ns, at_ns, sample) for at_ns, sample in self._next.samples())
+            fixes += [
+                GpsFix(
+                    captured_ns,
+                    self._number,
+                    at_ns,
+                    sample.fix,
+                    sample.latitude_deg,
+                    sample.longitude_deg,
+                    sample.altitude_m,
+                    sample.speed_mps,
+                    sample.speed_3d_mps,
+                    sample.dop,
+                    sample.utc_ns,
+                )
+                for captured_ns, at_ns, sample in times
+                if 0 <= captured_ns <= MAX_TIME_NS
+            ]
+            self._next = next(self._payloads, None)
+        return tuple(fixes)
+
+
 def summarized(path: Path, container: InputContainer) -> Telemetry:
     """Go through all of a film's telemetry once.
 
@@ -181,7 +226,7 @@ def _times(timed: TimedPayload) -> Iterator[tuple[int, int]]:
     payload = timed.payload
     span_ns = timed.length_ns // len(payload.samples) if payload.times_each and payload.samples else timed.length_ns
     for at_ns, sample in timed.samples():
-        if sample.fix != NO_FIX and sample.utc_ns is not None:
+        if sample.fix != NO_FIX and sample.utc_ns is not None and 0 <= sample.utc_ns - at_ns <= MAX_TIME_NS:
             yield sample.utc_ns - at_ns, span_ns
 
 

@@ -30,7 +30,7 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.chapters import in_order
-from camera_drivers.replay.telemetry import Telemetry, TimedPayload, payloads, summarized
+from camera_drivers.replay.telemetry import Fixes, Telemetry, TimedPayload, payloads, summarized
 from camera_drivers.replay.upcoming import Upcoming
 from camera_drivers.replay.video_clocks import (
     CREATION,
@@ -39,6 +39,7 @@ from camera_drivers.replay.video_clocks import (
     TIMECODE,
     Believed,
     GpsClock,
+    Start,
     disagreements,
     gps_of_chapters,
     shift_of_chapter,
@@ -138,7 +139,8 @@ class VideoSource:
             note=f"video, {len(self._chapters)} {'file' if len(self._chapters) == 1 else 'files'}",
             time_of_day=start.time_of_day,
             originals=tuple(
-                _original(chapter, gps, begin_ns) for chapter, begin_ns in zip(self._chapters, begins_ns, strict=True)
+                _original(chapter, gps, begin_ns, start)
+                for chapter, begin_ns in zip(self._chapters, begins_ns, strict=True)
             ),
         )
 
@@ -147,7 +149,7 @@ class VideoSource:
         sequence, offset_ns = 0, self._zero_ns
         for number, chapter in enumerate(self._chapters):
             end_ns = 0
-            fixes = _Fixes(chapter, number, offset_ns)
+            fixes = Fixes(_payloads(chapter), number, offset_ns)
             for packet in _packets(chapter):
                 end_ns = max(end_ns, packet.time_ns + packet.length_ns)
                 captured_ns = max(offset_ns + packet.time_ns, 0)
@@ -159,41 +161,6 @@ class VideoSource:
                 yield Upcoming(captured_ns, taking)
                 sequence += 1
             offset_ns += end_ns
-
-
-class _Fixes:
-    """The positions of a chapter, payload by payload: they go with the first picture that a payload is as old as."""
-
-    def __init__(self, chapter: Chapter, number: int, offset_ns: int) -> None:
-        self._payloads = _payloads(chapter)
-        self._next = next(self._payloads, None)
-        self._number = number
-        self._offset_ns = offset_ns
-
-    def up_to(self, time_ns: int) -> tuple[GpsFix, ...]:
-        """Take those whose payloads begin up to a time of the chapter; one that no flight is at has none."""
-        fixes: list[GpsFix] = []
-        while self._next is not None and self._next.start_ns <= time_ns:
-            times = ((self._offset_ns + at_ns, at_ns, sample) for at_ns, sample in self._next.samples())
-            fixes += [
-                GpsFix(
-                    captured_ns,
-                    self._number,
-                    at_ns,
-                    sample.fix,
-                    sample.latitude_deg,
-                    sample.longitude_deg,
-                    sample.altitude_m,
-                    sample.speed_mps,
-                    sample.speed_3d_mps,
-                    sample.dop,
-                    sample.utc_ns,
-                )
-                for captured_ns, at_ns, sample in times
-                if 0 <= captured_ns <= MAX_TIME_NS
-            ]
-            self._next = next(self._payloads, None)
-        return tuple(fixes)
 
 
 def _payloads(chapter: Chapter) -> Iterator[TimedPayload]:
@@ -410,17 +377,24 @@ def _packets(chapter: Chapter) -> Iterator[_Packet]:
             yield _Packet(time_ns, length_ns, hashlib.sha256(came).hexdigest(), stored)
 
 
-def _original(chapter: Chapter, gps: GpsClock | None, begin_ns: int) -> Original:
-    """Say what a chapter says of itself; `gps` is what the recording's GPS time is, `begin_ns` when the chapter begins.
+def _original(chapter: Chapter, gps: GpsClock | None, begin_ns: int, start: Start) -> Original:
+    """Gather what a chapter says of itself.
 
-    Every chapter carries the creation time and the timecode of its own beginning or of the first, nobody knows which.
+    Parameters
+    ----------
+    gps
+        What the recording's GPS time is.
+    begin_ns
+        When the chapter begins, by the recording's own clock.
+    start
+        What is believed of the recording's time.
     """
     own = chapter.telemetry.clock
     with opened(chapter.path) as source:
         facts = dict(chapter.facts)
         if own is not None and gps is not None:
             facts[GPS] = own.fact + shift_of_chapter(own, gps, begin_ns)
-        apart = disagreements(facts, own)
+        apart = disagreements(facts, own, start.time_ns + begin_ns if start.time_of_day == "start" else None)
         if apart:
             facts["clocks"] = apart
         return Original(chapter.path.name, source.size, digest_of(source), facts)

@@ -150,7 +150,7 @@ def started(
 def _by_gps(gps: GpsClock | None, ahead: timedelta | None, facts: Mapping[str, str], name: str) -> Start:
     if ahead is not None:
         raise ReplayError("GPS time is UTC; leave --utc-offset out.")
-    if gps is None:
+    if gps is None or gps.zero_ns < 0:
         why = facts.get("GPS", "it has no telemetry")
         raise ReplayError(f"{name}: has no {GPS} ({why}); give --start, or leave --clock out.")
     return Start(gps.zero_ns, gps.sigma_ns, "gps")
@@ -203,30 +203,46 @@ def _ns(moment: datetime) -> int:
     return time_ns
 
 
-def disagreements(facts: Mapping[str, str], gps: GpsClock | None = None) -> str:
-    """Say how far a video's clocks are apart, as far as they can be compared; empty if one is all there is."""
-    timecode = facts.get(TIMECODE, "")
+def disagreements(facts: Mapping[str, str], gps: GpsClock | None = None, typed_ns: int | None = None) -> str:
+    """Say how far a video's clocks are apart, as far as they can be compared; empty if one is all there is.
+
+    Parameters
+    ----------
+    gps
+        What its GPS says.
+    typed_ns
+        When its time is 0 by what somebody typed; None if nobody did.
+    """
+    timecode = _TIMECODE.fullmatch(facts.get(TIMECODE, ""))
     try:
         creation = _creation(facts[CREATION], "")
     except (KeyError, ReplayError):
-        return ""
+        creation = None
     said = []
-    if _TIMECODE.fullmatch(timecode):
-        hours, minutes, seconds = (int(part) for part in timecode[:8].split(":"))
-        apart = timedelta(hours=hours - creation.hour, minutes=minutes - creation.minute)
-        said.append(_apart("timecode", (apart + timedelta(seconds=seconds - creation.second)).total_seconds()))
-    if gps is not None:
-        said.append(_apart(GPS, (gps.moment - creation).total_seconds()))
+    if timecode is not None and creation is not None:
+        said.append(_apart("timecode", _of_day_s(timecode, creation), "creation time"))
+    if gps is not None and creation is not None:
+        said.append(_apart(GPS, (gps.moment - creation).total_seconds(), "creation time"))
+    elif gps is not None and timecode is not None:
+        said.append(_apart("timecode", _of_day_s(timecode, gps.moment), GPS))
+    if gps is not None and typed_ns is not None:
+        said.append(_apart("time that was typed", (typed_ns - gps.zero_ns) / NS_PER_S, GPS))
     return "; ".join(said)
 
 
-def _apart(clock: str, apart_s: float) -> str:
-    """Say how far a clock is from the creation time; where it is more than an hour, a time zone may be why."""
+def _of_day_s(timecode: re.Match[str], other: datetime) -> float:
+    """How far a timecode is ahead of another clock's time of day, s."""
+    hours, minutes, seconds = (int(part) for part in timecode.groups()[:3])
+    return float((hours - other.hour) * 3600 + (minutes - other.minute) * 60 + seconds - other.second)
+
+
+def _apart(clock: str, apart_s: float, other: str) -> str:
+    """Say how far a clock is from another; where it is more than an hour, a time zone may be why."""
     if not round(apart_s, 1):
-        return f"the {clock} and the creation time agree"
+        return f"the {clock} and the {other} agree"
     minutes, seconds = divmod(abs(round(apart_s, 1)), 60)
     hours, minutes = divmod(int(minutes), 60)
     days, hours = divmod(hours, 24)
     far = f"{f'{days} d ' if days else ''}{hours} h {minutes} min {round(seconds, 1):g} s"
     far = far if days or hours else f"{abs(round(apart_s, 1)):g} s"
-    return f"the {clock} is {far} {'ahead of' if apart_s > 0 else 'behind'} the creation time"
+    return f"the {clock} is {far} {'ahead of' if apart_s > 0 else 'behind'} the {other}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +30,7 @@ from fixtures.telemetry import (
     readout,
     with_telemetry,
 )
-from flight_file.frame import Frame, GpsFix
+from flight_file.frame import MAX_TIME_NS, Frame, GpsFix
 from recorder.host import SimulatedClock
 from tests.videos import film
 
@@ -52,9 +53,10 @@ def played(*paths: Path, believed: Believed | None = None) -> tuple[list[Frame],
     return frames, [fix for frame in frames for fix in frame.fixes]
 
 
-def facts(*paths: Path) -> list[dict[str, str]]:
+def facts(*paths: Path, believed: Believed | None = None) -> list[dict[str, str]]:
     """What each chapter says of itself."""
-    return [dict(one.facts) for one in open_source(paths, rate_hz=None, clock=SimulatedClock(0)).identity.originals]
+    source = open_source(paths, rate_hz=None, clock=SimulatedClock(0), believed=believed)
+    return [dict(one.facts) for one in source.identity.originals]
 
 
 def test_positions_are_read_as_the_format_has_them() -> None:
@@ -158,6 +160,8 @@ def test_positions_stand_on_the_films_clock_and_gps_time_begins_the_flight(plain
     )
     assert said["GPS"] == "50 positions, 0 samples without a fix, precision (DOP) 1.5 to 1.5"
     assert said["clocks"] == "the GPS time is 2 h 0 min 17 s behind the creation time"
+    (typed,) = facts(path, believed=Believed(start="2026-05-04T09:30:02Z"))
+    assert typed["clocks"].endswith("; the time that was typed is 2 s ahead of the GPS time")
 
 
 def test_times_of_single_samples_leave_less_doubt(plain: Path, tmp_path: Path) -> None:
@@ -246,6 +250,39 @@ def test_a_film_with_damaged_telemetry_is_a_flight_all_the_same(
 
     assert len(frames) == len(TICKS_OF_5_S)
     assert all(0 <= fix.captured_ns < 5 * 10**9 for fix in fixes)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_film_whose_boxes_are_damaged_is_read_or_refused(
+    plain: Path, tmp_path_factory: pytest.TempPathFactory, seed: int
+) -> None:
+    """Whatever times and places they give the telemetry."""
+    rng = np.random.default_rng(seed)
+    folder = tmp_path_factory.mktemp("boxes")
+    data = bytearray(with_telemetry(plain, folder / "a.mp4", flight_payloads(5)).read_bytes())
+    track = data.rindex(b"GoPro MET")
+    for at in rng.integers(track, len(data), 8):
+        data[at] = int(rng.integers(0, 256))
+    (folder / "a.mp4").write_bytes(data)
+    with suppress(ReplayError):
+        frames, fixes = played(folder / "a.mp4", believed=Believed(clock="gps"))
+        assert all(0 <= each.captured_ns <= MAX_TIME_NS for each in (*frames, *fixes))
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 2**31 - 1, 2**32 - 1])
+def test_payloads_that_last_for_ever_are_read_or_refused(plain: Path, tmp_path: Path, ticks: int) -> None:
+    """No time of theirs is believed that no flight is at."""
+    path = with_telemetry(plain, tmp_path / "a.mp4", flight_payloads(5))
+    data = bytearray(path.read_bytes())
+    times = data.index(b"stts", data.rindex(b"GoPro MET"))
+    data[times + 16 : times + 20] = ticks.to_bytes(4, "big")
+    scale = data.rindex(b"mdhd", 0, times)
+    data[scale + 16 : scale + 20] = (1).to_bytes(4, "big")
+    path.write_bytes(data)
+    with suppress(ReplayError):
+        frames, fixes = played(path, believed=Believed(clock="gps"))
+        assert len(frames) == len(TICKS_OF_5_S)
+        assert all(0 <= fix.captured_ns <= MAX_TIME_NS for fix in fixes)
 
 
 @pytest.mark.parametrize("length", [0, 1, 4, 2**31])
