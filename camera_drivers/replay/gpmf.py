@@ -41,6 +41,7 @@ from itertools import islice
 
 from camera_drivers.thresholds import MAX_ANSWER_BYTES, MAX_PARTS
 from flight_file.frame import FIX_2D, FIX_3D, MAX_TIME_NS, MOST_OF_A_FIX, NO_FIX
+from flight_file.thresholds import MAX_SHOWN_CHARACTERS
 
 DEVICE = b"DEVC"
 TYPES = {"b": "b", "B": "B", "s": "h", "S": "H", "l": "i", "L": "I", "j": "q", "J": "Q", "f": "f", "d": "d"}
@@ -179,7 +180,7 @@ class _Reading:
                 if not self._take(entry, told):
                     told[entry.key] = entry
         elif item.key == b"DVNM":
-            self._device = self._device or str(item.content, "latin-1").strip("\0 ")
+            self._device = self._device or str(item.content[:MAX_SHOWN_CHARACTERS], "latin-1").strip("\0 ")
         else:
             self._take(item, {})
 

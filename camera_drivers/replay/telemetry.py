@@ -36,7 +36,7 @@ from camera_drivers.replay.gpmf import DEVICE, GpsSample, Payload, parse
 from camera_drivers.replay.video_clocks import GpsClock
 from camera_drivers.thresholds import MAX_ANSWER_BYTES, MAX_PARTS
 from flight_file.frame import MAX_TIME_NS, NO_FIX, NS_PER_S, GpsFix
-from flight_file.untrusted import open_regular, printable
+from flight_file.untrusted import open_regular
 
 _BOX = struct.Struct(">I4s")
 _LARGE = struct.Struct(">Q")
@@ -95,7 +95,7 @@ class Telemetry:
 
     def facts(self) -> dict[str, str]:
         """Say it in words, for the session; nothing of a film without telemetry."""
-        said = {"camera": printable(self.device), "GPS": self._gps() if self.payloads else ""}
+        said = {"GPS": self._gps() if self.payloads else ""}
         if self.readout_s is not None:
             said["read-out"] = f"{1000 * self.readout_s:.1f} ms from the sensor's first row to its last"
         if self.damaged:

@@ -49,7 +49,7 @@ from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, GpsFix, HostTi
 from flight_file.segment import digest_of, opened
 from flight_file.session import Original
 from flight_file.thresholds import BLOCK_BYTES, MAX_CHUNK_BYTES, MAX_PIXELS, MAX_SIDE_PX
-from flight_file.untrusted import open_regular
+from flight_file.untrusted import open_regular, printable
 
 _FORMATS = {"h264": "h264", "hevc": "h265", "mjpeg": JPEG}
 _TO_ANNEX_B = {
@@ -136,6 +136,7 @@ class VideoSource:
         self.attachments: Mapping[str, bytes] = {}
         self.identity = CameraIdentity(
             driver="replay",
+            model=printable(first.telemetry.device),
             note=f"video, {len(self._chapters)} {'file' if len(self._chapters) == 1 else 'files'}",
             time_of_day=start.time_of_day,
             originals=tuple(

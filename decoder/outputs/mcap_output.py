@@ -50,7 +50,7 @@ from flight_file.untrusted import file_name
 READING_SCHEMA_NAME = "flight_data.Reading"
 ANNOTATIONS_TOPIC = "/camera/annotations"
 CALIBRATION_TOPIC = "/camera/calibration"
-GPS_TOPIC = "/gps/fix"
+GPS_TOPIC = "/gps/at_frames"
 GPS_SCHEMA_NAME = "foxglove.LocationFix"  # which a map shows by its name; what else the message has, it passes over
 
 QUALITY: dict[Status, int] = {

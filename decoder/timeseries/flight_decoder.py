@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from decoder.imaging.picture_block import batch_frames
@@ -18,7 +18,7 @@ from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.gaps import fill_gaps
 from decoder.timeseries.gps import resampled
 from decoder.timeseries.health import gauge_health
-from flight_file.frame import Frame
+from flight_file.frame import Frame, GpsFix
 from flight_file.reader import Flight
 
 Progress = Callable[[Iterator[Frame]], Iterator[Frame]]
@@ -76,13 +76,13 @@ def decode_flight(
         part=part,
         time_of_day=flight.session.time_of_day,
     )
-    data = with_gps(fill_gaps(built), flight)
+    data = with_gps(fill_gaps(built), flight.fixes())
     return replace(data, health=gauge_health(data, fitted.findings))
 
 
-def with_gps(data: FlightData, flight: Flight) -> FlightData:
+def with_gps(data: FlightData, fixes: Iterable[GpsFix]) -> FlightData:
     """Add what the camera's GPS says; a column that a needle has the name of is the needle's, and a warning says so."""
-    found = resampled(flight.fixes(), data.time_ns)
+    found = resampled(fixes, data.time_ns)
     if found is None:
         return data
     names = [series.quantity.name for series in data.series]

@@ -67,7 +67,7 @@ def test_every_format_holds_the_same(decoded: Path) -> None:
     with decoded.with_suffix(".mcap").open("rb") as stream:
         messages = [
             (schema, json.loads(message.data))
-            for schema, _, message in make_reader(stream).iter_messages(topics=["/gps/fix"])
+            for schema, _, message in make_reader(stream).iter_messages(topics=["/gps/at_frames"])
         ]
 
     assert gps["without_position"] == [{"first_frame": 8, "last_frame": 11}]

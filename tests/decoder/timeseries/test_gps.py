@@ -10,6 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decoder.panel.arrays import Floats
+from decoder.panel.scale import Quantity
+from decoder.timeseries.flight_data import FlightData, NeedleSeries
+from decoder.timeseries.flight_decoder import with_gps
 from decoder.timeseries.gps import GpsData, resampled
 from flight_file.frame import FIX_3D, GpsFix
 
@@ -100,6 +103,21 @@ def test_there_is_a_value_only_between_two_samples_with_a_fix_a_second_apart_at_
     ]
 
     assert np.isfinite(columns["gps_latitude_deg"]).tolist() == [*known, *between]
+
+
+def test_a_needle_keeps_its_name() -> None:
+    """What the GPS says of it is left out, and a warning says so."""
+    quantity = Quantity("gps_speed_kt", "dial", "kt", ((0.0, 0.0), (90.0, 100.0)), None, None, None)
+    needle = NeedleSeries(quantity, np.zeros(1, np.uint8), *[np.zeros(1)] * 4)
+    found = with_gps(
+        FlightData(np.zeros(1, int), np.zeros(1, int), (needle,), ()),
+        [sample(place / 10, 5.0 * place, 0) for place in range(20)],
+    )
+
+    assert found.gps is not None
+    assert "gps_speed_kt" not in [column.name for column in found.gps.columns]
+    assert len(found.gps.columns) == 4
+    assert found.warnings == ("the panel has a needle called gps_speed_kt; what the GPS says of it is left out",)
 
 
 def test_a_flight_without_samples_has_no_columns() -> None:
