@@ -91,7 +91,7 @@ def compared(flight: FlightTable, truth: Truth) -> Compared:
         If the truth's columns are not what the mapping says.
     """
     table, request, told = truth.table, truth.request, None
-    if table.path == flight.table.path:
+    if truth.mapping and table.path == flight.table.path:
         table = gps_truth(flight, truth.mapping)
     elif request.has_own_clock:
         table = recorder_truth(flight, table, truth.mapping, request.time_column or TIME_COLUMN)
