@@ -207,7 +207,7 @@ def summarized(path: Path, container: InputContainer) -> Telemetry:
         positions += sum(sample.fix != NO_FIX for sample in payload.samples)
         known = [sample.dop for sample in payload.samples if sample.dop is not None]
         dops = [min(dops + known), max(dops + known)] if known else dops
-        times += _times(timed)
+        times += times_of(timed)
     return Telemetry(
         count,
         damaged + max(0, listed - count),
@@ -221,7 +221,7 @@ def summarized(path: Path, container: InputContainer) -> Telemetry:
     )
 
 
-def _times(timed: TimedPayload) -> Iterator[tuple[int, int]]:
+def times_of(timed: TimedPayload) -> Iterator[tuple[int, int]]:
     """Iterate over what the receiver's times say: when the film's time is 0, and how long the span of doubt is, ns."""
     payload = timed.payload
     span_ns = timed.length_ns // len(payload.samples) if payload.times_each and payload.samples else timed.length_ns

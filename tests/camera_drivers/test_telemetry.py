@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.camera import open_source
 from camera_drivers.replay.gpmf import GpsSample, Payload, parse
+from camera_drivers.replay.telemetry import Fixes, TimedPayload, times_of
 from camera_drivers.replay.video_clocks import Believed
 from fixtures.telemetry import (
     BEGAN,
@@ -94,6 +95,7 @@ def test_each_sample_of_gps9_has_its_own_time_fix_and_precision() -> None:
         ([gps5([flown(0)], BEGAN).replace(b"\0\x98\x96\x80", b"\0\0\0\0", 1)], (), 1),
         ([nest("STRM", entry("TYPE", "c", 1, b"lZ"), entry("GPS9", "?", 8, bytes(8)))], (), 1),
         ([nest("STRM", readout(float("nan")))], (), 1),
+        ([gps9([flown(0)], [BEGAN]).replace(struct.pack(">i", 34_200_000), b"\x7f\0\0\0")], (GpsSample(),), 1),
         ([gps5([flown(0)], BEGAN)[:-8]], (), 1),
     ],
     ids=[
@@ -106,6 +108,7 @@ def test_each_sample_of_gps9_has_its_own_time_fix_and_precision() -> None:
         "divided by zero",
         "a type that nobody knows",
         "no read-out time",
+        "no time of day",
         "cut off",
     ],
 )
@@ -269,20 +272,19 @@ def test_a_film_whose_boxes_are_damaged_is_read_or_refused(
         assert all(0 <= each.captured_ns <= MAX_TIME_NS for each in (*frames, *fixes))
 
 
-@pytest.mark.parametrize("ticks", [0, 1, 2**31 - 1, 2**32 - 1])
-def test_payloads_that_last_for_ever_are_read_or_refused(plain: Path, tmp_path: Path, ticks: int) -> None:
-    """No time of theirs is believed that no flight is at."""
-    path = with_telemetry(plain, tmp_path / "a.mp4", flight_payloads(5))
-    data = bytearray(path.read_bytes())
-    times = data.index(b"stts", data.rindex(b"GoPro MET"))
-    data[times + 16 : times + 20] = ticks.to_bytes(4, "big")
-    scale = data.rindex(b"mdhd", 0, times)
-    data[scale + 16 : scale + 20] = (1).to_bytes(4, "big")
-    path.write_bytes(data)
-    with suppress(ReplayError):
-        frames, fixes = played(path, believed=Believed(clock="gps"))
-        assert len(frames) == len(TICKS_OF_5_S)
-        assert all(0 <= fix.captured_ns <= MAX_TIME_NS for fix in fixes)
+def test_no_time_is_told_that_no_flight_is_at() -> None:
+    """Neither of a position nor of the film's beginning, whatever a file says of its payloads."""
+    payload = parse(device(gps5([flown(0)], BEGAN)))
+    timed = [TimedPayload(3, start_ns, 10**9, payload) for start_ns in (-1, 0, BEGAN_NS, MAX_TIME_NS + 1, 10**40)]
+
+    assert [fix.captured_ns for fix in Fixes(iter(timed), 0, 0).up_to(10**40)] == [0, BEGAN_NS]
+    assert [list(times_of(each)) for each in timed] == [
+        [(BEGAN_NS + 1, 10**9)],
+        [(BEGAN_NS, 10**9)],
+        [(0, 10**9)],
+        [],
+        [],
+    ]
 
 
 @pytest.mark.parametrize("length", [0, 1, 4, 2**31])

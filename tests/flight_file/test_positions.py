@@ -12,12 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from camera_drivers.replay.camera import open_source
 from flight_file.errors import LossKind
 from flight_file.frame import MAX_TIME_NS, Frame, GpsFix
 from flight_file.messages import FIX_TOPIC, TOPICS, MalformedMessageError
 from flight_file.reader import open_flight
 from flight_file.video.positions import decode_fix, encode_fix
 from flight_file.walk import walk
+from recorder.host import SimulatedClock
 
 SCHEMA = Draft202012Validator(json.loads(next(topic.schema for topic in TOPICS if topic.name == FIX_TOPIC)))
 SPEEDS = st.none() | st.floats(0, 10_000)
@@ -67,6 +69,20 @@ def test_what_is_no_position_is_refused(changed: dict[str, object]) -> None:
         decode_fix(
             memoryview(json.dumps({key: value for key, value in document.items() if value is not None}).encode())
         )
+
+
+def test_a_replay_gives_all_positions(
+    tmp_path: Path, make_frame: Callable[..., Frame], write_flight: Callable[..., list[Path]]
+) -> None:
+    """Each with a frame that is not much older; those behind the last picture go with it."""
+    frames = [make_frame(number) for number in range(3)]
+    fixes = [GpsFix(frames[0].captured_ns + number * 5 * 10**8) for number in range(20)]
+    (path,) = write_flight(tmp_path, [replace(frames[0], fixes=tuple(fixes)), *frames[1:]])
+    clock = SimulatedClock(0)
+    came = [upcoming.take(clock).fixes for upcoming in open_source([path], rate_hz=None, clock=clock).pictures()]
+
+    assert [len(each) for each in came] == [3, 2, 15]
+    assert [fix for each in came for fix in each] == fixes
 
 
 def test_positions_of_a_damaged_chunk_are_a_loss(
