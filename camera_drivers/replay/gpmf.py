@@ -198,7 +198,7 @@ class _Reading:
         return True
 
     def _positions(self, entry: _Entry, told: Mapping[bytes, _Entry]) -> list[GpsSample]:
-        if entry.repeat > MAX_PARTS:
+        if len(self._samples[entry.key]) + entry.repeat > MAX_PARTS:
             raise _DamagedError("more samples than a receiver gives")
         rows = _rows(entry, told) if entry.repeat else []
         if entry.key == b"GPS9":
