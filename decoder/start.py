@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 
-from decoder.commands.interrupts import ends_at_once
-from decoder.parallel.processes import ONE_EACH
+from decoder.parallel.processes import ONE_EACH, ends_at_once
 
 
 def main() -> None:

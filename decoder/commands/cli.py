@@ -13,8 +13,8 @@ from typing import Any
 
 import click
 
-from decoder.commands.interrupts import EXIT_FAILED, INTERRUPTED, ends_at_once
 from decoder.panel.errors import DecoderError
+from decoder.parallel.processes import EXIT_FAILED, INTERRUPTED, ends_at_once
 from flight_file.errors import FlightFileError
 from flight_file.untrusted import printable, say
 

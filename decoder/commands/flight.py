@@ -10,7 +10,6 @@ from pathlib import Path
 
 import click
 
-from decoder.commands.interrupts import ends_at_once
 from decoder.commands.options import (
     camera_option,
     end_option,
@@ -26,10 +25,10 @@ from decoder.commands.options import (
     start_option,
     truth_options,
 )
-from decoder.outputs.formats import planned_files
 from decoder.outputs.outputs import (
     JOURNAL_SUFFIX,
     output_name,
+    planned_files,
     refuse_another_recording,
     refuse_overwriting,
     refuse_unwritable,
@@ -37,7 +36,7 @@ from decoder.outputs.outputs import (
 from decoder.panel.errors import PanelMissing, PartError
 from decoder.panel.vocabulary import PANEL_FILE
 from decoder.parallel import fork_server
-from decoder.parallel.processes import jobs_for
+from decoder.parallel.processes import ends_at_once, jobs_for
 from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of
 from decoder.timeseries.truth_request import Names, TruthRequest
 from flight_file.frame import VIDEO_FORMATS

@@ -15,7 +15,6 @@ from decoder.imaging.pictures import ColourPicture, colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
-from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import (
     Rows,
     as_jpeg,
@@ -27,7 +26,7 @@ from decoder.outputs.frame_picture import (
     nearest,
     whole_view,
 )
-from decoder.outputs.outputs import Write, write_all
+from decoder.outputs.outputs import Decoded, Write, write_all
 from decoder.panel.errors import PictureError
 from decoder.parallel.decoding import decoded_flight, progress
 from decoder.timeseries.flight_data import FlightData

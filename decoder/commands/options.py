@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from decoder.outputs.formats import FORMATS
+from decoder.outputs.outputs import FORMATS
 from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_part import EXAMPLES, TypedTime, typed_time
 from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S, Names

@@ -34,9 +34,9 @@ from mcap_protobuf.schema import build_file_descriptor_set
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import SCORE_DECIMALS, value_decimals, value_within_turn
 from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, DrawnReading, ReadingPlaces
-from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.json_output import Provenance, write_json
+from decoder.outputs.outputs import Decoded
 from decoder.panel.errors import CameraError, OutputError
 from decoder.panel.lens import DistortionModel, Lens
 from decoder.panel.units import FOOT_M

@@ -29,8 +29,8 @@ from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs import report_facts
 from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces, label_decimals
-from decoder.outputs.formats import Decoded
 from decoder.outputs.frame_picture import matched_frames
+from decoder.outputs.outputs import Decoded
 from decoder.outputs.report_drawings import calibration_charts, panel_drawing
 from decoder.outputs.report_facts import AlignmentTrack, Order, alignment_tracks, order_of
 from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, evidence, find_flags, wanted_rows

@@ -21,9 +21,8 @@ from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments
 from decoder.instruments.frame_batch import ReadBatches, read_here
 from decoder.learning.fit import reader_from_panel
 from decoder.outputs.csv_output import moment_text
-from decoder.outputs.formats import Decoded, planned_files
 from decoder.outputs.json_output import Provenance, SourceFile
-from decoder.outputs.outputs import output_name, write_all
+from decoder.outputs.outputs import Decoded, output_name, planned_files, write_all
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing
 from decoder.panel.vocabulary import CAMERA_FILE, PANEL_FILE, Method

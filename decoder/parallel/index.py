@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from decoder.outputs.csv_output import moment_text
-from decoder.outputs.formats import Decoded
+from decoder.outputs.outputs import Decoded
 from decoder.panel.errors import OutputError
 from decoder.parallel.flights import FleetFlight
 from decoder.parallel.store import MARKER, Stamp, join, working_folder

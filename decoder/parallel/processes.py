@@ -1,12 +1,23 @@
-"""How many processes read a flight, and how many threads of their own the libraries have in each: one."""
+"""How `decode` begins: how many processes read, one thread of the libraries in each, and Ctrl-C while it is imported.
+
+Until the libraries are there, nothing is there to clear up, so Ctrl-C ends the process there and then: an exception
+would have to find its way through half-imported libraries, and shows as their traceback.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from decoder.parallel.thresholds import MAX_JOBS, MIN_SHARED_BYTES
+
+EXIT_FAILED = 1
+INTERRUPTED = "decode: interrupted; nothing was written"
 
 CPU_QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
@@ -32,3 +43,24 @@ def _quota_cores(file: Path) -> int:
     except (OSError, ValueError):
         return sys.maxsize
     return sys.maxsize if quota == "max" else int(quota) // int(period)
+
+
+@contextmanager
+def ends_at_once() -> Iterator[None]:
+    """Inside the `with` block Ctrl-C ends the process with a sentence; for imports, by the main thread only.
+
+    Where somebody else has a say in what Ctrl-C does, or it is ignored, it stays so.
+    """
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _end(_signal: int, _frame: FrameType | None) -> None:
+    os.write(2, f"{INTERRUPTED}\n".encode())
+    os._exit(EXIT_FAILED)

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from decoder.instruments.reading import Status
-from decoder.outputs.formats import Decoded
+from decoder.outputs.outputs import Decoded
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.timeseries.flight_data import AlignmentSeries, FlightData

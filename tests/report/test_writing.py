@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.instruments.reading import Status
-from decoder.outputs.formats import Decoded
+from decoder.outputs.outputs import Decoded
 from decoder.outputs.report import PLOTLY, plotly, script, write_report
 from decoder.outputs.report_drawings import panel_drawing
 from decoder.outputs.report_facts import checked

@@ -16,9 +16,9 @@ from mcap_protobuf.decoder import DecoderFactory
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.instruments.reading import Status
 from decoder.outputs.drawn_readings import STATUS_COLOURS
-from decoder.outputs.formats import Decoded
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.mcap_output import layout, write_mcap
+from decoder.outputs.outputs import Decoded
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.errors import OutputError
 from decoder.timeseries.flight_data import FlightData

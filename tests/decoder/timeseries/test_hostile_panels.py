@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
-from decoder.outputs.formats import planned_files
+from decoder.outputs.outputs import planned_files
 from decoder.panel.errors import DecoderError
 from decoder.parallel.decoding import decoded_flight
 from flight_file.flight_writer import FlightWriter, Plan
