@@ -26,6 +26,7 @@ COMMANDS = {
     "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
     "fleet": ("decoder.commands.fleet", "Decode many flights, on this machine or on a cluster, with one index."),
     "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
+    "video": ("decoder.commands.video", "Write a flight as a film with the readings drawn in."),
     "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
@@ -38,6 +39,7 @@ Examples:
   decode flight_0000.mcap flight_0001.mcap -o results --panel panel.yaml
   decode fleet 'archive/*/*.mcap' -o results
   decode frames flight.mcap -o pictures --flagged
+  decode video flight.mcap -o overlay.mp4 --data results
   decode export results/flight.csv -o flight.parquet
   decode setup flight.mcap --panel panel.yaml
   decode accuracy results/flight.csv truth.csv

@@ -113,7 +113,7 @@ def command(
     written = [*files, output_name(flight) + JOURNAL_SUFFIX]
     refuse_overwriting([*flight.paths, *given], [directory / file for file in written])
     refuse_another_recording(flight, directory)
-    panel, part = _panel(flight, panel_file), _part(flight, AskedPart(start, end, every))
+    panel, part = _panel(flight, panel_file), asked_part(flight, AskedPart(start, end, every))
     refuse_unwritable(directory, written[0])
     say(f"{flight.recording}: decoding {_frames(flight, part)} with {panel}")
     jobs = jobs_for(_picture_bytes(flight, part), asked=jobs)
@@ -156,7 +156,14 @@ def _truth(
     return None if file is None else TruthRequest(file, names, time_column, offset, window_s, wants_limits)
 
 
-def _part(flight: Flight, asked: AskedPart) -> FlightPart | None:
+def asked_part(flight: Flight, asked: AskedPart) -> FlightPart | None:
+    """Find the frames that were asked for; None if they are all.
+
+    Raises
+    ------
+    PartError
+        If there are none, or nobody knows the time of day that was given.
+    """
     if not flight.session.knows_time_of_day and any(
         end is not None and end.since != "start" for end in (asked.start, asked.end)
     ):

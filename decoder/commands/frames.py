@@ -13,11 +13,11 @@ import click
 from decoder.commands.options import camera_option, flights_argument, method_option, panel_option
 from decoder.imaging.pictures import ColourPicture, colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
-from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
 from decoder.outputs.frame_picture import (
     Rows,
     as_jpeg,
+    caption,
     drawn,
     every,
     flagged,
@@ -110,14 +110,14 @@ def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: 
         if index not in wanted:
             continue
         stem = f"{decoded.name}_{frame.sequence:06d}_{_file_time(data, index)}"
-        caption = _caption(decoded, index, frame.sequence)
+        words = caption(data, index, decoded.provenance.recording)
         try:
             pictures = _pictures(
                 colour_picture(encoded_of(frame), video),
                 stem,
                 places.frame(index),
                 gauge_names,
-                (caption, reasons.get(frame.sequence, "")),
+                (words, reasons.get(frame.sequence, "")),
             )
         except PictureError as error:
             say(f"frame {frame.sequence} not drawn: {error}", err=True)
@@ -131,24 +131,17 @@ def _pictures(
     stem: str,
     gauges: tuple[DrawnGauge, ...],
     gauge_names: Sequence[str],
-    caption: tuple[str, str],
+    told: tuple[str, str],
 ) -> dict[str, bytes]:
     """JPEGs by name: one of the whole frame, or one of each gauge that was asked for and that is in it."""
     if not gauge_names:
-        return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, caption))}
+        return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, told))}
     names = file_names(gauge_names)
     return {
-        f"{stem}_{names[gauge.name]}.jpg": as_jpeg(drawn(picture, gauge_view(picture, gauge), [gauge], caption))
+        f"{stem}_{names[gauge.name]}.jpg": as_jpeg(drawn(picture, gauge_view(picture, gauge), [gauge], told))
         for gauge in gauges
         if gauge.name in names
     }
-
-
-def _caption(decoded: Decoded, index: int, number: int) -> str:
-    data = decoded.data
-    when = moment_text(data, int(data.time_ns[index]))
-    moment = f"{when[:10]} {when[11:23]} UTC" if when else "time of day unknown"
-    return f"{decoded.provenance.recording} · frame {number} · {moment} · {data.time_s[index]:.3f} s"
 
 
 def _file_time(data: FlightData, row: int) -> str:

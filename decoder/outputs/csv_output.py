@@ -1,17 +1,33 @@
-"""Tables: `NAME.csv` and `NAME_alignment.tsv`, a row for each frame, and what `decode` prints for people."""
+"""Tables: `NAME.csv` and `NAME_alignment.tsv`, a row for each frame, written and read back; what `decode` prints."""
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import IO
+from typing import IO, Any
 
+import numpy as np
+
+from decoder.imaging.alignment import Alignment, Motion
+from decoder.instruments.reading import Status
 from decoder.outputs.thresholds import DIGITS_OF_FULL_SCALE
-from decoder.panel.panel import LEADING_COLUMNS, NEEDLE_SUFFIXES
+from decoder.panel.errors import TableError
+from decoder.panel.lens import Lens
+from decoder.panel.panel import LEADING_COLUMNS, NEEDLE_SUFFIXES, Panel
 from decoder.panel.scale import Quantity
-from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries, status_counts
+from decoder.timeseries.flight_data import (
+    CODE,
+    STATUSES,
+    AlignmentSeries,
+    FlightData,
+    MissingFrame,
+    NeedleSeries,
+    status_counts,
+)
+from decoder.timeseries.flight_part import FlightPart
+from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
 from flight_file.untrusted import printable, to_cell
 
 SCORE_DECIMALS = 4
@@ -89,6 +105,72 @@ def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str])
         (right, down), roll_deg, scale = motion.shift_px, motion.roll_deg, motion.scale
         numbers = [f"{right:.3f}", f"{down:.3f}", f"{roll_deg:.4f}", f"{scale:.6f}"]
         writer.writerow([*fields, f"{alignment.score:.4f}", failed, *(_unsigned(number) for number in numbers)])
+
+
+def read_back(
+    flight: FlightTable, alignments: Table, panel: Panel, size_px: tuple[int, int], lenses: Mapping[int, Lens | None]
+) -> FlightData:
+    """Make flight data of the tables that were written of them.
+
+    Values are rounded as they were written. An alignment is the shift, roll and scale at the panel picture's middle:
+    what perspective changes around that, and how far a dial lay from where the others have it, is in no table. Angles
+    are not there either.
+
+    Parameters
+    ----------
+    flight, alignments : `NAME.csv` with its description, and `NAME_alignment.tsv`
+    size_px : width and height of the panel picture
+    lenses : by frame, for those that a lens is known of
+
+    Raises
+    ------
+    TableError
+        If they are not of one flight with this panel, or hold what `decode` does not write.
+    """
+    table, told = flight.table, flight.description
+    frame = table.numbers("frame")
+    if not np.array_equal(frame, alignments.numbers("frame")):
+        raise TableError(f"{alignments.path}: is of other frames than {table.path.name}; decode the flight again")
+    try:
+        return FlightData(
+            frame=frame.astype(np.int64),
+            time_ns=flight.time_ns,
+            series=tuple(_series_of(table, quantity) for quantity in panel.quantities),
+            missing_frames=tuple(_missing_frames(frame.astype(int).tolist(), told["missing_frames"])),
+            combinations=panel.combinations,
+            moved_pivots_px={str(name): (float(x), float(y)) for name, (x, y) in told["moved_pivots_px"].items()},
+            alignments=_alignments_of(alignments, size_px, [lenses.get(int(number)) for number in frame]),
+            part=FlightPart(range(len(frame)), len(frame), flight.began_ns),
+            time_of_day=str(told.get("time_of_day", "")),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise TableError(
+            f"{table.path}: it or the JSON beside it is not as `decode` writes them; decode the flight again"
+        ) from error
+
+
+def _series_of(table: Table, quantity: Quantity) -> NeedleSeries:
+    value, score, sigma = (table.numbers(f"{quantity.name}{suffix}") for suffix in ("", "_score", "_sigma"))
+    status = [CODE[Status(word)] for word in table.columns[f"{quantity.name}{STATUS_SUFFIX}"]]
+    return NeedleSeries(quantity, np.array(status, np.uint8), value, sigma, score, np.full(len(value), np.nan))
+
+
+def _missing_frames(frames: Sequence[int], runs: Sequence[Mapping[str, Any]]) -> Iterator[MissingFrame]:
+    for run in runs:
+        first, last = frames.index(run["first_frame"]), frames.index(run["last_frame"])
+        yield from (MissingFrame(frame, str(run["reason"])) for frame in frames[first : last + 1])
+
+
+def _alignments_of(table: Table, size_px: tuple[int, int], lenses: Sequence[Lens | None]) -> AlignmentSeries:
+    middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
+    columns = [table.numbers(name) for name in ("alignment_score", "shift_x_px", "shift_y_px", "roll_deg", "scale")]
+    alignments = AlignmentSeries()
+    for (score, right, down, roll_deg, scale), lens in zip(np.stack(columns, axis=1).tolist(), lenses, strict=True):
+        if all(map(math.isfinite, (score, right, down, roll_deg, scale))):
+            alignments.add(Alignment.moving(middle, Motion((right, down), roll_deg, scale), score, lens=lens))
+        else:
+            alignments.add_missing(())
+    return alignments
 
 
 def _unsigned(number: str) -> str:

@@ -146,12 +146,10 @@ class _PlacedGauge:
             pivot_px=pivot_px,
             rim_px=tuple(rim_px),
             readings=tuple(
-                DrawnReading(
-                    name=series.quantity.name,
-                    text=value_text(float(series.value[index]), decimals, series.quantity.unit),
-                    spread=_spread(float(series.sigma[index]), decimals),
-                    status=STATUSES[series.status[index]],
-                    score=float(series.score[index]),
+                drawn_reading(
+                    series,
+                    index,
+                    decimals,
                     line_px=(
                         self._across(lines[series.quantity.name], alignment)
                         if series.quantity.name in lines
@@ -208,6 +206,20 @@ def _around_pivot(
         offset = carried(np.asarray(np.linalg.inv(plane.matrix), np.float64), there)[:, 0]
         plane = plane.around((float(offset[0]), float(offset[1])))
     return gauge.model_copy(update={"centre": centre}), plane
+
+
+def drawn_reading(
+    series: NeedleSeries, index: int, decimals: int, line_px: tuple[Point, Point] | None = None
+) -> DrawnReading:
+    """Write out one value of one frame, by its row in the flight data."""
+    return DrawnReading(
+        name=series.quantity.name,
+        text=value_text(float(series.value[index]), decimals, series.quantity.unit),
+        spread=_spread(float(series.sigma[index]), decimals),
+        status=STATUSES[series.status[index]],
+        score=float(series.score[index]),
+        line_px=line_px,
+    )
 
 
 def label_decimals(series: NeedleSeries) -> int:

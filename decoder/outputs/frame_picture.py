@@ -9,6 +9,7 @@ import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from decoder.imaging.pictures import ColourPicture
 from decoder.instruments.reading import Status
+from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, Colour, DrawnGauge, DrawnReading, Point
 from decoder.outputs.thresholds import CROP_PX, PICTURE_PX
 from decoder.panel.arrays import Floats
@@ -114,25 +116,39 @@ def gauge_view(picture: ColourPicture, gauge: DrawnGauge) -> View:
     return View(left, top, right, bottom, max(1.0, CROP_PX / max(right - left, bottom - top)))
 
 
-def drawn(picture: ColourPicture, view: View, gauges: Sequence[DrawnGauge], caption: tuple[str, str]) -> Image.Image:
+def drawn(picture: ColourPicture, view: View, gauges: Sequence[DrawnGauge], told: tuple[str, str]) -> Image.Image:
     """Draw the part of a frame that is in view with its gauges, and a caption below: what it is, and a remark."""
-    size = (round((view.right - view.left) * view.enlarged), round((view.bottom - view.top) * view.enlarged))
-    part = picture[view.top : view.bottom, view.left : view.right]
-    pixels: ColourPicture = np.array(
-        part if part.shape[1::-1] == size else cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), np.uint8
-    )
-    taken = [_moved(gauge.box_px, view) for gauge in gauges]
+    pixels = seen(picture, view)
+    size = (pixels.shape[1], pixels.shape[0])
+    taken = [moved(gauge.box_px, view) for gauge in gauges]
     for gauge in gauges:
-        _draw_needles(pixels, gauge, view)
+        draw_needles(pixels, gauge, view)
     image = Image.fromarray(pixels)
     del pixels  # of large pictures no more copies than are needed
     text_px = max(15, round(min(size[0] / 85, size[1] / 12)))
     for number, gauge in enumerate(gauges):
-        chip = _Chip(gauge.readings, text_px)
+        chip = Chip(gauge.readings, text_px, [_note(reading) for reading in gauge.readings])
         box = chip.box_near(taken[number], taken[:number] + taken[number + 1 :], size)
         taken.append(box)
         chip.draw(image, box)
-    return _captioned(image, caption, text_px)
+    return _captioned(image, told, text_px)
+
+
+def seen(picture: ColourPicture, view: View) -> ColourPicture:
+    """Copy the part of a frame that is in view, at the size at which it is drawn."""
+    size = (round((view.right - view.left) * view.enlarged), round((view.bottom - view.top) * view.enlarged))
+    part = picture[view.top : view.bottom, view.left : view.right]
+    if part.shape[1::-1] == size:
+        return part.copy()
+    way = cv2.INTER_CUBIC if view.enlarged > 1 else cv2.INTER_AREA
+    return np.asarray(cv2.resize(part, size, interpolation=way), np.uint8)
+
+
+def caption(data: FlightData, row: int, recording: str) -> str:
+    """Say which frame it is, and when it was taken."""
+    when = moment_text(data, int(data.time_ns[row]))
+    moment = f"{when[:10]} {when[11:23]} UTC" if when else "time of day unknown"
+    return f"{recording} · frame {int(data.frame[row])} · {moment} · {data.time_s[row]:.3f} s"
 
 
 def as_jpeg(image: Image.Image) -> bytes:
@@ -142,7 +158,8 @@ def as_jpeg(image: Image.Image) -> bytes:
     return stream.getvalue()
 
 
-def _draw_needles(pixels: ColourPicture, gauge: DrawnGauge, view: View) -> None:
+def draw_needles(pixels: ColourPicture, gauge: DrawnGauge, view: View) -> None:
+    """Draw a gauge's rim and its needles over the frame that they lie in; what catches the eye is outside the rim."""
     radius = gauge.radius_px * view.enlarged
     rim = np.array([view.place(point) for point in gauge.rim_px])
     _line(pixels, rim, INK, radius / 90, closed=True, opacity=0.35)
@@ -174,13 +191,22 @@ def _line(
     under[...] = cv2.addWeighted(over, opacity, under, 1.0 - opacity, 0.0)
 
 
-class _Chip:
-    """What is written beside one gauge: for each reading its name and value, and below how it came about."""
+class Chip:
+    """What is written beside one gauge: for each reading its name and value, and below a note, if there are any.
 
-    def __init__(self, readings: Sequence[DrawnReading], text_px: int) -> None:
-        self._large, self._small = _font(round(text_px * 1.15)), _font(round(text_px * 0.78))
-        self._line_px, self._note_px, self._pad_px = text_px * 1.4, text_px * 1.15, text_px * 0.5
-        self._rows = [(reading, f"{reading.name}  ", reading.text, _note(reading)) for reading in readings]
+    Parameters
+    ----------
+    notes
+        One for each reading: how it came about; none at all where that is told elsewhere.
+    """
+
+    def __init__(self, readings: Sequence[DrawnReading], text_px: int, notes: Sequence[str] = ()) -> None:
+        self._large, self._small = font(round(text_px * 1.15)), font(round(text_px * 0.78))
+        self._line_px, self._note_px, self._pad_px = text_px * 1.4, text_px * 1.15 * bool(notes), text_px * 0.5
+        self._rows = [
+            (reading, f"{reading.name}  ", reading.text, note)
+            for reading, note in zip(readings, notes or [""] * len(readings), strict=True)
+        ]
         widths = [
             max(self._small.getlength(name) + self._large.getlength(text), self._small.getlength(note))
             for _, name, text, note in self._rows
@@ -197,24 +223,28 @@ class _Chip:
         rows = [bottom + gap, top - gap - self._height, bottom + 1.3 * gap + self._height]
         corners = [(middle_x + shift, y) for y in rows for shift in (0.0, -aside, aside)]
         corners += [(right + gap, middle_y), (left - gap - self._width, middle_y)]
-        boxes = [self._inside((x, y, x + self._width, y + self._height), size) for x, y in corners]
+        boxes = [self.box_at(corner, size) for corner in corners]
         return min(boxes, key=lambda box: sum(_overlap(box, other) for other in [*taken, gauge]))
 
-    def _inside(self, box: Box, size: tuple[int, int]) -> Box:
-        left = min(max(box[0], 2.0), max(size[0] - self._width - 2.0, 0.0))
-        top = min(max(box[1], 2.0), max(size[1] - self._height - 2.0, 0.0))
+    def box_at(self, corner: Point, size: tuple[int, int]) -> Box:
+        """Where it is with its left top corner there, or as near to that as it lies within the picture."""
+        left = min(max(corner[0], 2.0), max(size[0] - self._width - 2.0, 0.0))
+        top = min(max(corner[1], 2.0), max(size[1] - self._height - 2.0, 0.0))
         return left, top, left + self._width, top + self._height
 
     def draw(self, image: Image.Image, box: Box) -> None:
-        shade = Image.new("L", image.size)
-        ImageDraw.Draw(shade).rounded_rectangle(box, radius=self._pad_px, fill=OPACITY)
-        image.paste(PAPER, mask=shade)
+        """Draw it where it is to be, over a shade."""
+        left, top = math.floor(box[0]), math.floor(box[1])
+        shade = Image.new("L", (math.ceil(box[2]) - left + 1, math.ceil(box[3]) - top + 1))
+        here = (box[0] - left, box[1] - top, box[2] - left, box[3] - top)
+        ImageDraw.Draw(shade).rounded_rectangle(here, radius=self._pad_px, fill=OPACITY)
+        image.paste(PAPER, (left, top), mask=shade)
         pencil = ImageDraw.Draw(image)
         x, y = box[0] + 2.0 * self._pad_px, box[1] + self._pad_px / 2
         for reading, name, text, note in self._rows:
             colour = STATUS_COLOURS[reading.status]
-            left, bottom = box[0] + 0.7 * self._pad_px, y + self._line_px + 0.85 * self._note_px
-            bar = (left, y + 0.2 * self._line_px, left + 0.5 * self._pad_px, bottom)
+            edge, bottom = box[0] + 0.7 * self._pad_px, y + self._line_px + 0.85 * self._note_px
+            bar = (edge, y + 0.2 * self._line_px, edge + 0.5 * self._pad_px, bottom)
             pencil.rounded_rectangle(bar, radius=self._pad_px / 4, fill=colour)
             baseline = y + self._line_px * 0.82
             pencil.text((x, baseline), name, font=self._small, fill=QUIET, anchor="ls")
@@ -231,41 +261,46 @@ def _note(reading: DrawnReading) -> str:
     return " · ".join([*parts, *([reading.spread] if reading.spread else [])])
 
 
-def _captioned(image: Image.Image, caption: tuple[str, str], text_px: int) -> Image.Image:
+def _captioned(image: Image.Image, told: tuple[str, str], text_px: int) -> Image.Image:
     """Add a bar below a drawing: what it is to the left, what the colours mean to the right, a remark between."""
-    font, pad = _font(text_px), text_px
-    words, remark = caption
-    legend = font.getlength(KEY) + 1.5 * pad + sum(font.getlength(status.value) + 2.2 * pad for status in STATUSES)
-    one_line = font.getlength(words) + font.getlength(remark) + legend + 4 * pad <= image.width
+    letters, pad = font(text_px), text_px
+    words, remark = told
+    legend = (
+        letters.getlength(KEY) + 1.5 * pad + sum(letters.getlength(status.value) + 2.2 * pad for status in STATUSES)
+    )
+    one_line = letters.getlength(words) + letters.getlength(remark) + legend + 4 * pad <= image.width
     rows = 1 if one_line else 2 + bool(remark)
     bar = round(rows * 1.6 * text_px + 0.8 * pad)
     whole = Image.new("RGB", (image.width, image.height + bar), PAPER)
     whole.paste(image, (0, 0))
     pencil = ImageDraw.Draw(whole)
     y = image.height + 0.4 * pad + 0.8 * text_px
-    pencil.text((pad, y), words, font=font, fill=INK, anchor="lm")
+    pencil.text((pad, y), words, font=letters, fill=INK, anchor="lm")
     colour = STATUS_COLOURS[Status.MISSING]
     if one_line:
-        pencil.text((2 * pad + font.getlength(words), y), remark, font=font, fill=colour, anchor="lm")
+        pencil.text((2 * pad + letters.getlength(words), y), remark, font=letters, fill=colour, anchor="lm")
         x = image.width - legend - pad / 2
     else:
-        pencil.text((pad, y + 1.6 * text_px), remark, font=font, fill=colour, anchor="lm")
+        pencil.text((pad, y + 1.6 * text_px), remark, font=letters, fill=colour, anchor="lm")
         x, y = float(pad), y + (rows - 1) * 1.6 * text_px
-    pencil.text((x, y), KEY, font=font, fill=QUIET, anchor="lm")
-    x += font.getlength(KEY) + 1.5 * pad
+    pencil.text((x, y), KEY, font=letters, fill=QUIET, anchor="lm")
+    x += letters.getlength(KEY) + 1.5 * pad
     for status in STATUSES:
         dot = text_px * 0.3
         pencil.ellipse((x, y - dot, x + 2 * dot, y + dot), fill=STATUS_COLOURS[status])
-        pencil.text((x + 3 * dot, y), status.value, font=font, fill=QUIET, anchor="lm")
-        x += font.getlength(status.value) + 2.2 * pad
+        pencil.text((x + 3 * dot, y), status.value, font=letters, fill=QUIET, anchor="lm")
+        x += letters.getlength(status.value) + 2.2 * pad
     return whole
 
 
-def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+@cache
+def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Load the letters that drawings are lettered with."""
     return ImageFont.load_default(size_px)
 
 
-def _moved(box: Box, view: View) -> Box:
+def moved(box: Box, view: View) -> Box:
+    """Carry a box of the frame into the drawing."""
     (left, top), (right, bottom) = view.place((box[0], box[1])), view.place((box[2], box[3]))
     return left, top, right, bottom
 

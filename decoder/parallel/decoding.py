@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from socket import gethostname
+from typing import Any
 
 import cv2
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from decoder.imaging.optics import Optics
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.instruments.frame_batch import ReadBatches, read_here
 from decoder.learning.fit import reader_from_panel
-from decoder.outputs.csv_output import moment_text
+from decoder.outputs.csv_output import moment_text, read_back
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import Decoded, output_name, planned_files, write_all
 from decoder.panel.camera import Camera, parse_camera
-from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing
+from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing, PictureError
+from decoder.panel.lens import Lens
 from decoder.panel.vocabulary import CAMERA_FILE, PANEL_FILE, Method
 from decoder.parallel.flights import FleetFlight
 from decoder.parallel.index import JOINED, Finished, Outcome, State, decoded_outcome, failed, from_marker, to_marker
@@ -34,6 +37,7 @@ from decoder.parallel.stores import store_of
 from decoder.timeseries.flight_data import FlightData
 from decoder.timeseries.flight_decoder import Progress, decode_flight
 from decoder.timeseries.flight_part import FlightPart
+from decoder.timeseries.tables import flight_table, read_table
 from flight_file.errors import FlightFileError
 from flight_file.frame import Frame
 from flight_file.reader import Flight, open_flight
@@ -78,6 +82,76 @@ def decoded_flight(
             name=output_name(flight),
             command=_command(flight, panel_file, method, camera_file, data),
         )
+
+
+def written_flight(
+    flight: Flight, directory: Path, panel_file: Path | None, camera_file: Path | None, part: FlightPart | None
+) -> Decoded:
+    """Read back what `decode` wrote of a flight, with the same panel and camera.
+
+    `frames` of it are those of the part, whether or not the flight data have them.
+
+    Raises
+    ------
+    TableError
+        The directory does not hold the flight data, or they cannot be read.
+    OutputError
+        They are of another flight, panel or camera.
+    """
+    camera, camera_source = _camera(flight, camera_file)
+    source = replace(_panel(flight, panel_file), camera=camera)
+    name = output_name(flight)
+    table = flight_table(read_table(directory / f"{name}.csv"))
+    method = str(table.description.get("method", ""))
+    provenance = _provenance(flight, source, panel_file, camera_source, method)
+    _refuse_others(directory / f"{name}.json", table.description, provenance)
+    optics, lenses = source.optics, dict[int, Lens | None]()
+    if camera is not None:
+        for frame in flight.shown():
+            lenses[frame.sequence] = _lens(optics, frame)
+    alignments = read_table(directory / f"{name}_alignment.tsv", "\t")
+    return Decoded(
+        source=source,
+        camera=camera,
+        data=read_back(table, alignments, source.panel, optics.size_px, lenses),
+        provenance=provenance,
+        frames=partial(flight.shown, None if part is None else part.ranks),
+        check=partial(verify, flight.paths),
+        session=flight.session,
+        name=name,
+    )
+
+
+def _lens(optics: Optics, frame: Frame) -> Lens | None:
+    """Look up the lens that a frame was taken with; None where the camera's calibration does not cover it."""
+    if frame.width_px is None or frame.height_px is None:
+        return None
+    size_px = (frame.width_px, frame.height_px)
+    try:
+        return optics.frame_lens(frame.exif.lens_mm, size_px[::-1] if frame.rotation_deg % 180 else size_px)
+    except PictureError:
+        return None
+
+
+def _refuse_others(file: Path, description: Mapping[str, Any], own: Provenance) -> None:
+    """Refuse flight data that were made of something else than what is to be drawn on.
+
+    Raises
+    ------
+    OutputError
+        Saying what differs, and what to do.
+    """
+    remedies = {"flight_files": "decode this flight first", "panel": "give that with --panel"}
+    remedies["camera"] = "give that with --camera"
+    mine = asdict(own)
+    for what, remedy in remedies.items():
+        if _sha256_of(description.get(what)) != _sha256_of(mine[what]):
+            raise OutputError(f"{file}: is of another {what.removesuffix('_files')}; {remedy}")
+
+
+def _sha256_of(files: object) -> list[str]:
+    listed = files if isinstance(files, list | tuple) else [] if files is None else [files]
+    return [str(file.get("sha256")) if isinstance(file, dict) else "" for file in listed]
 
 
 def progress(words: str, frames: int) -> Progress:

@@ -124,8 +124,8 @@ class FlightTable:
         return int(self.time_ns[0]) - round(since_s * 1e9)
 
 
-def read_table(path: Path) -> Table:
-    """Read a CSV file.
+def read_table(path: Path, delimiter: str = ",") -> Table:
+    """Read a CSV file, or a table whose cells something else divides.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def read_table(path: Path) -> Table:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
+            header, *rows = [row for row in csv.reader(stream, delimiter=delimiter) if row] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TableError(f"{path}: cannot be read as CSV: {error}") from error
     if not rows:

@@ -1,0 +1,154 @@
+"""`decode video FLIGHT -o FILE.mp4`: the film of a flight with its readings drawn in."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+from itertools import chain
+from pathlib import Path
+from typing import IO
+
+import click
+
+from decoder.commands.flight import asked_part
+from decoder.commands.options import (
+    camera_option,
+    end_option,
+    every_option,
+    flights_argument,
+    panel_option,
+    start_option,
+)
+from decoder.outputs.film import NEEDS, Shown, drawn_film, write_film
+from decoder.outputs.frame_picture import matched_frames
+from decoder.outputs.outputs import Decoded, refuse_overwriting, write_all
+from decoder.panel.errors import OutputError
+from decoder.panel.vocabulary import Method
+from decoder.parallel.decoding import decoded_flight, progress, written_flight
+from decoder.timeseries.flight_part import AskedPart, TypedTime
+from flight_file.frame import Frame
+from flight_file.reader import open_flight
+from flight_file.untrusted import say
+
+EXIT_LOSS = 3
+EPILOG = """\b
+H.264 in an MP4, each frame at its own time; the file's creation time is that of the first frame, if known.
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
+
+\b
+Examples:
+  decode video flight.mcap -o overlay.mp4
+  decode video flight.mcap -o overlay.mp4 --data results
+  decode video flight.mcap -o approach.mp4 --from 12:01:30Z --to 12:04:00Z --height 720
+"""
+
+
+@click.command("video", epilog=EPILOG)
+@flights_argument
+@click.option(
+    "-o", "--output", "file", type=click.Path(path_type=Path, dir_okay=False), required=True, metavar="FILE",
+    help="The film, an .mp4; one that is there is replaced.",
+)  # fmt: skip
+@click.option(
+    "--data", "directory", type=click.Path(path_type=Path, file_okay=False, exists=True), metavar="DIR",
+    help="Draw the flight data that `decode FLIGHT -o DIR` wrote, instead of decoding again.",
+)  # fmt: skip
+@click.option(
+    "--height", "height_px", type=click.IntRange(min=120), default=1080, show_default=True, metavar="PX",
+    help="Of the pictures, without the values below; frames are made smaller, never larger.",
+)  # fmt: skip
+@click.option(
+    "--crf", type=click.IntRange(1, 51), default=21, show_default=True, metavar="N",
+    help="Quality, as x264 counts: 18 looks as the frames do, each 6 more halve the file.",
+)  # fmt: skip
+@start_option
+@end_option
+@every_option
+@panel_option
+@camera_option
+def command(
+    *,
+    flights: tuple[Path, ...],
+    file: Path,
+    directory: Path | None,
+    height_px: int,
+    crf: int,
+    start: TypedTime | None,
+    end: TypedTime | None,
+    every: int,
+    panel_file: Path | None,
+    camera_file: Path | None,
+) -> None:
+    """Write FLIGHT as a film: each reading where it lies in the picture, in its status's colour, and all values below.
+
+    Sound is not in it.
+    """
+    if file.suffix.lower() != ".mp4":
+        raise click.UsageError(f"{file}: a film is an MP4; give it a name that ends with .mp4")
+    if find_spec("av") is None:
+        raise OutputError(NEEDS)
+    flight = open_flight(flights)
+    given = [each for each in (panel_file, camera_file) if each is not None]
+    refuse_overwriting([*flight.paths, *given], [file])
+    part = asked_part(flight, AskedPart(start, end, every))
+    if directory is None:
+        decoded = decoded_flight(flight, panel_file, Method.NORMXCORR.value, camera_file, part=part)
+        chosen = _all_rows
+    else:
+        decoded = written_flight(flight, directory, panel_file, camera_file, part)
+        chosen = _known_rows
+    frames = flight.count() if part is None else len(part.ranks)
+    read, shown = decoded.frames, progress("film", frames)
+    film = _Film(replace(decoded, frames=lambda: shown(read())), chosen, height_px, crf)
+    write_all(file.parent, {file.name: film.write})
+    say(f"{film.drawn} of {frames} frames in {file}")
+    if flight.losses:
+        sys.exit(EXIT_LOSS)
+
+
+Rows = Iterator[tuple[int, Frame]]
+"""Frames, each with its row in the flight data."""
+
+
+def _all_rows(decoded: Decoded) -> Rows:
+    return enumerate(matched_frames(decoded.data, decoded.frames))
+
+
+def _known_rows(decoded: Decoded) -> Rows:
+    """Iterate over the frames that the flight data have, and tell of others."""
+    rows = {number: row for row, number in enumerate(decoded.data.frame.tolist())}
+    unknown = 0
+    for frame in decoded.frames():
+        if frame.sequence in rows:
+            yield rows[frame.sequence], frame
+        else:
+            unknown += 1
+    if unknown:
+        _tell(f"{unknown} frames are not in the flight data, and so not in the film")
+
+
+class _Film:
+    """A film to be written, and how many frames went into it."""
+
+    def __init__(self, decoded: Decoded, chosen: Callable[[Decoded], Rows], height_px: int, crf: int) -> None:
+        self._decoded, self._chosen, self._height_px, self._crf = decoded, chosen, height_px, crf
+        self.drawn = 0
+
+    def write(self, stream: IO[bytes]) -> None:
+        """Write it to where a file has been made for it: FFmpeg opens that by its name."""
+        data, rows = self._decoded.data, self._chosen(self._decoded)
+        first = next(rows, None)
+        began_ns = None if first is None or not data.knows_time_of_day else int(data.time_ns[first[0]])
+        pictures = drawn_film(self._decoded, chain([] if first is None else [first], rows), self._height_px, _tell)
+        write_film(self._counted(pictures), Path(stream.name), self._crf, began_ns)
+
+    def _counted(self, pictures: Iterator[Shown]) -> Iterator[Shown]:
+        for each in pictures:
+            self.drawn += 1
+            yield each
+
+
+def _tell(sentence: str) -> None:
+    say(sentence, err=True)
