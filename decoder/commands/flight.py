@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from decoder.commands.options import (
+    asked_part,
     camera_option,
     end_option,
     every_option,
@@ -33,11 +34,11 @@ from decoder.outputs.outputs import (
     refuse_overwriting,
     refuse_unwritable,
 )
-from decoder.panel.errors import PanelMissing, PartError
+from decoder.panel.errors import PanelMissing
 from decoder.panel.vocabulary import PANEL_FILE
 from decoder.parallel import fork_server
 from decoder.parallel.processes import ends_at_once, jobs_for
-from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime, part_of
+from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime
 from decoder.timeseries.truth_request import Names, TruthRequest
 from flight_file.frame import VIDEO_FORMATS
 from flight_file.reader import Flight, open_flight
@@ -154,24 +155,6 @@ def _truth(
     if file is not None and "html" not in formats:
         raise click.UsageError("--truth needs --format html; without a report there is `decode accuracy`")
     return None if file is None else TruthRequest(file, names, time_column, offset, window_s, wants_limits)
-
-
-def asked_part(flight: Flight, asked: AskedPart) -> FlightPart | None:
-    """Find the frames that were asked for; None if they are all.
-
-    Raises
-    ------
-    PartError
-        If there are none, or nobody knows the time of day that was given.
-    """
-    if not flight.session.knows_time_of_day and any(
-        end is not None and end.since != "start" for end in (asked.start, asked.end)
-    ):
-        raise PartError(
-            f"{flight.paths[0].name}: nobody knows its time of day; give --from and --to in seconds from its first"
-            " frame, such as 90 or 1:30"
-        )
-    return None if asked.is_whole else part_of(flight, asked)
 
 
 def _panel(flight: Flight, panel_file: Path | None) -> str:

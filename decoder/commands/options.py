@@ -9,9 +9,11 @@ from typing import Any, TypeVar
 import click
 
 from decoder.outputs.outputs import FORMATS
+from decoder.panel.errors import PartError
 from decoder.panel.vocabulary import Method
-from decoder.timeseries.flight_part import EXAMPLES, TypedTime, typed_time
+from decoder.timeseries.flight_part import EXAMPLES, AskedPart, FlightPart, TypedTime, part_of, typed_time
 from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S, Names
+from flight_file.reader import Flight
 
 flights_argument = click.argument(
     "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
@@ -105,6 +107,26 @@ start_option = click.option(
     help=f"Only frames from T on: seconds or a clock from the flight's start, or UTC ({EXAMPLES}).",
 )  # fmt: skip
 end_option = click.option("--to", "end", callback=_time, metavar="T", help="Only frames up to T.")
+
+
+def asked_part(flight: Flight, asked: AskedPart) -> FlightPart | None:
+    """Find the frames that were asked for; None if they are all.
+
+    Raises
+    ------
+    PartError
+        If there are none, or nobody knows the time of day that was given.
+    """
+    if not flight.session.knows_time_of_day and any(
+        end is not None and end.since != "start" for end in (asked.start, asked.end)
+    ):
+        raise PartError(
+            f"{flight.paths[0].name}: nobody knows its time of day; give --from and --to in seconds from its first"
+            " frame, such as 90 or 1:30"
+        )
+    return None if asked.is_whole else part_of(flight, asked)
+
+
 format_option = click.option(
     "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
     help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",

@@ -12,8 +12,8 @@ from typing import IO
 
 import click
 
-from decoder.commands.flight import asked_part
 from decoder.commands.options import (
+    asked_part,
     camera_option,
     end_option,
     every_option,

@@ -10,7 +10,7 @@ Frames pass one at a time, and a fixed number of threads encodes: the same fligh
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib.util import find_spec
 from itertools import chain
@@ -92,20 +92,24 @@ class FilmClock:
         """When this frame is shown, in ticks from the first one; later than the one before."""
         if self._taken_ns is not None:
             step_ns = taken_ns - self._taken_ns
-            if 0 < step_ns <= np.iinfo(np.int32).max * NS_PER_S // TICKS_PER_S:
+            if 0 < _ticks(step_ns) <= np.iinfo(np.int32).max:  # what MP4 has room for
                 self._step_ns = step_ns
             else:
                 self.jumps += 1
             self._film_ns += self._step_ns
         self._taken_ns = taken_ns
-        self._tick = max(self._tick + 1, round(Fraction(self._film_ns * TICKS_PER_S, NS_PER_S)))
+        self._tick = max(self._tick + 1, _ticks(self._film_ns))
         return self._tick
 
 
-def film_times_s(data: FlightData) -> list[float]:
-    """When each row of flight data is shown in a film of all of them, in seconds."""
+def _ticks(time_ns: int) -> int:
+    return round(Fraction(time_ns * TICKS_PER_S, NS_PER_S))
+
+
+def film_times_s(data: FlightData) -> Floats:
+    """(N,): when each row of flight data is shown in a film of all of them, in seconds."""
     clock = FilmClock()
-    return [clock.tick(taken_ns) / TICKS_PER_S for taken_ns in data.time_ns.tolist()]
+    return np.array([clock.tick(taken_ns) / TICKS_PER_S for taken_ns in data.time_ns.tolist()])
 
 
 class FilmPainter:
@@ -142,12 +146,17 @@ class FilmPainter:
             draw_needles(pixels, gauge, view)
         image = Image.fromarray(pixels)
         boxes = [moved(gauge.box_px, view) for gauge in gauges]
-        chips = [Chip(gauge.readings, self._text_px) for gauge in gauges]
+        chips = [Chip(_named(gauge.readings), self._text_px) for gauge in gauges]
         if gauges and not self._corners:
             self._corners = _corners(chips, boxes, self._size_px)
         for chip, box, (x, y) in zip(chips, boxes, self._corners if gauges else (), strict=True):
             chip.draw(image, chip.box_at((box[0] + x, box[1] + y), self._size_px))
         return image
+
+
+def _named(readings: Sequence[DrawnReading]) -> list[DrawnReading]:
+    """Leave out the name of a gauge's only reading: in the picture it is seen which it is, and the strip has it."""
+    return [replace(reading, name="") for reading in readings] if len(readings) == 1 else list(readings)
 
 
 def _corners(chips: Sequence[Chip], boxes: Sequence[Box], size_px: tuple[int, int]) -> list[Point]:
@@ -216,19 +225,19 @@ class _Strip:
         (x, y), colour, unit = at, STATUS_COLOURS[reading.status], self._text_px
         pencil.rectangle((x, y + 0.1 * unit, x + 0.25 * unit, y + 2.1 * unit), fill=colour)
         x += self._pad_px
-        pencil.text((x, y + 0.85 * unit), f"{reading.name} ", font=self._small, fill=QUIET, anchor="ls")
-        after = x + self._small.getlength(f"{reading.name} ")
+        pencil.text((x, y + 0.85 * unit), reading.name, font=self._small, fill=QUIET, anchor="ls")
+        after = x + self._small.getlength(reading.name) + self._pad_px
         pencil.text((after, y + 0.85 * unit), reading.status.value, font=self._small, fill=colour, anchor="ls")
         pencil.text((x, y + 2.05 * unit), reading.text, font=self._large, fill=colour, anchor="ls")
-        after = x + self._large.getlength(f"{reading.text} ")
+        after = x + self._large.getlength(reading.text) + self._pad_px
         pencil.text((after, y + 2.05 * unit), reading.spread, font=self._small, fill=QUIET, anchor="ls")
 
     def _cell_px(self, reading: DrawnReading) -> float:
         """How wide a reading's cell is, whatever its status."""
         longest = max(self._small.getlength(status.value) for status in Status)
-        above = self._small.getlength(f"{reading.name} ") + longest
-        below = self._large.getlength(f"{reading.text} ") + self._small.getlength(reading.spread)
-        return max(above, below) + 2 * self._pad_px
+        above = self._small.getlength(reading.name) + longest
+        below = self._large.getlength(reading.text) + self._small.getlength(reading.spread)
+        return max(above, below) + 4 * self._pad_px
 
 
 def _extremes(value: Floats, sigma: Floats) -> set[int]:
@@ -252,8 +261,10 @@ def drawn_film(
             painter = FilmPainter(decoded, _size_px(decoded, picture, height_px))
         yield Shown(clock.tick(int(decoded.data.time_ns[row])), painter.painted(row, picture, trouble))
     if clock.jumps:
-        times = "once" if clock.jumps == 1 else f"{clock.jumps} times"
-        tell(f"a clock was set {times} during the flight: there the film goes on as if it had not been")
+        frames = "1 frame was" if clock.jumps == 1 else f"{clock.jumps} frames were"
+        tell(
+            f"{frames} taken hours after the one before, or not after it, as the clock has it: the film goes on steadily"
+        )
 
 
 def write_report_film(decoded: Decoded, stream: IO[bytes]) -> None:

@@ -204,7 +204,7 @@ class Chip:
         self._large, self._small = font(round(text_px * 1.15)), font(round(text_px * 0.78))
         self._line_px, self._note_px, self._pad_px = text_px * 1.4, text_px * 1.15 * bool(notes), text_px * 0.5
         self._rows = [
-            (reading, f"{reading.name}  ", reading.text, note)
+            (reading, f"{reading.name}  " if reading.name else "", reading.text, note)
             for reading, note in zip(readings, notes or [""] * len(readings), strict=True)
         ]
         widths = [

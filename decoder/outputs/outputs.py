@@ -13,7 +13,7 @@ import contextlib
 import io
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -76,6 +76,8 @@ class Decoded:
         The command that makes the report again.
     truth
         What the flight was held against, if it was.
+    film
+        The name of the film beside the report; empty if there is none.
     """
 
     source: PanelPictures
@@ -89,6 +91,7 @@ class Decoded:
     name: str = "flight"
     command: str = ""
     truth: TruthSection | None = None
+    film: str = ""
 
 
 def _late(function: str, *parts: str, is_text: bool = False) -> MakeWriter:
@@ -137,15 +140,26 @@ FORMATS: dict[str, Format] = {
     "mcap": Format(_late("mcap_output:write_mcap"), takes_images=True),
     "layout": Format(_late("mcap_output:write_layout", is_text=True), suffix="layout.json"),
     "html": Format(_late("report:write_report"), needs=("jinja2", "report")),
+    "film": Format(_late("film:write_report_film"), needs=("av", "video"), suffix="film.mp4"),
     "parquet": Format(_late("parquet_output:write_parquet", "data", "provenance"), needs=("pyarrow", "parquet")),
 }
+
+
+def _beside(film: str) -> MakeWriter:
+    """Have the report written as one that shows the film beside it."""
+    return lambda decoded: FORMATS["html"].write(replace(decoded, film=film))
+
+
 DESCRIPTION = _late("json_output:write_json", "data", "provenance", is_text=True)
 ALIGNMENT = _late("csv_output:write_alignment", "data", "source.optics.size_px", is_text=True)
 
 
 def planned_files(name: str, formats: Sequence[str]) -> dict[str, MakeWriter]:
     """Name every file that is made of a flight with this name, and what makes its writer."""
-    files = {f"{name}.{FORMATS[each].suffix or each}": FORMATS[each].write for each in formats}
+    names = {each: f"{name}.{FORMATS[each].suffix or each}" for each in formats}
+    files = {file: FORMATS[each].write for each, file in names.items()}
+    if "html" in names and "film" in names:
+        files[names["html"]] = _beside(names["film"])
     files[f"{name}.json"] = DESCRIPTION
     if "csv" in formats:
         files[f"{name}_alignment.tsv"] = ALIGNMENT

@@ -18,6 +18,7 @@ from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import IO, Any
+from urllib.parse import quote
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -29,6 +30,7 @@ from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs import report_facts
 from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces, label_decimals
+from decoder.outputs.film import film_times_s
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded
 from decoder.outputs.report_drawings import calibration_charts, panel_drawing
@@ -47,6 +49,7 @@ STYLES = ("style.css", "parts.css", "print.css")
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([a-z]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:const|class|function|async) )", re.MULTILINE)
 
+BESIDE, NOWHERE = "'self' file:", "'none'"  # where media may come from
 PLACE_OF_EVIDENCE = "<!--evidence-->"
 INTEGRITY_SAYS = {"good": "fits", "warn": "see below", "bad": "DOES NOT FIT", "open": "not checked"}
 
@@ -68,11 +71,12 @@ def plotly() -> str:
     return PLOTLY.read_text(encoding="utf-8")
 
 
-def security_policy(scripts: Iterator[str]) -> str:
-    """Allow a page these scripts, its own styles and embedded pictures, and no network."""
+def security_policy(scripts: Iterator[str], media: str) -> str:
+    """Allow a page these scripts, its own styles, embedded pictures, and media from there, and no network."""
     hashes = " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
     return (
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:;"
+        f" media-src {media};"
         " base-uri 'none'; form-action 'none'"
     )
 
@@ -191,7 +195,8 @@ def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
     charts = [] if report.camera is None else calibration_charts(report.camera, report.source.optics.focal_length_mm)
     page: str = environment.get_template("report.html").render(
         **_texts(report, flags, order),
-        policy=security_policy(iter(scripts.values())),
+        policy=security_policy(iter(scripts.values()), BESIDE if report.film else NOWHERE),
+        film=quote(report.film),
         style=Markup(style()),  # noqa: S704 - our own file
         **{name: Markup(text) for name, text in scripts.items()},  # noqa: S704 - our own, and plotly's
         flight_json=Markup(_json(_flight(report, flags, order, tracks))),  # noqa: S704 - no `<` is left in it
@@ -264,6 +269,7 @@ def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequen
         needle["truth"] = None if truth is None else packed(truth[order], "f4")
     return {
         **content,
+        "film_s": packed(film_times_s(data)[order], "f8") if report.film else None,
         "statuses": [status.value for status in STATUSES],
         "flags": [
             [

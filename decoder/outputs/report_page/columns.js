@@ -15,6 +15,7 @@ export const content = (id) => JSON.parse(document.getElementById(id).textConten
 export function loadFlight() {
   const flight = content("flight");
   for (const name of ["time_ms", "frame"]) flight[name] = numbers(flight[name]);
+  flight.film_s &&= numbers(flight.film_s);
   for (const needle of flight.needles) {
     for (const name of ["value", "sigma", "score", "status"]) needle[name] = numbers(needle[name]);
     needle.truth = needle.truth ? numbers(needle.truth) : null;

@@ -18,6 +18,7 @@ export function useKeys(state) {
     ".": () => state.pan(0.25),
     0: () => state.lookAtAll(),
     d: () => state.toggleDrawing(),
+    v: () => document.getElementById("film")?.click(),
     f: () => document.getElementById("fold").click(),
   };
   const shifted = { "=": "+", _: "-" };

@@ -4,6 +4,7 @@ import { loadFlight } from "./columns.js";
 import { drawCharts } from "./charts.js";
 import { showEvidence } from "./evidence.js";
 import { showTable, useFlags } from "./flags.js";
+import { useFilm } from "./film.js";
 import { useKeys } from "./keys.js";
 import { TimePlot } from "./plot.js";
 import { State } from "./state.js";
@@ -36,6 +37,7 @@ state.on("row", tellValues);
 state.on("view", tellView);
 useFlags(state);
 useKeys(state);
+useFilm(state);
 tellView();
 
 // Another width or another scheme: the plots are drawn anew; on paper all of them, at once.

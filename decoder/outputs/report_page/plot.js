@@ -48,6 +48,8 @@ export class TimePlot {
     this.host.on("plotly_relayout", (change) => this.changed(change));
     this.host.on("plotly_doubleclick", () => this.state.lookAtAll());
     this.host.on("plotly_click", (event) => this.clicked(event));
+    this.host.addEventListener("mousemove", (event) => this.state.hover(this.rowAt(event)));
+    this.host.addEventListener("mouseleave", () => this.state.hover(-1));
   }
 
   changed(change) {
@@ -59,10 +61,15 @@ export class TimePlot {
   // A click on a mark means that frame; beside the marks, the frame nearest in time.
   clicked({ points, event }) {
     const axis = this.host._fullLayout.xaxis;
-    const place = event.clientX - this.host.getBoundingClientRect().left - axis._offset;
-    const time = this.fromDate(axis.p2d(place));
+    const place = this.placeAt(event);
     const mark = points.find((point) => point.data.meta === "mark" && Math.abs(axis.d2p(point.x) - place) < 5);
-    this.state.choose(mark ? mark.customdata : nearestRow(this.state.flight.time_ms, time), this.track.at);
+    this.state.choose(mark ? mark.customdata : this.rowAt(event), this.track.at);
+  }
+
+  placeAt = (event) => event.clientX - this.host.getBoundingClientRect().left - this.host._fullLayout.xaxis._offset;
+
+  rowAt(event) {
+    return nearestRow(this.state.flight.time_ms, this.fromDate(this.host._fullLayout.xaxis.p2d(this.placeAt(event))));
   }
 
   fromDate(value) {

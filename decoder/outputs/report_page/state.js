@@ -12,6 +12,7 @@ export class State extends EventTarget {
     this.usual = usualStep(times);
     this.view = [...this.all];
     this.row = -1;
+    this.hovered = -1; // the row under the pointer
     this.needle = -1; // the parameter that was asked about
     this.drawing = true;
   }
@@ -61,6 +62,12 @@ export class State extends EventTarget {
     const [from, to] = this.view;
     if (time < from || time > to) this.look(time - (to - from) / 2, time + (to - from) / 2);
     this.tell("row");
+  }
+
+  hover(row) {
+    if (row === this.hovered) return;
+    this.hovered = row;
+    this.tell("hover");
   }
 
   toggleDrawing() {
