@@ -31,9 +31,11 @@ def open_report(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> I
     said: list[str] = []
     pages: list[Page] = []
 
-    def opened(content: bytes, **options: Any) -> Page:  # noqa: ANN401 - a browser context's
+    def opened(content: bytes, film: bytes | None = None, **options: Any) -> Page:  # noqa: ANN401 - a context's
         page_file = tmp_path_factory.mktemp("report") / "flight.html"
         page_file.write_bytes(content)
+        if film is not None:
+            page_file.with_name("flight.film.mp4").write_bytes(film)
         pages.append(opened_offline(browser, page_file, said, **options))
         return pages[-1]
 
