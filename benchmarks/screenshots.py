@@ -8,12 +8,15 @@ from contextlib import chdir
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import av
 import cv2
 import numpy as np
 from playwright.sync_api import Browser, expect, sync_playwright
 
 from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
+from decoder.outputs.film import drawn_film, write_film
+from decoder.outputs.frame_picture import flagged, matched_frames
 from decoder.outputs.report import write_report
 from decoder.panel.vocabulary import Method
 from decoder.parallel.decoding import decoded_flight
@@ -24,6 +27,7 @@ PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 VIEW = {"width": 1440, "height": 900}
 COMMON, RARE = 190, 64
 SLOW_MS = 120_000
+FILM_HEIGHT_PX, FILM_CRF = 1080, 18
 # Flights on whose set-up pages a gauge is looked at, and what the pictures are called.
 SETUPS = (
     ("thesis_a1.mcap", "fuel_flow", "setup"),
@@ -43,6 +47,7 @@ def main() -> int:
         setup_pictures(browser, Path(name))
         report = Path(name) / "flight.html"
         written_report(report)
+        film_picture(Path(name) / "film.mp4", PICTURES / "film.png")
         for scheme in ("dark", "light"):
             report_picture(browser, report, scheme, PICTURES / f"report_{scheme}.png")
         browser.close()
@@ -78,6 +83,17 @@ def written_report(path: Path) -> None:
     flight = open_flight([long if long.exists() else FIXTURES / "thesis_a2.mcap"])
     with path.open("wb") as stream:
         write_report(decoded_flight(flight, None, Method.NORMXCORR.value), stream)
+
+
+def film_picture(film: Path, path: Path) -> None:
+    """A picture out of the film of a flight with its readings: the first in which a value was not plainly read."""
+    flight = decoded_flight(open_flight([FIXTURES / "thesis_a2.mcap"]), None, Method.NORMXCORR.value)
+    frames = enumerate(matched_frames(flight.data, flight.frames))
+    write_film(drawn_film(flight, frames, FILM_HEIGHT_PX, print), film, FILM_CRF)
+    with av.open(str(film)) as container:
+        shown = list(container.decode(video=0))[int(flagged(flight.data)[0])]
+    pixels = cv2.cvtColor(np.asarray(shown.to_ndarray(format="rgb24"), np.uint8), cv2.COLOR_RGB2BGR)
+    save_small(cv2.imencode(".png", pixels)[1].tobytes(), path)
 
 
 def report_picture(browser: Browser, report: Path, scheme: str, path: Path) -> None:

@@ -123,7 +123,7 @@ class FilmPainter:
         self._places = ReadingPlaces(decoded.source, decoded.data)
         self._reasons = {missing.frame: missing.reason for missing in decoded.data.missing_frames}
         self._size_px = size_px
-        self._text_px = max(11, round(size_px[0] / 105))
+        self._text_px = max(12, round(size_px[0] / 95))
         self._strip = _Strip(decoded.data, size_px[0], self._text_px)
         self._corners: list[Point] = []
 
@@ -261,9 +261,9 @@ def drawn_film(
             painter = FilmPainter(decoded, _size_px(decoded, picture, height_px))
         yield Shown(clock.tick(int(decoded.data.time_ns[row])), painter.painted(row, picture, trouble))
     if clock.jumps:
-        frames = "1 frame was" if clock.jumps == 1 else f"{clock.jumps} frames were"
+        count = "1 frame was" if clock.jumps == 1 else f"{clock.jumps} frames were"
         tell(
-            f"{frames} taken hours after the one before, or not after it, as the clock has it: the film goes on steadily"
+            f"{count} not taken after the one before, or hours after it, as the clock has it: the film goes on steadily"
         )
 
 

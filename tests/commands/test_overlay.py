@@ -39,9 +39,8 @@ def seen(path: Path) -> tuple[list[float], list[NDArray[np.uint8]]]:
     """When each picture of a film is shown, in seconds, and what it shows, (H, W, 3) uint8 RGB."""
     with av.open(str(path)) as container:
         shown = list(container.decode(video=0))
-    return [frame.time for frame in shown if frame.time is not None], [
-        np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in shown
-    ]
+    pictures = [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in shown]
+    return [frame.time for frame in shown], pictures
 
 
 def test_a_film_is_what_players_want(overlay: Path) -> None:

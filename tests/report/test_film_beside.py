@@ -56,8 +56,8 @@ def until(page: Page, condition: str, arg: object = None) -> None:
 def expect_film_at(page: Page, report: Decoded, row: int) -> None:
     """The film shows a frame, by its row in the flight data."""
     expect(page.locator("#film")).to_have_attribute("data-row", str((row - 10) % ROWS))
-    at = "(s) => { const it = document.getElementById('film'); return !it.seeking && Math.abs(it.currentTime - s) < 0.01; }"
-    until(page, at, float(film_times_s(report.data)[row]) + 0.001)
+    shown = "(s) => [document.getElementById('film')].some((it) => !it.seeking && Math.abs(it.currentTime - s) < 0.01)"
+    until(page, shown, float(film_times_s(report.data)[row]) + 0.001)
     expect(page.locator("#film-says")).to_have_text(f"frame {row} · {report.data.time_s[row]:.3f} s")
 
 
