@@ -11,6 +11,7 @@ from typing import IO, Any
 import numpy as np
 
 from decoder.imaging.alignment import Alignment, Motion
+from decoder.imaging.thresholds import MAX_ENLARGEMENT
 from decoder.instruments.reading import Status
 from decoder.outputs.thresholds import DIGITS_OF_FULL_SCALE
 from decoder.panel.errors import TableError
@@ -28,6 +29,7 @@ from decoder.timeseries.flight_data import (
 )
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
+from flight_file.thresholds import MAX_SIDE_PX
 from flight_file.untrusted import printable, to_cell
 
 SCORE_DECIMALS = 4
@@ -129,7 +131,7 @@ def read_back(
     """
     table, told = flight.table, flight.description
     frame = table.numbers("frame")
-    if not np.array_equal(frame, alignments.numbers("frame")):
+    if not (np.isfinite(frame).all() and np.array_equal(frame, alignments.numbers("frame"))):
         raise TableError(f"{alignments.path}: is of other frames than {table.path.name}; decode the flight again")
     try:
         return FlightData(
@@ -143,7 +145,7 @@ def read_back(
             part=FlightPart(range(len(frame)), len(frame), flight.began_ns),
             time_of_day=str(told.get("time_of_day", "")),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise TableError(
             f"{table.path}: it or the JSON beside it is not as `decode` writes them; decode the flight again"
         ) from error
@@ -167,6 +169,8 @@ def _alignments_of(table: Table, size_px: tuple[int, int], lenses: Sequence[Lens
     alignments = AlignmentSeries()
     for (score, right, down, roll_deg, scale), lens in zip(np.stack(columns, axis=1).tolist(), lenses, strict=True):
         if all(map(math.isfinite, (score, right, down, roll_deg, scale))):
+            if max(abs(right), abs(down)) > MAX_SIDE_PX or not 1 / MAX_ENLARGEMENT <= scale <= MAX_ENLARGEMENT:
+                raise ValueError(scale)
             alignments.add(Alignment.moving(middle, Motion((right, down), roll_deg, scale), score, lens=lens))
         else:
             alignments.add_missing(())

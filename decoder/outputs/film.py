@@ -261,10 +261,7 @@ def drawn_film(
             painter = FilmPainter(decoded, _size_px(decoded, picture, height_px))
         yield Shown(clock.tick(int(decoded.data.time_ns[row])), painter.painted(row, picture, trouble))
     if clock.jumps:
-        count = "1 frame was" if clock.jumps == 1 else f"{clock.jumps} frames were"
-        tell(
-            f"{count} not taken after the one before, or hours after it, as the clock has it: the film goes on steadily"
-        )
+        tell(f"after {clock.jumps} of the frames the clock goes back, or on by hours: the film goes on steadily")
 
 
 def write_report_film(decoded: Decoded, stream: IO[bytes]) -> None:

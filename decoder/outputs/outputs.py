@@ -147,7 +147,12 @@ FORMATS: dict[str, Format] = {
 
 def _beside(film: str) -> MakeWriter:
     """Have the report written as one that shows the film beside it."""
-    return lambda decoded: FORMATS["html"].write(replace(decoded, film=film))
+
+    def writer(decoded: Decoded) -> Write:
+        command = decoded.command.replace("--format html", "--format html,film")
+        return FORMATS["html"].write(replace(decoded, film=film, command=command))
+
+    return writer
 
 
 DESCRIPTION = _late("json_output:write_json", "data", "provenance", is_text=True)

@@ -144,6 +144,8 @@ def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np
         (lambda folder: spoil(folder / "thesis_a1.json", '"sha256": "', '"sha256": "0'), ["another flight"]),
         (lambda folder: spoil(folder / "thesis_a1.csv", ",read,", ",seen,"), ["is not as `decode` writes them"]),
         (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "\n0\t", "\n7\t"), ["is of other frames"]),
+        (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "\t0.", "\t1e300\t0."), ["not all as long"]),
+        (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "0000\n", "0000e9\n"), ["is not as"]),
         (lambda folder: spoil(folder / "thesis_a1.json", '"moved_pivots_px": {', '"moved": {'), ["is not as"]),
     ],
 )

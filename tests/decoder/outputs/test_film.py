@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,8 @@ from decoder.imaging.alignment import Alignment, Motion
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import read_back, write_alignment, write_csv
 from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces
-from decoder.outputs.film import TICKS_PER_S, FilmClock, FilmPainter
-from decoder.outputs.frame_picture import CAP
+from decoder.outputs.film import TICKS_PER_S, FilmClock, FilmPainter, drawn_film
+from decoder.outputs.frame_picture import CAP, matched_frames
 from decoder.outputs.json_output import describe
 from decoder.timeseries.tables import flight_table, read_table
 from tests.report.reports import make_report, source
@@ -73,6 +74,18 @@ def test_every_picture_of_a_film_has_the_size_of_the_first() -> None:
     pictures = [None if each is None else np.zeros(each, np.uint8) for each in given_px]
 
     assert len({painter.painted(row, picture).shape for row, picture in enumerate(pictures)}) == 1
+
+
+def test_a_clock_that_was_set_is_told() -> None:
+    """Once, with how often; every frame is in the film."""
+    data = make_report(6).data
+    report = make_report(data=replace(data, time_ns=data.time_ns - 10**12 * (np.arange(6) // 3)))
+    told: list[str] = []
+    shown = list(drawn_film(report, enumerate(matched_frames(report.data, report.frames)), 240, told.append))
+
+    assert told == ["after 1 of the frames the clock goes back, or on by hours: the film goes on steadily"]
+    assert [each.tick for each in shown] == [place * TICKS_PER_S // 4 for place in range(6)]
+    assert shown[0].picture.shape[:2] == (shown[5].picture.shape[0], 320)
 
 
 @given(
