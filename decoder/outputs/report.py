@@ -49,6 +49,8 @@ STYLES = ("style.css", "parts.css", "print.css")
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([a-z]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:const|class|function|async) )", re.MULTILINE)
 
+# Where a flight of unknown time begins in the plots: to plotly the milliseconds 1000 to 9999 would be years.
+MIDNIGHT_MS = 946_684_800_000
 BESIDE, NOWHERE = "'self' file:", "'none'"  # where media may come from
 PLACE_OF_EVIDENCE = "<!--evidence-->"
 INTEGRITY_SAYS = {"good": "fits", "warn": "see below", "bad": "DOES NOT FIT", "open": "not checked"}
@@ -104,7 +106,7 @@ def columns(data: FlightData, order: Order) -> dict[str, Any]:
     start_ns = int(data.time_ns[order[0]]) if order.size else 0
     return {
         "rows": int(order.size),
-        "start_ms": start_ns / 1e6,
+        "start_ms": start_ns / 1e6 + (0 if data.knows_time_of_day else MIDNIGHT_MS),
         "start_utc": moment_text(data, start_ns),
         "since_first_ms": float(data.time_ns[0] - start_ns) / 1e6 - float(data.time_s[0]) * 1e3 if order.size else 0.0,
         "time_ms": packed((data.time_ns[order] - start_ns) / 1e6, "f8"),

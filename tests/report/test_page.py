@@ -17,7 +17,7 @@ from decoder.outputs.outputs import Decoded
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.timeseries.flight_data import AlignmentSeries, FlightData
-from flight_file.session import Session
+from flight_file.session import UNKNOWN, Session
 from tests.report.reports import make_report, source, written
 
 OpenReport = Callable[..., Page]
@@ -311,6 +311,20 @@ def test_curve_does_not_cross_a_long_gap(open_report: OpenReport) -> None:
 
     assert plotted(page, 0, "curve")["x"].count(None) == 1
     assert len(plotted(page, 0, "strip read")["x"]) == 6
+
+
+def test_a_flight_of_unknown_time_lies_where_its_seconds_are(open_report: OpenReport) -> None:
+    """Plotly takes some numbers for years; none of the curve's points lies outside what is in view."""
+    data = replace(make_report(60).data, time_ns=250_000_000 * np.arange(60), time_of_day=UNKNOWN)
+    page = open_report(written(make_report(data=data)))
+    until(page, "document.querySelector('.plot').calcdata")
+    low, high, first, last = page.evaluate(
+        "(() => { const plot = document.querySelector('.plot'); const axis = plot._fullLayout.xaxis;"
+        " const at = plot.calcdata.flat().map((one) => one.x).filter(Number.isFinite);"
+        " return [Math.min(...at), Math.max(...at), ...axis.range.map(axis.r2c)]; })()"
+    )
+
+    assert first <= low < high <= last
 
 
 def test_round_scales_do_not_run_across(open_report: OpenReport) -> None:
