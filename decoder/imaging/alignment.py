@@ -75,15 +75,6 @@ class Alignment:
         x, y = panel_px
         return cls.rigid(roll_deg, (frame_px[0] - (cos * x - sin * y), frame_px[1] - (sin * x + cos * y)), score)
 
-    @classmethod
-    def moving(cls, point_px: Point, motion: Motion, score: float, *, lens: Lens | None = None) -> Self:
-        """Make the shift, roll and enlargement that do this to the surroundings of a point; see `motion_at`."""
-        angle = math.radians(motion.roll_deg)
-        cos, sin = motion.scale * math.cos(angle), motion.scale * math.sin(angle)
-        (x, y), (right, down) = point_px, motion.shift_px
-        offset = (x + right - (cos * x - sin * y), y + down - (sin * x + cos * y))
-        return cls((cos, -sin, offset[0], sin, cos, offset[1], 0.0, 0.0, 1.0), score, lens=lens)
-
     @property
     def matrix(self) -> Matrix:
         """(3, 3): panel picture to frame, both without distortion."""

@@ -10,8 +10,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from decoder.imaging.alignment import Alignment, Motion
-from decoder.imaging.thresholds import MAX_ENLARGEMENT
+from decoder.imaging.alignment import Alignment
 from decoder.instruments.reading import Status
 from decoder.outputs.thresholds import DIGITS_OF_FULL_SCALE
 from decoder.panel.errors import TableError
@@ -35,7 +34,7 @@ from flight_file.untrusted import printable, to_cell
 SCORE_DECIMALS = 4
 TIME_DECIMALS = 6
 
-COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shift_y_px", "roll_deg", "scale")
+COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shift_y_px", "roll_deg", "scale", "matrix")
 
 
 def write_csv(data: FlightData, stream: IO[str]) -> None:
@@ -101,12 +100,13 @@ def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str])
         fields = [str(frame), moment_text(data, time_ns)]
         failed = to_cell(";".join(data.alignments.failed(row)))
         if alignment is None:
-            writer.writerow([*fields, "", failed, "", "", "", ""])
+            writer.writerow([*fields, "", failed, "", "", "", "", ""])
             continue
         motion = alignment.motion_at(middle)
         (right, down), roll_deg, scale = motion.shift_px, motion.roll_deg, motion.scale
         numbers = [f"{right:.3f}", f"{down:.3f}", f"{roll_deg:.4f}", f"{scale:.6f}"]
-        writer.writerow([*fields, f"{alignment.score:.4f}", failed, *(_unsigned(number) for number in numbers)])
+        matrix = " ".join(f"{element + 0.0:.9g}" for element in alignment.elements)
+        writer.writerow([*fields, f"{alignment.score:.4f}", failed, *map(_unsigned, numbers), matrix])
 
 
 def read_back(
@@ -114,9 +114,8 @@ def read_back(
 ) -> FlightData:
     """Make flight data of the tables that were written of them.
 
-    Values are rounded as they were written. An alignment is the shift, roll and scale at the panel picture's middle:
-    what perspective changes around that, and how far a dial lay from where the others have it, is in no table. Angles
-    are not there either.
+    Values are rounded as they were written. Angles are in no table, and neither is how far a dial lay from where the
+    others have it.
 
     Parameters
     ----------
@@ -164,16 +163,17 @@ def _missing_frames(frames: Sequence[int], runs: Sequence[Mapping[str, Any]]) ->
 
 
 def _alignments_of(table: Table, size_px: tuple[int, int], lenses: Sequence[Lens | None]) -> AlignmentSeries:
-    middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
-    columns = [table.numbers(name) for name in ("alignment_score", "shift_x_px", "shift_y_px", "roll_deg", "scale")]
+    corners = np.array([(x, y, 1.0) for x in (0, size_px[0]) for y in (0, size_px[1])]).T
     alignments = AlignmentSeries()
-    for (score, right, down, roll_deg, scale), lens in zip(np.stack(columns, axis=1).tolist(), lenses, strict=True):
-        if all(map(math.isfinite, (score, right, down, roll_deg, scale))):
-            if max(abs(right), abs(down)) > MAX_SIDE_PX or not 1 / MAX_ENLARGEMENT <= scale <= MAX_ENLARGEMENT:
-                raise ValueError(scale)
-            alignments.add(Alignment.moving(middle, Motion((right, down), roll_deg, scale), score, lens=lens))
-        else:
+    for text, score, lens in zip(table.columns["matrix"], table.numbers("alignment_score"), lenses, strict=True):
+        if not text:
             alignments.add_missing(())
+            continue
+        matrix = np.array([float(element) for element in text.split()]).reshape(3, 3)
+        x, y, depth = matrix @ corners
+        if not (matrix[2, 2] and (np.hypot(x, y) <= MAX_SIDE_PX * depth).all()):
+            raise ValueError(text)
+        alignments.add(Alignment.of(matrix, float(score), lens=lens))
     return alignments
 
 

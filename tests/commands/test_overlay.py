@@ -145,7 +145,9 @@ def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np
         (lambda folder: spoil(folder / "thesis_a1.csv", ",read,", ",seen,"), ["is not as `decode` writes them"]),
         (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "\n0\t", "\n7\t"), ["is of other frames"]),
         (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "\t0.", "\t1e300\t0."), ["not all as long"]),
-        (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "0000\n", "0000e9\n"), ["is not as"]),
+        (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", " 0 0 1\n", " 0 0 -1\n"), ["is not as"]),
+        (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", " 0 0 1\n", " 1\n"), ["is not as"]),
+        (lambda folder: spoil(folder / "thesis_a1_alignment.tsv", "\tmatrix", "\tother"), ["is not as"]),
         (lambda folder: spoil(folder / "thesis_a1.json", '"moved_pivots_px": {', '"moved": {'), ["is not as"]),
     ],
 )

@@ -165,10 +165,20 @@ def test_rows_tell_score_failures_and_motion() -> None:
 
     assert rows == [
         list(COLUMNS),
-        ["0", utc_text(0), "0.9900", "", "0.000", "0.000", "0.0000", "1.000000"],
-        ["1", utc_text(10**9), "0.9100", "north;level", "8.000", "-2.000", "0.0000", "1.020000"],
-        ["2", utc_text(2 * 10**9), "", "north;south", "", "", "", ""],
-        ["4", utc_text(4 * 10**9), "", "", "", "", "", ""],
+        ["0", utc_text(0), "0.9900", "", "0.000", "0.000", "0.0000", "1.000000", "1 0 0 0 1 0 0 0 1"],
+        [
+            "1",
+            utc_text(10**9),
+            "0.9100",
+            "north;level",
+            "8.000",
+            "-2.000",
+            "0.0000",
+            "1.020000",
+            "1.02 0 1.61 0 1.02 -6.79 0 0 1",
+        ],
+        ["2", utc_text(2 * 10**9), "", "north;south", "", "", "", "", ""],
+        ["4", utc_text(4 * 10**9), "", "", "", "", "", "", ""],
     ]
     described = describe(data, Provenance("r", "s", "m", (), SourceFile("panel.yaml", "0"), None, ()))
     assert described["failed_anchors"] == {"level": 1, "north": 2, "south": 1}
