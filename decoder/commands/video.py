@@ -23,7 +23,7 @@ from decoder.commands.options import (
 )
 from decoder.outputs.film import NEEDS, Shown, drawn_film, write_film
 from decoder.outputs.frame_picture import matched_frames
-from decoder.outputs.outputs import Decoded, refuse_overwriting, write_all
+from decoder.outputs.outputs import Decoded, refuse_overwriting, refuse_unwritable, write_all
 from decoder.panel.errors import OutputError
 from decoder.panel.vocabulary import Method
 from decoder.parallel.decoding import decoded_flight, progress, written_flight
@@ -93,6 +93,7 @@ def command(
     given = [each for each in (panel_file, camera_file) if each is not None]
     refuse_overwriting([*flight.paths, *given], [file])
     part = asked_part(flight, AskedPart(start, end, every))
+    refuse_unwritable(file.parent, file.name)
     if directory is None:
         decoded = decoded_flight(flight, panel_file, Method.NORMXCORR.value, camera_file, part=part)
         chosen = _all_rows
