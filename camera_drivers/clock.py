@@ -18,3 +18,8 @@ class Clock(Protocol):
     def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:
         """Wait until the monotonic clock has reached this time (ns), or `stop` is set."""
         ...
+
+
+def realtime_ns(monotonic_ns: int, near: ClockReading) -> int:
+    """Convert a time of the monotonic clock to UTC, by a reading of both clocks near it."""
+    return near.realtime_ns - (near.monotonic_ns - monotonic_ns)

@@ -38,7 +38,12 @@ def field_sections(outermost: type[BaseModel]) -> str:
 
 
 def described(model: type[BaseModel]) -> dict[str, str]:
-    """The strings below a model's fields, each as one line, by name."""
+    """The strings below a model's fields and those that it inherits, each as one line, by name."""
+    bases = [base for base in model.__mro__ if issubclass(base, BaseModel) and base is not BaseModel]
+    return {name: text for base in reversed(bases) for name, text in _own(base).items()}
+
+
+def _own(model: type[BaseModel]) -> dict[str, str]:
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     if not isinstance(tree, ast.ClassDef):
         raise TypeError(model)

@@ -17,19 +17,22 @@ from dataclasses import dataclass, field
 from camera_drivers.camera import Camera
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraUnusableError, ReplayError
+from camera_drivers.live.camera import Pace
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.replay.camera import ReplayCamera, open_source
 from camera_drivers.replay.video_clocks import Believed
 from camera_drivers.reporter import Reporter
 from flight_file.frame import NS_PER_S, CameraStatus
-from recorder.config import Qx10Settings, RecorderConfig, ReplaySettings
+from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
+from recorder.settings.cameras import LiveSettings, Qx10Settings, ReplaySettings, UvcSettings
 from recorder.supervision import BackOff, Heartbeats, Stop
 from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
 NO_MORE_PICTURES = "no more pictures"
+_PACE = frozenset({"interval_s", "stall_s", "frozen_s"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +104,26 @@ def _qx10_options(settings: Qx10Settings) -> Options:
     return Options(**same, limits=Limits(**limits, picture_bytes=settings.limits.picture_mib * 2**20))
 
 
-_DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {"replay": _replay, "qx10": _qx10}
+def _pace(settings: LiveSettings) -> Pace:
+    return Pace(**settings.model_dump(include=set(_PACE)))
+
+
+def _uvc(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    from camera_drivers.uvc.options import Options as UvcOptions  # noqa: PLC0415 - only who has such a camera
+    from camera_drivers.uvc.stream import uvc_camera  # noqa: PLC0415 - the same
+
+    settings = config.camera
+    if not isinstance(settings, UvcSettings):
+        raise TypeError(settings)
+    options = UvcOptions(**settings.model_dump(exclude={"driver", *_PACE}), pace=_pace(settings))
+    return Wiring(camera=uvc_camera(options, host.clock, reporter), clock=host.clock, live=True)
+
+
+_DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {
+    "replay": _replay,
+    "qx10": _qx10,
+    "uvc": _uvc,
+}
 
 
 class CameraReports:

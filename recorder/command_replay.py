@@ -17,11 +17,12 @@ from flight_file.reader import open_flight
 from flight_file.session import Original, Session
 from flight_file.untrusted import say
 from recorder.cli import DONE_WITH_LOSS, failures_as_sentences
-from recorder.config import AttachSettings, RecorderConfig, ReplaySettings, StorageSettings
+from recorder.config import AttachSettings, RecorderConfig, StorageSettings
 from recorder.errors import ConfigurationError, FileNotWrittenError, ReplayNotPossibleError
 from recorder.host import Host, this_host
 from recorder.journal import Journal
 from recorder.run import record
+from recorder.settings.cameras import ReplaySettings
 from recorder.supervision import Stop, stop_on_signals
 
 _NO_LIMIT = 10**10

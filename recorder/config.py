@@ -6,162 +6,21 @@ docs/reference/recorder.yaml.md is made of these strings.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import Field, ValidationError, model_validator
 
-from camera_drivers.qx10.addresses import BadUrlError, host_of
 from flight_file.documents import parse_yaml
 from flight_file.errors import NotYamlError
 from flight_file.untrusted import read_yaml_file
 from recorder.errors import ConfigurationError
+from recorder.settings.cameras import DRIVERS, CameraSettings
+from recorder.settings.values import AnchoredPath, Settings
 from recorder.thresholds import SHOWN_CHARACTERS, SHOWN_ERRORS
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # no name and no sentence of the log is to hold one
-_Seconds = Annotated[float, Field(gt=0, le=3600)]
-_DRIVERS = ("replay", "qx10")
 
-
-def _one_line(text: str) -> str:
-    if _CONTROL.search(text):
-        raise ValueError("it holds a control character")
-    return text
-
-
-def _anchored(path: Path, info: ValidationInfo) -> Path:
-    if info.context is None:
-        return path  # of a command line, not of a file
-    _one_line(str(path))
-    base = info.context["base"]
-    return path if base is None else base / path
-
-
-def _number_as_text(value: object) -> object:
-    # The camera wants "400" where YAML reads a number; a person must not need to know.
-    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
-def _http_url(url: str) -> str:
-    try:
-        host = host_of(url)
-        host.encode("idna")  # a name with a part of no letter or of too many could be looked up nowhere
-    except (BadUrlError, UnicodeError) as error:
-        raise ValueError("it is no http URL") from error
-    return url
-
-
-AnchoredPath = Annotated[Path, AfterValidator(_anchored)]
-
-
-_Words = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_one_line)]
-
-
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ReplaySettings(_Model):
-    """A folder of pictures, flight files, or video files, as the camera."""
-
-    driver: Literal["replay"]
-    """Pictures that are there already."""
-    path: AnchoredPath | list[AnchoredPath]
-    """A folder of pictures, taken in the order of their names, or a list of flight files or of video files."""
-    rate_hz: Annotated[float, Field(ge=1e-6, le=1000)] | None = None
-    """Pictures a second, for folders; flight files and videos have their own times."""
-    start: str | None = None
-    """When a video's first picture was taken, such as 2026-05-04T09:30:00Z; for video files."""
-    clock: Literal["creation", "timecode", "gps"] | None = None
-    """Which of a video's clocks is believed, in place of start; without either nobody knows its time of day."""
-    utc_offset: str | None = None
-    """By how much start or clock is ahead of UTC, such as +02:00."""
-    pace: Literal["realtime", "fastest"] = "realtime"
-    """As the pictures were taken, or without waiting, on a clock that jumps from picture to picture."""
-
-    @property
-    def paths(self) -> list[Path]:
-        """The path or paths as a list."""
-        return self.path if isinstance(self.path, list) else [self.path]
-
-
-class Qx10Limits(_Model):
-    """How long each thing may take on a QX10, seconds; for a camera that turns out to be slower than expected."""
-
-    search_s: _Seconds = 20.0
-    """Looking for the camera on the network."""
-    connect_s: _Seconds = 5.0
-    """Until a connection stands."""
-    call_s: _Seconds = 10.0
-    """An ordinary call."""
-    shot_s: _Seconds = 90.0
-    """Taking a picture: focus, exposure and processing."""
-    exposure_s: _Seconds = 180.0
-    """Until a picture that was not finished in the first answer has an address."""
-    download_s: _Seconds = 60.0
-    """Fetching a picture."""
-    event_s: _Seconds = 90.0
-    """A call that waits for news."""
-    ready_s: _Seconds = 60.0
-    """Until the camera is idle."""
-    settle_s: _Seconds = 5.0
-    """Until a setting can be read back."""
-    zoom_s: _Seconds = 15.0
-    """From one end of the zoom to the other."""
-    stall_s: _Seconds = 10.0
-    """Without a liveview picture."""
-    picture_mib: Annotated[int, Field(gt=0, le=256)] = 32
-    """The largest picture that is taken for one, MiB."""
-
-
-class Qx10Settings(_Model):
-    """A Sony DSC-QX10; what is left out and has no value here stays as the camera has it."""
-
-    driver: Literal["qx10"]
-    """A Sony DSC-QX10."""
-    url: Annotated[str, Field(max_length=2000), AfterValidator(_one_line), AfterValidator(_http_url)] | None = None
-    """Of the camera's description; without it the camera is looked for by SSDP."""
-    interface: _Words | None = None
-    """The network interface on which it is looked for, such as `wlan0`; without it the system chooses."""
-    mode: Literal["stills", "liveview"] = "stills"
-    """Stills, or liveview: 640 x 480 pixels, about 14 a second."""
-    interval_s: Annotated[float, Field(ge=0, le=3600)] = 2.0
-    """Seconds from one still to the next; 0 is as fast as the camera can."""
-    picture: Literal["Original", "2M"] = "Original"
-    """All pixels, or about two megapixels, which is faster."""
-    zoom: Literal["wide", "tele", "leave"] | Annotated[float, Field(gt=0, le=1000)] = "leave"
-    """An end of the zoom, `leave` it as it is, or a focal length in mm (4.45 to 44.5)."""
-    exposure_compensation: Annotated[int, Field(ge=-6, le=6)] | None = None
-    """In the camera's steps of a third of an EV; in Program Auto only."""
-    exposure_mode: _Words | None = None
-    """As the camera names it: `Program Auto`, `Intelligent Auto` or `Superior Auto`."""
-    iso_speed_rate: Annotated[_Words, BeforeValidator(_number_as_text)] | None = None
-    """`AUTO`, or 100 to 3200; in Program Auto only."""
-    white_balance: _Words | None = None
-    """As the camera names it, such as `Daylight`; in Program Auto only."""
-    still_size: tuple[_Words, _Words] | None = None
-    """Aspect and size, such as `["4:3", "18M"]`."""
-    beep_mode: _Words | None = None
-    """`On`, `Off` or `Shutter Only`."""
-    set_clock: bool = True
-    """Whether the camera's clock is set to UTC at each connection."""
-    long_poll: bool = True
-    """Whether a call that waits for news is kept open, so that the Wi-Fi is never idle."""
-    limits: Qx10Limits = Qx10Limits()
-    """How long each thing may take."""
-
-
-class StorageSettings(_Model):
+class StorageSettings(Settings):
     """Where recordings go, and how long they stay; hours are hours of recording, whatever a clock says."""
 
     directory: AnchoredPath
@@ -187,7 +46,7 @@ class StorageSettings(_Model):
         return self
 
 
-class AttachSettings(_Model):
+class AttachSettings(Settings):
     """Files that are carried inside every segment."""
 
     panel: AnchoredPath | None = None
@@ -196,7 +55,7 @@ class AttachSettings(_Model):
     """The camera's calibration, `camera.yaml`."""
 
 
-class EvidenceSettings(_Model):
+class EvidenceSettings(Settings):
     """What signs each segment, at each chunk and when it is finished; without a key nothing is signed."""
 
     key: AnchoredPath | None = None
@@ -204,11 +63,11 @@ class EvidenceSettings(_Model):
     verifies."""
 
 
-class RecorderConfig(_Model):
+class RecorderConfig(Settings):
     """All of recorder.yaml."""
 
-    camera: Annotated[ReplaySettings | Qx10Settings, Field(discriminator="driver")]
-    """Where the pictures come from; `driver` says which of the two it is."""
+    camera: Annotated[CameraSettings, Field(discriminator="driver")]
+    """Where the pictures come from; `driver` says which of these it is."""
     storage: StorageSettings
     """Where they go."""
     attach: AttachSettings = AttachSettings()
@@ -275,7 +134,7 @@ def _sentence(error: ValidationError) -> str:
 def _where(location: tuple[int | str, ...]) -> str:
     # The union's tag is pydantic's, not the file's: camera.replay.rate_hz is camera.rate_hz there.
     keys = [
-        key for index, key in enumerate(location) if not (index == 1 and location[0] == "camera" and key in _DRIVERS)
+        key for index, key in enumerate(location) if not (index == 1 and location[0] == "camera" and key in DRIVERS)
     ]
     return ".".join(map(_key, keys)) or "the whole file"
 

@@ -31,10 +31,10 @@ from camera_drivers.qx10.options import Options
 from camera_drivers.qx10.picture import FrameMaker
 from camera_drivers.qx10.settings import Setter
 from camera_drivers.qx10.stills import NotTakenError, PictureLostError, Shot, Stills
-from camera_drivers.qx10.waiting import Notes, Stopped, Waiter
 from camera_drivers.qx10.zoom import Zoom
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import MAX_FAILURES, REST_S
+from camera_drivers.waiting import Notes, Stopped, Waiter
 from flight_file.frame import NS_PER_S, Frame
 
 

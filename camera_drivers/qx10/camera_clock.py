@@ -14,8 +14,8 @@ from datetime import UTC, datetime, timedelta
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.qx10.waiting import Notes
 from camera_drivers.reporter import Reporter
+from camera_drivers.waiting import Notes
 from flight_file.frame import NS_PER_S, CameraStatus
 
 STATE = "clock"

@@ -20,7 +20,7 @@ from camera_drivers.qx10.events import Events, SilentReporter, Watcher
 from camera_drivers.qx10.link import Link
 from camera_drivers.qx10.options import Options
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.qx10.waiting import Waiter
+from camera_drivers.waiting import Waiter
 
 DRIVER = "qx10"
 

@@ -38,7 +38,6 @@ from camera_drivers.errors import CameraError, CameraNotFoundError
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.qx10.link import Exchange
 from camera_drivers.qx10.options import Limits, Options
-from camera_drivers.qx10.waiting import Job, Waiter
 from camera_drivers.thresholds import (
     CROWDED_S,
     LOOK_S,
@@ -49,6 +48,7 @@ from camera_drivers.thresholds import (
     MAX_KNOWN_URLS,
     SEARCH_AGAIN_S,
 )
+from camera_drivers.waiting import Job, Waiter
 from flight_file.frame import NS_PER_S
 
 _UPNP = "{urn:schemas-upnp-org:device-1-0}"

@@ -19,8 +19,8 @@ from typing import Any
 
 from camera_drivers.errors import CameraError, CameraRefusedError
 from camera_drivers.qx10.remote_api import Code, RemoteApi
-from camera_drivers.qx10.waiting import Stopped
 from camera_drivers.thresholds import AGAIN_S, CLOSE_S, NEWS_REST_S, REMEMBERED_PICTURES
+from camera_drivers.waiting import Stopped
 from flight_file.frame import CameraStatus
 
 EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that asked for more broke on it

@@ -24,9 +24,9 @@ from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraSilentError
 from camera_drivers.qx10.addresses import HTTP_PORT, BadUrlError, at_host, host_of
 from camera_drivers.qx10.options import Limits
-from camera_drivers.qx10.waiting import Waiter
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import CLOSE_S
+from camera_drivers.waiting import Waiter
 
 CHUNK_BYTES = 64 * 1024
 BROKEN_OFF = "the connection broke off"

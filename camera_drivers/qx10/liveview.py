@@ -39,8 +39,8 @@ from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentE
 from camera_drivers.jpeg import jpeg_end
 from camera_drivers.qx10.link import BROKEN_OFF, CHUNK_BYTES, Exchange
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.qx10.waiting import Notes
 from camera_drivers.thresholds import CLOSE_S, MAX_ANSWER_BYTES, MAX_FAILURES, MAX_WAITING_PICTURES, REST_S
+from camera_drivers.waiting import Notes
 from flight_file.documents import SOI
 from flight_file.frame import ClockReading, HostTimes
 

@@ -15,9 +15,10 @@ from itertools import count
 
 from PIL import Image
 
+from camera_drivers.clock import realtime_ns
 from camera_drivers.exif import read_exif
 from camera_drivers.jpeg import jpeg_end, jpeg_facts
-from flight_file.frame import NS_PER_S, ClockReading, Exif, Frame, HostTimes
+from flight_file.frame import NS_PER_S, Exif, Frame, HostTimes
 from flight_file.thresholds import MAX_PIXELS
 
 _SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, little of the memory needed
@@ -75,7 +76,7 @@ class FrameMaker:
         middle_ns, sigma_ns = taken or middle_of_exposure(times, exif)
         return Frame(
             sequence=next(self._numbers),
-            captured_ns=_realtime_ns(middle_ns, times.after_answer),
+            captured_ns=realtime_ns(middle_ns, times.after_answer),
             encoded=jpeg,
             sha256=hashlib.sha256(jpeg).hexdigest(),
             times=times,
@@ -93,7 +94,3 @@ def middle_of_exposure(times: HostTimes, exif: Exif) -> tuple[int, int]:
     took_ns = end_ns - start_ns
     exposure_ns = min(round((exif.exposure_s or 0.0) * NS_PER_S), took_ns)
     return (start_ns + end_ns) // 2, round((took_ns - exposure_ns) / math.sqrt(12))
-
-
-def _realtime_ns(monotonic_ns: int, near: ClockReading) -> int:
-    return near.realtime_ns - (near.monotonic_ns - monotonic_ns)

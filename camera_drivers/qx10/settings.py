@@ -14,8 +14,8 @@ from typing import Any
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
 from camera_drivers.qx10.options import Options
 from camera_drivers.qx10.remote_api import Code, RemoteApi
-from camera_drivers.qx10.waiting import Notes
 from camera_drivers.thresholds import AGAIN_S
+from camera_drivers.waiting import Notes
 
 STATE = "setting"
 

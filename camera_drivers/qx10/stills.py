@@ -31,8 +31,8 @@ from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.qx10.events import ERROR, IDLE, Events
 from camera_drivers.qx10.picture import fault_of
 from camera_drivers.qx10.remote_api import Code, RemoteApi
-from camera_drivers.qx10.waiting import Notes, Stopped
 from camera_drivers.thresholds import AGAIN_S, MAX_DOWNLOADS, MAX_FAILURES, MAX_SHOTS, REMEMBERED_PICTURES, REST_S
+from camera_drivers.waiting import Notes, Stopped
 from flight_file.frame import ClockReading, HostTimes
 
 NO_ADDRESS = "no usable answer to the shot"

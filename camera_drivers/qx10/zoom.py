@@ -20,7 +20,6 @@ from itertools import pairwise
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
 from camera_drivers.qx10.events import Events
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.qx10.waiting import Notes
 from camera_drivers.thresholds import (
     LOOK_S,
     ZOOM_MAX_PICTURES,
@@ -30,6 +29,7 @@ from camera_drivers.thresholds import (
     ZOOM_NEAR,
     ZOOM_STILL_LOOKS,
 )
+from camera_drivers.waiting import Notes
 
 STATE = "zoom"
 IN, OUT = "in", "out"

@@ -15,7 +15,8 @@ from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import parse_panel
 from decoder.timeseries.name_mapping import read_mapping
-from recorder.config import Qx10Settings, parse_config
+from recorder.config import parse_config
+from recorder.settings.cameras import Qx10Settings
 from tests.docs.samples import FENCE
 from tests.programs import ROOT, ran
 

@@ -18,22 +18,14 @@ from camera_drivers.errors import CameraError
 from camera_drivers.qx10.options import Limits
 from camera_drivers.reporter import Reporter
 from recorder.capture import wire
-from recorder.config import (
-    AttachSettings,
-    EvidenceSettings,
-    Qx10Limits,
-    Qx10Settings,
-    ReplaySettings,
-    StorageSettings,
-    load_config,
-    parse_config,
-)
+from recorder.config import AttachSettings, EvidenceSettings, StorageSettings, load_config, parse_config
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import Drops, FrameQueue
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.plan import configured_signer, gather_attachments
 from recorder.run import Assembly, record
+from recorder.settings.cameras import Qx10Limits, Qx10Settings, ReplaySettings
 
 PANEL = """
 name: x

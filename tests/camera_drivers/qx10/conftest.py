@@ -17,8 +17,9 @@ from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
-from flight_file.frame import CameraStatus, ClockReading, Frame
+from flight_file.frame import ClockReading, Frame
 from recorder.host import SystemClock
+from tests.camera_drivers.listening import Listener
 from tests.camera_drivers.qx10.strangers import Strangers
 
 LIMITS = Limits(
@@ -65,31 +66,6 @@ class JumpingClock(SystemClock):
     def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:  # noqa: ARG002 - it never waits
         """Jump."""
         self._ahead_ns += max(0, monotonic_ns - self.read().monotonic_ns)
-
-
-@dataclass
-class Listener:
-    """A reporter that remembers."""
-
-    reports: list[CameraStatus] = field(default_factory=list)
-    losses: list[str] = field(default_factory=list)
-    waits: list[str] = field(default_factory=list)
-
-    def report(self, status: CameraStatus) -> None:
-        """Remember it."""
-        self.reports.append(status)
-
-    def lost(self, reason: str) -> None:
-        """Remember it."""
-        self.losses.append(reason)
-
-    def waiting(self, reason: str) -> None:
-        """Remember it."""
-        self.waits.append(reason)
-
-    def reasons(self, state: str) -> list[str]:
-        """What was reported under a state."""
-        return [status.reason for status in self.reports if status.state == state]
 
 
 @dataclass

@@ -38,7 +38,7 @@ class _Handler(BaseRequestHandler):
         """Do it."""
         page = self.request.recv(65536).split()[1].decode().lstrip("/")
         self.server.asked[page] += 1
-        threads = sum(thread.name == "qx10 description" for thread in threading.enumerate())
+        threads = sum(thread.name == "camera description" for thread in threading.enumerate())
         self.server.most_threads = max(self.server.most_threads, threads)
         with suppress(OSError):
             self.server.acts[page](self.request)

@@ -17,9 +17,9 @@ from camera_drivers.errors import CameraNotFoundError
 from camera_drivers.qx10.discovery import first_camera, location, parse_description
 from camera_drivers.qx10.options import Limits, Options
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
-from camera_drivers.qx10.waiting import Stopped, Waiter
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import MAX_DESCRIPTIONS
+from camera_drivers.waiting import Stopped, Waiter
 from recorder.host import SystemClock
 from tests.camera_drivers.qx10.strangers import OK, Act, Strangers, drip, send, send_a_gigabyte
 
@@ -170,7 +170,7 @@ def test_stop_ends_the_search_and_all_that_are_asked(
     with network(strangers.url(HOSTILE["silent"], f"{page}") for page in pages) as options, pytest.raises(Stopped):
         first_camera(options, clock, waiter)
     for thread in threading.enumerate():
-        if thread.name == "qx10 description":
+        if thread.name == "camera description":
             thread.join(timeout=5)
             assert not thread.is_alive()
 

@@ -12,8 +12,8 @@ from urllib3 import HTTPResponse
 from camera_drivers.errors import CameraSilentError
 from camera_drivers.qx10.link import Answer, Exchange, Link
 from camera_drivers.qx10.options import Limits
-from camera_drivers.qx10.waiting import Stopped, Waiter
 from camera_drivers.reporter import Reporter
+from camera_drivers.waiting import Stopped, Waiter
 from recorder.host import SystemClock
 from tests.camera_drivers.qx10.strangers import Act, Strangers, drip, send, send_a_gigabyte
 

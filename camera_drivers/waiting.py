@@ -28,9 +28,9 @@ class Notes:
         self._reporter = reporter
         self._said: set[tuple[str, str]] = set()
 
-    def say(self, state: str, reason: str) -> None:
-        """Report it."""
-        self._reporter.report(CameraStatus(state, reason))
+    def say(self, state: str, reason: str, *, sequence: int | None = None) -> None:
+        """Report it; `sequence` is the frame that it is about, if it is about one."""
+        self._reporter.report(CameraStatus(state, reason, sequence=sequence))
 
     def say_once(self, state: str, reason: str) -> None:
         """Report it unless it was reported before; `reason` must come from a limited set of sentences."""
@@ -124,7 +124,7 @@ class Job(threading.Thread, Generic[T]):
     """
 
     def __init__(self, name: str, work: Callable[[], T]) -> None:
-        super().__init__(name=f"qx10 {name}", daemon=True)
+        super().__init__(name=f"camera {name}", daemon=True)
         self._work = work
         self._results: list[T] = []
         self._error: CameraError | None = None

@@ -1,0 +1,194 @@
+"""The driver of any live camera: enter, frames, and an error as soon as it has to be connected again.
+
+                     ┌───────────────── CameraError: the user closes it and enters again ◀──────────────────┐
+                     ▼                                                                                       │
+    away ──enter──▶ connected ──picture──▶ moving? ──yes──▶ due? ──yes──▶ frame                              │
+                     │  ▲                    │                └──no──▶ next picture                          │
+                     │  └────────────────────┼──────────────────────────────┘                               │
+                     └──none for stall_s─────┴──frozen──────────────────────────────────────────────────────┘
+
+How a picture gets here is up to the source. Frames are counted on over all connections; a picture that was lost leaves
+a gap in the count. Between two pictures the driver looks for a stop ten times a second, whatever the camera does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from camera_drivers.camera import CameraIdentity
+from camera_drivers.clock import Clock
+from camera_drivers.errors import CameraError, CameraSilentError
+from camera_drivers.exif import read_exif
+from camera_drivers.jpeg import jpeg_facts
+from camera_drivers.live.frozen import FrozenWatch
+from camera_drivers.live.source import Picture, Source
+from camera_drivers.reporter import Reporter
+from camera_drivers.thresholds import LOOK_S, SAY_S
+from camera_drivers.waiting import Notes, Waiter
+from flight_file.frame import JPEG, NS_PER_S, Exif, Frame, HostTimes
+
+Connect = Callable[[Waiter, Notes], Source]
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How many of a camera's pictures are kept, and how long they may stay away.
+
+    Attributes
+    ----------
+    interval_s
+        From one kept picture to the next; 0 keeps all. Pictures between are not stored and no loss.
+    stall_s
+        Without a picture, until the camera is connected again.
+    frozen_s
+        With the same picture, until the camera is connected again.
+    """
+
+    interval_s: float = 0.0
+    stall_s: float = 10.0
+    frozen_s: float = 30.0
+
+
+class LiveCamera:
+    """A `Camera` made of whatever `connect` opens.
+
+    Parameters
+    ----------
+    driver
+        As recorder.yaml calls it.
+    connect
+        Opens the source; raises CameraError. Its waits are reported, and its notes come into the flight once.
+    clock
+        The box's; it must be a clock that really waits.
+    reporter
+        Hears what happens beside the pictures.
+    """
+
+    def __init__(self, driver: str, connect: Connect, *, pace: Pace, clock: Clock, reporter: Reporter) -> None:
+        self._connect = connect
+        self._pace = pace
+        self._clock = clock
+        self._reporter = reporter
+        self._notes = Notes(reporter)
+        self._frozen = FrozenWatch(pace.frozen_s, self._notes)
+        self._source: Source | None = None
+        self._sequence = 0
+        self._due_ns: int | None = None
+        self._heard_ns = 0
+        self._said_ns = 0
+        self.identity = CameraIdentity(driver)
+
+    def __enter__(self) -> Self:
+        """Connect and begin to receive.
+
+        Raises
+        ------
+        CameraError
+            The camera cannot be found or reached.
+        CameraUnusableError
+            The configuration is of no use.
+        """
+        self._source = self._connect(Waiter(self._clock, self._reporter), self._notes)
+        self.identity = self._source.identity
+        self._heard_ns = self._said_ns = self._now_ns()
+        self._notes.say("connected", f"{self.identity.model or 'a camera'}: {self.identity.note}")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
+    ) -> None:
+        """Let go of the camera."""
+        source, self._source = self._source, None
+        if source is not None:
+            source.close()
+
+    def next_frame(self, stop: threading.Event) -> Frame | None:
+        """Wait for the next picture that is to be kept; return None soon after `stop` is set.
+
+        Raises
+        ------
+        CameraError
+            The camera has to be connected again.
+        """
+        if self._source is None:
+            raise CameraError("The camera is not connected; enter it first.")
+        while not stop.is_set():
+            picture = self._source.next_picture(LOOK_S)
+            now_ns = self._now_ns()
+            self._say_waiting(now_ns)
+            if picture is None:
+                self._refuse_stall(now_ns)
+                continue
+            self._heard_ns = now_ns
+            sha256 = hashlib.sha256(picture.encoded).hexdigest()
+            self._count_missed(picture)
+            self._frozen.look((sha256, picture.number), now_ns, self._sequence)
+            if self._is_due(picture):
+                return self._frame(picture, sha256)
+        return None
+
+    def _refuse_stall(self, now_ns: int) -> None:
+        if now_ns - self._heard_ns >= self._pace.stall_s * NS_PER_S:
+            problem = f"no picture for {self._pace.stall_s:g} s"
+            raise CameraSilentError(self.identity.driver, problem, delivered=True)
+
+    def _say_waiting(self, now_ns: int) -> None:
+        if now_ns - self._said_ns >= SAY_S * NS_PER_S:
+            self._said_ns = now_ns
+            self._reporter.waiting("the next picture is not there yet, or not due")
+
+    def _count_missed(self, picture: Picture) -> None:
+        """Count what was lost and would have been kept: a picture that was not due yet is no loss."""
+        lost = sum(picture.missed.values())
+        if self._due_ns is not None:
+            late_ns = picture.received.monotonic_ns - self._due_ns
+            lost = min(lost, max(late_ns, 0) // self._interval_ns())
+        for reason, count in picture.missed.items():
+            for _ in range(min(count, lost)):
+                self._reporter.lost(reason)
+            self._sequence += min(count, lost)
+            lost -= min(count, lost)
+
+    def _is_due(self, picture: Picture) -> bool:
+        """Pictures are due at equal intervals; one that was missed is not made up for."""
+        if not self._pace.interval_s:
+            return True
+        at_ns = picture.received.monotonic_ns
+        due_ns = at_ns if self._due_ns is None else self._due_ns
+        if at_ns < due_ns:
+            return False
+        passed = (at_ns - due_ns) // self._interval_ns()
+        self._due_ns = due_ns + (passed + 1) * self._interval_ns()
+        return True
+
+    def _frame(self, picture: Picture, sha256: str) -> Frame:
+        sequence, self._sequence = self._sequence, self._sequence + 1
+        exif, size_px = Exif(), picture.size_px
+        if picture.format == JPEG:
+            facts = jpeg_facts(picture.encoded)
+            exif = read_exif(facts.exif)
+            size_px = (facts.width_px, facts.height_px) if facts.width_px and facts.height_px else None
+        width_px, height_px = size_px or (None, None)
+        return Frame(
+            sequence=sequence,
+            captured_ns=picture.taken_ns,
+            encoded=picture.encoded,
+            sha256=sha256,
+            times=HostTimes(picture.received, picture.received, picture.received),
+            exif=picture.exif(exif),
+            width_px=width_px,
+            height_px=height_px,
+            captured_sigma_ns=picture.sigma_ns,
+            format=picture.format,
+        )
+
+    def _interval_ns(self) -> int:
+        return round(self._pace.interval_s * NS_PER_S)
+
+    def _now_ns(self) -> int:
+        return self._clock.read().monotonic_ns

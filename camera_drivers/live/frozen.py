@@ -1,0 +1,91 @@
+"""Pictures that stopped changing: a camera may go on sending its last one for ever.
+
+No two pictures of a real sensor are the same to the last bit, unless everything in them is black or white. So a camera
+is connected again once for each picture that stands still; if the very same one comes again after that, it is what
+the camera sees, or nobody can help it from here, and it is recorded on.
+
+     moving ──same for frozen_s──▶ connect again ──another one──▶ moving
+                                        └──────the same one─────▶ standing, which is said ──another one──▶ moving
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from camera_drivers.errors import CameraError
+from camera_drivers.waiting import Notes
+from flight_file.frame import NS_PER_S
+
+STATE = "frozen"
+_WHAT = ("the picture", "the picture's number")
+
+
+@dataclass(frozen=True, slots=True)
+class _Standing:
+    """A value, since when it has stood still (monotonic, ns), and since which frame."""
+
+    value: Hashable
+    since_ns: int
+    sequence: int
+
+
+class FrozenWatch:
+    """Compares each picture with those before it, over all connections of one camera.
+
+    Parameters
+    ----------
+    frozen_s
+        How long a picture or its number may stand still.
+    """
+
+    def __init__(self, frozen_s: float, notes: Notes) -> None:
+        self._frozen_s = frozen_s
+        self._notes = notes
+        self._standing: dict[str, _Standing] = {}
+        self._reconnected_for: dict[str, Hashable] = {}
+        self._said: set[str] = set()
+
+    def look(self, values: tuple[Hashable, Hashable], now_ns: int, sequence: int) -> None:
+        """Look at a picture's digest and number.
+
+        Parameters
+        ----------
+        now_ns
+            By the monotonic clock.
+        sequence
+            Of the frame that it is or would be, for the report.
+
+        Raises
+        ------
+        CameraError
+            One of them has stood still for too long, and connecting again was not tried yet.
+        """
+        for what, value in zip(_WHAT, values, strict=True):
+            held = self._standing.get(what)
+            if held is None or held.value != value:
+                self._moved(what, _Standing(value, now_ns, sequence))
+            elif now_ns - held.since_ns >= self._frozen_s * NS_PER_S:
+                self._stands(what, held)
+
+    def _moved(self, what: str, standing: _Standing) -> None:
+        self._standing[what] = standing
+        if what in self._said:
+            self._said.discard(what)
+            self._notes.say(STATE, f"{what} changes again", sequence=standing.sequence)
+
+    def _stands(self, what: str, held: _Standing) -> None:
+        if self._reconnected_for.get(what) != held.value:
+            self._reconnected_for[what] = held.value
+            raise CameraError(
+                f"{what[0].upper()}{what[1:]} has not changed for {self._frozen_s:g} s, since frame {held.sequence}; "
+                "the camera is connected again."
+            )
+        if what not in self._said:
+            self._said.add(what)
+            self._notes.say(
+                STATE,
+                f"{what} is the same after connecting again: all black or white, or the camera hangs; switch it off"
+                " and on",
+                sequence=held.sequence,
+            )

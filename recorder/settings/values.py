@@ -1,0 +1,37 @@
+"""Kinds of values in recorder.yaml: a block that knows its keys, paths beside their file, seconds, a line of words."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # no name and no sentence of the log is to hold one
+
+
+class Settings(BaseModel):
+    """A block of recorder.yaml; a key that it does not have is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def one_line(text: str) -> str:
+    """Refuse control characters, among them line ends, by ValueError."""
+    if _CONTROL.search(text):
+        raise ValueError("it holds a control character")
+    return text
+
+
+def _anchored(path: Path, info: ValidationInfo) -> Path:
+    if info.context is None:
+        return path  # of a command line, not of a file
+    one_line(str(path))
+    base = info.context["base"]
+    return path if base is None else base / path
+
+
+AnchoredPath = Annotated[Path, AfterValidator(_anchored)]
+Seconds = Annotated[float, Field(gt=0, le=3600)]
+Words = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(one_line)]
