@@ -27,7 +27,7 @@ from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
-from recorder.settings.cameras import LiveSettings, Qx10Settings, ReplaySettings, UvcSettings
+from recorder.settings.cameras import LiveSettings, PicameraSettings, Qx10Settings, ReplaySettings, UvcSettings
 from recorder.supervision import BackOff, Heartbeats, Stop
 from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
@@ -119,10 +119,22 @@ def _uvc(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     return Wiring(camera=uvc_camera(options, host.clock, reporter), clock=host.clock, live=True)
 
 
+def _picamera(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    from camera_drivers.picamera.options import Options as PicameraOptions  # noqa: PLC0415 - only who has such a camera
+    from camera_drivers.picamera.process import picamera  # noqa: PLC0415 - the same
+
+    settings = config.camera
+    if not isinstance(settings, PicameraSettings):
+        raise TypeError(settings)
+    options = PicameraOptions(**settings.model_dump(exclude={"driver", *_PACE}), pace=_pace(settings))
+    return Wiring(camera=picamera(options, host.clock, reporter), clock=host.clock, live=True)
+
+
 _DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {
     "replay": _replay,
     "qx10": _qx10,
     "uvc": _uvc,
+    "picamera": _picamera,
 }
 
 

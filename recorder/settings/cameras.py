@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal, Self, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from recorder.settings.values import AnchoredPath, Seconds, Settings, Words, one_line
@@ -155,6 +155,49 @@ class UvcSettings(LiveSettings):
     """Of the lamps whose flicker is to be avoided; 0 for none."""
 
 
-CameraSettings = ReplaySettings | Qx10Settings | UvcSettings
+class PicameraSettings(LiveSettings):
+    """A Raspberry Pi's own camera, by `rpicam-vid`; what is left out and has no value here is up to that."""
+
+    driver: Literal["picamera"]
+    """A Raspberry Pi's own camera."""
+    program: Words = "rpicam-vid"
+    """The program, or its path; `libcamera-vid` on older systems."""
+    index: Annotated[int, Field(ge=0, le=15)] = 0
+    """Which camera, as `rpicam-hello --list-cameras` counts them."""
+    codec: Literal["mjpeg", "h264"] = "mjpeg"
+    """JPEGs, each by itself, or H.264, which takes less room."""
+    size_px: _Size | None = None
+    """Width and height."""
+    rate_hz: _Rate | None = None
+    """Pictures a second that the camera makes."""
+    interval_s: _Interval = 0.0
+    """Seconds from one picture that is kept to the next; 0 keeps all, as H.264 needs it."""
+    quality: Annotated[int, Field(ge=1, le=100)] = 90
+    """Of the JPEGs."""
+    bitrate_mbit: Annotated[float, Field(gt=0, le=1000)] | None = None
+    """Of H.264, megabits a second."""
+    key_frame_every: Annotated[int, Field(ge=1, le=1000)] = 30
+    """Of H.264: one frame in so many can be read without those before it."""
+    exposure_s: Annotated[float, Field(gt=0, le=200)] | None = None
+    """Held at so many seconds."""
+    gain: Annotated[float, Field(ge=1, le=1000)] | None = None
+    """Held at this factor."""
+    awb_gains: tuple[Annotated[float, Field(gt=0, le=100)], Annotated[float, Field(gt=0, le=100)]] | None = None
+    """Factors of red and blue, held."""
+    focus: Literal["auto"] | Annotated[float, Field(ge=0, le=100)] | None = None
+    """Held at so many dioptres, 1 / distance in metres; or `auto`."""
+    power_line_hz: Literal[0, 50, 60] | None = None
+    """Of the lamps whose flicker is to be avoided; 0 for none."""
+    rotation_deg: Literal[0, 180] = 0
+    """180 for a camera that is mounted upside down."""
+
+    @model_validator(mode="after")
+    def _keeps_all(self) -> Self:
+        if self.codec == "h264" and self.interval_s:
+            raise ValueError("interval_s is for mjpeg: pictures of h264 are built on each other")
+        return self
+
+
+CameraSettings = ReplaySettings | Qx10Settings | UvcSettings | PicameraSettings
 DRIVERS = tuple(get_args(model.model_fields["driver"].annotation)[0] for model in get_args(CameraSettings))
 """Their names, as `camera.driver` has them."""
