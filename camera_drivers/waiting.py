@@ -32,6 +32,10 @@ class Notes:
         """Report it; `sequence` is the frame that it is about, if it is about one."""
         self._reporter.report(CameraStatus(state, reason, sequence=sequence))
 
+    def report(self, status: CameraStatus) -> None:
+        """Report what is more than words."""
+        self._reporter.report(status)
+
     def say_once(self, state: str, reason: str) -> None:
         """Report it unless it was reported before; `reason` must come from a limited set of sentences."""
         if (state, reason) not in self._said:

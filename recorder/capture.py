@@ -27,7 +27,14 @@ from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
-from recorder.settings.cameras import LiveSettings, PicameraSettings, Qx10Settings, ReplaySettings, UvcSettings
+from recorder.settings.cameras import (
+    LiveSettings,
+    PicameraSettings,
+    Qx10Settings,
+    ReplaySettings,
+    RtspSettings,
+    UvcSettings,
+)
 from recorder.supervision import BackOff, Heartbeats, Stop
 from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
@@ -130,11 +137,29 @@ def _picamera(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     return Wiring(camera=picamera(options, host.clock, reporter), clock=host.clock, live=True)
 
 
+def _rtsp(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
+    try:
+        from camera_drivers.rtsp.stream import rtsp_camera  # noqa: PLC0415 - FFmpeg, which not every box has
+    except ImportError as error:
+        raise ConfigurationError(
+            "camera.driver: rtsp needs PyAV; run systemd/install.sh --driver rtsp, or"
+            " pip install 'image-flight-recorder[video]'."
+        ) from error
+    from camera_drivers.rtsp.options import Options as RtspOptions  # noqa: PLC0415 - only who has such a camera
+
+    settings = config.camera
+    if not isinstance(settings, RtspSettings):
+        raise TypeError(settings)
+    options = RtspOptions(**settings.model_dump(exclude={"driver", *_PACE}), pace=_pace(settings))
+    return Wiring(camera=rtsp_camera(options, host.clock, reporter), clock=host.clock, live=True)
+
+
 _DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {
     "replay": _replay,
     "qx10": _qx10,
     "uvc": _uvc,
     "picamera": _picamera,
+    "rtsp": _rtsp,
 }
 
 

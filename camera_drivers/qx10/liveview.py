@@ -37,6 +37,7 @@ from dataclasses import dataclass
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentError
 from camera_drivers.jpeg import jpeg_end
+from camera_drivers.live.delay import Delay
 from camera_drivers.qx10.link import BROKEN_OFF, CHUNK_BYTES, Exchange
 from camera_drivers.qx10.remote_api import RemoteApi
 from camera_drivers.thresholds import CLOSE_S, MAX_ANSWER_BYTES, MAX_FAILURES, MAX_WAITING_PICTURES, REST_S
@@ -51,6 +52,9 @@ _START_AT = 8
 _HEADER = struct.Struct(">2sHI4sI")  # the last holds the payload's size in three bytes, the padding's in one
 STATE = "liveview"
 _OK = 200
+_NS_PER_MS = 1_000_000
+# The camera needs some time from exposure to sending, which nothing tells; this is our guess at it.
+_SIGMA_NS = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,8 +174,9 @@ class Liveview:
                 self._notes.say(STATE, f"begins again: {error.problem}")
                 self._api.link.waiter.pause("the liveview begins again", REST_S)
         picture, before, at = self._waiting.popleft()
-        taken = self._delay.taken(picture.timestamp_ms, at.monotonic_ns)
-        return Live(picture.jpeg, HostTimes(before_request=before, after_answer=at, downloaded=at), taken)
+        taken_ns = self._delay.taken_ns(picture.timestamp_ms * _NS_PER_MS, at.monotonic_ns)
+        times = HostTimes(before_request=before, after_answer=at, downloaded=at)
+        return Live(picture.jpeg, times, (taken_ns, _SIGMA_NS))
 
     def close(self) -> None:
         """Stop the stream and tell the camera, which may be gone."""
@@ -221,30 +226,3 @@ class Liveview:
         if link.waiter.until_done("liveview", work, exchange.abort, limit_s=link.limits.call_s) != _OK:
             raise CameraSilentError("liveview", BROKEN_OFF, delivered=True)
         return exchange
-
-
-class Delay:
-    """Estimates by how much the pictures of one stream arrive after they were taken.
-
-    The smallest difference of arrival and timestamp is the one to go by. It is forgotten slowly, as clocks drift.
-    """
-
-    DRIFT = 1e-4  # a crystal's, generously
-    # The camera needs some time from exposure to sending, which nothing tells; this is our guess at it.
-    SIGMA_NS = 100_000_000
-    JUMP_NS = 5_000_000_000  # more than any picture is late: the timestamps have begun anew
-
-    def __init__(self) -> None:
-        self._least_ns: int | None = None
-        self._at_ns = 0
-
-    def taken(self, timestamp_ms: int, arrived_ns: int) -> tuple[int, int]:
-        """Estimate a picture's mid-exposure and its standard deviation, ns, by the clock of its arrival."""
-        shown_ns = timestamp_ms * 1_000_000
-        delay_ns = arrived_ns - shown_ns
-        if self._least_ns is not None:
-            allowed_ns = self._least_ns + round((arrived_ns - self._at_ns) * self.DRIFT)
-            if abs(delay_ns - allowed_ns) < self.JUMP_NS:
-                delay_ns = min(delay_ns, allowed_ns)
-        self._least_ns, self._at_ns = delay_ns, arrived_ns
-        return shown_ns + delay_ns, self.SIGMA_NS

@@ -27,13 +27,18 @@ _ENDLESS = "the video has no key frame for too long; encode it again with ffmpeg
 
 def begins_group(frame: Frame) -> bool:
     """Whether parameter sets stand before a video's coded picture, as they do before each key frame."""
-    data, at = frame.encoded, frame.encoded.find(_START)
+    return has_parameter_sets(frame.encoded, frame.format)
+
+
+def has_parameter_sets(data: bytes, kind_of_video: str) -> bool:
+    """Whether they stand before the coded picture of an access unit of `h264` or `h265`."""
+    at = data.find(_START)
     while 0 <= at < len(data) - len(_START):
         first = data[at + len(_START)]
-        kind = first & 31 if frame.format == "h264" else first >> 1 & 63
-        if kind == _SPS[frame.format]:
+        kind = first & 31 if kind_of_video == "h264" else first >> 1 & 63
+        if kind == _SPS[kind_of_video]:
             return True
-        if kind in _CODED[frame.format]:
+        if kind in _CODED[kind_of_video]:
             return False
         at = data.find(_START, at + len(_START))
     return False

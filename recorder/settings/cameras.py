@@ -6,9 +6,13 @@ from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from camera_drivers.qx10.addresses import BadUrlError, host_of
-from recorder.settings.values import AnchoredPath, Seconds, Settings, Words, one_line
+from camera_drivers.rtsp.options import BadAddressError, checked_address
+from recorder.settings.values import WITHHELD, AnchoredPath, Seconds, Settings, Words, one_line
+
+_MAX_URL_CHARACTERS = 2000
 
 
 def _number_as_text(value: object) -> object:
@@ -23,6 +27,9 @@ def _http_url(url: str) -> str:
     except (BadUrlError, UnicodeError) as error:
         raise ValueError("it is no http URL") from error
     return url
+
+
+_HttpUrl = Annotated[str, Field(max_length=_MAX_URL_CHARACTERS), AfterValidator(one_line), AfterValidator(_http_url)]
 
 
 class ReplaySettings(Settings):
@@ -83,7 +90,10 @@ class Qx10Settings(Settings):
 
     driver: Literal["qx10"]
     """A Sony DSC-QX10."""
-    url: Annotated[str, Field(max_length=2000), AfterValidator(one_line), AfterValidator(_http_url)] | None = None
+    url: (
+        Annotated[str, Field(max_length=_MAX_URL_CHARACTERS), AfterValidator(one_line), AfterValidator(_http_url)]
+        | None
+    ) = None
     """Of the camera's description; without it the camera is looked for by SSDP."""
     interface: Words | None = None
     """The network interface on which it is looked for, such as `wlan0`; without it the system chooses."""
@@ -198,6 +208,33 @@ class PicameraSettings(LiveSettings):
         return self
 
 
-CameraSettings = ReplaySettings | Qx10Settings | UvcSettings | PicameraSettings
+def _rtsp_url(url: object) -> str:
+    """Refuse what is no address, or holds a password, without ever repeating it."""
+    try:
+        if isinstance(url, str) and len(url) <= _MAX_URL_CHARACTERS:
+            return checked_address(url)
+        why = "it is no rtsp URL"
+    except BadAddressError as error:
+        why = str(error)
+    raise PydanticCustomError(WITHHELD, "{why}", {"why": why})
+
+
+class RtspSettings(LiveSettings):
+    """An IP camera that sends H.264 or H.265 over RTSP; needs the extra `video`."""
+
+    driver: Literal["rtsp"]
+    """An IP camera."""
+    url: Annotated[str, BeforeValidator(_rtsp_url)]
+    """Of its stream, such as `rtsp://192.168.1.20:554/stream1`, without user and password."""
+    credentials: AnchoredPath | None = None
+    """A file with one line, `user:password`, that the recorder can read; it is never attached."""
+    latency_s: Annotated[float, Field(gt=0, le=10)] = 0.5
+    """How long the camera may take from exposure to sending. Its own clock is believed if it is behind the box's by no
+    more than this, and not ahead."""
+    open_s: Seconds = 15.0
+    """How long connecting may take."""
+
+
+CameraSettings = ReplaySettings | Qx10Settings | UvcSettings | PicameraSettings | RtspSettings
 DRIVERS = tuple(get_args(model.model_fields["driver"].annotation)[0] for model in get_args(CameraSettings))
 """Their names, as `camera.driver` has them."""

@@ -25,7 +25,14 @@ from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.plan import configured_signer, gather_attachments
 from recorder.run import Assembly, record
-from recorder.settings.cameras import Qx10Limits, Qx10Settings, ReplaySettings
+from recorder.settings.cameras import (
+    PicameraSettings,
+    Qx10Limits,
+    Qx10Settings,
+    ReplaySettings,
+    RtspSettings,
+    UvcSettings,
+)
 
 PANEL = """
 name: x
@@ -151,10 +158,24 @@ def keys(model: type[BaseModel]) -> st.SearchStrategy[str]:
     return st.sampled_from(sorted(set(model.model_fields) - {"driver", "limits"}))
 
 
+LIVE: dict[str, tuple[type[BaseModel], dict[str, str]]] = {
+    "qx10": (Qx10Settings, {}),
+    "uvc": (UvcSettings, {"device": "/dev/video0"}),
+    "picamera": (PicameraSettings, {}),
+    "rtsp": (RtspSettings, {"url": "rtsp://10.0.0.1/"}),
+}
+
+
+def changes(name: str, model: type[BaseModel], needed: dict[str, str]) -> st.SearchStrategy[dict[str, Any]]:
+    """Settings of a driver, some of them with any values."""
+    changed = st.dictionaries(keys(model), ANYTHING, max_size=2)
+    return changed.map(lambda found: {"driver": name, **needed, **found})
+
+
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     camera=st.dictionaries(keys(ReplaySettings), ANYTHING, max_size=2)
-    | st.dictionaries(keys(Qx10Settings), ANYTHING, max_size=2).map(lambda found: {"driver": "qx10", **found}),
+    | st.sampled_from(sorted(LIVE)).flatmap(lambda name: changes(name, *LIVE[name])),
     storage=st.dictionaries(keys(StorageSettings), ANYTHING, max_size=2),
     attach=st.dictionaries(st.sampled_from(["panel", "camera"]), ANYTHING, max_size=2),
     evidence=st.dictionaries(keys(EvidenceSettings), ANYTHING, max_size=1),
@@ -215,6 +236,14 @@ def write(path: Path, content: str | bytes) -> Path:
         (REPLAY + "interval_s: 1}\n" + STORAGE, "camera.interval_s: there is no such setting"),
         ("camera: {driver: leica}\n" + STORAGE, "'leica'"),
         (QX10 + "url: 10.0.0.1}\n" + STORAGE, "camera.url: value error, it is no http URL, got '10.0.0.1'"),
+        (
+            "camera: {driver: rtsp, url: 'rtsp://crew:pass@10.0.0.1/'}\n" + STORAGE,
+            "camera.url: it holds a user or password, which every flight would carry; put them into credentials.",
+        ),
+        ("camera: {driver: rtsp, url: [pass]}\n" + STORAGE, "camera.url: it is no rtsp URL."),
+        ("camera: {driver: uvc, device: video0}\n" + STORAGE, "camera.device: string should match pattern '^/dev/'"),
+        ("camera: {driver: uvc, device: /dev/video0, size_px: [640]}\n" + STORAGE, "camera.size_px.1: is missing"),
+        ("camera: {driver: picamera, codec: h264, interval_s: 2}\n" + STORAGE, "interval_s is for mjpeg"),
         (QX10 + "exposure_compensation: 7}\n" + STORAGE, "camera.exposure_compensation: "),
         (QX10 + "zoom: far}\n" + STORAGE, "camera.zoom"),
         (QX10 + "limits: {shot: 1}}\n" + STORAGE, "camera.limits.shot: there is no such setting"),

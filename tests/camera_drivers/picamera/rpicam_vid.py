@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 import time
 from pathlib import Path
@@ -29,6 +30,18 @@ OPTIONS = (
     "--camera --codec --output --timeout --metadata --metadata-format --rotation --framerate --shutter --gain"
     " --awbgains --flicker-period --width --height --autofocus-mode --lens-position --quality --intra --bitrate"
 )
+
+
+def installed(folder: Path, pictures: list[bytes], **plan: object) -> str:
+    """Make it a program in a folder, which shows these pictures and does what the plan says; return its path."""
+    (folder / "source").write_bytes(b"".join(pictures))
+    sizes = list(map(len, pictures))
+    told = {"source": str(folder / "source"), "sizes": sizes, "ledger": str(folder / "ledger"), **plan}
+    path = folder / "rpicam-vid"
+    command = f'RPICAM={shlex.quote(json.dumps(told))} exec {sys.executable} -I {__file__} "$@"'
+    path.write_text(f"#!/bin/sh\n{command}\n")
+    path.chmod(0o755)
+    return str(path)
 
 
 def asked(*, lacks: str = "") -> argparse.Namespace:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import shlex
 import signal
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import av
@@ -31,29 +30,13 @@ from tests.camera_drivers.picamera import rpicam_vid
 from tests.videos import film, packets
 
 Program = Callable[..., str]
-DOUBLE = Path(rpicam_vid.__file__)
 FRAME_NS, EXPOSURE_NS = rpicam_vid.FRAME_US * 1000, rpicam_vid.EXPOSURE_US * 1000
 
 
 @pytest.fixture
 def program(tmp_path: Path) -> Program:
-    """Makes the double a program of its own, that does what it is told; gives its path."""
-
-    def make(pictures: list[bytes], **plan: object) -> str:
-        (tmp_path / "source").write_bytes(b"".join(pictures))
-        told = {
-            "source": str(tmp_path / "source"),
-            "sizes": list(map(len, pictures)),
-            "ledger": str(tmp_path / "ledger"),
-            **plan,
-        }
-        path = tmp_path / "rpicam-vid"
-        command = f'RPICAM={shlex.quote(json.dumps(told))} exec {sys.executable} -I {DOUBLE} "$@"'
-        path.write_text(f"#!/bin/sh\n{command}\n")
-        path.chmod(0o755)
-        return str(path)
-
-    return make
+    """Makes the double a program of its own; gives its path."""
+    return partial(rpicam_vid.installed, tmp_path)
 
 
 @pytest.fixture

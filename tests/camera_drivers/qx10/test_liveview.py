@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError
-from camera_drivers.qx10.liveview import HEADER_BYTES, Delay, LivePicture, LiveviewParser
+from camera_drivers.qx10.liveview import HEADER_BYTES, LivePicture, LiveviewParser
 from camera_drivers.qx10.simulator.pictures import drawn_picture
 from camera_drivers.qx10.simulator.services import information_packet, packet
 
@@ -125,26 +125,3 @@ def test_camera_without_liveview_is_told_of(make_bench: MakeBench) -> None:
     bench = make_bench(mode="liveview", behaviour={"forbidden": frozenset({"startLiveview"})})
     with bench.camera as camera, pytest.raises(CameraError, match="refuses a liveview"):
         camera.next_frame(threading.Event())
-
-
-@given(delays=st.lists(st.integers(0, 900), min_size=1, max_size=30))
-def test_bursts_do_not_move_the_exposure(delays: list[int]) -> None:
-    """Pictures at an even pace, each more or less late, are placed as if the quickest so far were not late at all."""
-    delay = Delay()
-    arrived, least = 0, 10**6
-    for index, late in enumerate(delays):
-        shown = index * 70
-        arrived = max(arrived, 5000 + shown + late)
-        least = min(least, arrived - shown)
-        middle, sigma = delay.taken(shown, arrived * MS)
-        # The quickest is forgotten at the pace at which clocks drift.
-        assert 0 <= middle - (shown + least) * MS <= arrived * MS * Delay.DRIFT + 1
-        assert sigma == Delay.SIGMA_NS
-
-
-def test_timestamps_that_begin_anew_are_believed() -> None:
-    """A jump of the timestamps begins a new count."""
-    delay = Delay()
-    delay.taken(100_000, 5_000 * MS)
-
-    assert delay.taken(0, 6_000 * MS)[0] == 6_000 * MS

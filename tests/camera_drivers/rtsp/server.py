@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import socket
 import socketserver
 import struct
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Self
@@ -22,6 +24,7 @@ NTP_OF_1970_S = 2_208_988_800
 MAX_PAYLOAD_BYTES = 1200
 FIRST_TICK = 4_000_000_000  # so that it soon wraps
 SSRC = 0x5EED
+_HEAD = ("v=0", "o=- 0 0 IN IP4 127.0.0.1", "s=cockpit", "c=IN IP4 127.0.0.1", "t=0 0")
 REALM, NONCE = "camera", "0123456789abcdef"
 
 
@@ -43,6 +46,10 @@ class Show:
         `name:password` that is asked for, and whether in the way `Basic` or `Digest`.
     sets_in_sdp
         Whether the parameter sets stand in the description alone, and not in the stream.
+    sets_of
+        The access unit whose parameter sets are described; the first if empty.
+    report_every
+        A sender report stands before one in so many units.
     """
 
     units: Sequence[bytes]
@@ -53,8 +60,8 @@ class Show:
     user: str = ""
     way: str = "Digest"
     sets_in_sdp: bool = False
+    sets_of: bytes = b""
     report_every: int = 5
-    report_first: bool = True
     requests: list[str] = field(default_factory=list)
     sent: list[tuple[int, int]] = field(default_factory=list)  # wall clock and monotonic ns of each unit
 
@@ -185,7 +192,7 @@ class Connection(socketserver.StreamRequestHandler):
                 return
             tick = (tick + round(show.step_s * RTP_HZ)) % 2**32
             wall_ns = show.clock_ns() if show.clock_ns else 0
-            if show.clock_ns and index % show.report_every == 0 and (index or show.report_first):
+            if show.clock_ns and index % show.report_every == 0:
                 self._send(1, sender_report(wall_ns, tick))
             show.sent.append((wall_ns, time.monotonic_ns()))
             kept = [nal for nal in nal_units(unit) if not (show.sets_in_sdp and is_set(nal, show.codec))]
@@ -196,14 +203,12 @@ class Connection(socketserver.StreamRequestHandler):
                 self._send(0, header + payload)
                 number += 1
         if show.after == "close":
-            self.connection.shutdown(2)
+            with suppress(OSError):  # the client may have gone first
+                self.connection.shutdown(socket.SHUT_RDWR)
 
     def _send(self, channel: int, packet: bytes) -> None:
-        with self._writing:
-            try:
-                self.wfile.write(struct.pack(">BBH", ord("$"), channel, len(packet)) + packet)
-            except OSError:
-                self.server.over.wait(0.01)
+        with self._writing, suppress(OSError, ValueError):
+            self.wfile.write(struct.pack(">BBH", ord("$"), channel, len(packet)) + packet)
 
 
 def is_set(nal: bytes, codec: str) -> bool:
@@ -213,7 +218,9 @@ def is_set(nal: bytes, codec: str) -> bool:
 
 def description(show: Show) -> str:
     """The stream's SDP."""
-    sets = [nal for nal in nal_units(show.units[0]) if is_set(nal, show.codec)]
+    if show.codec == "jpeg":
+        return "\r\n".join([*_HEAD, "m=video 0 RTP/AVP 26", "a=control:trackID=0", ""])
+    sets = [nal for nal in nal_units(show.sets_of or show.units[0]) if is_set(nal, show.codec)]
     texts = [base64.b64encode(nal).decode() for nal in sets]
     if show.codec == "h264":
         name = "H264"
@@ -222,11 +229,7 @@ def description(show: Show) -> str:
         name = "H265"
         format_ = ";".join(f"sprop-{kind}={text}" for kind, text in zip(("vps", "sps", "pps"), texts, strict=True))
     lines = [
-        "v=0",
-        "o=- 0 0 IN IP4 127.0.0.1",
-        "s=cockpit",
-        "c=IN IP4 127.0.0.1",
-        "t=0 0",
+        *_HEAD,
         "m=video 0 RTP/AVP 96",
         f"a=rtpmap:96 {name}/{RTP_HZ}",
         f"a=fmtp:96 {format_}",

@@ -9,11 +9,13 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
+from camera_drivers.clock import Clock
 from camera_drivers.uvc import v4l2
 from camera_drivers.uvc.v4l2 import Control, Request
 from flight_file.frame import NS_PER_S
@@ -46,7 +48,7 @@ class Webcam:
         By number: smallest, largest, and present value.
     """
 
-    clock: SimulatedClock = field(default_factory=lambda: SimulatedClock(START_NS))
+    clock: Clock = field(default_factory=lambda: SimulatedClock(START_NS))
     formats: tuple[str, ...] = ("YUYV", "MJPG")
     sizes: tuple[tuple[int, int], ...] = ((640, 480), (1280, 720), (1920, 1080))
     rates_hz: tuple[int, ...] = (5, 10, 30)
@@ -88,11 +90,17 @@ class Webcam:
     def deliver(self, jpeg: bytes, skipping: int, flags: int, late_ns: int) -> None:
         """Fill the next buffer; the stamp is `late_ns` before it is full."""
         frames = 1 + skipping
-        self.clock.wait_until(self.clock.read().monotonic_ns + frames * NS_PER_S // self.rate_hz + late_ns, None)
+        self.clock.wait_until(
+            self.clock.read().monotonic_ns + frames * NS_PER_S // self.rate_hz + late_ns, threading.Event()
+        )
         self.sequence += skipping
         stamp_ns = self.clock.read().monotonic_ns - late_ns
         self.opened[-1].fill(jpeg, self.sequence, flags or v4l2.TIMESTAMP_MONOTONIC, stamp_ns)
         self.sequence += 1
+
+    def sleep(self, duration_ns: int) -> None:
+        """Let the clock's time pass."""
+        self.clock.wait_until(self.clock.read().monotonic_ns + duration_ns, threading.Event())
 
     def unplug(self) -> None:
         """Pull the plug, and forget what was set."""
@@ -127,7 +135,9 @@ class OpenedWebcam:
         if self._camera.steps:
             self._camera.steps.popleft()(self._camera)
         else:
-            self._camera.clock.wait_until(self._camera.clock.read().monotonic_ns + round(seconds * NS_PER_S), None)
+            self._camera.clock.wait_until(
+                self._camera.clock.read().monotonic_ns + round(seconds * NS_PER_S), threading.Event()
+            )
         if not self._camera.plugged:
             refuse(errno.EIO)
         return bool(self._filled)

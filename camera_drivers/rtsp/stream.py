@@ -1,0 +1,294 @@
+"""The stream of one IP camera: opened, read by a thread of its own, and left behind when it hangs.
+
+    open ──▶ DESCRIBE, SETUP over TCP, PLAY ──▶ thread: access units ──▶ queue ──▶ picture
+                                                  └── the end, or nothing for stall_s: its failure ──▶ CameraError
+
+FFmpeg speaks RTSP, puts RTP packets together to access units in Annex B, and keeps sessions alive. It gives an access
+unit when the next one begins, so a picture's arrival is that of the one before. It also says what wall clock each unit
+is of (`prft`), by the latest sender report: it follows the camera's clock, which `start_time_realtime` does not, since
+that is by the first report alone.
+
+Only video is asked for: nobody wants voices on the box. Parameter sets are put before a key frame that lacks them.
+"""
+
+from __future__ import annotations
+
+import queue
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from urllib.parse import urlsplit
+
+import av
+from av.container import InputContainer
+from av.error import FFmpegError, HTTPUnauthorizedError
+from av.video.stream import VideoStream
+
+from camera_drivers.camera import CameraIdentity
+from camera_drivers.clock import Clock
+from camera_drivers.errors import CameraError, CameraUnusableError
+from camera_drivers.live.camera import LiveCamera
+from camera_drivers.live.source import Picture
+from camera_drivers.reporter import Reporter
+from camera_drivers.rtsp.options import Options, with_credentials
+from camera_drivers.rtsp.times import Stamps, StreamTimes
+from camera_drivers.thresholds import CLOSE_S, LOOK_S, MAX_WAITING_PICTURES, SAY_S
+from camera_drivers.waiting import Notes, Waiter
+from flight_file.frame import NS_PER_S, ClockReading
+from flight_file.thresholds import MAX_CHUNK_BYTES
+from flight_file.video.groups import has_parameter_sets
+
+DRIVER = "rtsp"
+DAMAGED = "a part of the picture was lost on its way"
+NO_KEY_FRAME = "it came before the stream's first key frame"
+ENDED = "the stream ended"
+_FORMATS = {"h264": "h264", "hevc": "h265"}
+_PRFT = struct.Struct("=qi")  # AVProducerReferenceTime: us since 1970, flags
+_NS_PER_US = 1000
+_OPTIONS = {
+    "rtsp_transport": "tcp",
+    "allowed_media_types": "video",
+    "protocol_whitelist": "rtp,tcp,udp",  # no file, and no other server
+    "fpsprobesize": "0",  # FFmpeg would look at a second of pictures before it gives the first
+}
+
+
+def rtsp_camera(options: Options, clock: Clock, reporter: Reporter) -> LiveCamera:
+    """Make the camera that the options describe; nothing is opened yet."""
+
+    def connect(waiter: Waiter, notes: Notes) -> RtspSource:
+        url, place = with_credentials(options), _place(options.url)
+        work = partial(_opened, url, options)
+        # FFmpeg's own limit ends it; ours is for what that does not hold, such as looking up a name.
+        container = waiter.until_done(f"connecting to {place}", work, lambda: None, limit_s=2 * options.open_s)
+        return RtspSource(container, options, clock, notes)
+
+    return LiveCamera(DRIVER, connect, pace=options.pace, clock=clock, reporter=reporter)
+
+
+@dataclass(frozen=True, slots=True)
+class _Unit:
+    """An access unit as FFmpeg gives it, and when."""
+
+    encoded: bytes
+    is_key: bool
+    is_damaged: bool
+    stamps: Stamps
+    given: ClockReading
+
+
+class RtspSource:
+    """An open stream; see `camera_drivers.live.source.Source`.
+
+    What comes in the first second is held back for so long: only then it is known how late pictures come, since FFmpeg
+    has looked at some before it gives the first.
+
+    Raises
+    ------
+    CameraUnusableError
+        It is no stream of H.264 or H.265.
+    """
+
+    def __init__(self, container: InputContainer, options: Options, clock: Clock, notes: Notes) -> None:
+        try:
+            stream = _video(container, options)
+        except BaseException:
+            container.close()
+            raise
+        self._clock = clock
+        self._format = _FORMATS[stream.codec_context.name]
+        self._sets = bytes(stream.codec_context.extradata or b"")
+        self._size_px = (stream.width, stream.height) if stream.width and stream.height else None
+        self._times = StreamTimes(options.latency_s, notes)
+        self._held: deque[_Unit] = deque()
+        self._is_settled = False
+        self._failure: CameraError | None = None
+        self._missed: dict[str, int] = {}
+        self._has_key = False
+        self._reader = _Reader(lambda: _units(container, stream, clock), container.close)
+        self._reader.start()
+        size = " {} x {}".format(*self._size_px) if self._size_px else ""
+        self.identity = CameraIdentity(DRIVER, note=f"{_place(options.url)}, {self._format}{size}")
+
+    def next_picture(self, wait_s: float) -> Picture | None:
+        """Wait for the next access unit; see `Source`."""
+        if not self._is_settled:
+            self._settle(wait_s)
+            return None
+        if not self._held:
+            if self._failure is not None:
+                raise self._failure
+            self._receive(wait_s)
+        return self._picture(self._held.popleft()) if self._held else None
+
+    def close(self) -> None:
+        """Leave the stream; a thread that hangs in it ends by itself, after stall_s at most."""
+        self._reader.stop()
+
+    def _settle(self, wait_s: float) -> None:
+        self._receive(wait_s)
+        if self._failure is None and self._held:
+            passed_ns = self._clock.read().monotonic_ns - self._held[0].given.monotonic_ns
+            self._is_settled = passed_ns >= SAY_S * NS_PER_S
+        else:
+            self._is_settled = self._failure is not None
+        if self._is_settled and len(self._held) > 2:  # noqa: PLR2004 - two that have times
+            self._held[0] = _with_time(*(self._held[place] for place in range(3)))
+
+    def _receive(self, wait_s: float) -> None:
+        try:
+            unit = self._reader.take(wait_s)
+        except CameraError as failure:
+            self._failure = failure
+            return
+        if unit is not None:
+            self._times.hear(unit.stamps)
+            self._held.append(unit)
+
+    def _picture(self, unit: _Unit) -> Picture | None:
+        self._has_key = self._has_key or unit.is_key
+        reason = DAMAGED if unit.is_damaged else "" if self._has_key else NO_KEY_FRAME
+        if reason:
+            self._missed[reason] = self._missed.get(reason, 0) + 1
+            return None
+        missed, self._missed = self._missed, {}
+        taken_ns, sigma_ns = self._times.taken(unit.stamps, is_key=unit.is_key)
+        return Picture(
+            encoded=self._with_sets(unit),
+            received=unit.given,
+            taken_ns=taken_ns,
+            sigma_ns=sigma_ns,
+            number=unit.given.monotonic_ns if unit.stamps.stream_ns is None else unit.stamps.stream_ns,
+            format=self._format,
+            size_px=self._size_px,
+            missed=missed,
+        )
+
+    def _with_sets(self, unit: _Unit) -> bytes:
+        lacks = unit.is_key and not has_parameter_sets(unit.encoded, self._format)
+        return self._sets + unit.encoded if lacks else unit.encoded
+
+
+class _Reader(threading.Thread):
+    """Reads a stream until it ends, fails or is stopped, and closes it then.
+
+    It waits while nobody takes what it has read: the camera is then told by TCP to wait.
+    """
+
+    def __init__(self, read: Callable[[], Iterator[_Unit]], close: Callable[[], None]) -> None:
+        super().__init__(name="camera rtsp", daemon=True)
+        self._read = read
+        self._close = close
+        self._queue: queue.Queue[_Unit | CameraError] = queue.Queue(MAX_WAITING_PICTURES)
+        self._over = threading.Event()
+
+    def run(self) -> None:
+        """Read."""
+        failure = CameraError(_sentence(ENDED))
+        try:
+            for unit in self._read():
+                if not self._put(unit):
+                    return
+        except FFmpegError as error:
+            failure = CameraError(_sentence(error.strerror))
+        except CameraError as error:
+            failure = error
+        finally:
+            self._close()
+        self._put(failure)
+
+    def take(self, wait_s: float) -> _Unit | None:
+        """Take the oldest unit; None if there is none in time. Raises the CameraError that the stream ended with."""
+        try:
+            item = self._queue.get(timeout=wait_s)
+        except queue.Empty:
+            return None
+        if isinstance(item, CameraError):
+            raise item
+        return item
+
+    def stop(self) -> None:
+        """Ask it to end, and wait a moment for that."""
+        self._over.set()
+        self.join(CLOSE_S)
+
+    def _put(self, item: _Unit | CameraError) -> bool:
+        while not self._over.is_set():
+            try:
+                self._queue.put(item, timeout=LOOK_S)
+            except queue.Full:
+                continue
+            return True
+        return False
+
+
+def _opened(url: str, options: Options) -> InputContainer:
+    """Open the stream; no message of FFmpeg's is passed on, since it names the URL with its password."""
+    timeout_s = (options.open_s, options.pace.stall_s)
+    try:
+        return av.open(url, "r", metadata_errors="replace", options=_OPTIONS, timeout=timeout_s)
+    except HTTPUnauthorizedError:
+        what = "asks for user and password" if options.credentials is None else "does not take user and password"
+        problem = f"{_place(options.url)}: the camera {what}; see camera.credentials in docs/cameras.md."
+    except (FFmpegError, OSError) as error:
+        raise CameraError(f"{_place(options.url)}: {_sentence(error.strerror or 'no answer')}") from None
+    raise CameraUnusableError(problem)
+
+
+def _video(container: InputContainer, options: Options) -> VideoStream:
+    streams = [
+        stream
+        for stream in container.streams.video
+        if stream.codec_context is not None  # type: ignore[redundant-expr]  # it is where FFmpeg knows no such codec
+    ]
+    names = [stream.codec_context.name for stream in streams]
+    found = next((stream for stream, name in zip(streams, names, strict=True) if name in _FORMATS), None)
+    if found is None:
+        raise CameraUnusableError(
+            f"{_place(options.url)}: sends {', '.join(names) or 'no video'}; set the camera to H.264 or H.265."
+        )
+    return found
+
+
+def _units(container: InputContainer, stream: VideoStream, clock: Clock) -> Iterator[_Unit]:
+    began = None
+    for packet in container.demux(stream):
+        if packet.size > MAX_CHUNK_BYTES // 2:
+            raise CameraError(f"A picture has {packet.size >> 20} MiB, which no camera makes.")
+        if not packet.size:  # the end
+            return
+        given = clock.read()
+        base = packet.time_base or stream.time_base
+        stream_ns = None if packet.pts is None or base is None else round(packet.pts * base * NS_PER_S)
+        # It is given when the next one begins to come; so it began to come when the one before was given.
+        stamps = Stamps(_reported_ns(packet), stream_ns, began or given)
+        yield _Unit(bytes(packet), packet.is_keyframe, packet.is_corrupt, stamps, given)
+        began = given
+
+
+def _with_time(first: _Unit, second: _Unit, third: _Unit) -> _Unit:
+    """Give the first unit of a stream the stream time that FFmpeg leaves out: as far before the second as that is."""
+    ours, one, two = first.stamps.stream_ns, second.stamps.stream_ns, third.stamps.stream_ns
+    if ours is not None or one is None or two is None:
+        return first
+    return replace(first, stamps=replace(first.stamps, stream_ns=2 * one - two))
+
+
+def _reported_ns(packet: av.Packet[VideoStream]) -> int | None:
+    data = bytes(packet.get_sidedata("prft")) if packet.has_sidedata("prft") else b""
+    if len(data) < _PRFT.size:
+        return None
+    wall_us, _ = _PRFT.unpack_from(data)
+    return int(wall_us) * _NS_PER_US
+
+
+def _place(url: str) -> str:
+    """Host and port, for people."""
+    return urlsplit(url).netloc.rpartition("@")[2]
+
+
+def _sentence(problem: str | None) -> str:
+    return f"The camera's stream failed ({problem}); check that the camera is on and in reach."
