@@ -77,6 +77,9 @@ lock: $(READY)  ## Renew the desk's and the box's requirements.lock from pyproje
 	$(BIN)/python systemd/box_requirements.py > .venv/box_requirements.in
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
 		--python-version 3.11 --constraint requirements.lock .venv/box_requirements.in --output-file systemd/requirements.lock
+	$(BIN)/python systemd/box_requirements.py video > .venv/box_video.in
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
+		--python-version 3.11 --constraint requirements.lock .venv/box_video.in --output-file systemd/requirements-video.lock
 
 clean:  ## Remove what the other targets made
 	rm -rf .venv demo fixtures/rendered .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*

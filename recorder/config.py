@@ -16,7 +16,7 @@ from flight_file.errors import NotYamlError
 from flight_file.untrusted import read_yaml_file
 from recorder.errors import ConfigurationError
 from recorder.settings.cameras import DRIVERS, CameraSettings
-from recorder.settings.values import WITHHELD, AnchoredPath, Settings
+from recorder.settings.values import AnchoredPath, Settings, WithheldError
 from recorder.thresholds import SHOWN_CHARACTERS, SHOWN_ERRORS
 
 
@@ -156,7 +156,7 @@ def _what(item: Any) -> str:  # noqa: ANN401 - pydantic's ErrorDetails
         return "is missing"
     message = " ".join(item["msg"].split())[:SHOWN_CHARACTERS]
     message = message[0].lower() + message[1:]
-    if item["type"] == WITHHELD:
+    if isinstance(item.get("ctx", {}).get("error"), WithheldError):
         return message
     found = item["input"]
     return f"{message}, got {_shown(found)}" if isinstance(found, str | int | float | bool | None) else message

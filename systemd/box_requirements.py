@@ -1,7 +1,7 @@
 """Print what the box needs of pyproject.toml: what builds the project, and what the box's code imports.
 
-So a dependency is stated once, and the box lacks none and gets none of the desk's, nor what an extra brings.
-`make lock` writes requirements.lock from it.
+So a dependency is stated once, and the box lacks none and gets none of the desk's, nor what an extra brings; with the
+name of an extra, what that brings alone. `make lock` writes requirements.lock from it, and requirements-video.lock.
 """
 
 from __future__ import annotations
@@ -54,5 +54,11 @@ def requirements() -> list[str]:
     return sorted([*document["build-system"]["requires"], *(stated[name] for name in needed)])
 
 
+def extra(name: str) -> list[str]:
+    """Those of one extra of pyproject.toml."""
+    document = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return list(document["project"]["optional-dependencies"][name])
+
+
 if __name__ == "__main__":
-    print(*requirements(), sep="\n")
+    print(*(extra(sys.argv[1]) if sys.argv[1:] else requirements()), sep="\n")

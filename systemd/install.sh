@@ -4,18 +4,21 @@ set -eu
 
 usage() {
     cat <<'USAGE'
-Usage: systemd/install.sh [--dry-run] [--root DIR] [--camera SSID [--interface NAME]]
+Usage: systemd/install.sh [--dry-run] [--root DIR] [--driver NAME] [--camera SSID [--interface NAME]]
        systemd/install.sh --uninstall [--dry-run] [--root DIR]
-       systemd/install.sh --program-only DIR
+       systemd/install.sh --program-only DIR [--driver NAME]
 
   --dry-run           say what would be done, and do nothing
   --root DIR          put the files below DIR, for an image; leave the running system alone
+  --driver NAME       what the camera needs: qx10, uvc, picamera or rtsp (default: as the configuration that is there has
+                      it, or qx10)
   --camera SSID       join the camera's Wi-Fi; its password is read from standard input
   --interface NAME    with this network interface (default: wlan0)
   --uninstall         remove all but the configuration, the recordings and the user
   --program-only DIR  put the program into DIR/bin, as on the box, and touch nothing else; anybody may
 
-Run it as root from a checkout of the project. It needs python3-venv, and NetworkManager for --camera.
+Run it as root from a checkout of the project. It needs python3-venv, NetworkManager for --camera, and rpicam-apps-lite
+for picamera.
 USAGE
 }
 
@@ -34,6 +37,7 @@ umask 022
 DRY_RUN=false
 ACTION=install_all
 ROOT=
+DRIVER=
 SSID=
 INTERFACE=wlan0
 VENV=/opt/recorder
@@ -42,6 +46,7 @@ while [ $# -gt 0 ]; do
         --dry-run) DRY_RUN=true ;;
         --uninstall) ACTION=uninstall_all ;;
         --root) needs "$@"; ROOT=$2; shift ;;
+        --driver) needs "$@"; DRIVER=$2; shift ;;
         --camera) needs "$@"; SSID=$2; shift ;;
         --interface) needs "$@"; INTERFACE=$2; shift ;;
         --program-only) needs "$@"; ACTION=put_packages; VENV=$2; shift ;;
@@ -55,13 +60,28 @@ ROOT=${ROOT%/}
 HERE=$(cd "$(dirname "$0")" && pwd)
 SOURCE=$(dirname "$HERE")
 UNIT=/etc/systemd/system/recorder.service
+DROP_IN=/etc/systemd/system/recorder.service.d/devices.conf
+RULES=/etc/udev/rules.d/60-recorder.rules
 SYSUSERS=/etc/sysusers.d/recorder.conf
 TMPFILES=/etc/tmpfiles.d/recorder.conf
 CONFIG=/etc/recorder/recorder.yaml
 EXAMPLE=/etc/recorder/recorder.yaml.example
 PAGE=/usr/local/share/doc/recorder/box.md
+CAMERAS=/usr/local/share/doc/recorder/cameras.md
 PROGRAM=/usr/local/bin/recorder
 PROFILE=/etc/NetworkManager/system-connections/camera.nmconnection
+
+# What a configuration that is there asks for stays installed, whoever runs this again.
+if [ -z "$DRIVER" ] && [ "$ACTION" = install_all ] && [ -r "$ROOT$CONFIG" ]; then
+    DRIVER=$(sed -n 's/^[^#]*driver: *["'"'"']\{0,1\}\([a-z0-9]*\).*/\1/p' "$ROOT$CONFIG" | head -n 1)
+    [ "$DRIVER" != replay ] || DRIVER=qx10
+fi
+DRIVER=${DRIVER:-qx10}
+case $DRIVER in
+    qx10) SAMPLE=$HERE/recorder.yaml ;;
+    uvc | picamera | rtsp) SAMPLE=$HERE/recorder-$DRIVER.yaml ;;
+    *) fail "there is no driver $DRIVER; --help lists them." 2 ;;
+esac
 
 run() {
     if $DRY_RUN; then
@@ -92,6 +112,9 @@ put_packages() {
     # Also where making it was cut short, or the system's upgrade brought another Python.
     "$VENV/bin/python" -m pip --version >/dev/null 2>&1 || run python3 -m venv "$VENV"
     pip_install --require-hashes -r "$HERE/requirements.lock"
+    if [ "$DRIVER" = rtsp ]; then # FFmpeg, 100 MB, which nothing else on the box needs
+        pip_install --require-hashes -r "$HERE/requirements-video.lock"
+    fi
     pip_install --no-deps --no-build-isolation --force-reinstall "$SOURCE"
 }
 
@@ -103,8 +126,23 @@ put_profile() { # its text
     run_live nmcli connection reload
 }
 
+put_devices() {
+    case $DRIVER in
+        uvc | picamera)
+            put 644 "$HERE/devices.conf" "$DROP_IN"
+            put 644 "$HERE/recorder.rules" "$RULES"
+            ;;
+        *) run rm -f "$ROOT$DROP_IN" "$ROOT$RULES" ;;
+    esac
+    run_live udevadm control --reload
+    run_live udevadm trigger --subsystem-match=dma_heap
+}
+
 install_all() {
     profile=
+    if [ "$DRIVER" = picamera ] && [ -z "$ROOT" ] && ! command -v rpicam-vid >/dev/null; then
+        $DRY_RUN || fail "there is no rpicam-vid; install it: apt-get install rpicam-apps-lite"
+    fi
     if [ -n "$SSID" ] && ! $DRY_RUN; then # before anything is changed: it may be refused
         profile=$(python3 "$HERE/camera_profile.py" "$SSID" "$INTERFACE") || exit 1
     fi
@@ -115,9 +153,10 @@ install_all() {
     if [ -z "$ROOT" ]; then # a virtual environment works only where it was made; on the box it is made by this script
         put_packages
     fi
-    put 644 "$HERE/recorder.yaml" "$EXAMPLE"
-    [ -e "$ROOT$CONFIG" ] || put 644 "$HERE/recorder.yaml" "$CONFIG"
+    put 644 "$SAMPLE" "$EXAMPLE"
+    [ -e "$ROOT$CONFIG" ] || put 644 "$SAMPLE" "$CONFIG"
     put 644 "$SOURCE/docs/box.md" "$PAGE"
+    put 644 "$SOURCE/docs/cameras.md" "$CAMERAS"
     run install -d "$ROOT$(dirname "$PROGRAM")"
     run ln -sfn "$VENV/bin/recorder" "$ROOT$PROGRAM"
     if [ -n "$profile" ]; then
@@ -126,6 +165,7 @@ install_all() {
         echo "would write: $ROOT$PROFILE"
     fi
     put 644 "$HERE/recorder.service" "$UNIT"
+    put_devices
     run_live systemctl daemon-reload
     run_live systemctl enable recorder.service
     run_live systemctl restart recorder.service
@@ -136,7 +176,8 @@ uninstall_all() {
     if [ -e "$ROOT$UNIT" ]; then
         run_live systemctl disable --now recorder.service
     fi
-    run rm -f "$ROOT$UNIT" "$ROOT$SYSUSERS" "$ROOT$TMPFILES" "$ROOT$EXAMPLE" "$ROOT$PAGE" "$ROOT$PROGRAM" "$ROOT$PROFILE"
+    run rm -f "$ROOT$UNIT" "$ROOT$SYSUSERS" "$ROOT$TMPFILES" "$ROOT$EXAMPLE" "$ROOT$PAGE" "$ROOT$CAMERAS"
+    run rm -f "$ROOT$PROGRAM" "$ROOT$PROFILE" "$ROOT$DROP_IN" "$ROOT$RULES"
     run rm -rf "$ROOT$VENV"
     run_live systemctl daemon-reload
     $DRY_RUN || echo "Uninstalled. Left: /etc/recorder, /var/lib/recorder with the recordings, and the user recorder."

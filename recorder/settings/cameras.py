@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.rtsp.options import BadAddressError, checked_address
-from recorder.settings.values import WITHHELD, AnchoredPath, Seconds, Settings, Words, one_line
+from recorder.settings.values import AnchoredPath, Seconds, Settings, WithheldError, Words, one_line
 
 _MAX_URL_CHARACTERS = 2000
 
@@ -216,7 +215,7 @@ def _rtsp_url(url: object) -> str:
         why = "it is no rtsp URL"
     except BadAddressError as error:
         why = str(error)
-    raise PydanticCustomError(WITHHELD, "{why}", {"why": why})
+    raise WithheldError(why)
 
 
 class RtspSettings(LiveSettings):

@@ -8,10 +8,11 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
-WITHHELD = "withheld"
-"""The type of an error whose value no sentence is to repeat."""
-
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # no name and no sentence of the log is to hold one
+
+
+class WithheldError(ValueError):
+    """A value is wrong that no sentence is to repeat."""
 
 
 class Settings(BaseModel):

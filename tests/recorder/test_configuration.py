@@ -238,9 +238,9 @@ def write(path: Path, content: str | bytes) -> Path:
         (QX10 + "url: 10.0.0.1}\n" + STORAGE, "camera.url: value error, it is no http URL, got '10.0.0.1'"),
         (
             "camera: {driver: rtsp, url: 'rtsp://crew:pass@10.0.0.1/'}\n" + STORAGE,
-            "camera.url: it holds a user or password, which every flight would carry; put them into credentials.",
+            "camera.url: value error, it holds a user or password, which every flight would carry; put them into",
         ),
-        ("camera: {driver: rtsp, url: [pass]}\n" + STORAGE, "camera.url: it is no rtsp URL."),
+        ("camera: {driver: rtsp, url: [pass]}\n" + STORAGE, "camera.url: value error, it is no rtsp URL."),
         ("camera: {driver: uvc, device: video0}\n" + STORAGE, "camera.device: string should match pattern '^/dev/'"),
         ("camera: {driver: uvc, device: /dev/video0, size_px: [640]}\n" + STORAGE, "camera.size_px.1: is missing"),
         ("camera: {driver: picamera, codec: h264, interval_s: 2}\n" + STORAGE, "interval_s is for mjpeg"),

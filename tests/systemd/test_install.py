@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 from recorder.cli import DONE_WITH_LOSS as LOSS
+from recorder.config import load_config
 
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 FILES = {
@@ -26,7 +27,9 @@ FILES = {
     "etc/tmpfiles.d/recorder.conf",
     "usr/local/bin/recorder",
     "usr/local/share/doc/recorder/box.md",
+    "usr/local/share/doc/recorder/cameras.md",
 }
+DEVICES = {"etc/systemd/system/recorder.service.d/devices.conf", "etc/udev/rules.d/60-recorder.rules"}
 JOIN = ("--camera", "DIRECT-reQ0:DSC-QX10", "--interface", "wlan1")
 
 
@@ -56,7 +59,8 @@ def test_dry_run_says_what_it_would_do_and_does_nothing(tmp_path: Path) -> None:
     assert "would run: systemctl enable recorder.service" in real.stdout
     assert "would run: systemd-sysusers" in real.stdout
     assert "--require-hashes" in real.stdout
-    assert [install(*words).returncode for words in (("--nonsense",), ("--root",), ("--camera", ""))] == [2, 2, 2]
+    wrong = (("--nonsense",), ("--root",), ("--camera", ""), ("--driver", "webcam", "--dry-run"))
+    assert [install(*words).returncode for words in wrong] == [2, 2, 2, 2]
 
 
 def test_installing_twice_is_installing_once(tmp_path: Path) -> None:
@@ -77,6 +81,31 @@ def test_installing_twice_is_installing_once(tmp_path: Path) -> None:
     assert "routing-rule2=priority 1065 oif wlan1 table 1064" in lines
     assert not [line for line in lines if "@" in line and not line.startswith("#")]
     assert after == {**before, "etc/recorder/recorder.yaml": b"mine"}
+
+
+@pytest.mark.parametrize(
+    ("driver", "more"), [("qx10", set()), ("uvc", DEVICES), ("picamera", DEVICES), ("rtsp", set())]
+)
+def test_each_driver_gets_what_it_needs_and_keeps_it(tmp_path: Path, driver: str, more: set[str]) -> None:
+    """Its configuration as an example; access to devices where it has one, also when installed again without a word."""
+    words = ("--root", str(tmp_path))
+    done = [install(*words, "--driver", driver), install(*words)]
+    config, _ = load_config(tmp_path / "etc/recorder/recorder.yaml")
+    files = set(tree(tmp_path))
+    other = install(*words, "--driver", "qx10")
+
+    assert [each.returncode for each in (*done, other)] == [0, 0, 0]
+    assert config.camera.driver == driver
+    assert files == (FILES - {"etc/NetworkManager/system-connections/camera.nmconnection"}) | more
+    assert not set(tree(tmp_path)) & DEVICES
+
+
+@pytest.mark.parametrize("driver", ["qx10", "uvc", "picamera", "rtsp"])
+def test_video_is_installed_for_ip_cameras_alone(driver: str) -> None:
+    """FFmpeg takes more room than all the rest of the box's program."""
+    said = install("--program-only", "/nowhere", "--driver", driver, "--dry-run").stdout
+
+    assert ("requirements-video.lock" in said) == (driver == "rtsp")
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from recorder.thresholds import END_S, SILENCE_S
 
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 UNIT = SYSTEMD / "recorder.service"
+DESK = SYSTEMD.parent / "requirements.lock"
 LARGEST_EXPOSURE = 15  # tenths; systemd calls up to 20 OK
 
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
@@ -33,23 +34,42 @@ def setting(name: str) -> str:
     return str(value)
 
 
+@pytest.fixture(params=["network", "devices"])
+def unit(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The unit, for a camera on the network or with access to devices."""
+    path = tmp_path / UNIT.name
+    path.write_text(UNIT.read_text(encoding="utf-8").replace("/opt/recorder/bin/recorder", "/bin/true"))
+    if request.param == "devices":
+        (tmp_path / "recorder.service.d").mkdir()
+        shutil.copy(SYSTEMD / "devices.conf", tmp_path / "recorder.service.d")
+    return path
+
+
 @needs_systemd
-def test_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
+def test_unit_is_one_that_systemd_takes(unit: Path) -> None:
     """Nothing in it is unknown or misspelt."""
-    unit = tmp_path / UNIT.name
-    unit.write_text(UNIT.read_text(encoding="utf-8").replace("/opt/recorder/bin/recorder", "/bin/true"))
     done = subprocess.run(["systemd-analyze", "verify", unit], capture_output=True, text=True, check=False)
 
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @needs_systemd
-def test_unit_is_hardened() -> None:
-    """Its exposure is at most 1.5."""
-    command = ["systemd-analyze", "security", "--offline=true", f"--threshold={LARGEST_EXPOSURE}", UNIT]
+def test_unit_is_hardened(unit: Path) -> None:
+    """Its exposure is at most 1.5, with cameras that are devices too."""
+    command = ["systemd-analyze", "security", "--offline=true", f"--threshold={LARGEST_EXPOSURE}", unit]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
 
     assert done.returncode == 0, done.stdout.splitlines()[-1]
+
+
+def test_only_cameras_are_let_in() -> None:
+    """As devices: no others are opened to the recorder, and only by the group that has the cameras."""
+    lines = (SYSTEMD / "devices.conf").read_text(encoding="utf-8").splitlines()
+    allowed = {line.removeprefix("DeviceAllow=") for line in lines if line.startswith("DeviceAllow=")}
+
+    assert setting("DevicePolicy") == "closed"
+    assert allowed == {"char-video4linux rw", "char-media rw", "char-dma_heap rw"}
+    assert "SupplementaryGroups=video" in lines
 
 
 def test_unit_and_recorder_agree() -> None:
@@ -123,11 +143,19 @@ def packages(lock: Path) -> dict[str, str]:
 
 def test_box_gets_the_versions_that_are_tested() -> None:
     """Its list of packages is a part of the project's, and nothing of the desk is in it."""
-    box = packages(SYSTEMD / "requirements.lock")
+    box, video, desk = (
+        packages(path) for path in (SYSTEMD / "requirements.lock", SYSTEMD / "requirements-video.lock", DESK)
+    )
 
     assert box
-    assert box.items() <= packages(SYSTEMD.parent / "requirements.lock").items()
-    assert not {name for name in box if name.startswith(("opencv", "numpy", "pytest"))}
+    assert box.items() <= desk.items()
+    assert video.items() <= desk.items()
+    assert set(video) == {"av"}
+    assert not {name for name in box if name.startswith(("opencv", "numpy", "pytest", "av"))}
+    assert (
+        packages(SYSTEMD / "requirements-video.lock").items() <= packages(SYSTEMD.parent / "requirements.lock").items()
+    )
+    assert set(packages(SYSTEMD / "requirements-video.lock")) == {"av"}
 
 
 def test_box_gets_what_its_code_imports() -> None:
