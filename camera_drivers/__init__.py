@@ -1,4 +1,4 @@
-"""Camera drivers behind one protocol, `Camera`: the replay of earlier pictures, the QX10, and the simulator of one.
+"""Camera drivers behind one protocol, `Camera`: the QX10 and its simulator, USB, Raspberry Pi and IP cameras, a replay.
 
 In come a driver's options, a clock, and a reporter for what is no picture.
 Out go frames, each a picture as the camera sent it with its times and EXIF, or one sentence that says what to do.

@@ -29,7 +29,8 @@ def pages() -> dict[str, str]:
         ),
         "recorder.yaml.md": _page(
             "The keys of `recorder.yaml`",
-            "An example is in [the box](../box.md), more on the camera's settings in [the camera](../qx10.md)."
+            "An example is in [the box](../box.md), more on the cameras' settings in [cameras](../cameras.md)"
+            " and [the QX10](../qx10.md)."
             " Paths are relative to the file they stand in; a key that is not here is refused.\n\n"
             + field_sections(RecorderConfig),
         ),

@@ -77,6 +77,7 @@ class LiveCamera:
         self._notes = Notes(reporter)
         self._frozen = FrozenWatch(pace.frozen_s, self._notes)
         self._source: Source | None = None
+        self._trouble: CameraError | None = None
         self._sequence = 0
         self._due_ns: int | None = None
         self._heard_ns = 0
@@ -94,6 +95,8 @@ class LiveCamera:
             The configuration is of no use.
         """
         self._source = self._connect(Waiter(self._clock, self._reporter), self._notes)
+        self._trouble = None
+        self._frozen.begin()
         self.identity = self._source.identity
         self._heard_ns = self._said_ns = self._now_ns()
         self._notes.say("connected", f"{self.identity.model or 'a camera'}: {self.identity.note}")
@@ -117,6 +120,7 @@ class LiveCamera:
         """
         if self._source is None:
             raise CameraError("The camera is not connected; enter it first.")
+        self._raise_trouble()
         while not stop.is_set():
             picture = self._source.next_picture(LOOK_S)
             now_ns = self._now_ns()
@@ -127,10 +131,17 @@ class LiveCamera:
             self._heard_ns = now_ns
             sha256 = hashlib.sha256(picture.encoded).hexdigest()
             self._count_missed(picture)
-            self._frozen.look((sha256, picture.number), now_ns, self._sequence)
+            self._trouble = self._frozen.look((sha256, picture.number), now_ns, self._sequence)
             if self._is_due(picture):
                 return self._frame(picture, sha256)
+            self._raise_trouble()
         return None
+
+    def _raise_trouble(self) -> None:
+        """Raise what was found out with a picture that was still to be handed over."""
+        trouble, self._trouble = self._trouble, None
+        if trouble is not None:
+            raise trouble
 
     def _refuse_stall(self, now_ns: int) -> None:
         if now_ns - self._heard_ns >= self._pace.stall_s * NS_PER_S:

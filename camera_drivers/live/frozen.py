@@ -18,7 +18,7 @@ from camera_drivers.waiting import Notes
 from flight_file.frame import NS_PER_S
 
 STATE = "frozen"
-_WHAT = ("the picture", "the picture's number")
+_PICTURE, _NUMBER = _WHAT = ("the picture", "the picture's number")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,12 @@ class FrozenWatch:
         self._reconnected_for: dict[str, Hashable] = {}
         self._said: set[str] = set()
 
-    def look(self, values: tuple[Hashable, Hashable], now_ns: int, sequence: int) -> None:
-        """Look at a picture's digest and number.
+    def begin(self) -> None:
+        """Begin with a new connection, which may count its pictures anew."""
+        self._standing.pop(_NUMBER, None)
+
+    def look(self, values: tuple[Hashable, Hashable], now_ns: int, sequence: int) -> CameraError | None:
+        """Look at a picture's digest and number; give the reason to connect again, if there is one.
 
         Parameters
         ----------
@@ -55,18 +59,15 @@ class FrozenWatch:
             By the monotonic clock.
         sequence
             Of the frame that it is or would be, for the report.
-
-        Raises
-        ------
-        CameraError
-            One of them has stood still for too long, and connecting again was not tried yet.
         """
+        trouble = None
         for what, value in zip(_WHAT, values, strict=True):
             held = self._standing.get(what)
             if held is None or held.value != value:
                 self._moved(what, _Standing(value, now_ns, sequence))
             elif now_ns - held.since_ns >= self._frozen_s * NS_PER_S:
-                self._stands(what, held)
+                trouble = self._stands(what, held) or trouble
+        return trouble
 
     def _moved(self, what: str, standing: _Standing) -> None:
         self._standing[what] = standing
@@ -74,10 +75,10 @@ class FrozenWatch:
             self._said.discard(what)
             self._notes.say(STATE, f"{what} changes again", sequence=standing.sequence)
 
-    def _stands(self, what: str, held: _Standing) -> None:
+    def _stands(self, what: str, held: _Standing) -> CameraError | None:
         if self._reconnected_for.get(what) != held.value:
             self._reconnected_for[what] = held.value
-            raise CameraError(
+            return CameraError(
                 f"{what[0].upper()}{what[1:]} has not changed for {self._frozen_s:g} s, since frame {held.sequence}; "
                 "the camera is connected again."
             )
@@ -89,3 +90,4 @@ class FrozenWatch:
                 " and on",
                 sequence=held.sequence,
             )
+        return None

@@ -19,7 +19,7 @@ from contextlib import suppress
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock, realtime_ns
-from camera_drivers.errors import CameraUnusableError
+from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
 from camera_drivers.live.source import Picture
 from camera_drivers.reporter import Reporter
@@ -79,6 +79,7 @@ class UvcSource:
         self._regions: list[Region] = []
         self._last: tuple[int, int] | None = None  # sequence and monotonic time of the last buffer
         self._missed: dict[str, int] = {}
+        self._failed: CameraError | None = None
         try:
             self._device = open_device(options.device)
         except OSError as error:
@@ -94,6 +95,8 @@ class UvcSource:
 
     def next_picture(self, wait_s: float) -> Picture | None:
         """Wait for the next buffer; see `Source`."""
+        if self._failed is not None:
+            raise self._failed
         try:
             if not self._device.wait(wait_s):
                 return None
@@ -102,13 +105,15 @@ class UvcSource:
             received = self._clock.read()
             encoded = self._regions[buffer.index][: buffer.bytesused]
             damaged = bool(buffer.flags & v4l2.BUFFER_ERROR)
-            picture = self._picture(buffer, encoded, received, damaged=damaged)
-            self._device.ioctl(Request.QBUF, buffer)
         except OSError as error:
             if error.errno == errno.EAGAIN:  # another thread of the kernel was faster
                 return None
             raise failure(self._path, "receiving a picture", error) from error
-        return picture
+        try:
+            self._device.ioctl(Request.QBUF, buffer)
+        except OSError as error:  # it was unplugged just now; the picture is here all the same
+            self._failed = failure(self._path, "receiving a picture", error)
+        return self._picture(buffer, encoded, received, damaged=damaged)
 
     def close(self) -> None:
         """Stop the stream and give everything back, so that a camera that is plugged in gets its old name."""

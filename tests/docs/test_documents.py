@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from pydantic import BaseModel
 
 from camera_drivers.qx10.simulator.faults import FAULTS
 from decoder.outputs.garmin_output import BY_NAME
@@ -16,7 +17,7 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.panel import parse_panel
 from decoder.timeseries.name_mapping import read_mapping
 from recorder.config import parse_config
-from recorder.settings.cameras import Qx10Settings
+from recorder.settings.cameras import PicameraSettings, Qx10Settings, RtspSettings, UvcSettings
 from tests.docs.samples import FENCE
 from tests.programs import ROOT, ran
 
@@ -140,6 +141,18 @@ def test_camera_examples_are_such() -> None:
     assert parse_camera(blocks(ROOT / "docs" / "calibration.md", "yaml")[0]).lens(4.45, (4896, 3672)).distorts
     assert parse_config(yaml.safe_load(example)).camera.driver == "qx10"
     assert set(camera) == set(Qx10Settings.model_fields)
+
+
+def test_live_camera_examples_are_such() -> None:
+    """The settings in docs/cameras.md are taken, for each driver, and none is missing."""
+    found = {}
+    for example in blocks(ROOT / "docs" / "cameras.md", "yaml"):
+        camera = yaml.safe_load(example)["camera"]
+        found[camera["driver"]] = set(camera)
+        assert parse_config(yaml.safe_load(example)).camera.driver == camera["driver"]
+
+    models: dict[str, type[BaseModel]] = {"uvc": UvcSettings, "picamera": PicameraSettings, "rtsp": RtspSettings}
+    assert found == {name: set(model.model_fields) for name, model in models.items()}
 
 
 def test_every_fault_of_the_simulator_is_documented() -> None:

@@ -200,6 +200,7 @@ def test_ip_camera_is_recorded_over_lost_connections_and_its_password_is_nowhere
     decoder = av.CodecContext.create("h264", "r")
     shown = [each for frame in flight.frames() for each in decoder.decode(av.Packet(frame.encoded))]
 
+    assert [frame for frame in flight.shown() if frame.group is None or frame.group.trouble] == []
     assert stored[:80] == [nal_units(unit) for unit in units] * 2
     assert len([*shown, *decoder.decode(None)]) == len(stored)
     assert [frame.sequence for frame in flight.frames()] == list(range(len(stored)))

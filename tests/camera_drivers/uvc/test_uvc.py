@@ -201,14 +201,39 @@ def test_stall_is_an_error_and_a_wait_is_reported(bench: Bench, jpegs: list[byte
 def test_frozen_camera_is_connected_again_once(bench: Bench, jpegs: list[bytes]) -> None:
     """With the same picture after that it is recorded on, and the flight says from where to where it stood still."""
     bench.webcam.shoots(*[jpegs[0]] * 30, jpegs[1], jpegs[2])
-    frames = bench.take(31, rate_hz=10, pace=Pace(frozen_s=1.0))
+    frames = bench.take(32, rate_hz=10, pace=Pace(frozen_s=1.0))
 
     assert bench.failures == ["The picture has not changed for 1 s, since frame 0; the camera is connected again."]
     assert len(bench.webcam.opened) == 2
-    # The picture at which it was found out is not stored; all others are.
-    assert [frame.encoded for frame in frames] == [*[jpegs[0]] * 29, jpegs[1], jpegs[2]]
+    assert [frame.encoded for frame in frames] == [*[jpegs[0]] * 30, jpegs[1], jpegs[2]]
     said = [(each.sequence, each.reason.partition(":")[0]) for each in bench.listener.reports if each.state == "frozen"]
-    assert said == [(0, "the picture is the same after connecting again"), (29, "the picture changes again")]
+    assert said == [(0, "the picture is the same after connecting again"), (30, "the picture changes again")]
+
+
+def test_numbers_that_begin_anew_with_a_connection_are_not_frozen(bench: Bench, jpegs: list[bytes]) -> None:
+    """However long the camera was away."""
+    camera = bench.camera(pace=Pace(stall_s=4.0, frozen_s=2.0))
+    sequences = []
+    for jpeg in jpegs[:3]:
+        bench.webcam.shoots(jpeg)
+        with camera:
+            sequences.append(camera.next_frame(threading.Event()).sequence)
+            with pytest.raises(CameraError, match="no picture for 4 s"):
+                camera.next_frame(threading.Event())
+
+    assert sequences == [0, 1, 2]
+
+
+def test_picture_that_came_just_before_the_plug_was_pulled_is_there(bench: Bench, jpegs: list[bytes]) -> None:
+    """Its buffer cannot be given back; that is an error of the next picture."""
+    bench.webcam.steps.append(lambda camera: camera.refused_requests.add(v4l2.Request.QBUF))
+    with bench.camera() as camera:
+        bench.webcam.shoots(jpegs[0])
+        frame = camera.next_frame(threading.Event())
+        with pytest.raises(CameraNotFoundError, match="plug it in"):
+            camera.next_frame(threading.Event())
+
+    assert frame.encoded == jpegs[0]
 
 
 @pytest.mark.parametrize(("flags", "late_ns"), [(0x4000, 5_000_000), (0, -5_000_000), (0, 60 * NS_PER_S)])

@@ -65,6 +65,7 @@ class Webcam:
     )
     steps: deque[Step] = field(default_factory=deque)
     refusing: set[int] = field(default_factory=set)
+    refused_requests: set[int] = field(default_factory=set)
     opening: list[int] = field(default_factory=list)
     plugged: bool = True
     rate_hz: int = 30
@@ -169,7 +170,7 @@ class OpenedWebcam:
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int) -> None:
         """Answer as the kernel's drivers do."""
-        if not self._camera.plugged:
+        if not self._camera.plugged or request in self._camera.refused_requests:
             refuse(errno.ENODEV)
         answers: dict[int, Callable[[Any], None]] = {
             Request.QUERYCAP: self._capability,
