@@ -26,13 +26,13 @@ from camera_drivers.errors import CameraError, CameraSilentError
 from camera_drivers.exif import read_exif
 from camera_drivers.jpeg import jpeg_facts
 from camera_drivers.live.frozen import FrozenWatch
-from camera_drivers.live.source import Picture, Source
+from camera_drivers.live.source import Missed, Picture, Source
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import LOOK_S, SAY_S
 from camera_drivers.waiting import Notes, Waiter
 from flight_file.frame import JPEG, NS_PER_S, Exif, Frame, HostTimes
 
-Connect = Callable[[Waiter, Notes], Source]
+Connect = Callable[[Waiter, Notes, Missed], Source]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,8 @@ class LiveCamera:
     driver
         As recorder.yaml calls it.
     connect
-        Opens the source; raises CameraError. Its waits are reported, and its notes come into the flight once.
+        Opens the source; raises CameraError. Its waits are reported, its notes come into the flight once, and what it
+        loses is counted.
     clock
         The box's; it must be a clock that really waits.
     reporter
@@ -78,6 +79,7 @@ class LiveCamera:
         self._frozen = FrozenWatch(pace.frozen_s, self._notes)
         self._source: Source | None = None
         self._trouble: CameraError | None = None
+        self._missed = Missed()
         self._sequence = 0
         self._due_ns: int | None = None
         self._heard_ns = 0
@@ -94,7 +96,7 @@ class LiveCamera:
         CameraUnusableError
             The configuration is of no use.
         """
-        self._source = self._connect(Waiter(self._clock, self._reporter), self._notes)
+        self._source = self._connect(Waiter(self._clock, self._reporter), self._notes, self._missed)
         self._trouble = None
         self._frozen.begin()
         self.identity = self._source.identity
@@ -109,6 +111,7 @@ class LiveCamera:
         source, self._source = self._source, None
         if source is not None:
             source.close()
+            self._count_missed(self._now_ns())
 
     def next_frame(self, stop: threading.Event) -> Frame | None:
         """Wait for the next picture that is to be kept; return None soon after `stop` is set.
@@ -125,12 +128,13 @@ class LiveCamera:
             picture = self._source.next_picture(LOOK_S)
             now_ns = self._now_ns()
             self._say_waiting(now_ns)
+            alive = self._count_missed(now_ns)
+            if alive or picture is not None:
+                self._heard_ns = now_ns
             if picture is None:
                 self._refuse_stall(now_ns)
                 continue
-            self._heard_ns = now_ns
             sha256 = hashlib.sha256(picture.encoded).hexdigest()
-            self._count_missed(picture)
             self._trouble = self._frozen.look((sha256, picture.number), now_ns, self._sequence)
             if self._is_due(picture):
                 return self._frame(picture, sha256)
@@ -153,17 +157,22 @@ class LiveCamera:
             self._said_ns = now_ns
             self._reporter.waiting("the next picture is not there yet, or not due")
 
-    def _count_missed(self, picture: Picture) -> None:
-        """Count what was lost and would have been kept: a picture that was not due yet is no loss."""
-        lost = sum(picture.missed.values())
+    def _count_missed(self, now_ns: int) -> bool:
+        """Count what was lost and would have been kept; return whether it shows that the camera works.
+
+        A picture that was not due yet is no loss.
+        """
+        missed, alive = self._missed.take()
+        left = sum(missed.values())
         if self._due_ns is not None:
-            late_ns = picture.received.monotonic_ns - self._due_ns
-            lost = min(lost, max(late_ns, 0) // self._interval_ns())
-        for reason, count in picture.missed.items():
-            for _ in range(min(count, lost)):
+            left = min(left, max(now_ns - self._due_ns, 0) // self._interval_ns())
+        for reason, count in missed.items():
+            lost = min(count, left)
+            for _ in range(lost):
                 self._reporter.lost(reason)
-            self._sequence += min(count, lost)
-            lost -= min(count, lost)
+            self._sequence += lost
+            left -= lost
+        return alive
 
     def _is_due(self, picture: Picture) -> bool:
         """Pictures are due at equal intervals; one that was missed is not made up for."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 from camera_drivers.camera import CameraIdentity
@@ -28,8 +29,6 @@ class Picture:
         As in `Frame`; the size is None where the picture's own header says it.
     exposure_s
         If the source states it, seconds.
-    missed
-        Pictures that were lost between the one before and this one, by reason (short, without numbers).
     """
 
     encoded: bytes
@@ -40,13 +39,39 @@ class Picture:
     format: str = JPEG
     size_px: tuple[int, int] | None = None
     exposure_s: float | None = None
-    missed: Mapping[str, int] = field(default_factory=dict)
 
     def exif(self, own: Exif) -> Exif:
         """Complete the picture's own EXIF with what the source states."""
         if own.exposure_s is not None or self.exposure_s is None:
             return own
         return Exif(own.focal_length_mm, self.exposure_s, own.f_number, own.iso, own.datetime)
+
+
+class Missed:
+    """Counts the pictures that a source lost, until its camera asks."""
+
+    def __init__(self) -> None:
+        self._counts = Counter[str]()
+        self._alive = False
+
+    def add(self, reason: str, count: int = 1, *, alive: bool = False) -> None:
+        """Count some more.
+
+        Parameters
+        ----------
+        reason
+            Short, without numbers.
+        alive
+            Whether they show that the camera works, though none of them can be kept.
+        """
+        self._counts[reason] += count
+        self._alive = self._alive or alive
+
+    def take(self) -> tuple[Mapping[str, int], bool]:
+        """Return the counts by reason and whether the camera is alive, and begin anew."""
+        counts, alive = self._counts, self._alive
+        self._counts, self._alive = Counter[str](), False
+        return counts, alive
 
 
 class Source(Protocol):

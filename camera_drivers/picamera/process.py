@@ -29,7 +29,7 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock, realtime_ns
 from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
-from camera_drivers.live.source import Picture
+from camera_drivers.live.source import Missed, Picture
 from camera_drivers.picamera.cutting import AccessUnitCutter, Cutter, JpegCutter, RecordCutter
 from camera_drivers.picamera.options import Options, arguments
 from camera_drivers.reporter import Reporter
@@ -50,7 +50,7 @@ def picamera(options: Options, clock: Clock, reporter: Reporter) -> LiveCamera:
     """Make the camera that the options describe; nothing is started yet."""
     return LiveCamera(
         DRIVER,
-        lambda _waiter, notes: PicameraSource(options, clock, notes),
+        lambda _waiter, notes, missed: PicameraSource(options, clock, notes, missed),
         pace=options.pace,
         clock=clock,
         reporter=reporter,
@@ -66,10 +66,11 @@ class PicameraSource:
         The program is not installed, or cannot be started.
     """
 
-    def __init__(self, options: Options, clock: Clock, notes: Notes) -> None:
+    def __init__(self, options: Options, clock: Clock, notes: Notes, missed: Missed) -> None:
         self._options = options
         self._clock = clock
         self._notes = notes
+        self._missed = missed
         self._cutter: Cutter = _CUTTERS[options.codec]()
         self._records = RecordCutter()
         self._pictures: deque[tuple[bytes, ClockReading]] = deque()
@@ -148,14 +149,13 @@ class PicameraSource:
         if sensor_ns is not None and delay_ns is not None and 0 <= delay_ns <= self._options.pace.stall_s * NS_PER_S:
             number, taken_ns = sensor_ns, sensor_ns - exposure_ns // 2 + frame_ns // 4
             sigma_ns = round(frame_ns / 2 / math.sqrt(12))
-            missed = self._skipped(sensor_ns, frame_ns)
+            self._count_skipped(sensor_ns, frame_ns)
         else:
             if sensor_ns is not None:
                 self._notes.say_once("clock", "the sensor's times are of no use; the pictures' arrival is taken")
             # Exposure, processing and encoding take two frames' time or so.
             number, taken_ns = arrived.monotonic_ns, arrived.monotonic_ns - frame_ns
             sigma_ns = round(2 * frame_ns / math.sqrt(12))
-            missed = {}
         return Picture(
             encoded=encoded,
             received=arrived,
@@ -165,15 +165,15 @@ class PicameraSource:
             format=JPEG if self._options.codec == "mjpeg" else self._options.codec,
             size_px=self._options.size_px,
             exposure_s=exposure_ns / NS_PER_S or None,
-            missed=missed,
         )
 
-    def _skipped(self, sensor_ns: int, frame_ns: int) -> dict[str, int]:
+    def _count_skipped(self, sensor_ns: int, frame_ns: int) -> None:
         """Count the pictures for which there was time since the last one, at the slower of the two rates."""
         last_ns, slower_ns = self._last_sensor_ns, max(frame_ns, self._last_frame_ns)
         self._last_sensor_ns, self._last_frame_ns = sensor_ns, frame_ns
         skipped = 0 if last_ns is None else round((sensor_ns - last_ns) / slower_ns) - 1
-        return {SKIPPED: skipped} if skipped > 0 else {}
+        if skipped > 0:
+            self._missed.add(SKIPPED, skipped)
 
     def _frame_ns(self) -> int:
         return round(NS_PER_S / self._options.rate_hz) if self._options.rate_hz else _USUAL_FRAME_NS

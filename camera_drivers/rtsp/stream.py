@@ -31,7 +31,7 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
-from camera_drivers.live.source import Picture
+from camera_drivers.live.source import Missed, Picture
 from camera_drivers.reporter import Reporter
 from camera_drivers.rtsp.options import Options, with_credentials
 from camera_drivers.rtsp.times import Stamps, StreamTimes
@@ -59,12 +59,12 @@ _OPTIONS = {
 def rtsp_camera(options: Options, clock: Clock, reporter: Reporter) -> LiveCamera:
     """Make the camera that the options describe; nothing is opened yet."""
 
-    def connect(waiter: Waiter, notes: Notes) -> RtspSource:
+    def connect(waiter: Waiter, notes: Notes, missed: Missed) -> RtspSource:
         url, place = with_credentials(options), _place(options.url)
         work = partial(_opened, url, options)
         # FFmpeg's own limit ends it; ours is for what that does not hold, such as looking up a name.
         container = waiter.until_done(f"connecting to {place}", work, lambda: None, limit_s=2 * options.open_s)
-        return RtspSource(container, options, clock, notes)
+        return RtspSource(container, options, clock, notes, missed)
 
     return LiveCamera(DRIVER, connect, pace=options.pace, clock=clock, reporter=reporter)
 
@@ -92,7 +92,7 @@ class RtspSource:
         It is no stream of H.264 or H.265.
     """
 
-    def __init__(self, container: InputContainer, options: Options, clock: Clock, notes: Notes) -> None:
+    def __init__(self, container: InputContainer, options: Options, clock: Clock, notes: Notes, missed: Missed) -> None:
         try:
             stream = _video(container, options)
         except BaseException:
@@ -106,7 +106,7 @@ class RtspSource:
         self._held: deque[_Unit] = deque()
         self._is_settled = False
         self._failure: CameraError | None = None
-        self._missed: dict[str, int] = {}
+        self._missed = missed
         self._has_key = False
         self._reader = _Reader(lambda: _units(container, stream, clock), container.close)
         self._reader.start()
@@ -150,11 +150,12 @@ class RtspSource:
 
     def _picture(self, unit: _Unit) -> Picture | None:
         self._has_key = self._has_key or unit.is_key
-        reason = DAMAGED if unit.is_damaged else "" if self._has_key else NO_KEY_FRAME
-        if reason:
-            self._missed[reason] = self._missed.get(reason, 0) + 1
+        if unit.is_damaged:
+            self._missed.add(DAMAGED)
             return None
-        missed, self._missed = self._missed, {}
+        if not self._has_key:
+            self._missed.add(NO_KEY_FRAME, alive=True)  # there may be a minute between key frames
+            return None
         taken_ns, sigma_ns = self._times.taken(unit.stamps, is_key=unit.is_key)
         return Picture(
             encoded=self._with_sets(unit),
@@ -164,7 +165,6 @@ class RtspSource:
             number=unit.given.monotonic_ns if unit.stamps.stream_ns is None else unit.stamps.stream_ns,
             format=self._format,
             size_px=self._size_px,
-            missed=missed,
         )
 
     def _with_sets(self, unit: _Unit) -> bytes:

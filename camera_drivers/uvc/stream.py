@@ -21,7 +21,7 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock, realtime_ns
 from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
-from camera_drivers.live.source import Picture
+from camera_drivers.live.source import Missed, Picture
 from camera_drivers.reporter import Reporter
 from camera_drivers.uvc import v4l2
 from camera_drivers.uvc.controls import STATE, set_controls
@@ -51,7 +51,7 @@ def uvc_camera(
     """Make the camera that the options describe; nothing is opened yet."""
     return LiveCamera(
         DRIVER,
-        lambda _waiter, notes: UvcSource(options, clock, notes, open_device),
+        lambda _waiter, notes, missed: UvcSource(options, clock, notes, missed, open_device=open_device),
         pace=options.pace,
         clock=clock,
         reporter=reporter,
@@ -71,14 +71,16 @@ class UvcSource:
         It cannot be used now.
     """
 
-    def __init__(self, options: Options, clock: Clock, notes: Notes, open_device: OpenDevice) -> None:
+    def __init__(
+        self, options: Options, clock: Clock, notes: Notes, missed: Missed, *, open_device: OpenDevice
+    ) -> None:
         self._path = options.device
         self._clock = clock
         self._notes = notes
         self._stall_ns = round(options.pace.stall_s * NS_PER_S)
         self._regions: list[Region] = []
         self._last: tuple[int, int] | None = None  # sequence and monotonic time of the last buffer
-        self._missed: dict[str, int] = {}
+        self._missed = missed
         self._failed: CameraError | None = None
         try:
             self._device = open_device(options.device)
@@ -129,9 +131,8 @@ class UvcSource:
         self._count_gap(buffer.sequence, received.monotonic_ns)
         reason = DAMAGED if damaged else "" if encoded.startswith(SOI) else NO_JPEG
         if reason:
-            self._missed[reason] = self._missed.get(reason, 0) + 1
+            self._missed.add(reason)
             return None
-        missed, self._missed = self._missed, {}
         taken_ns = self._taken_ns(buffer, received)
         return Picture(
             encoded=encoded,
@@ -139,7 +140,6 @@ class UvcSource:
             taken_ns=realtime_ns(taken_ns, received),
             sigma_ns=round(2 * self._frame_ns / math.sqrt(12)),
             number=buffer.sequence,
-            missed=missed,
         )
 
     def _count_gap(self, sequence: int, now_ns: int) -> None:
@@ -150,7 +150,7 @@ class UvcSource:
         gap = (sequence - last[0]) % _COUNTER - 1
         gap = min(gap, (now_ns - last[1]) // self._frame_ns) if gap < _COUNTER // 2 else 0
         if gap > 0:
-            self._missed[NOT_DELIVERED] = self._missed.get(NOT_DELIVERED, 0) + gap
+            self._missed.add(NOT_DELIVERED, gap)
 
     def _taken_ns(self, buffer: v4l2.Buffer, received: ClockReading) -> int:
         """Estimate mid-exposure by the monotonic clock."""

@@ -162,6 +162,17 @@ def test_what_was_lost_is_counted_with_its_reason(bench: Bench, jpegs: list[byte
     assert bench.listener.losses == [NOT_DELIVERED] * 2 + [DAMAGED] + [NO_JPEG] * 2
 
 
+def test_what_was_lost_last_is_counted_when_the_camera_is_left(bench: Bench, jpegs: list[bytes]) -> None:
+    """Damaged pictures are no sign of life: the camera is connected again, and they count all the same."""
+    bench.webcam.shoots(*jpegs, flags=v4l2.TIMESTAMP_MONOTONIC | v4l2.BUFFER_ERROR)
+    camera = bench.camera(rate_hz=5, pace=Pace(stall_s=2.0))
+    with camera, pytest.raises(CameraError, match="no picture for 2 s"):
+        camera.next_frame(threading.Event())
+
+    assert len(bench.webcam.steps) == len(jpegs) - len(bench.listener.losses) > 0
+    assert set(bench.listener.losses) == {DAMAGED}
+
+
 def test_numbers_that_begin_anew_or_run_wild_are_no_losses(bench: Bench, jpegs: list[bytes]) -> None:
     """No more can be lost than there was time for."""
     bench.webcam.shoots(jpegs[0])
