@@ -17,14 +17,14 @@ import queue
 import struct
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from urllib.parse import urlsplit
 
 import av
 from av.container import InputContainer
-from av.error import FFmpegError, HTTPUnauthorizedError
+from av.error import FFmpegError, HTTPNotFoundError, HTTPUnauthorizedError, InvalidDataError
 from av.video.stream import VideoStream
 
 from camera_drivers.camera import CameraIdentity
@@ -48,6 +48,10 @@ ENDED = "the stream ended"
 _FORMATS = {"h264": "h264", "hevc": "h265"}
 _PRFT = struct.Struct("=qi")  # AVProducerReferenceTime: us since 1970, flags
 _NS_PER_US = 1000
+_MEANING: Mapping[type[FFmpegError], str] = {
+    HTTPNotFoundError: "there is no such stream; correct camera.url",
+    InvalidDataError: "it does not answer, or not as an RTSP server",
+}
 _OPTIONS = {
     "rtsp_transport": "tcp",
     "allowed_media_types": "video",
@@ -234,7 +238,8 @@ def _opened(url: str, options: Options) -> InputContainer:
         what = "asks for user and password" if options.credentials is None else "does not take user and password"
         problem = f"{_place(options.url)}: the camera {what}; see camera.credentials in docs/cameras.md."
     except (FFmpegError, OSError) as error:
-        raise CameraError(f"{_place(options.url)}: {_sentence(error.strerror or 'no answer')}") from None
+        why = next((meaning for kind, meaning in _MEANING.items() if isinstance(error, kind)), error.strerror)
+        raise CameraError(f"{_place(options.url)}: {_sentence(why)}") from None
     raise CameraUnusableError(problem)
 
 

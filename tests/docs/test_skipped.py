@@ -23,6 +23,6 @@ def test_a_run_ends_with_a_line_for_each_missing_thing() -> None:
     assert re.fullmatch(
         r"skipped \d+ in tests/setup: no Chromium; apt-get install -y chromium fonts-dejavu-core", browser
     )
-    assert systemd == "skipped 2 in tests/systemd: no systemd-analyze; apt-get install -y systemd"
+    assert systemd == "skipped 4 in tests/systemd: no systemd-analyze; apt-get install -y systemd"
     assert re.match(r"\d+ passed, \d+ skipped in ", closing)
     assert done.stdout.count("Chromium") == 1

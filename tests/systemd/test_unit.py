@@ -69,7 +69,7 @@ def test_only_cameras_are_let_in() -> None:
 
     assert setting("DevicePolicy") == "closed"
     assert allowed == {"char-video4linux rw", "char-media rw", "char-dma_heap rw"}
-    assert "SupplementaryGroups=video" in lines
+    assert {"SupplementaryGroups=video", "KillMode=mixed"} <= set(lines)
 
 
 def test_unit_and_recorder_agree() -> None:
