@@ -130,6 +130,56 @@ class GpsFix:
 
 
 @dataclass(frozen=True, slots=True)
+class SoundPeaks:
+    """The strongest tones of a short window of sound; neither their phases nor what lies between them.
+
+    Attributes
+    ----------
+    time_ns
+        The window's middle, by the frames' clock.
+    window_s
+        How long it is.
+    frequencies_hz
+        Of the peaks of its spectrum, rising.
+    levels_db
+        Of each peak: as a tone, relative to a full-scale sine.
+    above_db
+        Of each peak: how far it stands above the spectrum around it.
+    """
+
+    time_ns: int
+    window_s: float
+    frequencies_hz: tuple[float, ...]
+    levels_db: tuple[float, ...]
+    above_db: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SoundPacket:
+    """A packet of a film's sound, byte for byte as it came; only where somebody asked for it.
+
+    Attributes
+    ----------
+    time_ns
+        When it begins, by the frames' clock.
+    codec
+        What FFmpeg calls it, such as `aac`.
+    header
+        What a decoder needs before the first packet; empty for many codecs.
+    """
+
+    time_ns: int
+    codec: str
+    sample_rate_hz: int
+    channels: int
+    header: bytes
+    encoded: bytes
+
+
+Sound = SoundPeaks | SoundPacket
+
+
+@dataclass(frozen=True, slots=True)
 class Group:
     """A group of pictures of a video: what it takes to decode each of them, in decoding order.
 
@@ -183,6 +233,8 @@ class Frame:
         How long the camera takes from the first row of its sensor to the last; None where nobody knows.
     fixes
         Positions that came with it; a reader has them from `Flight.fixes`, and not here.
+    sound
+        What was heard beside it; a reader has it from `Flight.heard`, and not here.
     group, place
         The group of pictures that a video's picture is decoded with, and which of its pictures it is in the order of
         time; None and 0 where a flight is not read for its pictures.
@@ -203,6 +255,7 @@ class Frame:
     origin: Origin | None = None
     readout_s: float | None = None
     fixes: tuple[GpsFix, ...] = field(default=(), compare=False, repr=False)
+    sound: tuple[Sound, ...] = field(default=(), compare=False, repr=False)
     group: Group | None = field(default=None, compare=False, repr=False)
     place: int = field(default=0, compare=False)
 

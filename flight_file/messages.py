@@ -1,7 +1,7 @@
 """The messages of a flight file: topics and schemas, and frames and reports as bytes.
 
 The order of `TOPICS` is part of the format: our writer registers the channels in this order, so that their ids are 1
-to 7 in each of our files; those that do not need them lack the last two. MCAP keeps the channel records only in the
+to 9 in each of our files; those that do not need them lack the last ones. MCAP keeps the channel records only in the
 chunk in which they come first; a reader that finds this chunk lost goes on with this table.
 
 Times in JSON are `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles.
@@ -42,7 +42,10 @@ HEALTH_TOPIC = "/recorder/health"
 LOG_TOPIC = "/recorder/log"
 VIDEO_TOPIC = "/camera/video"
 FIX_TOPIC = "/gps/fix"
-LATE_TOPICS = (VIDEO_TOPIC, FIX_TOPIC)
+PEAKS_TOPIC = "/sound/peaks"
+PACKET_TOPIC = "/sound/packet"
+SOUND_TOPICS = frozenset({PEAKS_TOPIC, PACKET_TOPIC})
+LATE_TOPICS = (VIDEO_TOPIC, FIX_TOPIC, PEAKS_TOPIC, PACKET_TOPIC)
 """They stand in a file only if it has such messages."""
 PICTURE_TOPICS = frozenset({IMAGE_TOPIC, VIDEO_TOPIC})
 """A frame's picture is on one of them."""
@@ -66,6 +69,10 @@ class Topic:
 
 def _number(description: str, *, kind: str = "number") -> dict[str, Any]:
     return {"type": kind, "description": description}
+
+
+def _numbers(description: str) -> dict[str, Any]:
+    return {"type": "array", "items": {"type": "number"}, "description": description}
 
 
 def _text(description: str) -> dict[str, Any]:
@@ -233,6 +240,33 @@ _FIX_SCHEMA = _schema(
 )
 
 
+_PEAKS_SCHEMA = _schema(
+    "flight.SoundPeaks",
+    ["time", "window_s", "frequencies_hz", "levels_db", "above_db"],
+    {
+        "time": _time("the middle of the window, by the frames' clock"),
+        "window_s": _number("length of the window, s"),
+        "frequencies_hz": _numbers("the strongest peaks of its spectrum, Hz, rising"),
+        "levels_db": _numbers("of each peak: its level as a tone, dB relative to a full-scale sine"),
+        "above_db": _numbers("of each peak: its level above the spectrum around it, dB"),
+    },
+)
+
+
+_PACKET_SCHEMA = _schema(
+    "flight.SoundPacket",
+    ["time", "codec", "sample_rate_hz", "channels", "data"],
+    {
+        "time": _time("when the packet begins, by the frames' clock"),
+        "codec": _text("what FFmpeg calls it, such as aac"),
+        "sample_rate_hz": _number("samples a second", kind="integer"),
+        "channels": _number("how many", kind="integer"),
+        "header": _text("what a decoder needs before the first packet (FFmpeg's extradata), base64; absent if nothing"),
+        "data": _text("the packet, byte for byte as it came from the file, base64"),
+    },
+)
+
+
 def _protobuf(name: str, message: type[CompressedImage | CompressedVideo | Log]) -> Topic:
     descriptors = build_file_descriptor_set(message).SerializeToString(deterministic=True)
     return Topic(name, "protobuf", message.DESCRIPTOR.full_name, "protobuf", descriptors)
@@ -250,6 +284,8 @@ TOPICS: tuple[Topic, ...] = (
     _protobuf(LOG_TOPIC, Log),
     _protobuf(VIDEO_TOPIC, CompressedVideo),
     _json(FIX_TOPIC, "foxglove.LocationFix", _FIX_SCHEMA),
+    _json(PEAKS_TOPIC, "flight.SoundPeaks", _PEAKS_SCHEMA),
+    _json(PACKET_TOPIC, "flight.SoundPacket", _PACKET_SCHEMA),
 )
 
 

@@ -8,23 +8,27 @@ Some frames are picked by reading only the chunks they are in.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate, chain, pairwise
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
 from flight_file.errors import FlightFileError, Loss, LossKind, MixedFlightsError
-from flight_file.frame import VIDEO_FORMATS, Frame, GpsFix
-from flight_file.messages import CHANNEL_TOPICS, FIX_TOPIC, PICTURE_TOPICS, VIDEO_TOPIC, Image
+from flight_file.frame import VIDEO_FORMATS, Frame, GpsFix, Sound
+from flight_file.messages import CHANNEL_TOPICS, FIX_TOPIC, PICTURE_TOPICS, SOUND_TOPICS, VIDEO_TOPIC, Image
 from flight_file.records import ByteSource, ChunkPlace
 from flight_file.segment import Segment, digest_of, open_segment, opened
 from flight_file.session import Session
 from flight_file.video.groups import begins_group, in_groups
-from flight_file.walk import UNREADABLE, Records, fixes_of, items_of, walk
+from flight_file.video.positions import decode_fix
+from flight_file.video.sound import decode_sound
+from flight_file.walk import UNREADABLE, Records, beside, items_of, walk
 
 _Found = tuple[ChunkPlace, Frame] | Loss
+_Beside = TypeVar("_Beside")
 
 
 def spread(total: int, count: int) -> set[int]:
@@ -337,14 +341,27 @@ class Flight:
         FlightNotReadableError
             If the disk fails or a file vanishes meanwhile.
         """
+        return self._beside({FIX_TOPIC: decode_fix})
+
+    def heard(self) -> Iterator[Sound]:
+        """Iterate over what is kept of the sound, as `fixes` over the positions: its strongest tones, or packets too.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails or a file vanishes meanwhile.
+        """
+        return self._beside({topic: partial(decode_sound, topic=topic) for topic in SOUND_TOPICS})
+
+    def _beside(self, decoders: Mapping[str, Callable[[memoryview], _Beside]]) -> Iterator[_Beside]:
         for segment in self.segments:
             channels = dict(CHANNEL_TOPICS)
             with opened(segment.path) as source:
                 for place in segment.chunks:
-                    if place.messages and not any(channels.get(each) == FIX_TOPIC for each in place.messages):
+                    if place.messages and not any(channels.get(each) in decoders for each in place.messages):
                         continue
                     try:
-                        yield from fixes_of(segment, source, place, channels)
+                        yield from beside(segment, source, place, channels, decoders)
                     except UNREADABLE as error:
                         self._note(Loss(segment.path, place.offset, place.length, str(error), LossKind.DAMAGED))
 

@@ -64,6 +64,8 @@ _ORIGINAL_PREFIX = "original."
 _OF_ORIGINALS = ("name", "size_bytes", "sha256")
 UNKNOWN = "unknown"
 _LOST_BEFORE_KEY = "recovered_lost_before"
+NO_SOUND = "none"
+"""What a video without sound says of it."""
 UNKNOWN_TIME = ClockReading(realtime_ns=0, monotonic_ns=0)
 _MEMBER = b',"chain":"%s"}'
 _SEALED = re.compile(rb'(?P<content>\{.*),"chain":"(?P<value>[0-9a-f]{64})"\}', re.DOTALL)
@@ -85,6 +87,11 @@ class Original:
     size_bytes: int
     sha256: str
     facts: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def has_sound(self) -> bool:
+        """Whether it has sound that was listened to."""
+        return self.facts.get("sound", NO_SOUND) != NO_SOUND
 
 
 @dataclass(frozen=True, slots=True)

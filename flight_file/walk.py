@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, takewhile
+from typing import TypeVar
 
 from flight_file.errors import Loss, LossKind
-from flight_file.frame import Frame, GpsFix, storable
+from flight_file.frame import Frame, storable
 from flight_file.messages import (
     CHANNEL_TOPICS,
-    FIX_TOPIC,
     FRAME_TOPIC,
     PICTURE_TOPICS,
     Image,
@@ -46,9 +46,9 @@ from flight_file.segment import Segment, opened
 from flight_file.session import opened_frame
 from flight_file.summary import Contents
 from flight_file.thresholds import MAX_UNPAIRED
-from flight_file.video.positions import decode_fix
 
 UNREADABLE = (DamagedRecordError, MalformedMessageError)
+_Beside = TypeVar("_Beside")
 _NUMBERS = 2**32  # MCAP numbers messages by 32 bits
 
 
@@ -210,13 +210,19 @@ def items_of(
                 yield item
 
 
-def fixes_of(segment: Segment, source: ByteSource, place: ChunkPlace, channels: dict[int, str]) -> Iterator[GpsFix]:
-    """Iterate over a chunk's positions, as `items_of` over its frames."""
+def beside(
+    segment: Segment,
+    source: ByteSource,
+    place: ChunkPlace,
+    channels: dict[int, str],
+    decoders: Mapping[str, Callable[[memoryview], _Beside]],
+) -> Iterator[_Beside]:
+    """Iterate over what a chunk holds beside its frames, as `items_of` over these; `decoders` by topic."""
     for record in split_chunk(read_chunk(source, place, needs_crc=not segment.finished)):
         if isinstance(record, Channel):
             channels[record.id] = record.topic
-        elif channels.get(record.channel_id) == FIX_TOPIC:
-            yield decode_fix(record.data)
+        elif (decode := decoders.get(channels.get(record.channel_id, ""))) is not None:
+            yield decode(record.data)
 
 
 def decoded(message: Message, channels: Mapping[int, str]) -> Frame | Image | None:

@@ -68,6 +68,7 @@ from flight_file.session import (
 from flight_file.signature import Signer, checkpoint, write_signature
 from flight_file.thresholds import CHUNK_BYTES, SYNC_BYTES, SYNC_NS
 from flight_file.video.positions import encode_fix
+from flight_file.video.sound import encode_sound, sound_topic
 
 LIBRARY = f"image-flight-recorder/{version('image-flight-recorder')}"
 _NEVER_CLOSE_A_CHUNK = 2**62
@@ -259,7 +260,7 @@ class SegmentWriter:
         return self._file.tell() + self._chunk_bytes
 
     def write_frame(self, frame: Frame, at: ClockReading) -> None:
-        """Store a frame that arrived at this time, and the positions that came with it.
+        """Store a frame that arrived at this time, and the positions and the sound that came with it.
 
         Parameters
         ----------
@@ -279,6 +280,9 @@ class SegmentWriter:
         for fix in frame.fixes:
             register_late(self._writer, self._channels, FIX_TOPIC)
             self._add(FIX_TOPIC, encode_fix(fix), log_ns, storable(fix.captured_ns), 0)
+        for sound in frame.sound:
+            register_late(self._writer, self._channels, sound_topic(sound))
+            self._add(sound_topic(sound), encode_sound(sound), log_ns, storable(sound.time_ns), 0)
         self.frames += 1
         if self._chunk_bytes >= CHUNK_BYTES:
             self._close_chunk()

@@ -81,7 +81,13 @@ def _replay(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
         raise TypeError(settings)
     try:
         believed = Believed(settings.start, settings.clock, settings.utc_offset)
-        source = open_source(settings.paths, rate_hz=settings.rate_hz, clock=host.clock, believed=believed)
+        source = open_source(
+            settings.paths,
+            rate_hz=settings.rate_hz,
+            clock=host.clock,
+            believed=believed,
+            keep_sound=settings.keep_sound,
+        )
     except ReplayError as error:
         raise ConfigurationError(f"camera.path: {error}") from error
     live = settings.pace == "realtime"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import click
 
 from flight_file.errors import Loss, LossKind
-from flight_file.frame import Frame
+from flight_file.frame import Frame, SoundPacket, SoundPeaks
 from flight_file.reader import Flight, open_flight
 from flight_file.session import UNKNOWN, Session
 from flight_file.signature import signature_path
@@ -69,11 +70,13 @@ class FrameFacts:
 
 @dataclass(frozen=True, slots=True)
 class FlightInfo:
-    """A flight, the facts of its frames, and what was lost."""
+    """A flight, the facts of its frames, what was lost, and how much of its sound there is."""
 
     flight: Flight
     facts: FrameFacts
     losses: tuple[Loss, ...]
+    sound_windows: int = 0
+    sound_packets: int = 0
 
     @property
     def dropped(self) -> int:
@@ -89,8 +92,8 @@ def inspect(flight: Flight) -> FlightInfo:
     FlightNotReadableError
         If the disk fails.
     """
-    facts = summarize(flight.frames())
-    return FlightInfo(flight=flight, facts=facts, losses=tuple(flight.losses))
+    facts, sounds = summarize(flight.frames()), Counter(map(type, flight.heard()))
+    return FlightInfo(flight, facts, tuple(flight.losses), sounds[SoundPeaks], sounds[SoundPacket])
 
 
 def summarize(frames: Iterable[Frame]) -> FrameFacts:
@@ -151,6 +154,7 @@ def as_json(info: FlightInfo) -> dict[str, Any]:
         "picture_bytes": _pair(facts.picture_bytes),
         "formats": sorted(facts.formats),
         "picture_sizes_px": [list(size) for size in sorted(facts.sizes_px)],
+        "sound": {"windows": info.sound_windows, "packets": info.sound_packets},
         "originals": [
             {"name": one.name, "size_bytes": one.size_bytes, "sha256": one.sha256, "facts": dict(one.facts)}
             for one in flight.session.originals
@@ -187,11 +191,20 @@ def as_text(info: FlightInfo) -> list[str]:
         ("pictures", ", ".join(f"{width}x{height}" for width, height in facts["picture_sizes_px"])),
         ("format", ", ".join(facts["formats"])),
         ("size", _span(facts["picture_bytes"], "bytes")),
+        *([("sound", _sound(info))] if session.originals else []),
         ("attachments", ", ".join(facts["attachments"]) or "none"),
         ("evidence", ", ".join(_evidence(facts["files"]))),
     ]
     lines = [f"{name + ':':<13}{value or 'not known'}" for name, value in rows]
     return lines + list(_original_lines(session)) + _loss_lines(info)
+
+
+def _sound(info: FlightInfo) -> str:
+    """Say what of the sound there is, and that there is none."""
+    if not info.sound_windows:
+        return "none"
+    whole = f", and all of it in {info.sound_packets} packets" if info.sound_packets else ", never speech"
+    return f"the strongest tones of {info.sound_windows} windows{whole}"
 
 
 def _original_lines(session: Session) -> Iterator[str]:

@@ -10,11 +10,12 @@ from typing import Any
 import click
 
 from flight_file.errors import FlightFileError
-from flight_file.frame import JPEG, VIDEO_FORMATS
+from flight_file.frame import JPEG, VIDEO_FORMATS, SoundPacket
 from flight_file.reader import Flight, open_flight
 from flight_file.salvage import Outcome, Recovery, recover_segment
 from flight_file.signature import Signer
 from flight_file.untrusted import file_name, read_beside, say, say_json
+from flight_file.video.sound import playable
 from recorder.cli import DONE_WITH_LOSS, FAILED, failures_as_sentences
 from recorder.config import EvidenceSettings
 from recorder.errors import FileNotWrittenError, ReplayNotPossibleError
@@ -132,11 +133,13 @@ def extract(context: click.Context, files: tuple[Path, ...], directory: Path) ->
     """Take the pictures out of a flight, byte for byte as they were recorded, named by their number.
 
     A video becomes one file, a stream that players and ffmpeg read; the times of its pictures are in the flight alone.
+    Sound that was kept as it is becomes another, named after its codec.
     """
     with failures_as_sentences():
         flight = open_flight(files)
         count = sum(1 for _ in extract_pictures(flight, directory))
-    say(f"{directory}: {count} pictures")
+        packets = extract_sound(flight, directory)
+    say(f"{directory}: {count} pictures{f', {packets} packets of sound' if packets else ''}")
     for loss in flight.losses:
         say(f"  lost: {loss.reason}", err=True)
     context.exit(DONE_WITH_LOSS if flight.losses else 0)
@@ -173,6 +176,31 @@ def extract_pictures(flight: Flight, directory: Path) -> Iterator[Extracted]:
         if is_video:
             begun.add(path)
         yield Extracted(path, frame.sequence)
+
+
+def extract_sound(flight: Flight, directory: Path) -> int:
+    """Write the packets of sound, where they were kept, one after the other; return how many there are.
+
+    Raises
+    ------
+    ReplayNotPossibleError
+        A file has that name already; it is left as it is.
+    FileNotWrittenError
+        They cannot be written.
+    """
+    count, path = 0, directory
+    try:
+        for packet in flight.heard():
+            if isinstance(packet, SoundPacket):
+                path = directory / file_name(f"{flight.recording}.{packet.codec}")
+                with path.open("ab" if count else "xb") as stream:
+                    stream.write(playable(packet))
+                count += 1
+    except FileExistsError as error:
+        raise ReplayNotPossibleError(f"{path}: is there already; choose another folder.") from error
+    except OSError as error:
+        raise FileNotWrittenError(path, error) from error
+    return count
 
 
 def _holds(path: Path, jpeg: bytes) -> bool:

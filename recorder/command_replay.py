@@ -25,6 +25,8 @@ from recorder.run import record
 from recorder.settings.cameras import ReplaySettings
 from recorder.supervision import Stop, stop_on_signals
 
+_AS_IT_IS = ", and all of it as it is"
+_NOT_AS_IT_IS = ", the sound itself is not"
 _NO_LIMIT = 10**10
 """Seconds, MiB or pictures: one file, however long; three centuries, which is more than times in files can span."""
 
@@ -46,7 +48,7 @@ def replay_into(
     attach: AttachSettings,
     host: Host,
     stop: Stop,
-    **times: str | float | None,
+    **times: str | float | bool | None,
 ) -> Replayed:
     """Record pictures into one flight file, named after it.
 
@@ -63,7 +65,7 @@ def replay_into(
     stop
         To end it from elsewhere.
     times
-        What else `ReplaySettings` takes: when the pictures were taken.
+        What else `ReplaySettings` takes: when the pictures were taken, and whether sound is kept.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def _cut_off(originals: Sequence[Original], stored: int) -> Iterator[str]:
 
 
 def _config(
-    directory: Path, sources: Sequence[Path], *, attach: AttachSettings, **times: str | float | None
+    directory: Path, sources: Sequence[Path], *, attach: AttachSettings, **times: str | float | bool | None
 ) -> RecorderConfig:
     one = len(sources) == 1 and sources[0].is_dir()
     path = sources[0] if one else list(sources)
@@ -156,6 +158,10 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of what was rep
 @click.option(
     "--utc-offset", metavar="+HH:MM", help="By how much --start, or the clock that is believed, is ahead of UTC."
 )
+@click.option(
+    "--keep-sound", is_flag=True,
+    help="Store a video's sound as it is, voices too; without it only its strongest tones are stored.",
+)  # fmt: skip
 @click.option("--panel", type=click.Path(path_type=Path), help="A panel.yaml to put in, with the pictures it names.")
 @click.option("--camera", type=click.Path(path_type=Path), help="A camera.yaml to put in.")
 @click.pass_context
@@ -167,13 +173,13 @@ def replay(
     target: Path,
     panel: Path | None,
     camera: Path | None,
-    **times: str | float | None,
+    **times: str | float | bool | None,
 ) -> None:
     """Make one flight file of a folder of photographs, of a video, or of earlier flight files.
 
     SOURCE is a folder whose pictures are taken in the order of their names, each at its EXIF time; the video files of
     one recording, H.264, H.265 or MJPEG, in any order; or the segments of a recording. The pictures go in as they are,
-    never encoded again.
+    never encoded again. Of a video's sound the strongest tones are kept, never speech.
     """
     with failures_as_sentences():
         attach = AttachSettings(panel=panel, camera=camera)
@@ -183,6 +189,8 @@ def replay(
     say(f"{target}: {replayed.stored} pictures")
     for original in replayed.originals:
         say(f"  {original.name}:", *(f"    {name}: {fact}" for name, fact in original.facts.items()))
+    if any(original.has_sound for original in replayed.originals):
+        say(f"  sound: its strongest tones are in the flight{_AS_IT_IS if times['keep_sound'] else _NOT_AS_IT_IS}")
     if not replayed.knows_time_of_day:
         say("  time of day unknown: no clock is believed unless --start or --clock says so")
     for loss in replayed.losses:

@@ -1,7 +1,8 @@
 """Print what the box needs of pyproject.toml: what builds the project, and what the box's code imports.
 
 So a dependency is stated once, and the box lacks none and gets none of the desk's, nor what an extra brings; with the
-name of an extra, what that brings alone. `make lock` writes requirements.lock from it, and requirements-video.lock.
+name of an extra, what that brings alone. A module that imports what only an extra brings is loaded only where that is;
+what else it imports is not the box's. `make lock` writes requirements.lock from it, and requirements-video.lock.
 """
 
 from __future__ import annotations
@@ -18,11 +19,21 @@ ROOT = Path(__file__).parents[1]
 BOX = ("camera_drivers", "flight_file", "recorder")
 
 
-def imported() -> dict[str, Path]:
-    """Packages of others that the box's code imports anywhere, each with one of the modules that do."""
-    files = [path for package in BOX for path in sorted((ROOT / package).rglob("*.py"))]
-    names = {name: path for path in files for name in _imports(ast.parse(path.read_bytes()))}
-    return {name: path for name, path in names.items() if name not in {*sys.stdlib_module_names, *BOX}}
+def imported(extras: set[str]) -> dict[str, Path]:
+    """Packages of others that the box's code imports anywhere, each with one of the modules that do.
+
+    Parameters
+    ----------
+    extras
+        Distributions that only an extra brings.
+    """
+    distributions = packages_distributions()
+    names: dict[str, Path] = {}
+    for path in (path for package in BOX for path in sorted((ROOT / package).rglob("*.py"))):
+        found = set(_imports(ast.parse(path.read_bytes()))) - {*sys.stdlib_module_names, *BOX}
+        if not any({_distribution(each) for each in distributions.get(name, ())} & extras for name in found):
+            names |= dict.fromkeys(found, path)
+    return names
 
 
 def _imports(module: ast.Module) -> Iterator[str]:
@@ -45,10 +56,9 @@ def requirements() -> list[str]:
     extras = {_distribution(line) for lines in document["project"]["optional-dependencies"].values() for line in lines}
     distributions = packages_distributions()
     needed = set()
-    for name, path in sorted(imported().items()):
-        own = {_distribution(each) for each in distributions.get(name, ())}
-        known = own & stated.keys()
-        if not known and not own & extras:
+    for name, path in sorted(imported(extras - stated.keys()).items()):
+        known = {_distribution(each) for each in distributions.get(name, ())} & stated.keys()
+        if not known:
             sys.exit(f"{path.relative_to(ROOT)} imports {name}, which pyproject.toml does not state; state it there.")
         needed |= known
     return sorted([*document["build-system"]["requires"], *(stated[name] for name in needed)])

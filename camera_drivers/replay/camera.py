@@ -25,7 +25,12 @@ from flight_file.untrusted import open_regular
 
 
 def open_source(
-    paths: Sequence[Path], *, rate_hz: float | None, clock: Clock, believed: Believed | None = None
+    paths: Sequence[Path],
+    *,
+    rate_hz: float | None,
+    clock: Clock,
+    believed: Believed | None = None,
+    keep_sound: bool = False,
 ) -> ReplaySource:
     """Open what is to be replayed.
 
@@ -39,20 +44,24 @@ def open_source(
         Says what now is, for pictures without any time.
     believed
         What somebody said of a video's time; for video files only.
+    keep_sound
+        Whether a video's sound is stored as it is; for video files only. Its strongest tones are in any case.
 
     Raises
     ------
     ReplayError
-        Nothing there can be replayed, or rate_hz or `believed` was given for what keeps its own times.
+        Nothing there can be replayed, or something was asked for that it has not.
     """
     if not paths:
         raise ReplayError("There is nothing to replay; give a folder of pictures or flight files.")
     try:
         folders = [path for path in paths if path.is_dir()]
         if not folders and not any(map(is_flight, paths)):
-            return _video(paths, rate_hz, believed or Believed())
+            return _video(paths, rate_hz, believed or Believed(), keep_sound=keep_sound)
         if believed not in (None, Believed()):
             raise ReplayError(f"{paths[0]}: is no video; --start, --clock and --utc-offset are for videos.")
+        if keep_sound:
+            raise ReplayError(f"{paths[0]}: is no video; --keep-sound is for videos.")
         if not folders:
             return _flight(paths, rate_hz)
         if len(paths) > 1:
@@ -79,7 +88,7 @@ def is_flight(path: Path) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def _video(paths: Sequence[Path], rate_hz: float | None, believed: Believed) -> ReplaySource:
+def _video(paths: Sequence[Path], rate_hz: float | None, believed: Believed, *, keep_sound: bool) -> ReplaySource:
     if rate_hz is not None:
         raise ReplayError(f"{paths[0]}: a video keeps its own times; leave rate_hz (--rate) out.")
     try:
@@ -88,7 +97,7 @@ def _video(paths: Sequence[Path], rate_hz: float | None, believed: Believed) -> 
         raise ReplayError(
             f"{paths[0]}: video files need PyAV; install it: pip install 'image-flight-recorder[video]'"
         ) from error
-    return VideoSource(paths, believed)
+    return VideoSource(paths, believed, keep_sound=keep_sound)
 
 
 class ReplayCamera:

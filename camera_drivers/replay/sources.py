@@ -19,7 +19,7 @@ from camera_drivers.errors import ReplayError
 from camera_drivers.exif import exif_time_ns, read_exif
 from camera_drivers.photographs import picture_facts, picture_format
 from camera_drivers.replay.chapters import counted
-from camera_drivers.replay.upcoming import Upcoming
+from camera_drivers.replay.upcoming import Alongside, Upcoming
 from flight_file.documents import is_heif
 from flight_file.errors import FlightFileError
 from flight_file.frame import JPEG, NS_PER_S, Frame, HostTimes
@@ -70,8 +70,8 @@ class FlightSource:
         return len(self._flight.losses)
 
     def pictures(self) -> Iterator[Upcoming]:
-        """Iterate over the frames that are whole, each with the positions up to a second later, the last with all."""
-        fixes = self._flight.fixes()
+        """Iterate over the frames that are whole, each with positions and sound up to a second later."""
+        fixes, sounds = self._flight.fixes(), Alongside(self._flight.heard())
         try:
             waiting = next(fixes, None)
             for frame, following in pairwise(chain(self._flight.frames(), [None])):
@@ -83,7 +83,9 @@ class FlightSource:
                 ):
                     came.append(waiting)
                     waiting = next(fixes, None)
-                yield Upcoming(frame.captured_ns, AsItWas(replace(frame, fixes=tuple(came)) if came else frame))
+                heard = sounds.with_picture(frame.captured_ns)
+                whole = replace(frame, fixes=tuple(came), sound=heard) if came or heard else frame
+                yield Upcoming(frame.captured_ns, AsItWas(whole))
         except FlightFileError as error:
             raise ReplayError(str(error)) from error
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
-from flight_file.frame import Frame
+from flight_file.frame import NS_PER_S, Frame, Sound
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,3 +39,19 @@ class ReplaySource(Protocol):
     def pictures(self) -> Iterator[Upcoming]:
         """Iterate over the pictures in order; raises ReplayError where one cannot be read."""
         ...
+
+
+class Alongside:
+    """What is heard beside the pictures: each takes it along up to a second ahead, so that none is left at the end."""
+
+    def __init__(self, sounds: Iterable[Sound]) -> None:
+        self._rest = iter(sounds)
+        self._next = next(self._rest, None)
+
+    def with_picture(self, captured_ns: int) -> tuple[Sound, ...]:
+        """Take what goes with the picture of this time."""
+        came: list[Sound] = []
+        while self._next is not None and self._next.time_ns <= captured_ns + NS_PER_S:
+            came.append(self._next)
+            self._next = next(self._rest, None)
+        return tuple(came)

@@ -4,6 +4,8 @@ H.264 and H.265 become access units in Annex B, with the parameter sets before e
 in place of start codes and the parameter sets once. MJPEG is JPEGs as they are. Packets come in the order of the file,
 which is that of decoding: with B-frames it is not that of time.
 
+Of its sound the strongest tones are kept (see `camera_drivers.replay.sound`); the packets only if somebody asks.
+
 Edit lists are obeyed as players obey them. Pictures before the first that is shown, which it is built on, are stored
 with times before the start. Source: FFmpeg's mov demuxer.
 """
@@ -31,7 +33,7 @@ from camera_drivers.clock import Clock
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.chapters import in_order
 from camera_drivers.replay.telemetry import Fixes, Telemetry, TimedPayload, payloads, summarized
-from camera_drivers.replay.upcoming import Upcoming
+from camera_drivers.replay.upcoming import Alongside, Upcoming
 from camera_drivers.replay.video_clocks import (
     CREATION,
     FILE_DATE,
@@ -45,9 +47,9 @@ from camera_drivers.replay.video_clocks import (
     shift_of_chapter,
     started,
 )
-from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, GpsFix, HostTimes, Origin
+from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, GpsFix, HostTimes, Origin, Sound
 from flight_file.segment import digest_of, opened
-from flight_file.session import Original
+from flight_file.session import NO_SOUND, Original
 from flight_file.thresholds import BLOCK_BYTES, MAX_CHUNK_BYTES, MAX_PIXELS, MAX_SIDE_PX
 from flight_file.untrusted import open_regular, printable
 
@@ -114,6 +116,8 @@ class VideoSource:
         In any order.
     believed
         What somebody said of its time.
+    keep_sound
+        Whether the packets of its sound are stored, beside its strongest tones.
 
     Raises
     ------
@@ -121,7 +125,8 @@ class VideoSource:
         One of them cannot be read, holds no video that can be stored, or is of another kind than the others.
     """
 
-    def __init__(self, paths: Sequence[Path], believed: Believed) -> None:
+    def __init__(self, paths: Sequence[Path], believed: Believed, *, keep_sound: bool = False) -> None:
+        self._keep_sound = keep_sound
         self._chapters = [look_at(path) for path in in_order(paths)]
         first = self._chapters[0]
         for chapter in self._chapters[1:]:
@@ -151,17 +156,25 @@ class VideoSource:
         for number, chapter in enumerate(self._chapters):
             end_ns = 0
             fixes = Fixes(_payloads(chapter), number, offset_ns)
+            sounds = Alongside(self._heard(chapter, offset_ns))
             for packet in _packets(chapter):
                 end_ns = max(end_ns, packet.time_ns + packet.length_ns)
                 captured_ns = max(offset_ns + packet.time_ns, 0)
                 if captured_ns > MAX_TIME_NS:
                     raise ReplayError(f"{chapter.path}: picture {sequence} has a time that no flight is at.")
                 origin = Origin(number, packet.time_ns, packet.sha256)
-                came = fixes.up_to(packet.time_ns)
-                taking = _Taking(chapter, packet, sequence, captured_ns, self._sigma_ns, origin, came)
+                came, heard = fixes.up_to(packet.time_ns), sounds.with_picture(captured_ns)
+                taking = _Taking(chapter, packet, sequence, captured_ns, self._sigma_ns, origin, came, heard)
                 yield Upcoming(captured_ns, taking)
                 sequence += 1
             offset_ns += end_ns
+
+    def _heard(self, chapter: Chapter, zero_ns: int) -> Iterator[Sound]:
+        if chapter.facts["sound"] != NO_SOUND:
+            from camera_drivers.replay.sound import listened  # noqa: PLC0415 - numpy, which pictures do without
+
+            with _opened(chapter.path) as container:
+                yield from listened(container, zero_ns, keep_packets=self._keep_sound)
 
 
 def _payloads(chapter: Chapter) -> Iterator[TimedPayload]:
@@ -181,6 +194,7 @@ class _Taking:
     sigma_ns: int | None
     origin: Origin
     fixes: tuple[GpsFix, ...] = ()
+    sound: tuple[Sound, ...] = ()
 
     def __call__(self, clock: Clock) -> Frame:
         now = clock.read()
@@ -199,6 +213,7 @@ class _Taking:
             origin=self.origin,
             readout_s=chapter.telemetry.readout_s,
             fixes=self.fixes,
+            sound=self.sound,
         )
 
 
@@ -325,11 +340,18 @@ def _facts(path: Path, container: InputContainer, stream: VideoStream) -> dict[s
         FILE_DATE: f"{datetime.fromtimestamp(int(path.stat().st_mtime), UTC):%Y-%m-%dT%H:%M:%SZ}",
         "video": f"{stream.codec_context.name} {stream.width}x{stream.height}",
         "pictures": str(len(stream.index_entries) or stream.frames or "not stated"),
+        "sound": _sound(container),
     }
     tracks = len(container.streams.video)
     if tracks > 1:
         facts["track"] = f"{stream.index}, one of {tracks} with video"
     return {name: text for name, text in facts.items() if text}
+
+
+def _sound(container: InputContainer) -> str:
+    """Say which sound is heard; other tracks of it are not."""
+    track = next((each for each in container.streams.audio if each.codec_context is not None), None)  # type: ignore[redundant-expr]  # as in _track
+    return NO_SOUND if track is None else f"{track.codec_context.name} {track.rate} Hz {track.layout.name}"
 
 
 def _oddities(stream: VideoStream, times: Sequence[int]) -> dict[str, str]:

@@ -46,6 +46,8 @@ class ReplaySettings(Settings):
     """Which of a video's clocks is believed, in place of start; without either nobody knows its time of day."""
     utc_offset: str | None = None
     """By how much start or clock is ahead of UTC, such as +02:00."""
+    keep_sound: bool = False
+    """Whether a video's sound is stored as it is, voices too; without it only its strongest tones are."""
     pace: Literal["realtime", "fastest"] = "realtime"
     """As the pictures were taken, or without waiting, on a clock that jumps from picture to picture."""
 
