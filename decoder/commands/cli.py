@@ -23,13 +23,19 @@ CommandTable = Mapping[str, tuple[str, str]]
 
 COMMANDS = {
     "flight": ("decoder.commands.flight", "Decode a flight file into flight data (what `decode FLIGHT` does)."),
-    "calibrate": ("decoder.commands.calibrate", "Make camera.yaml from photographs; find where a camera was."),
+    "calibrate": ("decoder.commands.cli:calibrate", "Make camera.yaml from photographs; find where a camera was."),
     "fleet": ("decoder.commands.fleet", "Decode many flights, on this machine or on a cluster, with one index."),
     "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
     "video": ("decoder.commands.video", "Write a flight as a film with the readings drawn in."),
     "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
+}
+CALIBRATIONS = {
+    "focal": ("decoder.commands.calibrate_ruler:focal", "Pixels per radian over focal length, from a ruler."),
+    "distortion": ("decoder.commands.calibrate_ruler:distortion", "Whether the lens bends a ruler, and by how much."),
+    "board": ("decoder.commands.calibrate_board", "Focal length and distortion from a chessboard or ChArUco board."),
+    "pose": ("decoder.commands.calibrate_pose", "Where the camera was, from reference points; squares a picture up."),
 }
 DEFAULT_COMMAND = "flight"
 
@@ -43,6 +49,15 @@ Examples:
   decode export results/flight.csv -o flight.parquet
   decode setup flight.mcap --panel panel.yaml
   decode accuracy results/flight.csv truth.csv
+"""
+
+
+CALIBRATIONS_EPILOG = """\b
+Examples:
+  decode calibrate focal zoom_*.jpg --line 520,606,1096,606 --inches 6 --distance-inches 36
+  decode calibrate distortion wide.jpg --line 10,601,1605,611 --inches 16.5
+  decode calibrate board board_*.jpg --squares 9x6
+  decode calibrate pose panel.yaml --camera camera.yaml --squared squared.png
 """
 
 
@@ -86,6 +101,11 @@ class DecodeGroup(CommandGroup):
 @click.version_option(package_name="image-flight-recorder")
 def cli() -> None:
     """Turn the pictures of a flight file into flight data."""
+
+
+@click.group("calibrate", cls=CommandGroup, table=CALIBRATIONS, epilog=CALIBRATIONS_EPILOG)
+def calibrate() -> None:
+    """Make camera.yaml from photographs of things whose size is known, and find where a camera was."""
 
 
 def main() -> None:

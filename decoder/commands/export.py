@@ -11,8 +11,7 @@ import click
 
 from decoder.outputs.outputs import Write, as_text, refuse_overwriting, write_all
 from decoder.panel.errors import OutputError
-from decoder.timeseries.name_mapping import MappedName, read_mapping
-from decoder.timeseries.tables import FlightTable, flight_table, read_table
+from decoder.timeseries.tables import FlightTable, MappedName, flight_table, read_mapping, read_table
 from flight_file.untrusted import say
 
 EPILOG = """\b

@@ -20,8 +20,7 @@ from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import OutputError, UnitError
 from decoder.panel.units import converted, engine_stem_of, stem_of
-from decoder.timeseries.name_mapping import MappedName
-from decoder.timeseries.tables import FlightTable
+from decoder.timeseries.tables import FlightTable, MappedName
 from flight_file.frame import NS_PER_S
 from flight_file.untrusted import printable
 

@@ -1,4 +1,11 @@
-"""Tables in CSV files, and flight data read back from the files that `decode` wrote."""
+"""Tables in CSV files, flight data read back from the files that `decode` wrote, and names in other people's tables.
+
+Name mappings are YAML files that say what our needles are called there, and in which unit:
+
+airspeed_kt: IAS
+altitude_ft: {name: PALT, unit: m}
+rpm: {name: ENG RPM, unit: rpm, factor: 100}
+"""
 
 from __future__ import annotations
 
@@ -9,16 +16,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter, ValidationError
 
-from decoder.panel.arrays import Floats
-from decoder.panel.errors import TableError
+from decoder.panel.arrays import Floats, Number
+from decoder.panel.description import Strict
+from decoder.panel.errors import MappingError, TableError
+from flight_file.documents import parse_yaml
+from flight_file.errors import NotYamlError
 from flight_file.frame import MAX_TIME_NS
 from flight_file.thresholds import MAX_READ_BYTES
-from flight_file.untrusted import read_regular
+from flight_file.untrusted import read_regular, read_yaml_file
 
 STATUS_SUFFIX = "_status"
 
@@ -202,3 +213,40 @@ def _number(field: str) -> float:
         return float(field)
     except ValueError:
         return float("nan")
+
+
+class MappedName(Strict):
+    """What a needle is called elsewhere.
+
+    `unit` is the unit there (of an export: the needle's own, where the flight data do not say it), `factor` what
+    numbers are multiplied with before anything else.
+    """
+
+    name: str
+    unit: str | None = None
+    factor: Annotated[Number, Field(gt=0)] = 1.0
+
+
+_MAPPING = TypeAdapter(dict[str, MappedName | str])
+
+
+def read_mapping(path: Path) -> dict[str, MappedName]:
+    """Read a mapping, by needle.
+
+    Raises
+    ------
+    MappingError
+        If it cannot be read or is no mapping.
+    """
+    try:
+        found = _MAPPING.validate_python(parse_yaml(read_yaml_file(path)))
+    except OSError as error:
+        raise MappingError("", f"cannot be read: {error.strerror}", source=str(path)) from error
+    except NotYamlError as error:
+        raise MappingError(error.where, error.problem, source=str(path)) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if part not in ("MappedName", "str"))
+        problem = "must be a name, or {name: ..., unit: ..., factor: ...}"
+        raise MappingError(where, problem, source=str(path)) from error
+    return {needle: MappedName(name=what) if isinstance(what, str) else what for needle, what in found.items()}

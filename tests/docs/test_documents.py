@@ -15,7 +15,7 @@ from decoder.outputs.garmin_output import BY_NAME
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import parse_panel
-from decoder.timeseries.name_mapping import read_mapping
+from decoder.timeseries.tables import read_mapping
 from recorder.config import parse_config
 from recorder.settings.cameras import PicameraSettings, Qx10Settings, RtspSettings, UvcSettings
 from tests.docs.samples import FENCE

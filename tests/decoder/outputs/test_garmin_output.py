@@ -11,8 +11,7 @@ import pytest
 
 from decoder.outputs.garmin_output import column_of, plan, write_garmin
 from decoder.panel.errors import OutputError, UnitError
-from decoder.timeseries.name_mapping import MappedName
-from decoder.timeseries.tables import FlightTable, Table, flight_table
+from decoder.timeseries.tables import FlightTable, MappedName, Table, flight_table
 
 UNITS = {"airspeed_kt": "kt", "oil_temp_c": "deg C", "fuel_flow_pph": "pph", "n1_pct": "%"}
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitError
-from decoder.timeseries.name_mapping import MappedName, read_mapping
 from decoder.timeseries.recorder_limits import EASA, FAA, RECORDING, Judged, Verdict, judged, kind_of
-from decoder.timeseries.tables import FlightTable, Table, flight_table
+from decoder.timeseries.tables import FlightTable, MappedName, Table, flight_table, read_mapping
 from decoder.timeseries.truth_comparison import recorder_truth
 
 NEEDLES = {
