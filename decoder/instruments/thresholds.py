@@ -16,7 +16,7 @@
 | MISSING_PX | 0.5 | pixels | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 | STILL_ROWS | 0.01 | rows | a card that moves less has settled | a tenth of its sigma |
-| FRAMES_TO_LEARN | 5 | frames | so many teach a card, or tell of a needle's pivot | drawn |
+| FRAMES_TO_LEARN | 5 | frames | so many teach a face, a needle, a card or a pivot, or that a needle is missing | drawn |
 | MIN_TURN_DEG | 20.0 | degrees | only a card that turned by so much tells itself from what stands still | drawn |
 | HUBER_SPREADS | 2.0 | sigma | tilts that are further off count less | Huber: 1.5 to 2 |
 | APART_DEG | 3.0 | degrees | needles further apart lie over other marks | the spacing of marks |

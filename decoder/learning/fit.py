@@ -17,6 +17,7 @@ from decoder.instruments.appearance import Instrument
 from decoder.instruments.kinds import kind_of
 from decoder.instruments.panel_reader import PanelReader, unwrapped
 from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
 from decoder.learning.flight_appearance import learn_appearance, lit_views
 from decoder.learning.flight_sample import Sample, align_sample, frames_wanted, with_usual_place
@@ -30,7 +31,7 @@ from decoder.learning.pivots import (
 )
 from decoder.learning.recentring import around_pivots
 from decoder.learning.seen_faces import with_seen_faces
-from decoder.learning.thresholds import MIN_SAMPLES, MISSING_PART
+from decoder.learning.thresholds import MISSING_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
@@ -187,7 +188,7 @@ def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sampl
     """Search for pivots that are far beside their centres, and unwrap a sample around them."""
     drawn = reader.source.panel.gauges
     paths = [PivotPath()] * len(drawn)
-    if len(samples) < MIN_SAMPLES:
+    if len(samples) < FRAMES_TO_LEARN:
         return _Recentred(reader, samples, paths, NO_POINTS)
     for _ in range(FAR_ROUNDS):
         paths = [
@@ -242,7 +243,7 @@ def _completed(last: _Round, pivots: Sequence[Pivot]) -> PanelReader:
 
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
     """Name the needles that are missing in most of the sampled frames, of enough of them to tell."""
-    if len(found) < MIN_SAMPLES:
+    if len(found) < FRAMES_TO_LEARN:
         return frozenset()
     return frozenset(
         name

@@ -18,7 +18,7 @@ from decoder.instruments.appearance import Instrument, LearnedPicture, face_behi
 from decoder.instruments.kinds import kind_of
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.learning.thresholds import MIN_SAMPLES
+from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews, in_light_of, learn_face
 from decoder.matching.fitting import WindowFitter
 from decoder.matching.needle_layer import in_local_light, layered
@@ -54,7 +54,7 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
     found
         By frame what the reader finds in it.
     """
-    if len(found) < MIN_SAMPLES:
+    if len(found) < FRAMES_TO_LEARN:
         return reader
     gauges, before = reader.source.panel.gauges, reader.appearance
     learners = [
@@ -109,7 +109,7 @@ class _GaugeLearner:
             ]
             views.append(strip)
             places.append(np.concatenate(covered) if covered else np.empty(0, np.intp))
-        return learn_face(views, places, self._first) if len(views) >= MIN_SAMPLES else self._first
+        return learn_face(views, places, self._first) if len(views) >= FRAMES_TO_LEARN else self._first
 
     def templates(
         self, found: Sequence[Readings], before: Templates, face: UnwrappedGauge
@@ -122,7 +122,7 @@ class _GaugeLearner:
                 for strip, readings in zip(self._strips, found, strict=True)
                 if strip is not None and self._is_clear(name, readings, before)
             ]
-            if len(clear) >= MIN_SAMPLES:
+            if len(clear) >= FRAMES_TO_LEARN:
                 learned[name] = self._learned(name, clear, before[name], face)
         return learned
 

@@ -15,11 +15,11 @@ from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.imaging.sorting import median, median_of
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
+from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.thresholds import (
     FEW,
     IN_PLACE_PX,
     LOOKED_AT,
-    MIN_SAMPLES,
     SAMPLE_FRAMES,
     SIGHTS,
     STILL_PX,
@@ -136,7 +136,7 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
 
 def with_usual_place(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
     """Let searches start where the camera mostly was; with too few frames the reader stays as it was."""
-    if len(samples) < MIN_SAMPLES:
+    if len(samples) < FRAMES_TO_LEARN:
         return reader
     matrices = _at_panels_zoom(reader, samples)
     usual = _usual(samples, matrices)

@@ -17,10 +17,9 @@ from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import APART_DEG
+from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
 from decoder.learning.thresholds import (
     CLEAR_PART,
-    MIN_SAMPLES,
     MOSTLY,
     NEEDLE_PART,
     NOISE_LEVELS,
@@ -47,7 +46,7 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mappin
     for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
         seen = [view for view in views[index] if view is not None]
         doubted = any(_seems_still(needle, found) for needle in _cut_needles(gauge))
-        if len(seen) < MIN_SAMPLES or not doubted or not _may_be_bared(gauge, grid, templates, faces[index], seen):
+        if len(seen) < FRAMES_TO_LEARN or not doubted or not _may_be_bared(gauge, grid, templates, faces[index], seen):
             continue
         usual = median_of(np.stack(seen)).astype(np.float32)
         for needle in _bared(gauge, grid, templates, _Dial(own[index], usual, faces[index]), seen):

@@ -6,8 +6,7 @@
 | LOOKED_AT | 6 | frames | tell whether dials move | each costs milliseconds a dial |
 | SIGHTS | 3 | frames | located by SIFT tell where the camera stands | two outvote a wrong one |
 | FEW | 3 | frames | may need more than their first rows; then all are decompressed whole | by choice |
-| MIN_SAMPLES | 5 | frames | tell a face, a needle, a pivot, or that a needle is missing | by choice |
-| MISSING_PART | 0.5 | frames | a needle missing in more of them is doubted | most of them |
+| MISSING_PART | 0.5 | frames | a needle missing in more is doubted, one read in fewer is named | most of them |
 | STILL_PX | 6.0 | px | a camera that moved less at the corners shows no depth | the simulator's cockpit |
 | IN_PLACE_PX | 0.05 | px | dials nearer to where anchors have them do not move | the simulator's cockpit |
 | DRAWN_PX | 0.1 | px | a pivot that is drawn nearer to where needles turn stays | by hand, enlarged |
@@ -20,7 +19,7 @@
 | NOISE_LEVELS | 12.0 | levels | and so many spreads | noise of JPEG pictures |
 | NEEDLE_PART | 0.015 | pixels | of its window that a needle fills at least | the thinnest of strangers' needles |
 | CLEAR_PART | 0.2 | 1 | of the contrast around a needle that no glint changes it by | by choice |
-| SEEN_PART | 0.4 | pixels | of a needle that is seen elsewhere in a frame | most, but for reflections |
+| SEEN_PART | 0.4 | pixels | a needle that is seen elsewhere in a frame | most, but for reflections |
 | MOSTLY | 0.6 | frames | in which it must be seen elsewhere | more than half |
 """
 
@@ -28,7 +27,6 @@ SAMPLE_FRAMES = 16
 LOOKED_AT = 6
 SIGHTS = 3
 FEW = 3
-MIN_SAMPLES = 5
 MISSING_PART = 0.5
 STILL_PX = 6.0
 IN_PLACE_PX = 0.05

@@ -16,8 +16,9 @@
 | COVERED_REACH_DEG | 6.0 | deg | from where a needle is seen whole to under another | two needles' width |
 | SHORTER | 0.8 | - | so much of a gap's length, to the inverse, counts as its length | a few of each |
 | MOST_STRETCHED | 4.0 | - | times the longest known stretch that a gap may have | strangers' flights |
-| HARDLY_READ_PART | 0.5 | - | of frames that show the panel; a value that is read in fewer is named | most of them |
 | MOST_TRIED | 400 | - | stretches that are looked at for one length | tells a spread to a tenth |
+| MAX_UNSTEADY_PART | 0.005 | - | of the engine's speed, 1 sigma; voices wander by more | drawn vowels |
+| MIN_LEAD | 6.0 | nats | by which a speed explains six seconds of sound better than any other, or chance | 400 to 1 |
 """
 
 from __future__ import annotations
@@ -36,5 +37,6 @@ BACK_PART = 1 / 3
 COVERED_REACH_DEG = 6.0
 SHORTER = 0.8
 MOST_STRETCHED = 4.0
-HARDLY_READ_PART = 0.5
 MOST_TRIED = 400
+MAX_UNSTEADY_PART = 0.005
+MIN_LEAD = 6.0
