@@ -27,6 +27,7 @@ COMMANDS = {
     "fleet": ("decoder.commands.fleet", "Decode many flights, on this machine or on a cluster, with one index."),
     "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
     "video": ("decoder.commands.video", "Write a flight as a film with the readings drawn in."),
+    "rpm": ("decoder.commands.rpm", "Read the engine's speed by its sound, beside the tachometer."),
     "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
@@ -46,6 +47,7 @@ Examples:
   decode fleet 'archive/*/*.mcap' -o results
   decode frames flight.mcap -o pictures --flagged
   decode video flight.mcap -o overlay.mp4 --data results
+  decode rpm flight.mcap -o results/rpm.csv --cylinders 4 --blades 2
   decode export results/flight.csv -o flight.parquet
   decode setup flight.mcap --panel panel.yaml
   decode accuracy results/flight.csv truth.csv

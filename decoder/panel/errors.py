@@ -13,6 +13,7 @@ DecoderError                  the decode cannot give what was asked for; one sen
 ├── CalibrationError          photographs, points or options from which no camera can be calibrated
 │   └── PoseError             no camera position follows from reference points
 │       └── DegeneratePoints  they lie on one line, or nearly
+├── SoundMissing              the engine is to be heard in a flight without sound
 ├── PartError                 a part of the flight was asked for that has no frames
 ├── WorkersLost               processes that read frames end one after the other
 ├── OutputError               the flight data cannot be written where they should go
@@ -99,6 +100,10 @@ class PoseError(CalibrationError):
 
 class DegeneratePoints(PoseError):
     """The reference points lie on one line, or nearly, so that any turn about it fits."""
+
+
+class SoundMissing(DecoderError):
+    """The engine is to be heard in a flight without sound."""
 
 
 class PartError(DecoderError):

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.panel.arrays import Floats, Indices, Mask
-from decoder.timeseries.thresholds import MAX_UNSTEADY_PART, MIN_LEAD
+from decoder.timeseries.thresholds import MAX_UNSTEADY_PART, MIN_EVIDENCE, MIN_LEAD
 from flight_file.frame import NS_PER_S, SoundPeaks
 
 USUAL_CYLINDERS, USUAL_BLADES = (4, 6, 8), (2, 3, 4)
@@ -199,7 +199,7 @@ def engine_speed(peaks: Sequence[SoundPeaks], engine: Engine) -> EngineSpeed:
         row
         for run in _runs(windows)
         for start in range(0, len(run), _BLOCK)
-        for row in _own(listener, run, start, min(start + _BLOCK, len(run)))
+        for row in _own(listener, run, start, start + _BLOCK)
     ]
     rpm = np.array([row.rpm for row in found])
     sigma = np.fmax([row.sigma for row in found], _scatter(rpm))
@@ -280,21 +280,21 @@ class _Listener:
 
     @staticmethod
     def _status(evidence: float, told: Floats, rivals: Sequence[int]) -> SpeedStatus:
-        if evidence < MIN_LEAD or told.max() <= 0:
+        if evidence < MIN_EVIDENCE or told.max() <= 0:
             return SpeedStatus.MISSING
         return SpeedStatus.AMBIGUOUS if rivals else SpeedStatus.READ
 
     def _others(self, best: Floats, path: Indices, evidence: Floats) -> list[tuple[Indices, Floats]]:
         """Find the paths that are not near those before, each with what speaks for it, as long as one may rival."""
         rest, found, taken = best.copy(), list[tuple[Indices, Floats]](), path
-        while len(found) < _MOST_OTHERS:
+        for _ in range(_MOST_OTHERS):
             least = rest.min(axis=1) - _TAKEN
             for row, at in enumerate(taken):
-                rest[row, max(at - _NEAR, 0) : at + _NEAR + 1] = least[row]
+                np.put(rest[row], at + np.arange(-_NEAR, _NEAR + 1), least[row], mode="clip")
             taken = _steadiest(rest)
             worth = _around(best, taken)
             found.append((taken, worth))
-            if not np.any((evidence >= MIN_LEAD) & (evidence - worth < self._needed_lead)):
+            if not np.any((evidence >= MIN_EVIDENCE) & (evidence - worth < self._needed_lead)):
                 break
         return found
 
@@ -375,11 +375,9 @@ def _scatter(rpm: Floats) -> Floats:
 
     At least half of what the window itself strays by: something else than the engine may lie on its teeth.
     """
-    strays = np.full(len(rpm), np.nan)
-    if len(rpm) > 4 * _APART:
-        far, near, own, after, last = (rpm[at * _APART : len(rpm) + (at - 4) * _APART] for at in range(5))
-        between = (4 * (near + after) - (far + last)) / 6
-        strays[2 * _APART : -2 * _APART] = np.abs(own - between) / _SPREAD_OF_STRAYS
+    wide = np.pad(rpm, 2 * _APART, constant_values=np.nan)
+    far, near, own, after, last = (wide[at * _APART : len(wide) + (at - 4) * _APART] for at in range(5))
+    strays = np.abs(own - (4 * (near + after) - (far + last)) / 6) / _SPREAD_OF_STRAYS
     padded = np.pad(strays, _AROUND, constant_values=np.nan)
     ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)  # NaN comes last
     known = np.isfinite(ordered).sum(axis=1)

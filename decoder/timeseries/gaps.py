@@ -27,6 +27,7 @@ from decoder.timeseries.thresholds import (
     MOST_TRIED,
     SHORTER,
 )
+from flight_file.reader import spread
 
 # Of a uniform distribution the standard deviation, for each unit of its width: a guess by who has not looked.
 UNIFORM_SIGMA = 12**-0.5
@@ -171,16 +172,14 @@ def _strays(values: Floats, known_s: Floats, gap_s: float) -> float:
     Every known frame is taken as the start of such a gap; what lies in it is known, and is held against the line. Of a
     gap longer than all stretches of known frames no more is known than of the longest one: it may go on like that.
     """
-    starts = np.unique(np.linspace(0, len(known_s) - 1, min(len(known_s), MOST_TRIED)).astype(int))
+    starts = np.array(sorted(spread(len(known_s), MOST_TRIED)))
     reach_s = gap_s
     while reach_s > gap_s / MOST_STRETCHED:
         strays = _strays_over(values, known_s, starts, reach_s)
         if strays.size:
             independent = (known_s[-1] - known_s[0]) / reach_s
-            spread = max(
-                float(np.sqrt(np.mean(strays**2))), float(np.quantile(np.abs(strays), 0.95)) / CONFIDENCE_SIGMAS
-            )
-            return spread * gap_s / reach_s * math.sqrt((independent + 2) / independent)
+            most = max(float(np.sqrt(np.mean(strays**2))), float(np.quantile(np.abs(strays), 0.95)) / CONFIDENCE_SIGMAS)
+            return most * gap_s / reach_s * math.sqrt((independent + 2) / independent)
         reach_s *= SHORTER
     return math.nan
 

@@ -18,7 +18,8 @@
 | MOST_STRETCHED | 4.0 | - | times the longest known stretch that a gap may have | strangers' flights |
 | MOST_TRIED | 400 | - | stretches that are looked at for one length | tells a spread to a tenth |
 | MAX_UNSTEADY_PART | 0.005 | - | of the engine's speed, 1 sigma; voices wander by more | drawn vowels |
-| MIN_LEAD | 6.0 | nats | by which a speed explains six seconds of sound better than any other, or chance | 400 to 1 |
+| MIN_EVIDENCE | 50.0 | nats | by which a comb explains six seconds of sound better than chance | a fan afar had 43 |
+| MIN_LEAD | 6.0 | nats | by which a speed explains them better than any other | 400 to 1 |
 """
 
 from __future__ import annotations
@@ -39,4 +40,5 @@ SHORTER = 0.8
 MOST_STRETCHED = 4.0
 MOST_TRIED = 400
 MAX_UNSTEADY_PART = 0.005
+MIN_EVIDENCE = 50.0
 MIN_LEAD = 6.0

@@ -18,11 +18,14 @@ from decoder.panel.errors import AccuracyError, TableError
 from decoder.panel.units import converted
 from decoder.timeseries.accuracy import Errors, NeedleAccuracy, compare
 from decoder.timeseries.clock_offset import ClockOffset, clock_offset
+from decoder.timeseries.engine_sound import EngineSpeed
 from decoder.timeseries.recorder_limits import Judged, judged, sources_of
 from decoder.timeseries.tables import FlightTable, MappedName, Table, read_mapping, read_table, times_ns
 from decoder.timeseries.thresholds import SPREADS, STEP_S
 from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, Names, TruthRequest
+from flight_file.frame import NS_PER_S
 
+RPM = "rpm"
 HEADER = ["needle", "status", "frames", "mean%", "signed%", "max%", "mean%FS", "max%FS", "mean", "max", "unit", "in95%"]
 LIMITS_HEADER = ["needle", "limit", "of", "within", "worst", "unit", "verdict"]
 NO_LIMITS = "limits: no needle's name and unit say which recorder parameter it is"
@@ -262,3 +265,74 @@ def _row(result: NeedleAccuracy, status: str) -> list[str]:
 
 def _text(value: float | None, sign: str = "") -> str:
     return "-" if value is None else f"{value:{sign}.4f}"
+
+
+@dataclass(frozen=True, slots=True)
+class HeldAgainstSound:
+    """A tachometer beside the engine's speed by its sound; the two are never averaged.
+
+    Attributes
+    ----------
+    windows
+        In which both have a value.
+    apart_rpm
+        The median of sound less tachometer.
+    beyond
+        In how many windows they differ by more than both can be off.
+    """
+
+    name: str
+    windows: int
+    apart_rpm: float
+    mean_rpm: float
+    beyond: int
+
+    @property
+    def words(self) -> str:
+        """Say it in a sentence."""
+        way = "above" if self.apart_rpm > 0 else "below"
+        part = abs(self.apart_rpm) / self.mean_rpm
+        return (
+            f"{self.name}: the sound is {abs(self.apart_rpm):.0f} rpm ({part:.1%}) {way} it, median of"
+            f" {self.windows} windows; in {self.beyond} of them by more than both can be off"
+        )
+
+
+def held_against_sound(flight: FlightTable, speed: EngineSpeed, began_ns: int) -> list[HeldAgainstSound]:
+    """Hold each tachometer of flight data against the engine's speed by its sound.
+
+    Parameters
+    ----------
+    began_ns
+        When the flight's `time_s` is 0, by the clock of `speed`.
+
+    Raises
+    ------
+    TableError
+        If the flight data have no times.
+    """
+    heard_s = (speed.time_ns - began_ns) / NS_PER_S
+    names = [name for name in flight.names if flight.described(name).unit == RPM or name.endswith(RPM)]
+    found = [_held_against_sound(flight.table, name, speed, heard_s) for name in names]
+    return [held for held in found if held is not None]
+
+
+def _held_against_sound(table: Table, name: str, speed: EngineSpeed, heard_s: Floats) -> HeldAgainstSound | None:
+    """Compare where both have a value within a second of each other; None if they nowhere do."""
+    time_s, value, sigma = (table.numbers(column) for column in ("time_s", name, f"{name}_sigma"))
+    seen = np.flatnonzero(np.isfinite(value) & np.isfinite(time_s))
+    seen = seen[np.argsort(time_s[seen], kind="stable")]
+    heard = np.isfinite(speed.rpm)
+    if not seen.size or not heard.any():
+        return None
+    known_s = time_s[seen]
+    behind = np.clip(np.searchsorted(known_s, heard_s), 1, max(len(known_s) - 1, 1)) % len(known_s)
+    nearest = np.where(np.abs(known_s[behind] - heard_s) < np.abs(known_s[behind - 1] - heard_s), behind, behind - 1)
+    both = heard & (np.abs(heard_s - known_s[nearest]) * NS_PER_S <= NS_PER_S)
+    if not both.any():
+        return None
+    shown = np.interp(heard_s, known_s, value[seen])[both]
+    apart = speed.rpm[both] - shown
+    off = np.hypot(speed.sigma, np.nan_to_num(sigma[seen])[nearest])[both]
+    beyond = int((np.abs(apart) > SPREADS * off).sum())
+    return HeldAgainstSound(name, len(apart), float(np.median(apart)), float(np.mean(shown)), beyond)
