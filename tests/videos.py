@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
+from av.audio.stream import AudioStream
+from av.container import OutputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
+
+from camera_drivers.replay.camera import ReplayCamera, open_source
+from camera_drivers.replay.video_clocks import Believed
+from flight_file.frame import Frame
+from recorder.host import SimulatedClock
 
 SIZE_PX = (160, 120)
 TICKS_PER_S = 12_000
@@ -49,8 +58,14 @@ def film(
     first_number: int = 0,
     muxing: Mapping[str, str] | None = None,
     noise: int = 0,
+    sound: NDArray[np.floating[Any]] | None = None,
+    sound_rate_hz: int = 16_000,
+    sound_codec: str = "aac",
 ) -> Path:
-    """Encode numbered pictures at these times, in ticks of 1/12000 s, with so many grey levels of noise."""
+    """Encode numbered pictures at these times, in ticks of 1/12000 s, with so many grey levels of noise.
+
+    `sound` is mono, full scale 1.
+    """
     rng = np.random.default_rng(5)
     known = {"libx264": X264, "libx265": X265}.get(codec, {})
     with av.open(str(path), "w", options=dict(muxing or {})) as container:
@@ -62,6 +77,10 @@ def film(
         stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS_PER_S)
         stream.codec_context.gop_size = group
         stream.codec_context.max_b_frames = b_frames
+        track = container.add_stream(sound_codec, rate=sound_rate_hz) if sound is not None else None
+        if isinstance(track, AudioStream) and sound is not None:
+            track.layout, track.bit_rate = "mono", 64_000
+            _add_sound(container, track, sound)
         for number, tick in enumerate(ticks, start=first_number):
             picture = drawn(number, size_px)
             if noise:
@@ -71,6 +90,16 @@ def film(
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
     return path
+
+
+def _add_sound(container: OutputContainer, track: AudioStream, sound: NDArray[np.floating[Any]]) -> None:
+    kind = "fltp" if track.codec_context.name == "aac" else "s16"
+    samples = sound.astype(np.float32) if kind == "fltp" else np.round(sound * 32767).astype(np.int16)
+    for start in range(0, len(samples), 4096):
+        frame = av.AudioFrame.from_ndarray(samples[None, start : start + 4096], format=kind, layout="mono")
+        frame.rate, frame.pts = track.rate, start
+        container.mux(track.encode(frame))
+    container.mux(track.encode(None))
 
 
 def times_ns(ticks: Sequence[int]) -> list[int]:
@@ -125,3 +154,15 @@ def turned(path: Path, turns: int) -> Path:
     data[at : at + 36] = b"".join(value.to_bytes(4, "big", signed=True) for value in matrix)
     path.write_bytes(data)
     return path
+
+
+def played(*paths: Path, believed: Believed | None = None, keep_sound: bool = False) -> list[Frame]:
+    """All frames of a replay."""
+    clock = SimulatedClock(0)
+    source = open_source(paths, rate_hz=None, clock=clock, believed=believed, keep_sound=keep_sound)
+    camera = ReplayCamera(source, clock)
+    stop, frames = threading.Event(), []
+    with camera:
+        while (frame := camera.next_frame(stop)) is not None:
+            frames.append(frame)
+    return frames

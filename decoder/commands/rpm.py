@@ -172,7 +172,7 @@ def _counts(speed: EngineSpeed) -> dict[str, int]:
 
 def _often(speed: EngineSpeed) -> list[list[int]]:
     """Gather what it may be, to a hundred rpm, the most frequent first."""
-    counted = Counter(tuple(sorted({round(each, -2) for each in others})) for others in speed.others if others)
+    counted = Counter(tuple(sorted({100 * round(each / 100) for each in others})) for others in speed.others if others)
     return [list(others) for others, _ in counted.most_common(_MOST_OFTEN)]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from fractions import Fraction
@@ -17,28 +16,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from camera_drivers.errors import ReplayError
-from camera_drivers.replay.camera import ReplayCamera, open_source
+from camera_drivers.replay.camera import open_source
 from camera_drivers.replay.chapters import in_order
 from camera_drivers.replay.video_clocks import Believed
 from flight_file.frame import Frame
 from flight_file.session import UNKNOWN
 from recorder.host import SimulatedClock
-from tests.videos import STEADY, TICKS_PER_S, UNSTEADY, decoded, drawn, film, luma, packets, remuxed, times_ns, turned
+from tests.videos import (
+    STEADY,
+    TICKS_PER_S,
+    UNSTEADY,
+    decoded,
+    drawn,
+    film,
+    luma,
+    packets,
+    played,
+    remuxed,
+    times_ns,
+    turned,
+)
 
 START = "2026-05-04T09:30:00Z"
 START_NS = 1_777_887_000_000_000_000
 CAMERA = {"creation_time": "2026-05-04T11:30:00Z", "timecode": "11:29:03:15"}
-
-
-def played(*paths: Path, believed: Believed | None = None) -> list[Frame]:
-    """All frames of a replay."""
-    clock = SimulatedClock(0)
-    camera = ReplayCamera(open_source(paths, rate_hz=None, clock=clock, believed=believed), clock)
-    stop, frames = threading.Event(), []
-    with camera:
-        while (frame := camera.next_frame(stop)) is not None:
-            frames.append(frame)
-    return frames
 
 
 def decoded_again(frames: Sequence[Frame]) -> list[np.ndarray]:
