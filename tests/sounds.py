@@ -5,13 +5,12 @@ All are mono at 16 kHz with a spread of 1. Amplitudes are drawn at random, so th
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 RATE_HZ = 16_000
-Sound = NDArray[np.floating[Any]]
+HIGHEST_HZ = 3000
+Sound = NDArray[np.float64]
 VOWELS = ((730, 1090, 2440), (270, 2290, 3010), (300, 870, 2240), (530, 1840, 2480), (570, 840, 2410))  # formants, Hz
 
 
@@ -20,19 +19,25 @@ def times_s(seconds: float) -> Sound:
     return np.arange(round(seconds * RATE_HZ)) / RATE_HZ
 
 
+def _loud_as_one(made: Sound) -> Sound:
+    """Bring it to a spread of 1."""
+    scaled: Sound = made / made.std()
+    return scaled
+
+
 def noise(count: int, rng: np.random.Generator, *, slope: float = 0.0, from_hz: float = 15.0) -> Sound:
     """Noise whose power falls with frequency to the power of `slope`, above `from_hz`."""
     spectrum = np.fft.rfft(rng.standard_normal(count))
     spectrum *= (np.maximum(np.fft.rfftfreq(count, 1 / RATE_HZ), from_hz) / from_hz) ** (-slope / 2)
     made = np.fft.irfft(spectrum, count)
-    return made / made.std()
+    return _loud_as_one(made)
 
 
 def wind(count: int, rng: np.random.Generator) -> Sound:
     """Rumble that comes in gusts."""
     gusts = np.exp(0.5 * noise(count, rng, slope=2, from_hz=0.2))
     made = noise(count, rng, slope=2.5, from_hz=20) * gusts
-    return made / made.std()
+    return _loud_as_one(made)
 
 
 def engine(
@@ -48,15 +53,15 @@ def engine(
     """Firings, blades, and what differs from cylinder to cylinder; below `from_hz` the microphone hears little."""
     turns = np.cumsum(rpm / 60) / RATE_HZ
     made = np.zeros(len(rpm))
+    wobbles = [1 + 0.1 * noise(len(rpm), rng, slope=2, from_hz=0.5) for _ in range(5)]
     families = [(cylinders / 2, 0.0, 4.0), (blades / gearing, rng.uniform(-6, 3), 6.0), (0.5, rough_db, 2.0)]
     for step, level_db, fall_db in families if cylinders else families[1:2]:
         orders = np.arange(1, 200) * step if step else np.empty(0)
-        for number, order in enumerate(orders[orders * rpm.mean() / 60 < RATE_HZ / 2.5], start=1):
+        for number, order in enumerate(orders[orders * rpm.mean() / 60 < HIGHEST_HZ], start=1):
             loud = 10 ** ((level_db + rng.normal(0, 6) - fall_db * np.log2(number)) / 20)
             loud = loud / np.sqrt(1 + (from_hz / (order * rpm / 60)) ** 4)
-            wobble = 1 + 0.1 * noise(len(rpm), rng, slope=2, from_hz=0.5)
-            made += loud * wobble * np.cos(2 * np.pi * (order * turns + rng.random()))
-    return made / made.std()
+            made += loud * wobbles[number % 5] * np.cos(2 * np.pi * (order * turns + rng.random()))
+    return _loud_as_one(made)
 
 
 def voice(count: int, rng: np.random.Generator) -> Sound:
@@ -79,15 +84,17 @@ def voice(count: int, rng: np.random.Generator) -> Sound:
             0.5**each / np.hypot(1, (harmonic * pitch - formants[each]) / (50 + 20 * each)) for each in range(3)
         )
         made += np.where(harmonic * pitch < RATE_HZ / 2.2, heard, 0) * loud * np.cos(2 * np.pi * harmonic * turns)
-    return made / made.std()
+    return _loud_as_one(made)
 
 
 def mixed(sound: Sound, other: Sound, snr_db: float) -> Sound:
     """Add another sound that is so many dB weaker."""
-    return sound / sound.std() + other / other.std() * 10 ** (-snr_db / 20)
+    together: Sound = _loud_as_one(sound) + _loud_as_one(other) * 10 ** (-snr_db / 20)
+    return together
 
 
 def recorded(sound: Sound, *, clipped_at: float = np.inf) -> Sound:
     """Bring it to nine tenths of full scale, after clipping it at so many times its spread."""
     cut = np.clip(sound, -clipped_at * sound.std(), clipped_at * sound.std())
-    return 0.9 * cut / max(np.abs(cut).max(), 1e-9)
+    scaled: Sound = 0.9 * cut / max(float(np.abs(cut).max()), 1e-9)
+    return scaled

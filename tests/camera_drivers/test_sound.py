@@ -24,7 +24,7 @@ LONG = tuple(range(0, 40 * 1200, 1200))  # 4 s
 def tones(*given: tuple[float, float], seconds: float = WINDOW / RATE_HZ, rate_hz: int = RATE_HZ) -> np.ndarray:
     """Sines of these frequencies (Hz) and levels (dB of full scale)."""
     at_s = np.arange(round(seconds * rate_hz)) / rate_hz
-    return sum(10 ** (level / 20) * np.sin(2 * np.pi * (hertz * at_s + 0.1)) for hertz, level in given)
+    return np.sum([10 ** (level / 20) * np.sin(2 * np.pi * (hertz * at_s + 0.1)) for hertz, level in given], axis=0)
 
 
 def peaks_of(frames: list[Frame]) -> list[SoundPeaks]:
