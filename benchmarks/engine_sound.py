@@ -9,15 +9,16 @@ import numpy as np
 
 from decoder.timeseries.engine_sound import SpeedStatus, engine_speed
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
-from tests.engines import HEARD, peaks_of, sounding, truth_of
+from tests.engines import HARDER, HEARD, peaks_of, sounding, truth_of
 
 SEEDS = range(10, 14)  # others than the tests have
 RIGHT_PART = 0.005
+CASES = {**HEARD, **HARDER}
 
 
 def row(name: str) -> str:
     """Measure one of the cases, over some engines drawn at random."""
-    known, rpm, surroundings = HEARD[name]
+    known, rpm, surroundings = CASES[name]
     errors, ratios, without = [], [], []
     for seed in SEEDS:
         speed = engine_speed(peaks_of(surroundings(*sounding(known, rpm, seed))), known)
@@ -32,7 +33,7 @@ def row(name: str) -> str:
 
 def main() -> None:
     """Print the table."""
-    for name in HEARD:
+    for name in CASES:
         print(row(name), flush=True)
 
 

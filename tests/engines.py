@@ -63,3 +63,21 @@ HEARD: dict[str, tuple[Engine, Sound, Callable[[Sound, np.random.Generator], Sou
     "voices as loud": (SIX, WAVERING, lambda sound, rng: mixed(in_noise(sound, rng, 6), voice(COUNT, rng), 0)),
     "wind as loud": (SIX, WAVERING, lambda sound, rng: mixed(sound, wind(COUNT, rng), 0)),
 }
+
+
+RUN_UP = 800 + 1700 / (1 + np.exp(-(AT_S - SECONDS / 2) / 0.8))
+HARDER: dict[str, tuple[Engine, Sound, Callable[[Sound, np.random.Generator], Sound]]] = {
+    "ramps of 200 rpm in a second": (
+        LYCOMING,
+        1200 + 1300 * (0.5 - 0.5 * np.cos(2 * np.pi * AT_S / 20)),
+        lambda sound, rng: in_noise(sound, rng, 6),
+    ),
+    "a run-up of 500 rpm in a second": (SIX, RUN_UP, lambda sound, rng: in_noise(sound, rng, 6)),
+    "voices of twice the amplitude": (
+        SIX,
+        WAVERING,
+        lambda sound, rng: mixed(in_noise(sound, rng, 6), voice(COUNT, rng), -6),
+    ),
+    "16 dB below the noise": (LYCOMING, STEADY, lambda sound, rng: in_noise(sound, rng, -16)),
+}
+"""What is not read throughout, or not to half a percent."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
@@ -23,6 +24,7 @@ from flight_file.frame import NS_PER_S, SoundPeaks
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say, say_json
 
+EXIT_LOSS = 3
 _MORE = "--cylinders, --blades and --range tell more"
 _MOST_OFTEN = 3
 COLUMNS = (
@@ -42,6 +44,9 @@ sound cannot tell apart has no value, and the speeds that it may be are listed; 
 \b
 rpm_status   read, ambiguous (see rpm_others) or missing; rpm_sigma is one standard deviation
 rpm_evidence how much better the speed explains the sound around than chance does, rpm_lead than any other (nats)
+
+\b
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
 
 \b
 Examples:
@@ -122,6 +127,8 @@ def command(
         say(*_lines(speed, beside), "", str(written))
     for loss in flight.losses:
         say(f"lost: {loss.reason}", err=True)
+    if flight.losses:
+        sys.exit(EXIT_LOSS)
 
 
 def _why_silent(flight: Flight) -> str:

@@ -184,16 +184,16 @@ class EngineSpeed:
 
 
 def engine_speed(peaks: Sequence[SoundPeaks], engine: Engine) -> EngineSpeed:
-    """Read the engine's speed; windows are taken in the order of time.
+    """Read the engine's speed; windows are taken in the order of time, and one of each time.
 
     Parameters
     ----------
     peaks
-        Of a flight, or of a part of it.
+        Of a flight, or of a part of it; at least one.
     engine
         What is known of it; the less, the more is ambiguous.
     """
-    windows = sorted(peaks, key=lambda each: each.time_ns)
+    windows = sorted({each.time_ns: each for each in peaks}.values(), key=lambda each: each.time_ns)
     listener = _Listener(engine)
     found: list[_Row] = [
         row

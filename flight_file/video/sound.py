@@ -20,6 +20,8 @@ from flight_file.messages import (
 
 _AUDIO_SPECIFIC_BYTES = 2
 _HEAD_BYTES = 7
+_Frequencies = Annotated[tuple[Annotated[float, msgspec.Meta(ge=0, le=1e6)], ...], msgspec.Meta(max_length=1000)]
+_Levels = Annotated[tuple[Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)], ...], msgspec.Meta(max_length=1000)]
 
 
 class _PeaksRecord(msgspec.Struct, frozen=True):
@@ -27,9 +29,9 @@ class _PeaksRecord(msgspec.Struct, frozen=True):
 
     time: Moment
     window_s: Annotated[float, msgspec.Meta(gt=0, le=60)]
-    frequencies_hz: tuple[float, ...]
-    levels_db: tuple[float, ...]
-    above_db: tuple[float, ...]
+    frequencies_hz: _Frequencies
+    levels_db: _Levels
+    above_db: _Levels
 
 
 class _PacketRecord(msgspec.Struct, frozen=True):
@@ -88,13 +90,15 @@ def decode_sound(data: memoryview, topic: str) -> Sound:
 
 def _peaks(data: memoryview) -> SoundPeaks:
     record = _PEAKS_RECORD.decode(data)
-    if not len(record.frequencies_hz) == len(record.levels_db) == len(record.above_db):
-        raise ValueError("there are more of one than of another")
+    if record.time.sec < 0 or not len(record.frequencies_hz) == len(record.levels_db) == len(record.above_db):
+        raise ValueError("it has a time before 1970, or more of one than of another")
     return SoundPeaks(record.time.time_ns, record.window_s, record.frequencies_hz, record.levels_db, record.above_db)
 
 
 def _packet(data: memoryview) -> SoundPacket:
     record = _PACKET_RECORD.decode(data)
+    if record.time.sec < 0:
+        raise ValueError("it has a time before 1970")
     header, encoded = (binascii.a2b_base64(text, strict_mode=True) for text in (record.header, record.data))
     return SoundPacket(record.time.time_ns, record.codec, record.sample_rate_hz, record.channels, header, encoded)
 

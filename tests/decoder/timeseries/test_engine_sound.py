@@ -13,8 +13,9 @@ from flight_file.frame import SoundPeaks
 from tests.engines import COUNT, HEARD, LYCOMING, SIX, STEADY, WAVERING, in_noise, peaks_of, sounding, truth_of
 from tests.sounds import Sound, mixed, noise, voice, wind
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize("name", HEARD)
 def test_speed_is_right_to_half_a_percent_and_sigma_holds(name: str) -> None:
     """With fundamentals missing, amplitudes drawn at random; 95 % of true values are in the intervals."""
@@ -36,7 +37,6 @@ def test_speed_is_right_to_half_a_percent_and_sigma_holds(name: str) -> None:
     assert np.median(sigma) < 0.002
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "made",
     [
