@@ -27,6 +27,8 @@ def row(name: str) -> str:
         ratios.append(((speed.rpm - truth) / speed.sigma)[read])
         without.append(~read)
     error, ratio = np.abs(np.concatenate(errors)), np.abs(np.concatenate(ratios))
+    if not error.size:
+        return f"| {name} | - | - | 100 % |"
     right, held = (error < RIGHT_PART).mean(), (ratio < CONFIDENCE_SIGMAS).mean()
     return f"| {name} | {right:.1%}, worst {error.max():.2%} | {held:.1%} | {np.concatenate(without).mean():.1%} |"
 

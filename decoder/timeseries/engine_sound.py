@@ -358,7 +358,7 @@ def _measured(window: SoundPeaks, comb: Comb, rpm: float, rate: float) -> tuple[
     sigma_hz = np.hypot(noise_hz, _SMEARED * rate * frequencies)
     weights = np.where(orders > 0, _sureness(above), 0.0) / sigma_hz**2
     reach_hz = 2 * np.hypot(_TOOTH_HZ, (_TOOTH_PART + _STEP) * frequencies)
-    for sigmas in (2.0, 1.0, 1.0):
+    for sigmas in (2.0, 1.0, 0.6):
         off_hz = frequencies - orders * rpm / 60
         own = weights * (np.abs(off_hz) < sigmas * reach_hz)
         if not own.any():
@@ -373,7 +373,7 @@ def _measured(window: SoundPeaks, comb: Comb, rpm: float, rate: float) -> tuple[
 def _scatter(rpm: Floats) -> Floats:
     """(N,): by how much speeds stray from a cubic through those before and behind that share no sound, 1 sigma.
 
-    At least half of what the window itself strays by: something else than the engine may lie on its teeth.
+    At least two thirds of what the window itself strays by: something else than the engine may lie on its teeth.
     """
     wide = np.pad(rpm, 2 * _APART, constant_values=np.nan)
     far, near, own, after, last = (wide[at * _APART : len(wide) + (at - 4) * _APART] for at in range(5))
@@ -382,4 +382,4 @@ def _scatter(rpm: Floats) -> Floats:
     ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)  # NaN comes last
     known = np.isfinite(ordered).sum(axis=1)
     middle = np.take_along_axis(ordered, (known // 2)[:, None], axis=1)[:, 0]
-    return np.fmax(MAD_TO_SIGMA * middle, strays / 2)
+    return np.fmax(MAD_TO_SIGMA * middle, strays / 1.5)
