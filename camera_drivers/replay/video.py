@@ -171,8 +171,12 @@ class VideoSource:
 
     def _heard(self, chapter: Chapter, zero_ns: int) -> Iterator[Sound]:
         if chapter.facts["sound"] != NO_SOUND:
-            from camera_drivers.replay.sound import listened  # noqa: PLC0415 - numpy, which pictures do without
-
+            try:
+                from camera_drivers.replay.sound import listened  # noqa: PLC0415 - NumPy, which a box does without
+            except ImportError as error:
+                raise ReplayError(
+                    f"{chapter.path}: listening to its sound needs NumPy; install it: pip install numpy"
+                ) from error
             with _opened(chapter.path) as container:
                 yield from listened(container, zero_ns, keep_packets=self._keep_sound)
 
