@@ -80,7 +80,7 @@ def film(
         track = container.add_stream(sound_codec, rate=sound_rate_hz) if sound is not None else None
         if isinstance(track, AudioStream) and sound is not None:
             track.layout, track.bit_rate = "mono", 64_000
-            _add_sound(container, track, sound)
+            add_sound(container, track, sound)
         for number, tick in enumerate(ticks, start=first_number):
             picture = drawn(number, size_px)
             if noise:
@@ -92,7 +92,8 @@ def film(
     return path
 
 
-def _add_sound(container: OutputContainer, track: AudioStream, sound: NDArray[np.floating[Any]]) -> None:
+def add_sound(container: OutputContainer, track: AudioStream, sound: NDArray[np.floating[Any]]) -> None:
+    """Encode mono sound, full scale 1, into a track that is ready for it."""
     kind = "fltp" if track.codec_context.name == "aac" else "s16"
     samples = sound.astype(np.float32) if kind == "fltp" else np.round(sound * 32767).astype(np.int16)
     for start in range(0, len(samples), 4096):

@@ -21,7 +21,7 @@ from decoder.commands.options import (
     panel_option,
     start_option,
 )
-from decoder.outputs.film import NEEDS, Shown, drawn_film, write_film
+from decoder.outputs.film import NEEDS, Shown, Sounding, drawn_film, sound_beside, write_film
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded, refuse_overwriting, refuse_unwritable, write_all
 from decoder.panel.errors import OutputError
@@ -29,7 +29,7 @@ from decoder.panel.vocabulary import Method
 from decoder.parallel.decoding import decoded_flight, progress, written_flight
 from decoder.timeseries.flight_part import AskedPart, TypedTime
 from flight_file.frame import Frame
-from flight_file.reader import open_flight
+from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say
 
 EXIT_LOSS = 3
@@ -63,6 +63,10 @@ Examples:
     "--crf", type=click.IntRange(1, 51), default=21, show_default=True, metavar="N",
     help="Quality, as x264 counts: 18 looks as the frames do, each 6 more halve the file.",
 )  # fmt: skip
+@click.option(
+    "--keep-sound", is_flag=True,
+    help="Put in the sound that `recorder replay --keep-sound` stored, voices too; without it there is none.",
+)  # fmt: skip
 @start_option
 @end_option
 @every_option
@@ -75,16 +79,14 @@ def command(
     directory: Path | None,
     height_px: int,
     crf: int,
+    keep_sound: bool,
     start: TypedTime | None,
     end: TypedTime | None,
     every: int,
     panel_file: Path | None,
     camera_file: Path | None,
 ) -> None:
-    """Write FLIGHT as a film: each reading where it lies in the picture, in its status's colour, and all values below.
-
-    Sound is not in it.
-    """
+    """Write FLIGHT as a film: each reading where it lies in the picture, in its status's colour; all values below."""
     if file.suffix.lower() != ".mp4":
         raise click.UsageError(f"{file}: a film is an MP4; give it a name that ends with .mp4")
     if find_spec("av") is None:
@@ -102,8 +104,10 @@ def command(
         chosen = _known_rows
     frames = flight.count() if part is None else len(part.ranks)
     read, shown = decoded.frames, progress("film", frames)
-    film = _Film(replace(decoded, frames=lambda: shown(read())), chosen, height_px, crf)
+    film = _Film(replace(decoded, frames=lambda: shown(read())), chosen, height_px, crf, flight if keep_sound else None)
     write_all(file.parent, {file.name: film.write})
+    if keep_sound and not film.packets:
+        _tell("no sound is kept in the flight file; `recorder replay --keep-sound` stores it")
     say(f"{film.drawn} of {frames} frames in {file}")
     if flight.losses:
         sys.exit(EXIT_LOSS)
@@ -131,11 +135,14 @@ def _known_rows(decoded: Decoded) -> Rows:
 
 
 class _Film:
-    """A film to be written, and how many frames went into it."""
+    """A film to be written, and how many frames and packets of sound went into it; of which flight, if sound does."""
 
-    def __init__(self, decoded: Decoded, chosen: Callable[[Decoded], Rows], height_px: int, crf: int) -> None:
+    def __init__(
+        self, decoded: Decoded, chosen: Callable[[Decoded], Rows], height_px: int, crf: int, heard: Flight | None
+    ) -> None:
         self._decoded, self._chosen, self._height_px, self._crf = decoded, chosen, height_px, crf
-        self.drawn = 0
+        self._heard = heard
+        self.drawn = self.packets = 0
 
     def write(self, stream: IO[bytes]) -> None:
         """Write it to where a file has been made for it: FFmpeg opens that by its name."""
@@ -143,7 +150,14 @@ class _Film:
         first = next(rows, None)
         began_ns = None if first is None or not data.knows_time_of_day else int(data.time_ns[first[0]])
         pictures = drawn_film(self._decoded, chain([] if first is None else [first], rows), self._height_px, _tell)
-        write_film(self._counted(pictures), Path(stream.name), self._crf, began_ns)
+        write_film(self._counted(pictures), Path(stream.name), self._crf, began_ns, self._sound(first))
+
+    def _sound(self, first: tuple[int, Frame] | None) -> Iterator[Sounding]:
+        if self._heard is not None and first is not None:
+            times_ns = self._decoded.data.time_ns
+            for each in sound_beside(self._heard.heard(), int(times_ns[first[0]]), int(times_ns[-1])):
+                self.packets += 1
+                yield each
 
     def _counted(self, pictures: Iterator[Shown]) -> Iterator[Shown]:
         for each in pictures:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from heapq import merge
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -50,9 +51,11 @@ from decoder.outputs.outputs import Decoded
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import OutputError, PictureError
 from decoder.timeseries.flight_data import FlightData
-from flight_file.frame import NS_PER_S, Frame
+from flight_file.frame import NS_PER_S, Frame, Sound, SoundPacket
+from flight_file.video.sound import playable
 
 if TYPE_CHECKING:
+    from av.container import OutputContainer
     from av.video.stream import VideoStream
 
 TICKS_PER_S = 90_000
@@ -301,13 +304,36 @@ def _size_px(decoded: Decoded, picture: ColourPicture | None, height_px: int) ->
     return max(2, round(width * wanted / height) // 2 * 2), max(2, wanted // 2 * 2)
 
 
-def write_film(shown: Iterable[Shown], path: Path, crf: int, began_ns: int | None = None) -> None:
-    """Encode pictures into an MP4.
+@dataclass(frozen=True, slots=True)
+class Sounding:
+    """A packet of sound as it came, in the film's ticks."""
+
+    tick: int
+    packet: SoundPacket
+
+
+def sound_beside(heard: Iterable[Sound], first_ns: int, last_ns: int) -> Iterator[Sounding]:
+    """Choose the packets of sound that are heard from the first picture to the last, at their times in the film."""
+    for each in heard:
+        if isinstance(each, SoundPacket) and first_ns <= each.time_ns <= last_ns:
+            yield Sounding(_ticks(each.time_ns - first_ns), each)
+
+
+def write_film(
+    shown: Iterable[Shown],
+    path: Path,
+    crf: int,
+    began_ns: int | None = None,
+    sound: Iterable[Sounding] = (),
+) -> None:
+    """Encode pictures into an MP4, and put packets of sound beside them as they are.
 
     Parameters
     ----------
     began_ns
         When the first was taken, if anybody knows: what the file says of when it was made.
+    sound
+        In the order of time, all of one codec.
 
     Raises
     ------
@@ -329,7 +355,8 @@ def write_film(shown: Iterable[Shown], path: Path, crf: int, began_ns: int | Non
                 container.metadata["creation_time"] = utc_text(began_ns)
             stream: VideoStream = container.add_stream("libx264", options=_x264(crf))
             _describe(stream, width, height)
-            for packet in _encoded(stream, chain([first], coming)):
+            pictures = _encoded(stream, chain([first], coming))
+            for packet in merge(pictures, _packed(container, sound), key=lambda each: each.pts):
                 container.mux(packet)
     except av.codec.codec.UnknownCodecError as error:
         raise OutputError(f"this PyAV lacks x264; {NEEDS}") from error
@@ -350,6 +377,25 @@ def _describe(stream: VideoStream, width: int, height: int) -> None:
     coder.gop_size, coder.max_b_frames = PICTURES_OF_GROUP, 0
     coder.color_primaries = coder.color_trc = coder.colorspace = BT709
     coder.color_range = TELEVISION
+
+
+def _packed(container: OutputContainer, sound: Iterable[Sounding]) -> Iterator[Any]:
+    """Pack sound for the container; its stream must be there before the first picture is."""
+    coming = iter(sound)
+    first = next(coming, None)
+    if first is None:
+        return iter(())
+    stream = container.add_mux_stream(first.packet.codec, rate=first.packet.sample_rate_hz)
+    return (_sound_packet(each, stream) for each in chain([first], coming))
+
+
+def _sound_packet(sounding: Sounding, stream: Any) -> Any:  # noqa: ANN401 - PyAV's, an extra
+    from av import Packet  # noqa: PLC0415 - as above
+
+    packet = Packet(playable(sounding.packet))
+    packet.stream, packet.time_base = stream, Fraction(1, TICKS_PER_S)
+    packet.pts = packet.dts = sounding.tick
+    return packet
 
 
 def _encoded(stream: VideoStream, shown: Iterable[Shown]) -> Iterator[Any]:

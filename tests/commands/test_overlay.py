@@ -19,8 +19,11 @@ from playwright.sync_api import Browser
 
 from decoder.commands import video
 from decoder.panel.errors import OutputError
+from fixtures.film import film as animation_film
 from flight_file.reader import open_flight
 from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, Run, begun, says, until
+from tests.sounds import RATE_HZ, recorded, times_s
+from tests.videos import add_sound
 
 Decoded = Any
 CAMERA = """\
@@ -141,6 +144,46 @@ def test_the_flight_data_given_are_what_is_drawn(run: Run, decoded_a1: Decoded, 
     assert len(shown) == 10
     green, violet = (near(shown[0], colour).sum() for colour in ((38, 210, 150), (222, 150, 216)))
     assert violet > 500 > 10 * green
+
+
+@pytest.fixture
+def sounding(tmp_path: Path, run: Run) -> Path:
+    """The flight filmed with sound, kept: a tone of 300 Hz, and of 600 Hz from the third second on."""
+    silent, loud, flight = tmp_path / "silent.mp4", tmp_path / "loud.mp4", tmp_path / "loud.mcap"
+    animation_film(A1, silent)
+    with av.open(str(silent)) as read, av.open(str(loud), "w") as container:
+        stream = container.add_stream_from_template(read.streams.video[0])
+        track = container.add_stream("aac", rate=RATE_HZ)
+        track.layout, track.bit_rate = "mono", 64_000
+        times = times_s(4.5)
+        add_sound(container, track, recorded(np.sin(2 * np.pi * np.where(times < 2, 300, 600) * times)))
+        for packet in read.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                container.mux(packet)
+    done = run("recorder", "replay", loud, "-o", flight, "--panel", FIXTURES / "panel.yaml", "--keep-sound")
+    assert done.returncode == 0, done.stderr
+    return flight
+
+
+@pytest.mark.parametrize(("start", "change_s"), [((), 2.0), (("--from", "1.5"), 0.5)])
+def test_sound_is_left_out_unless_it_is_asked_for(
+    run: Run, sounding: Path, tmp_path: Path, start: tuple[str, ...], change_s: float
+) -> None:
+    """It is then as it was, beside the pictures that it belongs to."""
+    plain, heard = tmp_path / "plain.mp4", tmp_path / "heard.mp4"
+    for target, words in ((plain, ()), (heard, ("--keep-sound",))):
+        done = run("decode", "video", sounding, "-o", target, "--height", "240", *start, *words)
+        assert (done.returncode, done.stderr) == (0, "")
+
+    with av.open(str(plain)) as container:
+        assert not container.streams.audio
+    with av.open(str(heard)) as container:
+        frames = [(frame.time, frame.to_ndarray()[0]) for frame in container.decode(audio=0)]
+    tones = [(time, np.abs(np.fft.rfft(samples)).argmax() * RATE_HZ / len(samples)) for time, samples in frames]
+    low = [time for time, tone in tones if time is not None and tone < 450]  # what lies between the two
+    assert max(low) == pytest.approx(change_s, abs=0.1)
+    assert len(tones) > 0.9 * (4.5 - 2 + change_s) * RATE_HZ / 1024
 
 
 def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np.bool_]:
