@@ -28,7 +28,7 @@ def row(name: str) -> str:
         without.append(~read)
     error, ratio = np.abs(np.concatenate(errors)), np.abs(np.concatenate(ratios))
     if not error.size:
-        return f"| {name} | - | - | 100 % |"
+        return f"| {name} | - | - | 100.0% |"
     right, held = (error < RIGHT_PART).mean(), (ratio < CONFIDENCE_SIGMAS).mean()
     return f"| {name} | {right:.1%}, worst {error.max():.2%} | {held:.1%} | {np.concatenate(without).mean():.1%} |"
 

@@ -138,7 +138,7 @@ def _load_programs() -> None:
     import recorder.cli  # noqa: PLC0415
 
     for module, _ in (*decoder.commands.cli.COMMANDS.values(), *recorder.cli.COMMANDS.values()):
-        __import__(module)
+        __import__(module.partition(":")[0])
     for module in ("decoder.commands.flight_work", "decoder.parallel.worker", "decoder.calibration.march"):
         __import__(module)
     gc.freeze()

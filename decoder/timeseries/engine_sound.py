@@ -43,6 +43,7 @@ _REACH = 40  # steps between speeds from one window to the next: a third in a se
 _AROUND = 12  # windows to either side: three seconds
 _BLOCK = 1000  # windows that are looked at together
 _APART = 3  # windows that share no sound
+_STRAY = 2.0  # sigma of a tooth that half counts
 _SPREAD_OF_STRAYS = (1 + 34 / 36) ** 0.5
 _NEAR = 7  # steps between speeds that are one
 _MOST_OTHERS = 3
@@ -358,11 +359,12 @@ def _measured(window: SoundPeaks, comb: Comb, rpm: float, rate: float) -> tuple[
     sigma_hz = np.hypot(noise_hz, _SMEARED * rate * frequencies)
     weights = np.where(orders > 0, _sureness(above), 0.0) / sigma_hz**2
     reach_hz = 2 * np.hypot(_TOOTH_HZ, (_TOOTH_PART + _STEP) * frequencies)
-    for sigmas in (2.0, 1.0, 0.6):
+    for sigmas in (2.0, 1.0, 0.6, 0.6, 0.6):
         off_hz = frequencies - orders * rpm / 60
         own = weights * (np.abs(off_hz) < sigmas * reach_hz)
         if not own.any():
             return np.nan, np.nan
+        own /= 1 + (off_hz / (_STRAY * sigma_hz)) ** 2 if sigmas < 1 else 1  # what is a voice's draws little
         rpm += 60 * float((own * orders * off_hz).sum() / (own * orders**2).sum())
     off = (frequencies - orders * rpm / 60) / sigma_hz
     counted = own > 0
