@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import yaml
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -26,6 +27,8 @@ from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
+from tests.sounds import recorded, times_s
+from tests.videos import film
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 MOST_BYTES = 1_000_000  # of an input
@@ -350,6 +353,27 @@ def tables(draw: st.DrawFn) -> Files:
 
 def _json(document: object) -> bytes:
     return json.dumps(document).encode()
+
+
+@cache
+def _film() -> bytes:
+    """A film of two seconds with sound."""
+    with TemporaryDirectory() as folder:
+        sound = recorded(np.sin(2 * np.pi * 200 * times_s(2)))
+        return film(Path(folder) / "film.mp4", sound=sound, size_px=(64, 48)).read_bytes()
+
+
+@st.composite
+def films(draw: st.DrawFn) -> Files:
+    """A video file that is damaged, or breaks off."""
+    changed = draw(st.sampled_from((_cut, _damaged, _damaged_index)))(_film(), draw)
+    return {"film.mp4": changed}
+
+
+def _damaged_index(content: bytes, draw: st.DrawFn) -> bytes:
+    """Damage in the box that says where everything is: few bytes in a hundred are of it."""
+    index = content.index(b"moov")
+    return content[:index] + _damaged(content[index:], draw)
 
 
 @st.composite

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from fuzzing.inputs import (
     Files,
     changed_signed_flights,
+    films,
     flights,
     panels_on_a_flight,
     photographs,
@@ -56,6 +57,8 @@ FUZZED: Mapping[str, Fuzzed] = {
     "photographs": Fuzzed(
         Target(("recorder", "replay", "in/photographs", "-o", "out/again.mcap", "--rate", "1")), photographs(), 3
     ),
+    "films": Fuzzed(Target(("recorder", "replay", "in/film.mp4", "-o", "out/film.mcap", "--keep-sound")), films(), 4),
+    "decode rpm": Fuzzed(Target(("decode", "rpm", "in/flight.mcap", "-o", "out/rpm.csv")), flights()),
     "decode": Fuzzed(Target(("decode", "in/flight.mcap", "--format", "csv,mcap", *_DECODE)), flights(), 4),
     "panels": Fuzzed(
         Target(("decode", "in/flight.mcap", "--panel", "in/panel.yaml", *_DECODE)), panels_on_a_flight(), 4
