@@ -17,7 +17,7 @@ from pydantic import Field, field_validator, model_validator
 from decoder.panel.arrays import NO_TRUTH, Number, at_most
 from decoder.panel.description import FocalLength, Point, Strict, Text, parse_description
 from decoder.panel.errors import CameraError
-from decoder.panel.lens import BrownConrady, DistortionModel, Fisheye, Lens
+from decoder.panel.lens import BrownConrady, Distortion, DistortionModel, Lens, distortion_of
 from decoder.panel.thresholds import FOCAL_TOLERANCE
 from decoder.panel.vocabulary import CAMERA_FILE
 from flight_file.untrusted import read_yaml_file
@@ -83,7 +83,7 @@ COEFFICIENTS = {
 """The keys of each model's coefficients, in OpenCV's order."""
 
 
-class Distortion(Strict):
+class DistortionEntry(Strict):
     """The lens's distortion at one focal length, in OpenCV's normalised coordinates."""
 
     focal_length_mm: FocalLength
@@ -129,12 +129,12 @@ class Camera(Strict):
     """Where the axis meets the picture; its middle if left out."""
     focal: Focal
     """Pixels per radian over focal length."""
-    distortion: Annotated[tuple[Distortion, ...], Field(max_length=1000)] = ()
+    distortion: Annotated[tuple[DistortionEntry, ...], Field(max_length=1000)] = ()
     """One for each zoom it was measured at; none means a lens whose distortion is negligible."""
 
     @field_validator("distortion")
     @classmethod
-    def _one_for_each_zoom(cls, distortion: tuple[Distortion, ...]) -> tuple[Distortion, ...]:
+    def _one_for_each_zoom(cls, distortion: tuple[DistortionEntry, ...]) -> tuple[DistortionEntry, ...]:
         ordered = sorted(distortion, key=lambda entry: entry.focal_length_mm)
         if any(before.focal_length_mm == after.focal_length_mm for before, after in pairwise(ordered)):
             raise ValueError("has two entries for one focal length; keep one")
@@ -216,16 +216,12 @@ class Camera(Strict):
             )
         return scale
 
-    def _distortion(self, focal_length_mm: float) -> BrownConrady | Fisheye:
+    def _distortion(self, focal_length_mm: float) -> Distortion:
         if not self.distortion:
             return BrownConrady()
-        at = [entry.focal_length_mm for entry in self.distortion]
-        k1, k2, p1, p2, k3, k4, k5, k6 = (
-            float(np.interp(focal_length_mm, at, [getattr(entry, key) for entry in self.distortion])) for key in _KEYS
-        )
-        if self.distortion[0].model == "fisheye":
-            return Fisheye((k1, k2, k3, k4))
-        return BrownConrady((k1, k2, k3), (p1, p2), (k4, k5, k6))
+        at, model = [entry.focal_length_mm for entry in self.distortion], DistortionModel(self.distortion[0].model)
+        columns = ([getattr(entry, key) for entry in self.distortion] for key in COEFFICIENTS[model])
+        return distortion_of(model, [float(np.interp(focal_length_mm, at, column)) for column in columns])
 
 
 def parse_camera(text: bytes | str, *, source: str = CAMERA_FILE) -> Camera:

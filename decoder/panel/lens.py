@@ -9,6 +9,7 @@ Sources: OpenCV, `calib3d` and `calib3d::fisheye`; Kannala and Brandt, IEEE PAMI
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -218,6 +219,16 @@ class Fisheye:
     def _slope(self, angle: Points) -> Points:
         square = angle * angle
         return np.asarray(1 + _polynomial(self.radial, square) + 2 * square * _slope(self.radial, square))
+
+
+def distortion_of(model: DistortionModel, coefficients: Sequence[float]) -> Distortion:
+    """Make a distortion of its coefficients, in their order there."""
+    if model is DistortionModel.FISHEYE:
+        k1, k2, k3, k4 = coefficients
+        return Fisheye((k1, k2, k3, k4))
+    k1, k2, p1, p2, k3, *divisor = coefficients
+    k4, k5, k6 = divisor or (0.0, 0.0, 0.0)
+    return BrownConrady((k1, k2, k3), (p1, p2), (k4, k5, k6))
 
 
 def _polynomial(coefficients: tuple[float, ...], at: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from contextvars import ContextVar
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -14,7 +14,7 @@ from decoder.imaging.alignment import Alignment
 from decoder.instruments.frame_batch import Batch, Outcome, Unread, read_batch
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings, Reading, Status
-from decoder.panel.lens import Lens
+from decoder.panel.lens import DistortionModel, Lens, distortion_of
 
 Packed = dict[str, Any]
 """An outcome as JSON can hold it."""
@@ -31,7 +31,7 @@ def pack(outcome: Outcome) -> Packed:
         "elements": alignment.elements,
         "score": alignment.score,
         "failed": alignment.failed,
-        "lens": None if alignment.lens is None else astuple(alignment.lens),
+        "lens": None if alignment.lens is None else _packed_lens(alignment.lens),
         "shifts_px": outcome.dial_shifts_px,
         "readings": {
             name: (reading.status.value, reading.angle_deg, reading.sigma_deg, reading.score)
@@ -45,7 +45,7 @@ def unpack(packed: Packed) -> Outcome:
     failed = tuple(packed["failed"])
     if "reason" in packed:
         return Unread(packed["reason"], failed)
-    lens = None if packed["lens"] is None else Lens(*map(_frozen, packed["lens"]))
+    lens = None if packed["lens"] is None else _lens(*packed["lens"])
     return FrameReadings(
         Alignment(tuple(packed["elements"]), packed["score"], failed, lens),
         {name: Reading(Status(status), *numbers) for name, (status, *numbers) in packed["readings"].items()},
@@ -53,8 +53,14 @@ def unpack(packed: Packed) -> Outcome:
     )
 
 
-def _frozen(field: Any) -> Any:  # noqa: ANN401 - a number, or a list of them
-    return tuple(field) if isinstance(field, list) else field
+def _packed_lens(lens: Lens) -> tuple[Any, ...]:
+    bend, scale = lens.distortion, (lens.pixels_per_radian, lens.pixels_per_radian_sigma)
+    return lens.size_px, lens.principal_point_px, *scale, bend.model.value, bend.coefficients
+
+
+def _lens(size_px: Any, middle_px: Any, scale: float, sigma: float, model: str, coefficients: Any) -> Lens:  # noqa: ANN401, PLR0917 - lists, as JSON has them
+    bend = distortion_of(DistortionModel(model), coefficients)
+    return Lens(tuple(size_px), tuple(middle_px), scale, sigma, bend)
 
 
 def recipe(reader: PanelReader) -> bytes:

@@ -98,7 +98,7 @@ def test_a_flight_through_a_wide_lens_is_read(
     frames = [grey_picture(encoded_of(frame)) for frame in open_flight([TAKEN / "t1a_small.mcap"]).frames()]
 
     flight = make_flight([lens.jpeg(frame) for frame in frames], panel=panel)
-    rows = decode(flight, "--camera", camera).rows
+    rows = decode(flight, "--camera", camera, "--jobs", 2).rows
 
     truth = read_table(TAKEN / "t1a_small_truth.csv")
     for gauge in content["gauges"]:

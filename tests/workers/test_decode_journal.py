@@ -17,7 +17,7 @@ from decoder.instruments.frame_batch import Batch, LeftOut, Outcome, RawFrame, U
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.panel.errors import OutputError
-from decoder.panel.lens import Lens
+from decoder.panel.lens import BrownConrady, Fisheye, Lens
 from decoder.parallel.decode_journal import DecodeJournal, content_of, line_of, outcomes_of, plain_batch
 
 IDENTITY = {"flight file": ["0a"], "method": "normxcorr", "part": None}
@@ -203,14 +203,15 @@ def test_journal_that_cannot_be_written_is_an_output_error(tmp_path: Path, fitte
 
 
 READINGS = st.builds(Reading, st.sampled_from(Status), NUMBERS, NUMBERS, NUMBERS)
+THREE = st.tuples(NUMBERS, NUMBERS, NUMBERS)
 LENSES = st.none() | st.builds(
     Lens,
     st.tuples(st.integers(1), st.integers(1)),
     st.tuples(NUMBERS, NUMBERS),
     NUMBERS,
     NUMBERS,
-    st.tuples(NUMBERS, NUMBERS, NUMBERS),
-    st.tuples(NUMBERS, NUMBERS),
+    st.builds(BrownConrady, THREE, st.tuples(NUMBERS, NUMBERS), st.just((0.0, 0.0, 0.0)) | THREE)
+    | st.builds(Fisheye, st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS)),
 )
 FAILED = st.lists(st.text()).map(tuple)
 OUTCOMES = st.builds(Unread, st.text(), FAILED) | st.builds(
