@@ -15,9 +15,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, time
 from decimal import Decimal
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from decoder.panel.errors import PartError
+
+if TYPE_CHECKING:
+    from flight_file.session import Session
 
 NS_PER_S = 1_000_000_000
 NS_PER_DAY = 86_400 * NS_PER_S
@@ -135,6 +138,8 @@ class FlightPart:
 class FrameTimes(Protocol):
     """What tells a flight's parts: its files, and when each frame was taken, as far as that is known."""
 
+    session: Session
+
     @property
     def paths(self) -> Sequence[Path]:
         """The files, in their order."""
@@ -169,8 +174,10 @@ def part_of(flight: FrameTimes, asked: AskedPart) -> FlightPart:
 def _span(flight: FrameTimes, began_ns: int) -> str:
     backwards = (flight.captured_ns(rank) for rank in reversed(range(flight.count())))
     end_ns = next((time for time in backwards if time is not None), began_ns)
-    began = datetime.fromtimestamp(began_ns // NS_PER_S, UTC)
-    return f"the flight begins at {began:%Y-%m-%dT%H:%M:%SZ} and lasts {(end_ns - began_ns) / NS_PER_S:.2f} s"
+    lasts = f"lasts {(end_ns - began_ns) / NS_PER_S:.2f} s"
+    if not flight.session.knows_time_of_day:
+        return f"the flight {lasts}"
+    return f"the flight begins at {datetime.fromtimestamp(began_ns // NS_PER_S, UTC):%Y-%m-%dT%H:%M:%SZ} and {lasts}"
 
 
 def _rank_from(flight: FrameTimes, time_ns: int) -> int:

@@ -38,6 +38,15 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+def test_part_of_a_flight_of_unknown_time_is_refused_without_a_time_of_day(tmp_path: Path) -> None:
+    """Only how long it lasts is said."""
+    animation_film(A1, tmp_path / "cockpit.mp4")
+    ran("recorder", "replay", tmp_path / "cockpit.mp4", "-o", tmp_path / "cockpit.mcap", "--panel", PANEL)
+    done = ran("decode", tmp_path / "cockpit.mcap", "-o", tmp_path / "out", "--from", "60")
+
+    assert "no frame lies between --from and --to; the flight lasts 4.75 s" in done.stderr
+
+
 @pytest.fixture(scope="module")
 def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
     """What is read of all of it by one process."""
