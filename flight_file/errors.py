@@ -109,6 +109,10 @@ class Loss:
     reason: str
     kind: LossKind
 
+    def __str__(self) -> str:
+        """Name the file, and say what is lost."""
+        return f"{self.path.name}: {self.reason}"
+
 
 class FindingKind(Enum):
     """The kind of a finding: first what does not fit, then what is lost, then remarks."""

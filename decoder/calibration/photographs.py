@@ -5,8 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,24 +44,27 @@ class Photograph:
         return width, height
 
 
-def read_photographs(paths: Sequence[Path], otherwise_mm: float | None = None) -> Iterator[Photograph]:
+def read_photographs(
+    paths: Sequence[Path], otherwise_mm: float | None, tell: Callable[[str], None]
+) -> Iterator[Photograph]:
     """Read photographs one after the other, and of each flight file frames from all over it.
 
     Parameters
     ----------
     paths : of pictures and of flight files
     otherwise_mm : the focal length where a picture does not say it
+    tell : is given a sentence for each flight file of which frames are left out, or parts lost
 
     Raises
     ------
     CalibrationError
-        As `read_photograph`.
+        As `read_photograph`, or if no frame of a flight file can be read.
     FlightFileError
         If a flight file cannot be read.
     """
     for path in paths:
         if _is_flight(path):
-            yield from _frames(path, otherwise_mm)
+            yield from _frames(path, otherwise_mm, tell)
         else:
             yield read_photograph(path, otherwise_mm)
 
@@ -77,15 +79,25 @@ def _is_flight(path: Path) -> bool:
     return head.startswith(MAGIC) or is_video(head)
 
 
-def _frames(path: Path, otherwise_mm: float | None) -> Iterator[Photograph]:
+def _frames(path: Path, otherwise_mm: float | None, tell: Callable[[str], None]) -> Iterator[Photograph]:
     """Read some `_LOOKED_AT` frames, evenly spread; those that are damaged are left out."""
     flight, video = open_flight([path]), GroupDecoder()
-    count = flight.count()
+    count, read, damaged = flight.count(), 0, 0
     for frame in flight.shown(range(0, count, count // _LOOKED_AT or 1)):
         name = f"{path}, frame {frame.sequence}"
-        with suppress(PictureError):
+        try:
             grey = grey_picture(encoded_of(frame), video)
-            yield _photograph(name, grey, frame.exif.lens_mm or otherwise_mm, "")
+        except PictureError:
+            damaged += 1
+            continue
+        read += 1
+        yield _photograph(name, grey, frame.exif.lens_mm or otherwise_mm, "")
+    if not read:
+        raise CalibrationError(f"{path}: holds no frame that can be read; film the board again")
+    if damaged:
+        tell(f"{path}: {damaged} of {damaged + read} frames are damaged, and left out")
+    for loss in flight.losses:
+        tell(f"lost: {loss}")
 
 
 def read_photograph(path: Path, otherwise_mm: float | None = None) -> Photograph:

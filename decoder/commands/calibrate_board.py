@@ -73,7 +73,7 @@ def command(
     known = known_camera(camera_file)
     find = chessboard(squares) if dictionary is None else charuco(squares, marker_part, dictionary)
     cameras: list[str] = []
-    fits = fit_boards(_noting(read_photographs(files, otherwise_mm), cameras), find, DistortionModel(model))
+    fits = fit_boards(_noting(read_photographs(files, otherwise_mm, _tell), cameras), find, DistortionModel(model))
     new: dict[str, Any] = {
         "picture_size": fits[0].size_px,
         "distortion": [
@@ -90,6 +90,10 @@ def command(
         say_json([_json(fit) for fit in fits])
     else:
         say(*_text(fits, camera_file).split("\n"))
+
+
+def _tell(sentence: str) -> None:
+    say(sentence, err=True)
 
 
 def _noting(photographs: Iterator[Photograph], cameras: list[str]) -> Iterator[Photograph]:

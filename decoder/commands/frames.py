@@ -89,6 +89,8 @@ def command(
     rows = _rows(decoded.data, at_s, step, wants_flagged=wants_flagged)
     written = _write(decoded, rows, gauge_names, directory)
     say(f"{_counted(len(written), 'picture')} of {_counted(len(rows), 'frame')} in {directory}")
+    for loss in decoded.provenance.losses:
+        say(f"lost: {loss}", err=True)
     if decoded.provenance.losses:
         sys.exit(EXIT_LOSS)
 

@@ -126,7 +126,7 @@ def command(
     else:
         say(*_lines(speed, beside), "", str(written))
     for loss in flight.losses:
-        say(f"lost: {loss.reason}", err=True)
+        say(f"lost: {loss}", err=True)
     if flight.losses:
         sys.exit(EXIT_LOSS)
 

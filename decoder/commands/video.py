@@ -109,6 +109,8 @@ def command(
     if keep_sound and not film.packets:
         _tell("no sound is kept in the flight file; `recorder replay --keep-sound` stores it")
     say(f"{film.drawn} of {frames} frames in {file}")
+    for loss in flight.losses:
+        _tell(f"lost: {loss}")
     if flight.losses:
         sys.exit(EXIT_LOSS)
 

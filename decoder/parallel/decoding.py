@@ -210,7 +210,7 @@ def _provenance(
         ),
         panel=SourceFile(printable(panel_file.name) if panel_file else PANEL_FILE, source.sha256),
         camera=camera,
-        losses=tuple(printable(f"{loss.path.name}: {loss.reason}") for loss in flight.losses),
+        losses=tuple(printable(str(loss)) for loss in flight.losses),
     )
 
 

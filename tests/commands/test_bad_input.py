@@ -87,6 +87,19 @@ def test_truncated_flight_is_decoded_as_far_as_it_goes(decode: Decode, tmp_path:
     assert {row["n1_pct_status"] for row in found.rows} == {"read"}
 
 
+@pytest.mark.parametrize("words", [("frames", "--every", "5", "-o", "pictures"), ("video", "-o", "film.mp4")])
+def test_what_a_truncated_flight_lost_is_named_by_every_command(
+    run: Run, tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    """It draws what is there, and says what is not."""
+    (tmp_path / "cut.mcap").write_bytes(A1.read_bytes()[:1_000_000])
+    command, *options, target = words
+    done = run("decode", command, tmp_path / "cut.mcap", *options, tmp_path / target)
+
+    assert done.returncode == 3
+    assert "lost: cut.mcap: the file ends inside a record" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

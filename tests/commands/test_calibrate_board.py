@@ -12,7 +12,7 @@ import pytest
 from decoder.panel.camera import camera_from_file
 from fixtures.calibration.board import SIZE_PX, photographs
 from fixtures.film import film as make_film
-from tests.programs import Run, says
+from tests.programs import A1, Run, says
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("board")]  # one worker renders the photographs
 
@@ -74,6 +74,19 @@ def test_a_film_of_a_board_gives_a_wide_lens(
     assert seen == pytest.approx(scale * angle, abs=1.0)
     says(run(*calibrate, "-o", file), "frame 0", "says no focal length", "focal_length_mm")
     says(run("decode", "calibrate", "board", film, "--squares", "9x7"), "recorder replay")
+
+
+def test_a_flight_that_breaks_off_is_used_as_far_as_it_goes(run: Run, tmp_path: Path) -> None:
+    """What is lost is told; where nothing is left, that is said."""
+    whole = A1.read_bytes()
+    for name, part in (("half", whole[: len(whole) // 2]), ("nothing", whole[:40_000])):
+        (tmp_path / f"{name}.mcap").write_bytes(part)
+    board = ("decode", "calibrate", "board", "--squares", "9x7", "-o", tmp_path / "camera.yaml")
+    done = run(*board, tmp_path / "half.mcap")
+
+    assert "lost: half.mcap" in done.stderr
+    assert "the board is found in 0 of" in done.stderr
+    says(run(*board, tmp_path / "nothing.mcap"), "nothing.mcap: holds no frame that can be read")
 
 
 def test_a_focal_length_that_is_known_stays(run: Run, shoot: Callable[..., list[Path]], tmp_path: Path) -> None:
