@@ -114,13 +114,9 @@ class _Track:
     def of(cls, fixes: Iterable[GpsFix]) -> _Track:
         rows = sorted(
             (
-                (
-                    fix.captured_ns,
-                    *((fix.latitude_deg, fix.longitude_deg) if fix.fix != NO_FIX else (None, None)),
-                    fix.altitude_m,
-                    fix.speed_mps,
-                    fix.dop,
-                )
+                (fix.captured_ns, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.speed_mps, fix.dop)
+                if fix.fix != NO_FIX
+                else (fix.captured_ns, None, None, None, None, None)  # whatever a file says of a place nobody knew
                 for fix in fixes
             ),
             key=lambda row: row[0],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from decoder.panel.scale import Quantity
 from decoder.timeseries.flight_data import FlightData, NeedleSeries
 from decoder.timeseries.flight_decoder import with_gps
 from decoder.timeseries.gps import GpsData, resampled
-from flight_file.frame import FIX_3D, GpsFix
+from flight_file.frame import FIX_3D, NO_FIX, GpsFix
 
 SECOND = 10**9
 
@@ -97,10 +98,10 @@ def test_the_date_line_is_no_jump() -> None:
 def test_there_is_a_value_only_between_two_samples_with_a_fix_a_second_apart_at_most(
     known: list[bool], steps: list[float]
 ) -> None:
-    """Whatever is lost."""
+    """Whatever is lost, and whatever a sample without a fix says all the same."""
     times_s = np.cumsum(steps)[: len(known)]
     fixes = [
-        sample(time_s, 0, 0) if has_fix else GpsFix(round(time_s * SECOND))
+        sample(time_s, 0, 0) if has_fix else replace(sample(time_s, 0, 0), fix=NO_FIX)
         for time_s, has_fix in zip(times_s.tolist(), known, strict=True)
     ]
     middles_s = ((times_s[1:] + times_s[:-1]) / 2).tolist()
@@ -110,7 +111,8 @@ def test_there_is_a_value_only_between_two_samples_with_a_fix_a_second_apart_at_
         for one, other, step in zip(known, known[1:], np.diff(times_s).round(9), strict=False)
     ]
 
-    assert np.isfinite(columns["gps_latitude_deg"]).tolist() == [*known, *between]
+    for name in ("gps_latitude_deg", "gps_longitude_deg", "gps_altitude_ft", "gps_speed_kt"):
+        assert np.isfinite(columns[name]).tolist() == [*known, *between], name
 
 
 def test_a_needle_keeps_its_name() -> None:
