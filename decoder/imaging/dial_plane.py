@@ -7,6 +7,8 @@ and a radius is in pixels of the panel picture in the direction in which the dia
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +17,9 @@ from decoder.imaging.optics import Optics
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.pose import pose_from_points
 from decoder.imaging.thresholds import LEAST_RIM_PX, MAX_REFERENCE_MISS, MAX_RIM_MISS, MIN_PAIRS, MIN_POINTS
+from decoder.panel.description import ReferencePoint
 from decoder.panel.errors import PanelError, PoseError
 from decoder.panel.gauge import Gauge
-from decoder.panel.panel import Panel
 
 Matrix = NDArray[np.float64]
 Point = tuple[float, float]
@@ -29,7 +31,9 @@ PERSPECTIVE_PRIOR = 0.02
 RIM_PASSES = 12
 
 
-def inches_to_picture(panel: Panel, optics: Optics) -> Matrix | None:
+def inches_to_picture(
+    points: Sequence[ReferencePoint], level: tuple[Point, Point] | None, optics: Optics
+) -> Matrix | None:
     """(3, 3): inches on the panel to its picture, without distortion; None where the panel does not tell.
 
     Raises
@@ -37,7 +41,6 @@ def inches_to_picture(panel: Panel, optics: Optics) -> Matrix | None:
     PanelError
         If the reference points lie on one line, do not fit one plane, or leave two camera positions open.
     """
-    points = panel.reference_points
     if len(points) < MIN_POINTS:
         return None
     inches = np.array([point.inches for point in points])
@@ -48,12 +51,12 @@ def inches_to_picture(panel: Panel, optics: Optics) -> Matrix | None:
     lens = optics.lens
     if lens is None:
         return None
-    plumb = None if panel.level is None else np.array(panel.level)
+    plumb = None if level is None else np.array(level)
     try:
         solutions = pose_from_points(inches, at, lens, plumb_px=plumb)
     except PoseError as error:
         raise PanelError("reference_points", str(error)) from error
-    if len(solutions) > 1 and panel.level is None:
+    if len(solutions) > 1 and level is None:
         raise PanelError(
             "reference_points", "three leave two camera positions open; add a fourth, or `level`, to tell them apart"
         )

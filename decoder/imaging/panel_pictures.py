@@ -63,7 +63,7 @@ class PanelPictures:
         if self.planes is not None:
             return self
         optics = self.optics
-        inches = inches_to_picture(self.panel, optics)
+        inches = inches_to_picture(self.panel.reference_points, self.panel.level, optics)
         planes = [
             dial_plane(gauge, f"gauges[{index}]", optics, inches) for index, gauge in enumerate(self.panel.gauges)
         ]
@@ -84,7 +84,7 @@ class PanelPictures:
     def _raised(self, index: int) -> Raised:
         """Find the plane in which a gauge's needles turn, above its face."""
         optics = self.optics
-        inches = inches_to_picture(self.panel, optics)
+        inches = inches_to_picture(self.panel.reference_points, self.panel.level, optics)
         lacking = {
             "four `reference_points`": inches is None,
             "`focal_length_mm`": optics.focal_length_mm is None,

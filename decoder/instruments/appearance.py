@@ -35,7 +35,7 @@ from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
-from decoder.panel.needles import Needle as DescribedNeedle
+from decoder.panel.kinds.needles import Needle as DescribedNeedle
 from decoder.registration.thresholds import MIN_CONTRAST_LEVELS
 
 
@@ -75,7 +75,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """First taken from the panel picture alone (`panel_appearance`), then from the flight's own frames.
+    """First taken from the panel picture alone (`appearance_from_panel`), then from the flight's own frames.
 
     Where things are is the other half of what a flight teaches: `decoder.registration.placement.Placement`.
 

@@ -11,6 +11,7 @@ import numpy as np
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.reading import Reading, Status
+from decoder.instruments.sampling import SeenGauge
 from decoder.instruments.thresholds import (
     APART_DEG,
     FRAMES_TO_LEARN,
@@ -25,7 +26,7 @@ from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_at, rows_of_each
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.registration.placement import PRIOR_LIFT, PRIOR_PX, UNKNOWN, Pivot, across
+from decoder.registration.pivot import PRIOR_LIFT, PRIOR_PX, UNKNOWN, Pivot, across
 
 # Passes of robust least squares.
 ROBUST_PASSES = 4
@@ -35,10 +36,6 @@ CLAIM_COUNTS = 2
 PLACED_SCALE = 0.8
 # Uneven light and marks that are not quite known tilt a needle by about this, pixels.
 TILT_FLOOR_PX = 0.03
-
-
-SeenGauge = tuple[UnwrappedGauge, Mapping[str, Reading], tuple[float, float]]
-"""A gauge in one frame, unwrapped; what was read of it, and how far its dial lies from where anchors have it, px."""
 
 
 @dataclass(frozen=True, slots=True)

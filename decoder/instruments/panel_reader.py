@@ -14,13 +14,14 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
-from decoder.instruments.appearance import Appearance
-from decoder.instruments.geared import as_finest
-from decoder.instruments.kinds import InstrumentReaders
+from decoder.instruments.appearance import Appearance, DrawnInstrument
+from decoder.instruments.kinds.geared import as_finest
 from decoder.instruments.needle_lines import with_lines_checked
+from decoder.instruments.readers import InstrumentReaders, kind_of
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples
 from decoder.instruments.thresholds import SURE_SCORE
+from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.panel.errors import PictureError
 from decoder.panel.vocabulary import Method
 from decoder.registration.aligner import Aligner
@@ -216,3 +217,20 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture |
         # what is not found is reported when the flight is read
         samples += [one for one in reader.placer.unwrap_many(batch) if not isinstance(one, PictureError)]
     return samples
+
+
+def appearance_from_panel(drawn: UnwrappedPanel) -> Appearance:
+    """Let each instrument's kind look at the panel's own pictures.
+
+    Raises
+    ------
+    PanelError
+        If a gauge or a template does not fit its picture.
+    """
+    looks = []
+    parts = zip(drawn.source.panel.gauges, drawn.grids, drawn.rims, drawn.gauges, strict=True)
+    for index, (gauge, grid, rim, strip) in enumerate(parts):
+        drawn.source.check_shows(rim, f"gauges[{index}]")
+        looks.append(kind_of(gauge).first_look(DrawnInstrument(drawn.source, index, gauge, grid, strip)))
+    # a needle cut from one picture need not match others better than any match must, whatever the light
+    return Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)

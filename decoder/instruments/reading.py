@@ -60,3 +60,7 @@ class FrameReadings:
     alignment: Alignment
     readings: Mapping[str, Reading]
     dial_shifts_px: Sequence[Point] = ()
+
+
+Readings = list[dict[str, Reading]]
+"""By frame the readings by name."""

@@ -7,7 +7,7 @@ frame. Those that are searched are taken at once, the others as windows are look
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol
@@ -19,6 +19,7 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.resampling import PointMap, levels_at
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
+from decoder.instruments.reading import Reading, Readings
 from decoder.instruments.thresholds import AT_HAND_PX
 from decoder.matching.searching import interleave_rows
 from decoder.panel.arrays import Floats, Indices
@@ -161,3 +162,15 @@ def _runs(values: Levels, size: int) -> Levels:
     stride, *others = values.strides
     shape = (len(values) - size + 1, size, *values.shape[1:])
     return np.ndarray(shape, values.dtype, values, strides=(stride, stride, *others))
+
+
+class Reader(Protocol):
+    """Reads all instruments of one kind on a panel, in many frames at once."""
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        """Read F frames; `place_sigmas_deg` (F, gauges) is how uncertain dials' places make angles."""
+        ...
+
+
+SeenGauge = tuple[UnwrappedGauge, Mapping[str, Reading], tuple[float, float]]
+"""A gauge in one frame, unwrapped; what was read of it, and how far its dial lies from where anchors have it, px."""

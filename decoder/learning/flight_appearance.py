@@ -15,8 +15,8 @@ import numpy as np
 
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, touched_pixels, turn_rows
 from decoder.instruments.appearance import Instrument, LearnedPicture, face_behind
-from decoder.instruments.kinds import kind_of
 from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews, in_light_of, learn_face

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.learning.thresholds import DRAWN_PX, SEARCHED_PART, SETTLED_PX
-from decoder.registration.placement import Pivot
+from decoder.registration.pivot import Pivot
 
 Vector = tuple[float, float]
 

@@ -22,15 +22,15 @@ import numpy as np
 from decoder.imaging.sorting import median
 from decoder.imaging.unwrapping import PolarGrid, row_of_angle
 from decoder.instruments.appearance import Instrument
-from decoder.instruments.kinds import kind_of
 from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import DRAWN_PX, SETTLED_LIFT
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.registration.frame_placer import UnwrappedFrame
-from decoder.registration.placement import PRIOR_PX, Pivot
+from decoder.registration.pivot import PRIOR_PX, Pivot
 
 # How carefully a panel may be drawn, pixels; each is as likely as the next before any needle is seen.
 CARES_PX = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)

@@ -17,7 +17,7 @@ import numpy as np
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.panel.arrays import Floats
-from decoder.registration.placement import Pivot
+from decoder.registration.pivot import Pivot
 
 # A mark is a line to draw to, while a pivot lies under a cap: marks are off by such a part of what centres are off, and
 # by no more than such a part of the radius.

@@ -24,7 +24,7 @@ from decoder.matching.needle_template import odd_rows
 from decoder.matching.thresholds import FAR_GAIN, FAR_PART, NOISE_LEVELS, REACH_PART
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.scale import FULL_CIRCLE_DEG
-from decoder.registration.placement import across
+from decoder.registration.pivot import across
 
 Vector = tuple[float, float]
 Score = Callable[[Floats], Floats]

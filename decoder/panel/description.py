@@ -154,3 +154,12 @@ def _keys(model: type[Strict]) -> list[str]:
     schema = model.model_json_schema()
     parts = [schema, *schema.get("$defs", {}).values()]
     return sorted({key for part in parts for key in part.get("properties", {})})
+
+
+class ReferencePoint(Strict):
+    """A place on the panel known in inches."""
+
+    at: Point
+    """The place in the panel picture."""
+    inches: Point
+    """The same place on the panel; y may count up or down."""

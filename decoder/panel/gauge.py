@@ -12,11 +12,11 @@ from typing import Annotated, Self
 from pydantic import Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees, Number, at_most
-from decoder.panel.attitude import Attitude
-from decoder.panel.card import Card
 from decoder.panel.description import Name, Point, Positive, Strict, Text
 from decoder.panel.kind import DescribedKind, Pointer, Polar
-from decoder.panel.needles import Needle, Needles
+from decoder.panel.kinds.attitude import Attitude
+from decoder.panel.kinds.card import Card
+from decoder.panel.kinds.needles import Needle, Needles
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
     MOST_POINTS,

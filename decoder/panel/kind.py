@@ -1,6 +1,6 @@
 """What a kind of instrument says of itself in `panel.yaml`, in drawings and on the set-up page: one protocol.
 
-How it is read is said in `decoder.instruments.kinds`.
+How it is read is said in `decoder.instruments.readers`.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from decoder.panel.description import (
     PictureName,
     Pixels,
     Point,
+    ReferencePoint,
     Strict,
     Text,
     check_description,
@@ -26,7 +27,7 @@ from decoder.panel.description import (
 )
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
-from decoder.panel.needles import Needle
+from decoder.panel.kinds.needles import Needle
 from decoder.panel.scale import MOST_POINTS, Combination, Quantity
 from decoder.panel.thresholds import MOST_NEEDLES
 
@@ -34,15 +35,6 @@ from decoder.panel.thresholds import MOST_NEEDLES
 MOST_GAUGES, MOST_ANCHORS = 200, 200
 LEADING_COLUMNS = ("frame", "time_utc", "time_s")
 NEEDLE_SUFFIXES = ("", "_status", "_score", "_sigma")
-
-
-class ReferencePoint(Strict):
-    """A place on the panel known in inches."""
-
-    at: Point
-    """The place in the panel picture."""
-    inches: Point
-    """The same place on the panel; y may count up or down."""
 
 
 Side = Annotated[float, Field(ge=8, allow_inf_nan=False), NO_TRUTH, at_most(1e5)]

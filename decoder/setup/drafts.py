@@ -17,7 +17,7 @@ from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.optics import Optics
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import GreyPicture
-from decoder.learning.panel_appearance import appearance_from_panel
+from decoder.instruments.panel_reader import appearance_from_panel
 from decoder.panel.camera import Camera
 from decoder.panel.description import problems_in
 from decoder.panel.errors import DecoderError, PanelError, PictureError

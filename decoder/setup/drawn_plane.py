@@ -21,11 +21,11 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera
-from decoder.panel.description import Point, Positive
+from decoder.panel.description import Point, Positive, ReferencePoint
 from decoder.panel.errors import DecoderError
 from decoder.panel.gauge import Gauge
 from decoder.panel.lens import Lens
-from decoder.panel.panel import Panel, ReferencePoint
+from decoder.panel.panel import Panel
 from decoder.setup.thresholds import MOST_LEFT
 
 XY = tuple[float, float]
@@ -134,7 +134,7 @@ class Planes:
         except DecoderError:  # a zoom that the camera does not have; the check of the whole draft says so
             optics = Optics(size_px, focal_length_mm, None)
         try:
-            return cls(optics, inches_to_picture(panel, optics))
+            return cls(optics, inches_to_picture(panel.reference_points, panel.level, optics))
         except (DecoderError, np.linalg.LinAlgError):  # reference points that fit no plane; said there as well
             return cls(optics, None)
 
@@ -189,7 +189,7 @@ def height_inches(source: PanelPictures, moved_px: XY | None) -> float | None:
     """
     (gauge,) = source.panel.gauges
     optics = source.optics
-    inches = inches_to_picture(source.panel, optics)
+    inches = inches_to_picture(source.panel.reference_points, source.panel.level, optics)
     if moved_px is None or gauge.needle_height_inches or inches is None or optics.lens is None:
         return None
     foot = np.array(gauge.centre, np.float64)[:, None]

@@ -91,7 +91,9 @@ def panel_of(pose: Pose, lens: Lens, *, points: int = 0, rim: int = 0, y_up: boo
 def plane_of(panel: Panel, camera: Camera | None) -> DialPlane | None:
     """The plane of its only dial."""
     optics = Optics(SIZE_PX, FOCAL_MM, camera)
-    return dial_plane(panel.gauges[0], "gauges[0]", optics, inches_to_picture(panel, optics))
+    return dial_plane(
+        panel.gauges[0], "gauges[0]", optics, inches_to_picture(panel.reference_points, panel.level, optics)
+    )
 
 
 def angle_errors_deg(plane: DialPlane, pose: Pose, lens: Lens, *, y_up: bool = False) -> np.ndarray:

@@ -12,13 +12,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.instruments.attitude import Attitudes, learn_attitude
+from decoder.instruments.kinds.attitude import Attitudes, learn_attitude
 from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
-from decoder.panel.attitude import Attitude
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
+from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.scale import Scale
 from tests.decoder.instruments.dials import CENTRE, SCALE, Canvas, paint, reader_for
 

@@ -18,7 +18,7 @@ from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.vocabulary import Method
-from decoder.registration.placement import UNKNOWN, Pivot
+from decoder.registration.pivot import UNKNOWN, Pivot
 from tests.decoder.cockpit import BETWEEN_MARKS_DEG, angles_of, between_marks, draw, reader_of
 from tests.programs import FIXTURES
 

@@ -7,7 +7,7 @@ import pytest
 
 from decoder.learning.pivots import CARELESS_PART, PivotPath, empirical_bayes, lifts_missing
 from decoder.panel.arrays import Floats
-from decoder.registration.placement import PRIOR_PX, UNKNOWN, Pivot
+from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
 
 HERE = (0.0, 0.0)
 

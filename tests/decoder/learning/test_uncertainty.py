@@ -21,7 +21,7 @@ from decoder.learning.uncertainty import (
     quantity_uncertainties,
 )
 from decoder.panel.camera import parse_camera
-from decoder.registration.placement import Pivot
+from decoder.registration.pivot import Pivot
 from tests.decoder.cockpit import reader_of
 from tests.programs import FIXTURES
 

@@ -13,7 +13,7 @@ window instead, an aircraft symbol, the frame, a reflection, is smeared out by t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -24,8 +24,10 @@ from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
-from decoder.instruments.appearance import CardPicture
-from decoder.instruments.reading import Reading, Status
+from decoder.instruments.appearance import Appearance, CardPicture, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.kinds.card import CardReader, first_card, learn_card
+from decoder.instruments.reading import Reading, Readings, Status
+from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, MAX_CONDITION, STILL_ROWS
 from decoder.matching.correlation import explained, weighted_correlation
 from decoder.matching.thresholds import (
@@ -37,9 +39,11 @@ from decoder.matching.thresholds import (
     SCORE_THRESHOLD,
 )
 from decoder.panel.arrays import Floats
-from decoder.panel.attitude import Attitude
 from decoder.panel.gauge import Gauge
+from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn
+from decoder.panel.vocabulary import Method
+from decoder.registration.pivot import UNKNOWN, Pivot
 
 HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
 SEARCH_STEP_DEG = 2.0
@@ -214,20 +218,20 @@ class Attitudes:
 
 
 class Turned(Protocol):
-    """How far a ring has turned clockwise, as `decoder.instruments.card.Turn`."""
+    """How far a ring has turned clockwise, as `decoder.instruments.kinds.card.Turn`."""
 
     @property
-    def rows(self) -> float: ...  # noqa: D102 - said there
+    def rows(self) -> float: ...
     @property
-    def sigma_rows(self) -> float: ...  # noqa: D102
+    def sigma_rows(self) -> float: ...
     @property
-    def score(self) -> float: ...  # noqa: D102
+    def score(self) -> float: ...
     @property
-    def is_alone(self) -> bool: ...  # noqa: D102
+    def is_alone(self) -> bool: ...
 
 
 class Ring(Protocol):
-    """Reads a ring of marks, as `decoder.instruments.card.CardReader`."""
+    """Reads a ring of marks, as `decoder.instruments.kinds.card.CardReader`."""
 
     def turn(self, unwrapped: UnwrappedGauge) -> Turned:
         """Tell how far it has turned from where it lies in the panel picture."""
@@ -548,3 +552,69 @@ def _at(levels: Floats, columns: Floats, rows: Floats) -> Floats:
     return cv2.remap(np.asarray(levels, np.float32), *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(
         np.float32
     )
+
+
+def _ring_of(own: Attitudes, picture: AttitudePicture) -> CardReader | None:
+    """Return what reads the ring around a horizon, if one turns."""
+    return None if picture.ring is None else CardReader(own.gauge, own.ring_grid, picture.ring)
+
+
+class _Attitudes:
+    def __init__(self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler) -> None:
+        self._readers: list[tuple[list[str], int, AttitudeReader]] = []
+        for instrument in instruments:
+            own = Attitudes.of(instrument.gauge, instrument.grid)
+            picture: AttitudePicture = appearance.pictures[own.own.roll]
+            reader = AttitudeReader(own, picture, _ring_of(own, picture))
+            self._readers.append(([own.own.roll, own.own.pitch], instrument.index, reader))
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for names, index, reader in self._readers:
+            found = reader.read(self._sampler.strips(frames, index))
+            for own, both, sigma_deg in zip(readings, found, place_sigmas_deg[:, index].tolist(), strict=True):
+                own |= {name: one.in_place_within(sigma_deg) for name, one in zip(names, both, strict=True)}
+        return readings
+
+
+class AttitudeKind:
+    """A horizon that turns and shifts behind a window; what is learned of it stands under its roll."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.attitude is not None
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> _Attitudes:
+        return _Attitudes(instruments, appearance, sampler)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        own = Attitudes.of(drawn.gauge, drawn.grid)
+        ring = None if own.own.ring is None else first_card(drawn.strip[:, own.ring], own.ring_grid)
+        return Look(drawn.strip, pictures={own.own.roll: first_attitude(own, drawn.strip, ring)})
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        given: AttitudePicture = known[own.own.roll]
+        if given.ring is not None:
+            rings = [strip[:, own.ring] for strip in strips]
+            given = replace(given, ring=learn_card(own.gauge, own.ring_grid, rings, given.ring))
+        return {own.own.roll: learn_attitude(own, strips, given, _ring_of(own, given))}
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        ring = _ring_of(own, appearance.pictures[own.own.roll])
+        return UNKNOWN if ring is None else ring.pivot([strip[:, own.ring] for strip, _, _ in frames])
+
+    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
+        return None
+
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []

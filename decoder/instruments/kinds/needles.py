@@ -16,9 +16,9 @@ import numpy as np
 
 from decoder.imaging.unwrapping import opposite_rows
 from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
-from decoder.instruments.pairs import TouchingPair
+from decoder.instruments.kinds.pairs import TouchingPair
+from decoder.instruments.kinds.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
-from decoder.instruments.stack import StackReader
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
     DOUBTFUL_WORSE,

@@ -13,7 +13,7 @@ or an aircraft symbol, is smeared out by that and shows where the frames differ 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -23,8 +23,17 @@ from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
-from decoder.instruments.appearance import CardPicture
-from decoder.instruments.reading import Reading, Status
+from decoder.instruments.appearance import (
+    Appearance,
+    CardPicture,
+    DrawnInstrument,
+    Instrument,
+    LearnedPicture,
+    Look,
+    needles_in_picture,
+)
+from decoder.instruments.reading import Reading, Readings, Status
+from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
     FRAMES_TO_LEARN,
@@ -35,6 +44,7 @@ from decoder.instruments.thresholds import (
     SURE_SCORE,
 )
 from decoder.matching.correlation import explained, weighted_correlation
+from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import (
     MAX_PEAK_ROWS,
@@ -45,7 +55,8 @@ from decoder.matching.thresholds import (
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
-from decoder.registration.placement import PRIOR_PX, UNKNOWN, Pivot
+from decoder.panel.vocabulary import Method
+from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
 
 FIT_STEPS = 3
 # Another place is one this far away; nearer, it is the same peak.
@@ -356,3 +367,67 @@ def _spread_deg(rows: Sequence[float], grid: PolarGrid) -> float:
     angles_deg = np.sort(np.mod(np.array(rows) * grid.step_deg, FULL_CIRCLE_DEG))
     gaps = np.diff(np.append(angles_deg, angles_deg[0] + FULL_CIRCLE_DEG))
     return FULL_CIRCLE_DEG - float(gaps.max())
+
+
+class _Cards:
+    def __init__(self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler) -> None:
+        names = [instrument.gauge.quantities[0].name for instrument in instruments]
+        self._readers = [
+            (name, instrument.index, CardReader(instrument.gauge, instrument.grid, appearance.pictures[name]))
+            for name, instrument in zip(names, instruments, strict=True)
+        ]
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        columns = {
+            name: [
+                reading.in_place_within(sigma_deg)
+                for reading, sigma_deg in zip(
+                    reader.read(self._sampler.strips(frames, index)), place_sigmas_deg[:, index].tolist(), strict=True
+                )
+            ]
+            for name, index, reader in self._readers
+        }
+        return [dict(zip(columns, own, strict=True)) for own in zip(*columns.values(), strict=True)]
+
+
+class CardKind:
+    """A card that turns under a fixed index."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.card is not None
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> _Cards:
+        return _Cards(instruments, appearance, sampler)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        face = needles_in_picture(drawn).face
+        return Look(face, pictures={self._name(drawn.gauge): first_card(face, drawn.grid)})
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        name = self._name(instrument.gauge)
+        return {name: learn_card(instrument.gauge, instrument.grid, strips, known[name])}
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        reader = CardReader(instrument.gauge, instrument.grid, appearance.pictures[self._name(instrument.gauge)])
+        return reader.pivot([strip for strip, _, _ in frames])
+
+    def far_pivot(
+        self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> tuple[float, float] | None:
+        return card_pivot(instrument.grid, strips)
+
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []
+
+    @staticmethod
+    def _name(gauge: Gauge) -> str:
+        return gauge.quantities[0].name

@@ -1,0 +1,71 @@
+"""What the rest of the program needs of a kind of instrument: one protocol.
+
+What is described and drawn of a kind is said in `decoder.panel.kind`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from decoder.imaging.unwrapping import UnwrappedGauge
+from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.sampling import GaugeSampler, Reader, SeenGauge
+from decoder.panel.gauge import Gauge
+from decoder.panel.vocabulary import Method
+from decoder.registration.pivot import Pivot
+
+
+class Kind(Protocol):
+    """One kind of instrument: all that the rest of the program needs of it."""
+
+    is_searched: bool
+    """Whether its gauges are searched on every third row and column of each frame."""
+
+    def owns(self, gauge: Gauge) -> bool:
+        """Whether a gauge is of this kind."""
+        ...
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method
+    ) -> Reader:
+        """Return a reader of all gauges of this kind on a panel."""
+        ...
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        """Return what the panel's pictures alone tell of it.
+
+        Raises
+        ------
+        PanelError
+            If they do not show it.
+        """
+        ...
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        """Learn by quantity, from a sample's frames in one light, what its looks are besides face and templates."""
+        ...
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        """Return where it turns, relative to where it is unwrapped, as a sample's frames tell by what was read."""
+        ...
+
+    def far_pivot(
+        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> tuple[float, float] | None:
+        """Return how far beside its centre it turns, (x, y) px of its own plane; None if it is near, or nothing tells.
+
+        `own` is the gauge in the panel picture, `strips` are a sample's frames in its light.
+        """
+        ...
+
+    def seen_deg(
+        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        """Return of what turns where it is drawn, and where the panel picture shows it around its pivot.
+
+        Of some of it, as of a card, a picture does not tell; of what never moves neither.
+        """
+        ...

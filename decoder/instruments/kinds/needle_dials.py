@@ -1,0 +1,152 @@
+"""Dials with needles: read one by one or in pairs, as hands that tell one value, or as a stack."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from decoder.imaging.unwrapping import UnwrappedGauge, rows_in_sweep
+from decoder.instruments.appearance import (
+    Appearance,
+    DrawnInstrument,
+    Instrument,
+    LearnedPicture,
+    Look,
+    needles_in_picture,
+)
+from decoder.instruments.found import Found, Needle, readings_of
+from decoder.instruments.kinds.geared import GearedReader
+from decoder.instruments.kinds.needles import NeedleReader, is_simple
+from decoder.instruments.kinds.stack import StackReader
+from decoder.instruments.needle_lines import pivot_of_tilts, tilts_of
+from decoder.instruments.reading import Readings
+from decoder.instruments.sampling import GaugeSampler, Reader, Samples, SeenGauge
+from decoder.matching.pivot_search import drawn_needles_deg, needle_pivot
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.panel.vocabulary import Method
+from decoder.registration.pivot import Pivot
+
+
+class _FindsNeedles(Protocol):
+    """Finds needles in many frames at once."""
+
+    def read(self, frames: Sequence[Samples]) -> Found:
+        """Find them in F frames: (F, K)."""
+        ...
+
+
+class _FoundReader:
+    """Makes readings of what is found of needles, (F, K)."""
+
+    def __init__(self, needles: Sequence[Needle], finder: _FindsNeedles) -> None:
+        self._needles, self._finder = list(needles), finder
+        self._gauges = [needle.gauge_index for needle in needles]
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        """Read F frames; `place_sigmas_deg` (F, gauges) is how uncertain dials' places make angles."""
+        return readings_of(self._finder.read(frames), self._needles, place_sigmas_deg[:, self._gauges])
+
+
+class NeedleKind:
+    """Needles that are read one by one, or as a pair by the pixels around it."""
+
+    is_searched = True
+
+    def owns(self, gauge: Gauge) -> bool:
+        return bool(gauge.needles) and is_simple(gauge)
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method
+    ) -> Reader:
+        needles = [needle for instrument in instruments for needle in instrument.needles(appearance)]
+        return _FoundReader(needles, NeedleReader(needles, sampler, method, appearance.evenly_lit_score))
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        return needles_in_picture(drawn)
+
+    def learned_pictures(
+        self, _: Instrument, __: Sequence[UnwrappedGauge], ___: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        return {}
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        gauge, grid, face = instrument.gauge, instrument.grid, instrument.face
+        return pivot_of_tilts(tilts_of(gauge, grid, face, appearance.templates, frames))
+
+    def far_pivot(
+        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> tuple[float, float] | None:
+        gauge, grid = instrument.gauge, instrument.grid
+        return needle_pivot(grid, rows_in_sweep(gauge, grid), self._cuts(gauge), own, strips)
+
+    def seen_deg(
+        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        cuts = self._cuts(instrument.gauge)
+        seen = drawn_needles_deg(instrument.grid, cuts, own, strips)
+        return [(at_deg, seen_deg) for (at_deg, _), seen_deg in zip(cuts, seen, strict=True) if seen_deg is not None]
+
+    @staticmethod
+    def _cuts(gauge: Gauge) -> list[tuple[float, float]]:
+        """Where needles are cut out of the panel picture, and how many degrees."""
+        cuts = [(each.at, each.span) for each in (needle.template for needle in gauge.needles) if each.picture is None]
+        return [(at_deg, span_deg) for at_deg, span_deg in cuts if at_deg is not None and span_deg is not None]
+
+
+class _Hands:
+    def __init__(self, needles: Sequence[list[Needle]], sampler: GaugeSampler) -> None:
+        self._readers = [(own, GearedReader(own)) for own in needles]
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for needles, reader in self._readers:
+            index = needles[0].gauge_index
+            own_deg = place_sigmas_deg[:, index]
+            together = reader.read(self._sampler.strips(frames, index))
+            hands = readings_of(together.hands, needles, np.repeat(own_deg[:, None], len(needles), axis=1))
+            for found, own, value, sigma_deg in zip(readings, hands, together.values, own_deg.tolist(), strict=True):
+                found.update({**own, reader.name: value.in_place_within(reader.share * sigma_deg)})
+        return readings
+
+
+class GearedKind(NeedleKind):
+    """Hands that tell one value: an altimeter's, a clock's."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.combination is not None and len(gauge.combination.parts) == len(gauge.needles)
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> Reader:
+        return _Hands([instrument.needles(appearance) for instrument in instruments], sampler)
+
+
+class _StackFinder:
+    def __init__(self, needles: Sequence[Sequence[Needle]], sampler: GaugeSampler) -> None:
+        self._readers = [(own[0].gauge_index, StackReader(own)) for own in needles]
+        self._sampler = sampler
+
+    def read(self, frames: Sequence[Samples]) -> Found:
+        found = [reader.read(self._sampler.strips(frames, index)) for index, reader in self._readers]
+        return Found.beside(found)
+
+
+class StackKind(NeedleKind):
+    """Needles above each other, each read by what is known of the others."""
+
+    is_searched = False
+
+    def owns(self, gauge: Gauge) -> bool:
+        return bool(gauge.needles) and not is_simple(gauge)
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> Reader:
+        needles = [instrument.needles(appearance) for instrument in instruments]
+        return _FoundReader([needle for own in needles for needle in own], _StackFinder(needles, sampler))

@@ -1,0 +1,110 @@
+"""The kinds of instrument there are, and the readers of one panel's instruments.
+
+Whoever reads, learns or draws asks for a gauge's kind here and goes by the answer. A new kind is a module in `kinds`,
+a line in `KINDS`, and its part of the schema in `decoder.panel.gauge`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from decoder.imaging.unwrapping import Unwrapper
+from decoder.instruments.appearance import Appearance, Instrument
+from decoder.instruments.kind import Kind
+from decoder.instruments.kinds.attitude import AttitudeKind
+from decoder.instruments.kinds.card import CardKind
+from decoder.instruments.kinds.geared import told_together
+from decoder.instruments.kinds.needle_dials import GearedKind, NeedleKind, StackKind
+from decoder.instruments.reading import Reading, Readings, Status
+from decoder.instruments.sampling import GaugeSampler, Reader, Samples
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.panel.vocabulary import Method
+
+KINDS: tuple[Kind, ...] = (NeedleKind(), GearedKind(), StackKind(), CardKind(), AttitudeKind())
+
+
+def kind_of(gauge: Gauge) -> Kind:
+    """Return the kind of a gauge."""
+    return next(kind for kind in KINDS if kind.owns(gauge))
+
+
+class InstrumentReaders:
+    """Reads all instruments of one panel.
+
+    Parameters
+    ----------
+    gauges
+        From the panel.
+    unwrapper
+        Of their grids, in the same order.
+    """
+
+    def __init__(self, gauges: Sequence[Gauge], unwrapper: Unwrapper, appearance: Appearance, method: Method) -> None:
+        self._gauges, self._unwrapper = gauges, unwrapper
+        self.appearance, self.method = appearance, method
+        plain = method is Method.XCORR  # then every needle is looked for by itself
+        self._kinds = [KINDS[0] if plain and gauge.needles else kind_of(gauge) for gauge in gauges]
+
+    @cached_property
+    def sampler(self) -> GaugeSampler:
+        """Samples the panel's gauges."""
+        return GaugeSampler(self._unwrapper, [index for index, kind in enumerate(self._kinds) if kind.is_searched])
+
+    @cached_property
+    def _readers(self) -> list[Reader]:
+        parts = zip(self._gauges, self._unwrapper.grids, self.appearance.faces, strict=True)
+        instruments = [Instrument(index, *own) for index, own in enumerate(parts)]
+        of_kinds = [
+            (kind, [own for own, its in zip(instruments, self._kinds, strict=True) if its is kind]) for kind in KINDS
+        ]
+        return [kind.reader(own, self.appearance, self.sampler, self.method) for kind, own in of_kinds if own]
+
+    def with_appearance(self, appearance: Appearance) -> InstrumentReaders:
+        """Return readers of the same panel that have learned something else."""
+        readers = InstrumentReaders(self._gauges, self._unwrapper, appearance, self.method)
+        readers.sampler = self.sampler
+        return readers
+
+    def read(self, frames: Sequence[Samples], whole: Sequence[Sequence[bool]], place_sigmas_deg: Floats) -> Readings:
+        """Read F frames; what is read of one does not depend on the others.
+
+        Parameters
+        ----------
+        frames
+            As `sampler` takes them.
+        whole
+            By frame for each gauge whether all of it lies in the frame: else nothing is known of it.
+        place_sigmas_deg
+            (F, gauges): what angles are uncertain by because the places of their dials are.
+        """
+        if not frames:
+            return []
+        parts = [reader.read(frames, place_sigmas_deg) for reader in self._readers]
+        found = [
+            {name: reading for part in parts for name, reading in part[number].items()} for number in range(len(frames))
+        ]
+        return [
+            {
+                name: reading
+                for gauge, is_whole in zip(self._gauges, there, strict=True)
+                for name, reading in _told(gauge, own, is_whole=is_whole).items()
+            }
+            for own, there in zip(found, whole, strict=True)
+        ]
+
+
+def _told(gauge: Gauge, found: Mapping[str, Reading], *, is_whole: bool) -> dict[str, Reading]:
+    """By name what one gauge tells in one frame: its quantities, and what several of them show together."""
+    names = [quantity.name for quantity in gauge.quantities]
+    together = None if gauge.combination is None else gauge.combination.quantity.name
+    if not is_whole:
+        unread = Reading(Status.MISSING, np.nan, np.inf, 0.0)
+        return dict.fromkeys([*names, *([] if together is None else [together])], unread)
+    own = {name: found[name] for name in names}
+    if together is None:
+        return own
+    return own | {together: found[together] if together in found else told_together(gauge, own)}
