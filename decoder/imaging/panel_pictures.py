@@ -12,7 +12,7 @@ from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture, grey_picture
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.resampling import inside
-from decoder.imaging.unwrapping import PolarGrid, gauge_grid
+from decoder.imaging.unwrapping import Grid, PolarGrid, grid_of
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PanelError, PictureError
@@ -69,11 +69,13 @@ class PanelPictures:
         ]
         return replace(self, planes=tuple(planes))
 
-    def grid(self, index: int) -> PolarGrid:
+    def grid(self, index: int) -> Grid:
         """Lay out the sample points of the gauge at this place in the panel."""
         planes, gauge = self.with_planes().planes, self.panel.gauges[index]
-        grid = gauge_grid(gauge, None if planes is None else planes[index])
-        return replace(grid, raised=self._raised(index)) if gauge.needle_height_inches else grid
+        grid = grid_of(gauge, None if planes is None else planes[index])
+        if isinstance(grid, PolarGrid) and gauge.needle_height_inches:
+            return replace(grid, raised=self._raised(index))
+        return grid
 
     def check_shows(self, rim: Floats, path: str) -> None:
         """PanelError unless the panel picture shows all that lies within a rim, as `PolarGrid.rim`."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment
+from decoder.imaging.motion import carried, homography
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.resampling import PointMap
@@ -27,6 +28,7 @@ from decoder.imaging.thresholds import (
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.panel.window import Corners, size_px
 
 UnwrappedGauge = Floats
 
@@ -100,6 +102,76 @@ class PolarGrid:
         return min(1.0, math.radians(self.step_deg) * mean_px * self.column_px)
 
 
+@dataclass(frozen=True, slots=True)
+class WindowGrid:
+    """The sample points of a window, which is seen from wherever its corners tell: rows go down, columns across.
+
+    Samples lie in the middles of cells about as large as a pixel, and on each side so many cells of what is around
+    it, `margin`, are sampled too. A window is a plane of its own, never `raised`.
+    """
+
+    corners: Corners
+    rows: int
+    columns: int
+    margin: int = 0
+    plane: DialPlane | None = None
+    raised: Raised | None = None
+
+    @classmethod
+    def of(cls, corners: Corners, margin_part: float = 0.0) -> WindowGrid:
+        """Lay it out with a cell for each pixel, and a margin that is such a part of its shorter side."""
+        width, height = (math.ceil(side_px) for side_px in size_px(corners))
+        margin = math.ceil(margin_part * min(width, height))
+        return cls(corners, height + 2 * margin, width + 2 * margin, margin)
+
+    @property
+    def within(self) -> tuple[slice, slice]:
+        """Rows and columns of the window itself."""
+        return slice(self.margin, self.rows - self.margin), slice(self.margin, self.columns - self.margin)
+
+    @property
+    def cell_px(self) -> tuple[float, float]:
+        """How wide and how high a cell is on the panel picture, on average."""
+        width_px, height_px = size_px(self.corners)
+        return width_px / (self.columns - 2 * self.margin), height_px / (self.rows - 2 * self.margin)
+
+    def points(self) -> Floats:
+        """(2, rows, columns) float32: x and y of every sample in the panel picture."""
+        across, down = (
+            (np.arange(count) - self.margin + 0.5) / (count - 2 * self.margin) for count in (self.columns, self.rows)
+        )
+        return self.points_at(across, down)
+
+    def points_at(self, across: Floats, down: Floats) -> Floats:
+        """(2, len(down), len(across)) float32: any points of the window, from 0 at its top left to 1."""
+        unit = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
+        places = np.stack([part.ravel() for part in np.meshgrid(across, down)]).astype(np.float64)
+        there = carried(homography(unit, np.array(self.corners).T), places)
+        points: Floats = there.reshape(2, len(down), len(across)).astype(np.float32)
+        return points
+
+    def rim(self) -> Floats:
+        """(2, 4) float32: its corners, to tell whether it lies in a frame."""
+        return np.array(self.corners, np.float32).T
+
+
+Grid = PolarGrid | WindowGrid
+
+
+def polar(grid: Grid) -> PolarGrid:
+    """Return the grid of a dial."""
+    if not isinstance(grid, PolarGrid):
+        raise AssertionError("a window has no angles")  # noqa: TRY004 - whoever asks knows which it is
+    return grid
+
+
+def windowed(grid: Grid) -> WindowGrid:
+    """Return the grid of a window."""
+    if not isinstance(grid, WindowGrid):
+        raise AssertionError("a dial has no corners")  # noqa: TRY004 - the same
+    return grid
+
+
 def polar_grid(
     centre: tuple[float, float],
     radius_px: tuple[float, float],
@@ -127,7 +199,7 @@ def polar_grid(
 class Unwrapper:
     """Samples several grids from a frame at once."""
 
-    def __init__(self, grids: Sequence[PolarGrid]) -> None:
+    def __init__(self, grids: Sequence[Grid]) -> None:
         self.grids = tuple(grids)
 
     @cached_property
@@ -176,8 +248,13 @@ class Unwrapper:
         return [flat[part] for part in self._map.slices]
 
 
+def grid_of(gauge: Gauge, plane: DialPlane | None = None) -> Grid:
+    """Lay out the sample points of a gauge: of its dial, or of its window."""
+    return gauge_grid(gauge, plane) if gauge.window is None else WindowGrid.of(gauge.window, gauge.kind.margin_part)
+
+
 def gauge_grid(gauge: Gauge, plane: DialPlane | None = None) -> PolarGrid:
-    """Lay out the unwrapped gauge's sample points."""
+    """Lay out the unwrapped dial's sample points; of a window those of the circle around it."""
     return polar_grid(gauge.centre, gauge.radius, *gauge.unwrapped_deg, across=gauge.tail, plane=plane)
 
 

@@ -17,13 +17,17 @@ import numpy as np
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import (
+    Grid,
     PolarGrid,
     UnwrappedGauge,
     Unwrapper,
+    WindowGrid,
     needle_places,
+    polar,
     row_of_angle,
     rows_in_sweep,
     turn_rows,
+    windowed,
 )
 from decoder.instruments.found import Needle
 from decoder.matching.correlation import normxcorr
@@ -111,13 +115,23 @@ class Appearance:
 
 @dataclass(frozen=True, slots=True)
 class DrawnInstrument:
-    """One gauge, `index` its place in the panel, and how the panel picture shows it: `strip`, on its grid."""
+    """One gauge, `index` its place in the panel, and how the panel picture shows it: `strip`, as it is sampled."""
 
     source: PanelPictures
     index: int
     gauge: Gauge
-    grid: PolarGrid
+    sampled: Grid
     strip: UnwrappedGauge
+
+    @property
+    def grid(self) -> PolarGrid:
+        """The grid of a dial."""
+        return polar(self.sampled)
+
+    @property
+    def window(self) -> WindowGrid:
+        """The grid of a window."""
+        return windowed(self.sampled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +140,18 @@ class Instrument:
 
     index: int
     gauge: Gauge
-    grid: PolarGrid
+    sampled: Grid
     face: UnwrappedGauge
+
+    @property
+    def grid(self) -> PolarGrid:
+        """The grid of a dial."""
+        return polar(self.sampled)
+
+    @property
+    def window(self) -> WindowGrid:
+        """The grid of a window."""
+        return windowed(self.sampled)
 
     def needles(self, appearance: Appearance) -> list[Needle]:
         """Return its needles as they are looked for."""

@@ -13,7 +13,7 @@ from decoder.imaging.alignment import Point
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.imaging.unwrapping import Grid, PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, DrawnInstrument
 from decoder.instruments.kinds.geared import as_finest
 from decoder.instruments.needle_lines import with_lines_checked
@@ -99,7 +99,7 @@ class PanelReader:
         return self.instruments.method
 
     @property
-    def grids(self) -> list[PolarGrid]:
+    def grids(self) -> list[Grid]:
         """By gauge."""
         return self.drawn.grids
 
@@ -157,7 +157,7 @@ class PanelReader:
         for sigma_px, frame in zip(sigmas_px, frames, strict=True):
             if frame.dial_sigmas_px:
                 sigma_px[:] = frame.dial_sigmas_px
-        radii_px = np.array([sum(gauge.radius) / 2 for gauge in self.source.panel.gauges])
+        radii_px = np.array([gauge.arc_px for gauge in self.source.panel.gauges])
         readings = self.instruments.read(samples, [frame.whole for frame in frames], np.degrees(sigmas_px / radii_px))
         return [
             FrameReadings(frame.alignment, self._checked(frame, own), self._needle_shifts_px(frame))
@@ -172,7 +172,9 @@ class PanelReader:
         for gauge, grid, face, pivot, strip in zip(
             gauges, self.grids, seen.faces, self.placement.pivots, frame.gauges, strict=False
         ):
-            checked |= with_lines_checked(strip, checked, gauge, grid, face=face, templates=seen.templates, pivot=pivot)
+            if isinstance(grid, PolarGrid):
+                parts = (strip, checked, gauge, grid)
+                checked |= with_lines_checked(*parts, face=face, templates=seen.templates, pivot=pivot)
         for gauge in gauges:
             checked |= as_finest(gauge, checked)
         for name in seen.doubted:

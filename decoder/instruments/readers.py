@@ -17,6 +17,7 @@ from decoder.instruments.kind import Kind
 from decoder.instruments.kinds.attitude import AttitudeKind
 from decoder.instruments.kinds.card import CardKind
 from decoder.instruments.kinds.geared import told_together
+from decoder.instruments.kinds.lamp import LampKind
 from decoder.instruments.kinds.needle_dials import GearedKind, NeedleKind, StackKind
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples
@@ -24,7 +25,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 
-KINDS: tuple[Kind, ...] = (NeedleKind(), GearedKind(), StackKind(), CardKind(), AttitudeKind())
+KINDS: tuple[Kind, ...] = (NeedleKind(), GearedKind(), StackKind(), CardKind(), AttitudeKind(), LampKind())
 
 
 def kind_of(gauge: Gauge) -> Kind:

@@ -37,10 +37,13 @@ Templates = Mapping[str, NeedleTemplate]
 
 
 def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitViews:
-    """Bring all gauges of the samples into the panel picture's light."""
+    """Bring all dials of the samples into the panel picture's light; windows, which may shine, are as they are."""
+    dials = [isinstance(grid, PolarGrid) for grid in reader.grids]
     return [
         in_light_of(picture, (sample.gauges[index] for sample in samples))
-        for index, picture in enumerate(reader.own_gauges)
+        if is_dial
+        else [sample.gauges[index] for sample in samples]
+        for index, (picture, is_dial) in enumerate(zip(reader.own_gauges, dials, strict=True))
     ]
 
 
@@ -57,18 +60,20 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
     if len(found) < FRAMES_TO_LEARN:
         return reader
     gauges, before = reader.source.panel.gauges, reader.appearance
-    learners = [
-        _GaugeLearner(gauge, grid, seen, first, before.templates)
-        for gauge, grid, seen, first in zip(gauges, reader.grids, views, before.faces, strict=True)
-    ]
+    learners = {
+        index: _GaugeLearner(gauge, grid, seen, first, before.templates)
+        for index, (gauge, grid, seen, first) in enumerate(zip(gauges, reader.grids, views, before.faces, strict=True))
+        if isinstance(grid, PolarGrid)
+    }
     pictures: dict[str, LearnedPicture] = {}
     for index, (gauge, grid, face, seen) in enumerate(zip(gauges, reader.grids, before.faces, views, strict=True)):
         strips = [like for like in seen if like is not None]
         pictures |= kind_of(gauge).learned_pictures(Instrument(index, gauge, grid, face), strips, before.pictures)
     templates = dict(before.templates)
-    faces = [learner.face(found, templates) for learner in learners]
-    for learner, face in zip(learners, faces, strict=True):
-        templates |= learner.templates(found, templates, face)
+    faces = list(before.faces)
+    for index, learner in learners.items():
+        faces[index] = learner.face(found, before.templates)
+        templates |= learner.templates(found, templates, faces[index])
     return reader.with_appearance(
         replace(before, templates=templates, faces=tuple(faces), evenly_lit_score=EVENLY_LIT_SCORE, pictures=pictures)
     )

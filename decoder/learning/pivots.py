@@ -60,7 +60,9 @@ def estimate_pivots(
             (sample.gauges[index], readings, sample.dial_shifts_px[index] if sample.dial_shifts_px else (0.0, 0.0))
             for sample, readings in zip(samples, found, strict=True)
         ]
-        if not reader.placement.dials_move:  # else the panel picture shows the dial from another side
+        if (
+            isinstance(grid, PolarGrid) and not reader.placement.dials_move
+        ):  # else the panel picture shows the dial from another side
             frames.append((reader.own_gauges[index], _drawn_readings(gauge, grid), (0.0, 0.0)))
         pivot = kind_of(gauge).pivot(Instrument(index, gauge, grid, face), reader.appearance, frames)
         pivots.append(path.with_search(pivot, gauge.radius[1]))

@@ -44,6 +44,8 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mappin
     own = reader.own_gauges
     faces, templates = list(before.faces), dict(before.templates)
     for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
+        if not isinstance(grid, PolarGrid):
+            continue
         seen = [view for view in views[index] if view is not None]
         doubted = any(_seems_still(needle, found) for needle in _cut_needles(gauge))
         if len(seen) < FRAMES_TO_LEARN or not doubted or not _may_be_bared(gauge, grid, templates, faces[index], seen):

@@ -81,7 +81,7 @@ def quantity_uncertainties(
     uncertainties = {}
     parts = zip(drawn.panel.gauges, pivots, places_px, marks_px, strict=True)
     for index, (gauge, pivot, place_px, moved_px) in enumerate(parts):
-        radius_px = sum(gauge.radius) / 2
+        radius_px = gauge.arc_px
         zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
         mark_px = min(careless_px, MOST_MARK_PART * gauge.radius[1])
         drawn_deg = math.hypot(
@@ -90,6 +90,9 @@ def quantity_uncertainties(
             _parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
         )
         for quantity in gauge.quantities:
+            if quantity.written is not None:  # what is written was drawn by nobody
+                uncertainties[quantity.name] = QuantityUncertainty(0.0, 0.0, radius_px, pivot, None)
+                continue
             zero_deg = zeros_deg.get(quantity.name)
             uncertainties[quantity.name] = QuantityUncertainty(
                 drawn_deg,
@@ -118,7 +121,7 @@ def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
 
     A circle that is seen obliquely is an ellipse; marks that stand still are drawn on it, those that turn are not.
     """
-    if drawn.grid(index).plane is not None:
+    if drawn.grid(index).plane is not None or drawn.panel.gauges[index].window is not None:
         return 0.0
     return math.degrees(USUAL_VIEW**2 / 4 / math.sqrt(2.0))
 

@@ -16,6 +16,7 @@ from decoder.panel.description import Name, Point, Positive, Strict, Text
 from decoder.panel.kind import DescribedKind, Pointer, Polar
 from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.kinds.card import Card
+from decoder.panel.kinds.lamp import Lamp
 from decoder.panel.kinds.needles import Needle, Needles
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
@@ -28,13 +29,14 @@ from decoder.panel.scale import (
     monotone,
 )
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+from decoder.panel.window import WINDOW_ARC_PX, Corners, as_dial, check_corners
 
 RadiusPx = Annotated[Positive, at_most(10_000)]
 
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 
-KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude)
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Lamp)
 
 
 class Combined(Strict):
@@ -61,6 +63,8 @@ class Gauge(Strict):
 
     name: Text
     """Of the dial; `decode frames --gauge` calls it so."""
+    window: Corners | None = None
+    """The corners of what is no dial, clockwise from its top left; in place of `centre`, `radius`, `sweep`, `scale`."""
     centre: Point
     """Where the needle turns, which need not be the middle of the dial."""
     radius: tuple[RadiusPx, RadiusPx]
@@ -87,8 +91,20 @@ class Gauge(Strict):
     """A scale that turns under a fixed index, instead of needles."""
     attitude: Attitude | None = None
     """A horizon that turns and shifts behind a window, instead of needles."""
+    lamp: Lamp | None = None
+    """A warning light in a window."""
     combined: Combined | None = None
     """A value that several needles of the dial show together."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _window_is_a_dial(cls, given: object) -> object:
+        return as_dial(given) if isinstance(given, dict) and given.get("window") is not None else given
+
+    @field_validator("window")
+    @classmethod
+    def _window_is_one(cls, window: Corners | None) -> Corners | None:
+        return window and check_corners(window)
 
     @field_validator("radius")
     @classmethod
@@ -120,7 +136,7 @@ class Gauge(Strict):
     def _given(self) -> list[DescribedKind]:
         """What is described on it: one kind, if the panel is right."""
         needles = Needles(self.needles) if self.needles else None
-        each: tuple[DescribedKind | None, ...] = (needles, self.card, self.attitude)
+        each: tuple[DescribedKind | None, ...] = (needles, self.card, self.attitude, self.lamp)
         return [kind for kind in each if kind is not None]
 
     @property
@@ -132,6 +148,10 @@ class Gauge(Strict):
     def _is_of_one_kind(self) -> Self:
         if len(self._given) != 1:
             raise ValueError(f"needs either {' or '.join(kind.form.said for kind in KINDS)}")
+        if self.kind.in_window and self.window is None:
+            raise ValueError(f"needs a `window` for its `{self.kind.form.key}`: its four corners")
+        if self.window is not None and not self.kind.in_window:
+            raise ValueError(f"has `{self.kind.form.key}`, which are no window's: give `centre`, `radius` and `sweep`")
         self.kind.check(self)
         return self
 
@@ -234,6 +254,11 @@ class Gauge(Strict):
             told["sweep"] = (true_deg(first), true_deg(last))
             told["stops"] = self.stops and (true_deg(self.stops[0]), true_deg(self.stops[1]))
         return self.model_copy(update=told)
+
+    @property
+    def arc_px(self) -> float:
+        """The radius at which angles and pixels are taken for each other."""
+        return sum(self.radius) / 2 if self.window is None else WINDOW_ARC_PX
 
     @property
     def reach(self) -> tuple[float, float]:

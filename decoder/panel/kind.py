@@ -41,6 +41,10 @@ class Dial(Protocol):
     def scale(self) -> Marks: ...  # noqa: D102
     @property
     def wraps(self) -> float | None: ...  # noqa: D102
+    @property
+    def window(self) -> tuple[tuple[float, float], ...] | None: ...  # noqa: D102
+    @property
+    def centre(self) -> tuple[float, float]: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +111,12 @@ class DescribedKind(Protocol):
     """What the description of one instrument of a kind tells."""
 
     form: ClassVar[Form]
+
+    in_window: ClassVar[bool]
+    """Whether it is read in a `window`, and not on a dial."""
+
+    margin_part: ClassVar[float]
+    """How much around its window it needs to see, as a part of the window's shorter side."""
 
     has_still_face: ClassVar[bool]
     """Whether its dial's marks stay where they are, so that the dial can be found by them."""

@@ -17,6 +17,7 @@ from pydantic import Field
 
 from decoder.panel.arrays import Degrees, Floats, Mask, Number
 from decoder.panel.thresholds import LEAST_DEG, LEAST_VALUE
+from decoder.panel.written import Written
 
 FULL_CIRCLE_DEG = 360.0
 # A coarse hand must tell the turns apart even if it is off by so many of its sigmas.
@@ -156,6 +157,8 @@ class Quantity:
         How fast the value can change, in its unit a second, if that is known.
     limits
         The lowest and the highest value that there is, where marks do not tell.
+    written
+        How its values are written where they are no measures; they then step from one to the next.
     """
 
     name: str
@@ -167,6 +170,14 @@ class Quantity:
     max_rate: float | None
     lowest: float = 0.0
     limits: tuple[float, float] | None = None
+    written: Written | None = None
+
+    @classmethod
+    def stepped(cls, name: str, gauge: str, unit: str, written: Written) -> Quantity:
+        """Return one whose values are written; a reading's angle is the value itself."""
+        return cls(
+            name, gauge, unit, ((0.0, 0.0), (1.0, 1.0)), None, None, None, limits=written.limits, written=written
+        )
 
     @property
     def full_scale(self) -> float:

@@ -6,6 +6,7 @@
 | BEYOND_SWEEP_DEG | 4.0 | degrees | beyond the sweep that a needle may stand | the stop behind the last mark |
 | MOST_NEEDLES | 200 | needles | of a panel | no cockpit has half as many |
 | LEAST_DEG | 1e-3 | deg | between two marks of a scale | nearer ones are one, or a slip |
+| LEAST_WINDOW_PX | 4.0 | px | a side of a window | fewer show nothing to read |
 | LEAST_VALUE | 1e-9 | unit | between two marks, and of anything that is divided by | slopes stay numbers |
 """
 
@@ -15,4 +16,5 @@ FOCAL_TOLERANCE = 0.005
 BEYOND_SWEEP_DEG = 4.0
 MOST_NEEDLES = 200
 LEAST_DEG = 1e-3
+LEAST_WINDOW_PX = 4.0
 LEAST_VALUE = 1e-9

@@ -12,7 +12,7 @@ import numpy as np
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried
 from decoder.imaging.pictures import FramePicture
-from decoder.imaging.unwrapping import PolarGrid, Unwrapper
+from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
@@ -217,7 +217,7 @@ def _angles(session: SetupSession, asked: PasteQuestion, target: FramePicture) -
     return angles
 
 
-def _frame(trial: FrameTrial, gauge: Gauge, grid: PolarGrid) -> Answer:
+def _frame(trial: FrameTrial, gauge: Gauge, grid: Grid) -> Answer:
     return {
         "index": trial.index,
         "reason": trial.reason,
@@ -226,7 +226,11 @@ def _frame(trial: FrameTrial, gauge: Gauge, grid: PolarGrid) -> Answer:
                 "name": needle.name,
                 "status": needle.status.value,
                 "value": needle.value,
-                "line": None if needle.angle_deg is None else _line(gauge, grid, trial.alignment, needle.angle_deg),
+                "line": (
+                    _line(gauge, grid, trial.alignment, needle.angle_deg)
+                    if isinstance(grid, PolarGrid) and needle.angle_deg is not None
+                    else None
+                ),
                 "score": round(needle.score, 3) if math.isfinite(needle.score) else 0.0,
             }
             for needle in trial.readings

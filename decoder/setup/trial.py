@@ -11,6 +11,7 @@ import numpy as np
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
+from decoder.imaging.unwrapping import PolarGrid
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
@@ -100,6 +101,8 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
 def _axes_deg(reader: PanelReader) -> dict[str, float]:
     """Measure the axes of the needles that were learned from the flight, from the angles that count as theirs."""
     (grid,), (face,) = reader.grids, reader.appearance.faces
+    if not isinstance(grid, PolarGrid):
+        return {}
     dial = np.median(face, axis=0)
     found = {}
     for name, learned in reader.appearance.templates.items():

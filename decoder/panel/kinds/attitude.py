@@ -65,6 +65,8 @@ class Attitude(Strict):
         hint="Click the marks of bank that turn, right bank positive, give them their degrees, and say that a turn is"
         " worth 360. Pitch marks: how far above the centre each lies along the horizon's own upright, and its degrees.",
     )
+    in_window: ClassVar[bool] = False
+    margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = False
 
     @field_validator("ladder")

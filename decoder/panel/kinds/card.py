@@ -39,6 +39,8 @@ class Card(Strict):
         ),
         hint="Click its marks wherever the card is turned in this picture, and say what a turn is worth.",
     )
+    in_window: ClassVar[bool] = False
+    margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = False
 
     def check(self, dial: Dial) -> None:

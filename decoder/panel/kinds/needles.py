@@ -100,6 +100,8 @@ class Needles:
     """The needles of one dial."""
 
     form: ClassVar[Form] = Form("needles", "`needles`", "needles", "a needle", along=("tail", "combined"))
+    in_window: ClassVar[bool] = False
+    margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = True
 
     each: tuple[Needle, ...]

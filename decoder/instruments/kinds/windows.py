@@ -1,0 +1,98 @@
+"""What all kinds have in common that are read in a window: a picture is learned, nothing turns."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
+from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.reading import Reading, Readings
+from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.panel.vocabulary import Method
+from decoder.registration.pivot import UNKNOWN, Pivot
+
+
+class WindowReader(Protocol):
+    """Reads one window."""
+
+    def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
+        """Read F frames of it, (F, R, C), by name; (F,) is how uncertain its place is."""
+        ...
+
+
+class WindowKind(ABC):
+    """A kind that lives in a window; what is learned of it stands under its first quantity."""
+
+    is_searched = False
+
+    @abstractmethod
+    def owns(self, gauge: Gauge) -> bool:
+        """Whether a gauge is of this kind."""
+
+    @abstractmethod
+    def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LearnedPicture:
+        """Take what it looks like from the panel picture, (R, C)."""
+
+    @abstractmethod
+    def learned(
+        self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LearnedPicture
+    ) -> LearnedPicture:
+        """Learn what it looks like from a sample's frames, (R, C) each, in their own light."""
+
+    @abstractmethod
+    def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LearnedPicture) -> WindowReader:
+        """Return what reads it."""
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
+    ) -> _Windows:
+        readers = {
+            each.index: self.window_reader(each.gauge, each.window, appearance.pictures[_key(each.gauge)])
+            for each in instruments
+        }
+        return _Windows(readers, [each.gauge.arc_px for each in instruments], sampler)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        return Look(drawn.strip, pictures={_key(drawn.gauge): self.first(drawn.gauge, drawn.window, drawn.strip)})
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        name = _key(instrument.gauge)
+        return {name: self.learned(instrument.gauge, instrument.window, strips, known[name])}
+
+    def pivot(self, _: Instrument, __: Appearance, ___: Sequence[SeenGauge]) -> Pivot:
+        return UNKNOWN
+
+    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
+        return None
+
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []
+
+
+def _key(gauge: Gauge) -> str:
+    return gauge.quantities[0].name
+
+
+class _Windows:
+    """Reads all windows of one kind, by their places in the panel."""
+
+    def __init__(self, readers: Mapping[int, WindowReader], arcs_px: Sequence[float], sampler: GaugeSampler) -> None:
+        self._readers, self._arcs_px, self._sampler = readers, arcs_px, sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for (index, reader), arc_px in zip(self._readers.items(), self._arcs_px, strict=True):
+            sigmas_px = np.radians(place_sigmas_deg[:, index]) * arc_px
+            found = reader.read(self._sampler.strips(frames, index), sigmas_px)
+            readings = [before | own for before, own in zip(readings, found, strict=True)]
+        return readings

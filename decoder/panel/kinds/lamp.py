@@ -1,0 +1,77 @@
+"""A warning light, as `panel.yaml` describes it: a window that is lit or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+from decoder.panel.description import Name, Strict
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.scale import Quantity
+from decoder.panel.written import BOOLEAN
+
+PERCENT = 0.0, 100.0
+
+
+class Lamp(Strict):
+    """A light that is on or off."""
+
+    name: Name
+    """Column of the flight data: true where it is lit."""
+    lit: bool = False
+    """Whether it is lit in the panel picture."""
+    light: Name | None = None
+    """Column of how much light it adds, in percent of what the camera can show; without it there is none."""
+
+    form: ClassVar[Form] = Form(
+        "lamp",
+        "a `lamp`",
+        "a lamp",
+        "a lamp",
+        begun={"name": "lamp_on"},
+        controls=(Control("name", "Name"), Control("light", "Name of its light", "text", "none")),
+        hint="Click the four corners of the light, clockwise from its top left, close around what shines.",
+    )
+    in_window: ClassVar[bool] = True
+    margin_part: ClassVar[float] = 0.5
+    has_still_face: ClassVar[bool] = False
+
+    def check(self, _: Dial) -> None:
+        """ValueError where both columns have one name."""
+        if self.name == self.light:
+            raise ValueError("a `lamp` needs another name for its `light`")
+        if self.light is not None and self.lit:
+            raise ValueError("tells a lamp's `light` only beyond a dark one: draw it on a picture in which it is off")
+
+    def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
+        """Return whether it is lit, and how much light it adds."""
+        state = Quantity.stepped(self.name, dial.name, "", BOOLEAN)
+        if self.light is None:
+            return (state,)
+        marks = ((0.0, 0.0), (100.0, 100.0))
+        return state, Quantity(self.light, dial.name, "%", marks, None, None, None, limits=PERCENT)
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return none."""
+        return ()
+
+    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return none."""
+        return {}
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return those of the circle around it."""
+        return dial.sweep
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return none: what it looks like is in the panel picture."""
+        return {}
+
+    def at_angles(self, _: Callable[[float], float]) -> Lamp:
+        """Return it as it is."""
+        return self
+
+    @staticmethod
+    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
+        """Leave it as it is: its window is carried."""
+        return 0.0

@@ -1,0 +1,75 @@
+"""A window: four corners around what a panel shows on no dial, as a lamp, a display or a straight scale."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from decoder.panel.description import Point
+from decoder.panel.thresholds import LEAST_WINDOW_PX
+
+Corners = tuple[Point, Point, Point, Point]
+"""Clockwise from the top left of what is read."""
+
+# A pixel along a window counts as a degree: what is uncertain by so many of the one is so by as many of the other.
+WINDOW_ARC_PX = math.degrees(1.0)
+_CORNERS = TypeAdapter(Corners)
+_OF_DIALS = "centre", "radius", "rim", "sweep", "stops", "scale", "wraps"
+
+
+def as_dial(given: dict[Any, Any]) -> dict[Any, Any]:
+    """Give a described gauge with a window what the program asks of every dial: a circle around it.
+
+    Raises
+    ------
+    ValueError
+        If it has what only dials have.
+    """
+    if told := [key for key in _OF_DIALS if key in given]:
+        raise ValueError(f"has a `window`, and then no `{told[0]}`: its corners say where it is")
+    try:
+        corners = _CORNERS.validate_python(given["window"])
+    except ValidationError:  # which its own field will say
+        corners = (0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)
+    middle = sum(x for x, _ in corners) / 4, sum(y for _, y in corners) / 4
+    reach_px = max(LEAST_WINDOW_PX, *(math.dist(middle, corner) for corner in corners))
+    circle = {"centre": middle, "radius": (reach_px / 4, reach_px), "sweep": (0.0, 90.0)}
+    return given | circle | {"scale": ((0.0, 0.0), (90.0, 1.0))}
+
+
+def check_corners(corners: Corners) -> Corners:
+    """ValueError unless they lie clockwise around an area that is worth looking at."""
+    ring = [*corners, *corners[:2]]
+    turns = [
+        (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
+        for (ax, ay), (bx, by), (cx, cy) in zip(ring, ring[1:], ring[2:], strict=False)
+    ]
+    if min(turns) <= 0 or min(math.dist(one, other) for one, other in pairwise(ring)) < LEAST_WINDOW_PX:
+        raise ValueError(
+            f"needs four corners at least {LEAST_WINDOW_PX:g} pixels apart, clockwise from the top left of what is read"
+        )
+    return corners
+
+
+def size_px(corners: Corners) -> tuple[float, float]:
+    """Return width and height: the mean length of the sides across and of those down."""
+    top_left, top_right, bottom_right, bottom_left = corners
+    across = math.dist(top_left, top_right), math.dist(bottom_left, bottom_right)
+    down = math.dist(top_left, bottom_left), math.dist(top_right, bottom_right)
+    return sum(across) / 2, sum(down) / 2
+
+
+def to_polar(corners: Corners, middle: Point, at: Point) -> tuple[float, float]:
+    """Return where a place of the window, (across, down) in [0, 1], lies around its middle: degrees and pixels."""
+    across, down = at
+    top_left, top_right, bottom_right, bottom_left = corners
+    x, y = (
+        (1 - down) * ((1 - across) * top_left[axis] + across * top_right[axis])
+        + down * ((1 - across) * bottom_left[axis] + across * bottom_right[axis])
+        - middle[axis]
+        for axis in (0, 1)
+    )
+    return math.degrees(math.atan2(y, x)), math.hypot(x, y)
