@@ -60,7 +60,7 @@ def tracks(flight: Table, truth: Table) -> list[Track]:
     found = []
     for name in (name for name in described.names if name in truth.columns):
         known = described.described(name)
-        error = shortest(flight.numbers(name) - truth_at(flight, truth, name, known.wraps), known.wraps)
+        error = shortest(flight.numbers(name) - truth_at(flight, truth, name, known), known.wraps)
         percent = 100.0 / (known.full_scale or 1.0)
         found.append(Track(name, error * percent, CONFIDENCE_SIGMAS * flight.numbers(f"{name}_sigma") * percent))
     return found

@@ -49,17 +49,27 @@ def write_csv(data: FlightData, stream: IO[str]) -> None:
         fields = [str(data.frame[row]), moment_text(data, int(data.time_ns[row])), f"{time_s[row]:.{TIME_DECIMALS}f}"]
         for series, places in zip(data.series, decimals, strict=True):
             fields += [
-                _number(value_within_turn(series.value[row], places, series.quantity), places),
+                value_field(series, row, places),
                 STATUSES[series.status[row]].value,
                 _number(series.score[row], SCORE_DECIMALS),
-                _number(series.sigma[row], places + 1),
+                _number(series.sigma[row], places + 1) if series.quantity.is_measured else "",
             ]
         fields += [_number(column.number(row), column.decimals) for column in columns]
         writer.writerow(fields)
 
 
+def value_field(series: NeedleSeries, row: int, decimals: int) -> str:
+    """Write a value as a field, by its row in the flight data: a number, true or false, or text."""
+    value, written = float(series.value[row]), series.quantity.written
+    if written is not None:
+        return written.text_of(value)
+    return _number(value_within_turn(value, decimals, series.quantity), decimals)
+
+
 def value_decimals(series: NeedleSeries) -> int:
-    """Decimals of a needle's values: a millionth of full scale, at least one."""
+    """Decimals of a column's values: those of a display, or else a millionth of full scale; at least one."""
+    if series.quantity.written is not None:
+        return max(1, series.quantity.written.decimals)
     return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
 
 
@@ -151,7 +161,8 @@ def read_back(
 
 
 def _series_of(table: Table, quantity: Quantity) -> NeedleSeries:
-    value, score, sigma = (table.numbers(f"{quantity.name}{suffix}") for suffix in ("", "_score", "_sigma"))
+    value = table.numbers(quantity.name, quantity.written)
+    score, sigma = (table.numbers(f"{quantity.name}{suffix}") for suffix in ("_score", "_sigma"))
     status = [CODE[Status(word)] for word in table.columns[f"{quantity.name}{STATUS_SUFFIX}"]]
     return NeedleSeries(quantity, np.array(status, np.uint8), value, sigma, score, np.full(len(value), np.nan))
 

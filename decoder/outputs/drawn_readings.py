@@ -125,8 +125,7 @@ class _PlacedGauge:
     def __init__(self, gauge: Gauge, plane: DialPlane | None, series: list[NeedleSeries]) -> None:
         self._gauge = gauge
         self._grid = gauge_grid(gauge, plane)
-        around = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG, plane=plane)
-        outer = around.points()[:, :: round(RIM_STEP_DEG / around.step_deg), -1]
+        outer = _outline(gauge, plane)
         pivot = np.array(gauge.centre)[:, None] if plane is None else plane.to_panel(np.zeros((2, 1)))
         self._pivot_and_rim: Floats = np.concatenate([pivot, outer], axis=1)
         pointers = gauge.pointers
@@ -182,6 +181,15 @@ class _PlacedGauge:
         return None if scale is None else float(scale.angles_of(np.array([value]))[0])
 
 
+def _outline(gauge: Gauge, plane: DialPlane | None) -> Floats:
+    """(2, N): a dial's outer perimeter in the panel picture, or a window's corners."""
+    if gauge.window is not None:
+        return np.array(gauge.window).T
+    around = polar_grid(gauge.centre, gauge.radius, 0.0, FULL_CIRCLE_DEG - RIM_STEP_DEG, plane=plane)
+    outer: Floats = around.points()[:, :: round(RIM_STEP_DEG / around.step_deg), -1]
+    return outer
+
+
 def _moved(alignment: Alignment, shift_px: Point) -> Alignment:
     """Shift an alignment by pixels of the panel picture."""
     x, y = shift_px
@@ -214,17 +222,24 @@ def drawn_reading(
     """Write out one value of one frame, by its row in the flight data."""
     return DrawnReading(
         name=series.quantity.name,
-        text=value_text(float(series.value[index]), decimals, series.quantity.unit),
-        spread=_spread(float(series.sigma[index]), decimals),
+        text=_text(series, index, decimals),
+        spread=_spread(float(series.sigma[index]), decimals) if series.quantity.is_measured else "",
         status=STATUSES[series.status[index]],
         score=float(series.score[index]),
         line_px=line_px,
     )
 
 
+def _text(series: NeedleSeries, index: int, decimals: int) -> str:
+    value, written = float(series.value[index]), series.quantity.written
+    if written is None or not math.isfinite(value):
+        return value_text(value, decimals, series.quantity.unit)
+    return f"{written.text_of(value)} {series.quantity.unit}".rstrip()
+
+
 def label_decimals(series: NeedleSeries) -> int:
     """Decimals for reading off a picture: a hundred-thousandth of full scale, about as fine as readings are."""
-    return value_decimals(series) - 1
+    return value_decimals(series) - (series.quantity.written is None)
 
 
 def _spread(sigma: float, decimals: int) -> str:

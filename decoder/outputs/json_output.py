@@ -105,6 +105,11 @@ def _needle(series: NeedleSeries) -> dict[str, Any]:
         "scale_min": scale_min,
         "scale_max": scale_max,
         **({} if quantity.wraps is None else {"wraps": quantity.wraps}),
+        **(
+            {}
+            if quantity.written is None
+            else {"type": quantity.written.type.value, "pattern": quantity.written.pattern}
+        ),
         "frames": status_counts(series),
         "lowest_score": series.lowest_score,
     }

@@ -32,7 +32,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from decoder.instruments.reading import Status
-from decoder.outputs.csv_output import SCORE_DECIMALS, value_decimals, value_within_turn
+from decoder.outputs.csv_output import SCORE_DECIMALS, value_decimals, value_field, value_within_turn
 from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, DrawnReading, ReadingPlaces
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.json_output import Provenance, write_json
@@ -104,6 +104,7 @@ READING_SCHEMA: dict[str, Any] = {
     "type": "object",
     "properties": {
         "value": _property("number", "the value, in `unit`; absent where there is none"),
+        "text": _property("string", "the value as it is written, of what is no number: `true`, `false`, digits"),
         "unit": _property("string", "of value, sigma and the 95 % bounds"),
         "status": {
             **_property("string", "how the value came about"),
@@ -130,13 +131,20 @@ def reading_message(series: NeedleSeries, index: int, frame: int) -> bytes:
     reach = CONFIDENCE_SIGMAS * sigma
     document = {
         "value": _rounded(value, decimals),
+        "text": None if quantity.is_measured else value_field(series, index, decimals) or None,
         "unit": quantity.unit,
         "status": status.value,
         "quality": QUALITY[status],
         "score": _rounded(float(series.score[index]), SCORE_DECIMALS),
-        "sigma": _rounded(sigma, decimals + 1),
-        "low_95": _rounded(value - reach, decimals),
-        "high_95": _rounded(value + reach, decimals),
+        **(
+            {
+                "sigma": _rounded(sigma, decimals + 1),
+                "low_95": _rounded(value - reach, decimals),
+                "high_95": _rounded(value + reach, decimals),
+            }
+            if quantity.is_measured
+            else {}
+        ),
         "frame": frame,
     }
     known = {key: content for key, content in document.items() if content is not None}

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from decoder.instruments.reading import Status
 from decoder.outputs.json_output import Provenance, describe
+from decoder.panel.written import ValueType, Written
 from decoder.timeseries.flight_data import CODE, STATUSES, FlightData
 from decoder.timeseries.tables import FlightTable
 
@@ -27,7 +28,9 @@ def write_parquet(data: FlightData, provenance: Provenance, stream: IO[bytes]) -
     columns = _leading(data.frame, data.time_ns if data.knows_time_of_day else None, data.time_s)
     for series in data.series:
         quantity = series.quantity
-        columns += _needle((quantity.name, quantity.unit), series.status, (series.value, series.score, series.sigma))
+        columns += _needle(
+            (quantity.name, quantity.unit), quantity.written, series.status, (series.value, series.score, series.sigma)
+        )
     if data.gps is not None:
         columns += [(column.name, column.unit, _numbers(column.values)) for column in data.gps.columns]
     _write(columns, describe(data, provenance), stream)
@@ -49,8 +52,9 @@ def write_parquet_of_table(flight: FlightTable, stream: IO[bytes]) -> None:
     )
     for name in flight.names:
         status = np.array([CODE[Status(text)] for text in table.columns[f"{name}_status"]])
-        numbers = tuple(table.numbers(f"{name}{suffix}") for suffix in ("", "_score", "_sigma"))
-        columns += _needle((name, flight.described(name).unit), status, numbers)
+        told = flight.described(name)
+        score, sigma = (table.numbers(f"{name}{suffix}") for suffix in ("_score", "_sigma"))
+        columns += _needle((name, told.unit), told.written, status, (table.numbers(name, told.written), score, sigma))
     columns += [(name, unit, _numbers(table.numbers(name))) for name, unit in flight.gps_units.items()]
     _write(columns, flight.description, stream)
 
@@ -68,17 +72,31 @@ def _leading(frame: Any, time_ns: Any, time_s: Any) -> list[_Column]:  # noqa: A
     ]
 
 
-def _needle(named: tuple[str, str], status: Any, numbers: tuple[Any, ...]) -> list[_Column]:  # noqa: ANN401
+def _needle(
+    named: tuple[str, str],
+    written: Written | None,
+    status: Any,  # noqa: ANN401
+    numbers: tuple[Any, ...],
+) -> list[_Column]:
     """Make the columns of one needle: value, status, score and sigma."""
     name, unit = named
     value, score, sigma = numbers
     names = pa.array([each.value for each in STATUSES])
     return [
-        (name, unit, _numbers(value)),
+        (name, unit, _values(value, written)),
         (f"{name}_status", "", pa.DictionaryArray.from_arrays(pa.array(status.astype(np.int8)), names)),
         (f"{name}_score", "", _numbers(score)),
         (f"{name}_sigma", unit, _numbers(sigma)),
     ]
+
+
+def _values(values: Any, written: Written | None) -> Any:  # noqa: ANN401
+    """Return numbers, booleans or texts, as they are written."""
+    if written is None or written.type is ValueType.NUMBER:
+        return _numbers(values)
+    if written.type is ValueType.BOOLEAN:
+        return pa.array([None if np.isnan(value) else bool(value) for value in values], pa.bool_())
+    return pa.array([written.text_of(value) or None for value in values], pa.string())
 
 
 def _numbers(values: Any) -> Any:  # noqa: ANN401

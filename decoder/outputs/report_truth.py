@@ -100,8 +100,7 @@ def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> Tru
         tables.append(TruthTable(LIMITS_TITLE, LIMITS_HEADER, [], [NO_LIMITS]))
     by_frame = result.applied_s is None and "frame" in result.truth.columns
     found = {
-        name: truth_at(flight.table, result.truth, name, flight.described(name).wraps, result.applied_s)
-        for name in names
+        name: truth_at(flight.table, result.truth, name, flight.described(name), result.applied_s) for name in names
     }
     values = {name: own for name, own in found.items() if np.isfinite(own).any()}
     return TruthSection(

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from decoder.panel.arrays import Degrees, Floats, Mask, Number
 from decoder.panel.thresholds import LEAST_DEG, LEAST_VALUE
-from decoder.panel.written import Written
+from decoder.panel.written import ValueType, Written
 
 FULL_CIRCLE_DEG = 360.0
 # A coarse hand must tell the turns apart even if it is off by so many of its sigmas.
@@ -178,6 +178,11 @@ class Quantity:
         return cls(
             name, gauge, unit, ((0.0, 0.0), (1.0, 1.0)), None, None, None, limits=written.limits, written=written
         )
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it is a number, of which sigma tells how far it may be off; no state, and no text."""
+        return self.written is None or self.written.type is ValueType.NUMBER
 
     @property
     def full_scale(self) -> float:

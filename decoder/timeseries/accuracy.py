@@ -71,22 +71,24 @@ def compare(flight: FlightTable, truth: Table, *, offset_s: float | None = None)
     results = []
     for name in shared:
         known = flight.described(name)
-        true = truth_at(flight.table, truth, name, known.wraps, offset_s)
+        true = truth_at(flight.table, truth, name, known, offset_s)
         results.append(_needle_accuracy(name, flight.table, true, known))
     if not any(result.frames_compared for result in results):
         raise AccuracyError(f"{truth.path}: none of its rows belongs to a frame of {flight.table.path}")
     return results
 
 
-def truth_at(flight: Table, truth: Table, name: str, wraps: float | None, offset_s: float | None = None) -> Floats:
+def truth_at(flight: Table, truth: Table, name: str, described: Described, offset_s: float | None = None) -> Floats:
     """Match the truth to every row of the flight data, NaN where there is none; see `compare`.
+
+    Between two rows of the truth lies a line; of what is written it is the value that was last.
 
     Raises
     ------
     AccuracyError
         If rows cannot be matched.
     """
-    values = truth.numbers(name)
+    values, wraps = truth.numbers(name, described.written), described.wraps
     if offset_s is None and "frame" in flight.columns and "frame" in truth.columns:
         by_frame = dict(zip(truth.numbers("frame").tolist(), values.tolist(), strict=True))
         return np.array([by_frame.get(frame, np.nan) for frame in flight.numbers("frame").tolist()])
@@ -97,6 +99,10 @@ def truth_at(flight: Table, truth: Table, name: str, wraps: float | None, offset
     if not usable.any() or np.any(np.diff(known_s[usable]) <= 0):
         raise AccuracyError(f"{truth.path}: its `time_s` must rise from row to row")
     wanted_s = flight.numbers("time_s") - (offset_s or 0.0)
+    if described.written is not None:
+        last = np.searchsorted(known_s[usable], wanted_s, side="right") - 1
+        there = (last >= 0) & (wanted_s <= known_s[usable][-1])
+        return np.where(there, values[usable][last], np.nan)
     known = values[usable] if wraps is None else np.unwrap(values[usable], period=wraps)
     interpolated: Floats = np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
     if "frame" in truth.columns:  # a row for each frame: an empty field is a value that is lost, and not bridged
@@ -105,7 +111,9 @@ def truth_at(flight: Table, truth: Table, name: str, wraps: float | None, offset
 
 
 def _needle_accuracy(name: str, flight: Table, truth: Floats, described: Described) -> NeedleAccuracy:
-    value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
+    value, sigma = flight.numbers(name, described.written), flight.numbers(f"{name}_sigma")
+    if not np.isfinite(sigma).any():  # of a state or a text, which is right or wrong
+        sigma = np.zeros_like(value)
     status = np.array(flight.columns[f"{name}_status"])
     full_scale = described.full_scale
     error = shortest(value - truth, described.wraps)

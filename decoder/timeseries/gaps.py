@@ -100,6 +100,8 @@ def _in_sequence(series: NeedleSeries) -> Mask:
 
 
 def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> NeedleSeries:
+    if series.quantity.written is not None:  # between two states there is none
+        return series
     known = np.flatnonzero(series.has(*SEEN_STATUSES))
     flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score) & ~never)
     if known.size:

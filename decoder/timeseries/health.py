@@ -50,7 +50,11 @@ def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
             f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it on a"
             " picture in which nothing is printed behind what moves"
         )
-    elif seen > 1 and not _moves(series.value[is_seen], series.sigma[is_seen], series.quantity.wraps):
+    elif (
+        series.quantity.written is None
+        and seen > 1
+        and not _moves(series.value[is_seen], series.sigma[is_seen], series.quantity.wraps)
+    ):
         yield f"{name} hardly moves: the flight tells little of its scale and its centre"
 
 

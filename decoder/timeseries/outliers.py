@@ -48,7 +48,8 @@ class Outlier:
 
 def find_outliers(data: FlightData) -> list[Outlier]:
     """All outliers, by needle in the columns' order, then by time."""
-    return [outlier for series in data.series for outlier in _outliers(series, data.time_s)]
+    measured = (series for series in data.series if series.quantity.written is None)
+    return [outlier for series in measured for outlier in _outliers(series, data.time_s)]
 
 
 def _outliers(series: NeedleSeries, time_s: Floats) -> list[Outlier]:

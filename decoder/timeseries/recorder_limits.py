@@ -165,8 +165,8 @@ def judged(flight: FlightTable, truth: Table, *, offset_s: float | None = None) 
         described, kind = flight.described(name), kind_of(name)
         if name not in truth.columns or kind is None:
             continue
-        true = truth_at(flight.table, truth, name, described.wraps, offset_s)
-        error = np.abs(shortest(flight.table.numbers(name) - true, described.wraps))
+        true = truth_at(flight.table, truth, name, described, offset_s)
+        error = np.abs(shortest(flight.table.numbers(name, described.written) - true, described.wraps))
         known = np.isfinite(error)
         if known.any():
             results += _against(

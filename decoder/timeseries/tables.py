@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +26,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from decoder.panel.arrays import Floats, Number
 from decoder.panel.description import Strict
 from decoder.panel.errors import MappingError, TableError
+from decoder.panel.written import ValueType, Written
 from flight_file.documents import parse_yaml
 from flight_file.errors import NotYamlError
 from flight_file.frame import MAX_TIME_NS
@@ -41,8 +43,8 @@ class Table:
     path: Path
     columns: Mapping[str, tuple[str, ...]]
 
-    def numbers(self, column: str) -> Floats:
-        """Parse a column as numbers, NaN where the field is empty or no number.
+    def numbers(self, column: str, written: Written | None = None) -> Floats:
+        """Parse a column as numbers, NaN where the field is empty or no number; of states and texts as `Written`.
 
         Raises
         ------
@@ -51,16 +53,18 @@ class Table:
         """
         if column not in self.columns:
             raise TableError(f"{self.path}: has no column {column}; give the CSV that `decode` wrote")
-        return np.array([_number(field) for field in self.columns[column]])
+        parse = _number if written is None else partial(_number_of, written)
+        return np.array([parse(field) for field in self.columns[column]])
 
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What the flight data's own description says of a needle; `wraps` is what a full turn of it is worth."""
+    """What the flight data's own description says of a column; `wraps` is what a full turn of it is worth."""
 
     unit: str
     full_scale: float | None
     wraps: float | None
+    written: Written | None = None
 
 
 UNDESCRIBED = Described("", None, None)
@@ -90,7 +94,9 @@ class FlightTable:
             wraps = needle_says.get("wraps")
             numbers = [full_scale] if wraps is None else [full_scale, float(wraps)]
             known = all(math.isfinite(number) and number != 0 for number in numbers)
-            return Described(str(needle_says["unit"]), full_scale, wraps) if known else UNDESCRIBED
+            said = needle_says.get("type")
+            written = None if said is None else Written(ValueType(said), str(needle_says.get("pattern", "")))
+            return Described(str(needle_says["unit"]), full_scale, wraps, written) if known else UNDESCRIBED
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError):
             return UNDESCRIBED
 
@@ -213,6 +219,14 @@ def _number(field: str) -> float:
         return float(field)
     except ValueError:
         return float("nan")
+
+
+def _number_of(written: Written, field: str) -> float:
+    """Return what a field says that may be written like our own, or as the number itself."""
+    try:
+        return written.value_of(field)
+    except ValueError:
+        return _number(field)
 
 
 class MappedName(Strict):

@@ -9,7 +9,7 @@ do not, a sample of the flight teaches.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import FRAMES_TO_LEARN, MISSING_SPREADS
+from decoder.instruments.thresholds import CERTAIN_SPREADS, FRAMES_TO_LEARN, MISSING_SPREADS
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -45,19 +45,34 @@ class LampPicture:
         (r, c), sum 1: how much each pixel of the window tells.
     sigma
         How far what is told in this way scatters by itself, grey levels.
+    left
+        The variance of what is left around the window when the light there was fitted, as a rule.
+    other
+        How many grey levels away its other state is, if the sample shows it.
     """
 
     drawn: UnwrappedGauge
     weights: Floats
     sigma: float
+    left: float = 0.0
+    other: float | None = None
+
+    def sigmas(self, left: Floats) -> Floats:
+        """(F,): how far off light may be told where so much is left around the window: a hand, the edge of a shadow."""
+        unusual = np.maximum(left - self.left, 0.0)
+        sigmas: Floats = np.sqrt(self.sigma**2 + unusual / PATCHES)
+        return sigmas
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """Light beyond the panel picture's in F frames: (F, r, c) by pixel; (F,) its uncertainty, and how well it fits."""
+    """Light beyond the panel picture's in F frames: (F, r, c) by pixel.
+
+    `left` (F,) is the variance of what is left around the window, and `score` how well the light there was fitted.
+    """
 
     levels: Floats
-    sigma: Floats
+    left: Floats
     score: Floats
 
 
@@ -85,7 +100,7 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Adde
     shown = seen.var(axis=1) + NOISE_LEVELS**2
     return Added(
         levels=strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within]),
-        sigma=np.sqrt(noise / PATCHES),
+        left=noise,
         score=np.sqrt(shown / (shown + np.maximum(noise - NOISE_LEVELS**2, 0.0))),
     )
 
@@ -100,17 +115,24 @@ def learn_lamp(grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPi
     """Learn from a sample's frames (R, C) which pixels scatter least while the lamp does not change."""
     if len(strips) < FRAMES_TO_LEARN:
         return known
-    levels = added_light(grid, known.drawn, np.stack(strips)).levels
+    added = added_light(grid, known.drawn, np.stack(strips))
+    levels = added.levels
     spread = MAD_TO_SIGMA * np.median(np.abs(levels - np.median(levels, axis=0)), axis=0)
     weights = 1.0 / (np.square(spread) + NOISE_LEVELS**2)
     weights /= weights.sum()
-    return LampPicture(known.drawn, weights, _scatter(np.einsum("frc,rc->f", levels, weights)))
+    told = np.einsum("frc,rc->f", levels, weights)
+    learned = LampPicture(known.drawn, weights, _scatter(told), float(np.median(added.left)))
+    away = np.abs(told)
+    seen = away[away >= CERTAIN_SPREADS * learned.sigmas(added.left)]
+    return replace(learned, other=float(np.median(seen))) if seen.size else learned
 
 
 def _scatter(levels: Floats) -> float:
     """Estimate the spread of (F,) levels of which the larger part belongs to one state, by its densest half."""
     ordered, half = np.sort(levels), len(levels) // 2
-    return max(float((ordered[half:] - ordered[: len(ordered) - half]).min()) / HALF_SIGMAS, FACE_NOISE_LEVELS)
+    narrowest = float(np.min(ordered[half:] - ordered[: len(ordered) - half]))
+    sigma = narrowest / HALF_SIGMAS
+    return max(sigma, FACE_NOISE_LEVELS)
 
 
 class LampReader:
@@ -123,13 +145,18 @@ class LampReader:
         """Read F frames of the window with what is around it, (F, R, C).
 
         The other state than the panel picture's is told only where the light is further off than a reflection's foot
-        or an uneven shade would bring it; in between, as while it lights up, nothing is told.
+        or an uneven shade would bring it, or nearer to how the flight showed it; in between nothing is told.
         """
         added = added_light(self._grid, self._picture.drawn, strips)
         levels = np.einsum("frc,rc->f", added.levels, self._picture.weights)
-        sigmas = np.hypot(self._picture.sigma, added.sigma)
-        away = (-levels if self._lamp.lit else levels) / sigmas
-        is_same, is_other = np.abs(away) <= MISSING_SPREADS, away >= 2.0 * MISSING_SPREADS
+        sigmas = self._picture.sigmas(added.left)
+        away, other = -levels if self._lamp.lit else levels, self._picture.other
+        is_same = np.abs(away) <= MISSING_SPREADS * sigmas
+        if other is None:
+            is_other = away >= CERTAIN_SPREADS * sigmas
+        else:
+            is_same &= away < other / 2
+            is_other = (away >= MISSING_SPREADS * sigmas) & (away >= other / 2)
         is_told = (is_same | is_other) & (added.score >= SCORE_THRESHOLD)
         statuses = [Status.READ if told else Status.MISSING for told in is_told.tolist()]
         lit, scores = (is_other != self._lamp.lit).astype(float).tolist(), added.score.tolist()
