@@ -110,7 +110,7 @@ def session_answer(session: SetupSession) -> Answer:
         "opened_from": session.opened_from,
         "target": str(session.target),
         "has_panel_picture": session.picture_key == PANEL_KEY,
-        "kinds": [asdict(kind.form) for kind in KINDS],
+        "kinds": [asdict(kind.form) | {"in_window": kind.in_window} for kind in KINDS],
         "lens": session.camera is not None and session.camera.distortion is not None,
     }
 
@@ -226,6 +226,7 @@ def _frame(trial: FrameTrial, gauge: Gauge, grid: Grid) -> Answer:
                 "name": needle.name,
                 "status": needle.status.value,
                 "value": needle.value,
+                "text": needle.text,
                 "line": (
                     _line(gauge, grid, trial.alignment, needle.angle_deg)
                     if isinstance(grid, PolarGrid) and needle.angle_deg is not None

@@ -83,6 +83,9 @@ def _carry(carried: dict[str, Any], before: Planes, places: _Places, angles_deg:
         reference["at"] = places.point(reference["at"])
     after = Planes.of(carried, before.optics.size_px, before.optics.camera)
     for gauge in carried.get("gauges") or []:
+        if gauge.get("window"):
+            gauge["window"] = [places.point(corner) for corner in gauge["window"]]
+            continue
         here = before.drawn(tuple(gauge["centre"]), gauge.get("rim"))
         gauge["centre"] = places.point(gauge["centre"])
         if gauge.get("rim"):

@@ -18,20 +18,25 @@ from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.errors import PictureError
 from decoder.panel.scale import Scale
 from decoder.panel.vocabulary import Method
+from decoder.panel.written import Written
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.proposals import axis_deg
 from flight_file.reader import spread
 
+Meaning = tuple[Scale, Written | None]
+"""What a quantity's angles mean, and how its values are written where they are no measures."""
+
 
 @dataclass(frozen=True, slots=True)
 class NeedleTrial:
-    """One needle in one frame; `value` is None where it has none."""
+    """One value in one frame, None where it has none; `text` is how it is written, where it is no measure."""
 
     name: str
     status: Status
     value: float | None
     angle_deg: float | None
     score: float
+    text: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +93,7 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
 
     fitted = fit_to_flight(reader_from_panel(source, Method.NORMXCORR), sample)
     (gauge,) = fitted.panel.gauges
-    scales = {each.name: Scale.of(each.marks, each.wraps) for each in gauge.quantities}
+    scales = {each.name: (Scale.of(each.marks, each.wraps), each.written) for each in gauge.quantities}
     found = []
     for index, frame in frames:
         if stale():
@@ -112,17 +117,18 @@ def _axes_deg(reader: PanelReader) -> dict[str, float]:
     return found
 
 
-def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: dict[str, Scale]) -> FrameTrial:
+def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: Mapping[str, Meaning]) -> FrameTrial:
     try:
         read = read_picture(reader, frame.pixels, frame.focal_length_mm)
     except PictureError as error:
         return FrameTrial(index, None, str(error), ())
-    readings = tuple(_needle(name, reading, scales[name]) for name, reading in read.readings.items() if name in scales)
+    readings = tuple(_needle(name, reading, *scales[name]) for name, reading in read.readings.items() if name in scales)
     return FrameTrial(index, read.alignment, "", readings)
 
 
-def _needle(name: str, reading: Reading, scale: Scale) -> NeedleTrial:
+def _needle(name: str, reading: Reading, scale: Scale, written: Written | None) -> NeedleTrial:
     if reading.status is Status.MISSING or not math.isfinite(reading.angle_deg):
         return NeedleTrial(name, Status.MISSING, None, None, reading.score)
     value = float(scale.values_at(np.array([reading.angle_deg]))[0])
-    return NeedleTrial(name, reading.status, value, reading.angle_deg, reading.score)
+    text = "" if written is None else written.text_of(value)
+    return NeedleTrial(name, reading.status, value, reading.angle_deg, reading.score, text)

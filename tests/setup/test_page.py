@@ -323,6 +323,33 @@ def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenP
     assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
 
 
+def test_a_window_is_drawn_by_its_corners(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """Four clicks make a lamp, which is read at once; its corners move by hand and by keys, and all of it is saved."""
+    running = start(FIXTURES / "oblique" / "odd_small.mcap", None, tmp_path / "panel.yaml")
+    page = open_page(running)
+    hand = Hand(page)
+    written = yaml.safe_load(running.session.source.flight.attachments["panel.yaml"])
+    number = len(written["gauges"])
+    corners = [[80.0, 60.0], [120.0, 60.0], [120.0, 84.0], [80.0, 84.0]]
+
+    hand.press("w")
+    for x, y in corners:
+        hand.click((x, y))
+    hand.type_into(f"gauges[{number}].name", "low fuel")
+    hand.type_into(f"gauges[{number}].lamp.name", "low_fuel_on")
+    expect(page.locator("#film .cell .value").first).to_have_text("false")
+    hand.press("ArrowRight")
+    expect(page.locator(f'[id="f:gauges[{number}].window[0][0]"]')).not_to_have_value("80")
+    for corner, (x, y) in enumerate(corners):
+        hand.type_into(f"gauges[{number}].window[{corner}][0]", f"{x:g}")
+        hand.type_into(f"gauges[{number}].window[{corner}][1]", f"{y:g}")
+    expect(page.locator(".problem")).to_have_count(0)
+    hand.save()
+
+    written["gauges"].append({"name": "low fuel", "window": corners, "unit": "", "lamp": {"name": "low_fuel_on"}})
+    assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
+
+
 def test_an_attitude_indicator_is_drawn_in_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """A card becomes a horizon with its own fields; pitch marks are typed as pairs, and all of it is saved whole."""
     home = FIXTURES / "borrowed" / "attitude_daylight"

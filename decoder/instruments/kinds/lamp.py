@@ -17,7 +17,7 @@ from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CERTAIN_SPREADS, FRAMES_TO_LEARN, MISSING_SPREADS
+from decoder.instruments.thresholds import CERTAIN_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -27,6 +27,8 @@ WHITE = 255.0
 PERCENT = 100.0
 # The light around a window is fitted so many times, what does not fit it counting less each time.
 PASSES = 3
+# Where flat surroundings do not tell, light is stronger rather than hazy: so much of them says that there is no haze.
+HAZE_PRIOR = 0.1
 # What a fit leaves around a window lies in patches, not in pixels: so many of them.
 PATCHES = 8
 # The middle half of a normal distribution is so many sigmas wide.
@@ -47,6 +49,9 @@ class LampPicture:
         How far what is told in this way scatters by itself, grey levels.
     left
         The variance of what is left around the window when the light there was fitted, as a rule.
+    response
+        (r, c): how many grey levels more it shows than the light around it explains, for each gain of that: a lamp
+        that is lit in the panel picture does not shine more in the sun.
     other
         How many grey levels away its other state is, if the sample shows it.
     """
@@ -54,26 +59,44 @@ class LampPicture:
     drawn: UnwrappedGauge
     weights: Floats
     sigma: float
-    left: float = 0.0
+    left: float = NOISE_LEVELS**2
+    response: Floats | float = 0.0
     other: float | None = None
 
-    def sigmas(self, left: Floats) -> Floats:
-        """(F,): how far off light may be told where so much is left around the window: a hand, the edge of a shadow."""
-        unusual = np.maximum(left - self.left, 0.0)
-        sigmas: Floats = np.sqrt(self.sigma**2 + unusual / PATCHES)
+    def told(self, added: Added) -> Floats:
+        """(F,): how much light the window adds, grey levels."""
+        levels = added.levels - self.response * (added.gain - 1.0)[:, None, None]
+        told: Floats = (levels * self.weights).sum(axis=(1, 2))
+        return told
+
+    def sigmas(self, added: Added) -> Floats:
+        """(F,): how far off that may be, the more the less is as usual around: a hand, the edge of a shadow."""
+        sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
         return sigmas
+
+    def scores(self, added: Added) -> Floats:
+        """(F,): how well what is around the window is what was drawn there, in the light that was fitted."""
+        shown = added.shown + NOISE_LEVELS**2
+        scores: Floats = np.sqrt(shown / (shown + self._unusual(added.left)))
+        return scores
+
+    def _unusual(self, left: Floats) -> Floats:
+        unusual: Floats = np.maximum(left - self.left, 0.0)
+        return unusual
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
     """Light beyond the panel picture's in F frames: (F, r, c) by pixel.
 
-    `left` (F,) is the variance of what is left around the window, and `score` how well the light there was fitted.
+    `gain` (F,) is the light around the window, `shown` the variance of what is seen there, and `left` what the fitted
+    light leaves of it.
     """
 
     levels: Floats
+    gain: Floats
+    shown: Floats
     left: Floats
-    score: Floats
 
 
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Added:
@@ -91,18 +114,14 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Adde
     known, seen = terms[around], strips[:, around].astype(np.float64)
     weights = np.ones_like(seen)
     for _ in range(PASSES):
-        normal = np.einsum("fm,mi,mj->fij", weights, known, known) + np.eye(4)  # flat surroundings leave a gain open
+        normal = np.einsum("fm,mi,mj->fij", weights, known, known)
+        normal += HAZE_PRIOR * weights.sum(axis=1)[:, None, None] * np.diag([0.0, 1.0, 1.0, 1.0])
         light = np.linalg.solve(normal, np.einsum("fm,fm,mi->fi", weights, seen, known)[..., None])[..., 0]
         left = seen - light @ known.T
         spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(left), axis=1, keepdims=True), FACE_NOISE_LEVELS)
         weights = 1.0 / (1.0 + np.square(left / (2.0 * spread)))
-    noise = np.square(left).mean(axis=1)
-    shown = seen.var(axis=1) + NOISE_LEVELS**2
-    return Added(
-        levels=strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within]),
-        left=noise,
-        score=np.sqrt(shown / (shown + np.maximum(noise - NOISE_LEVELS**2, 0.0))),
-    )
+    beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
+    return Added(beyond, light[:, 0] / WHITE, seen.var(axis=1), np.square(left).mean(axis=1))
 
 
 def first_lamp(grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
@@ -111,20 +130,32 @@ def first_lamp(grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
     return LampPicture(drawn, np.full(shape, 1.0 / np.prod(shape)), NOISE_LEVELS)
 
 
-def learn_lamp(grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
+def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
     """Learn from a sample's frames (R, C) which pixels scatter least while the lamp does not change."""
     if len(strips) < FRAMES_TO_LEARN:
         return known
     added = added_light(grid, known.drawn, np.stack(strips))
-    levels = added.levels
+    response = _response(added.gain, added.levels) if lamp.lit else np.zeros(known.weights.shape)
+    levels = added.levels - response * (added.gain - 1.0)[:, None, None]
     spread = MAD_TO_SIGMA * np.median(np.abs(levels - np.median(levels, axis=0)), axis=0)
     weights = 1.0 / (np.square(spread) + NOISE_LEVELS**2)
-    weights /= weights.sum()
-    told = np.einsum("frc,rc->f", levels, weights)
-    learned = LampPicture(known.drawn, weights, _scatter(told), float(np.median(added.left)))
+    learned = LampPicture(known.drawn, weights / weights.sum(), 0.0, float(np.median(added.left)), response)
+    told = learned.told(added)
+    learned = replace(learned, sigma=_scatter(told))
     away = np.abs(told)
-    seen = away[away >= CERTAIN_SPREADS * learned.sigmas(added.left)]
+    seen = away[away >= CERTAIN_SPREADS * learned.sigmas(added)]
     return replace(learned, other=float(np.median(seen))) if seen.size else learned
+
+
+def _response(gains: Floats, levels: Floats) -> Floats:
+    """(r, c): by how much levels (F, r, c) grow with gains (F,), as the middling pair of frames has it (Sen, 1968)."""
+    one, other = np.triu_indices(len(gains), 1)
+    apart = gains[one] - gains[other]
+    is_told = np.abs(apart) >= np.median(np.abs(apart))
+    if not apart.any():
+        return np.zeros(levels.shape[1:])
+    slopes: Floats = np.median((levels[one] - levels[other])[is_told] / apart[is_told, None, None], axis=0)
+    return slopes
 
 
 def _scatter(levels: Floats) -> float:
@@ -142,29 +173,29 @@ class LampReader:
         self._lamp, self._grid, self._picture = lamp, grid, picture
 
     def read(self, strips: Floats, _: Floats) -> list[dict[str, Reading]]:
-        """Read F frames of the window with what is around it, (F, R, C).
+        """Read F frames of the window with what is around it, (F, R, C)."""
+        return [self._read(strip) for strip in strips]
+
+    def _read(self, strip: UnwrappedGauge) -> dict[str, Reading]:
+        """Read one frame.
 
         The other state than the panel picture's is told only where the light is further off than a reflection's foot
         or an uneven shade would bring it, or nearer to how the flight showed it; in between nothing is told.
         """
-        added = added_light(self._grid, self._picture.drawn, strips)
-        levels = np.einsum("frc,rc->f", added.levels, self._picture.weights)
-        sigmas = self._picture.sigmas(added.left)
-        away, other = -levels if self._lamp.lit else levels, self._picture.other
-        is_same = np.abs(away) <= MISSING_SPREADS * sigmas
-        if other is None:
-            is_other = away >= CERTAIN_SPREADS * sigmas
-        else:
-            is_same &= away < other / 2
-            is_other = (away >= MISSING_SPREADS * sigmas) & (away >= other / 2)
-        is_told = (is_same | is_other) & (added.score >= SCORE_THRESHOLD)
-        statuses = [Status.READ if told else Status.MISSING for told in is_told.tolist()]
-        lit, scores = (is_other != self._lamp.lit).astype(float).tolist(), added.score.tolist()
-        found = [{self._lamp.name: Reading(*own)} for own in zip(statuses, lit, [0.0] * len(lit), scores, strict=True)]
-        if self._lamp.light is not None:
-            percents = PERCENT / WHITE * np.stack([np.maximum(levels, 0.0), sigmas])
-            for own, status, light, sigma, score in zip(found, statuses, *percents.tolist(), scores, strict=True):
-                own[self._lamp.light] = Reading(status, light, sigma, score)
+        lamp, picture = self._lamp, self._picture
+        added = added_light(self._grid, picture.drawn, strip[None])
+        level, score = float(picture.told(added)[0]), float(picture.scores(added)[0])
+        sigma = float(picture.sigmas(added)[0])
+        away, other = -level if lamp.lit else level, picture.other
+        far = DIMMEST_LEVELS if other is None else other / 2
+        is_same = abs(away) <= MISSING_SPREADS * sigma
+        is_other = away >= (max(CERTAIN_SPREADS * sigma, far) if other is None else far)
+        is_told = MISSING_SPREADS * sigma <= far and is_same != is_other and score >= SCORE_THRESHOLD
+        status = Status.READ if is_told else Status.MISSING
+        found = {lamp.name: Reading(status, float(is_other != lamp.lit), 0.0, score)}
+        if lamp.light is not None:
+            percent = PERCENT / WHITE
+            found[lamp.light] = Reading(status, percent * max(level, 0.0), percent * sigma, score)
         return found
 
 
@@ -177,10 +208,16 @@ class LampKind(WindowKind):
     def first(self, _: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
         return first_lamp(grid, drawn)
 
-    def learned(self, _: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
-        return learn_lamp(grid, strips, known)
+    def learned(
+        self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture
+    ) -> LampPicture:
+        return learn_lamp(_lamp(gauge), grid, strips, known)
 
     def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LampPicture) -> LampReader:
-        if gauge.lamp is None:
-            raise AssertionError(f"{gauge.name} is no lamp")
-        return LampReader(gauge.lamp, grid, picture)
+        return LampReader(_lamp(gauge), grid, picture)
+
+
+def _lamp(gauge: Gauge) -> Lamp:
+    if gauge.lamp is None:
+        raise AssertionError(f"{gauge.name} is no lamp")
+    return gauge.lamp

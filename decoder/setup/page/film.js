@@ -23,11 +23,11 @@ function cell(frame, place, result) {
   dial.style.backgroundSize = `${count * 100}% 100%`;
   dial.style.backgroundPosition = `${count > 1 ? (place / (count - 1)) * 100 : 0}% 0`;
   const drawing = s("svg", { viewBox: `0 0 ${size} ${size}`, "aria-hidden": "true" });
-  const lines = frame.needles.map(({ name, status, value, score, line }, number) => {
+  const lines = frame.needles.map(({ name, status, value, text, score, line }, number) => {
     if (line) drawing.append(hand(line, result.dial, `shape needle ${number % 2 ? "other" : ""}`));
     if (value === null) return h("p", {}, h("span", { class: "value missing" }, "missing"), h("span", { class: "score" }, score.toFixed(2)));
     const doubt = score < DOUBTFUL_SCORE || status !== "read" ? "doubt" : "";
-    return h("p", { title: `${name}: ${status}` }, h("span", { class: `value ${doubt}` }, plain(value, "")), h("span", { class: `score ${doubt}` }, score.toFixed(2)));
+    return h("p", { title: `${name}: ${status}` }, h("span", { class: `value ${doubt}` }, text || plain(value, "")), h("span", { class: `score ${doubt}` }, score.toFixed(2)));
   });
   dial.append(drawing);
   const lost = frame.reason ? h("p", { class: "missing", title: frame.reason }, "not found") : null;
@@ -58,7 +58,7 @@ export function showFilm(store, live) {
       const lacks = [
         !store.document.anchors?.length && "an anchor",
         !isDrawn(store, gauge) && kindOf(store, gauge).lacking,
-        (gauge.scale || []).length < 2 && "two tick marks",
+        !gauge.window && (gauge.scale || []).length < 2 && "two tick marks",
       ].filter(Boolean);
       say(lacks.length ? `To be read it still needs ${lacks.join(", ")}.` : "Reading …");
       return;

@@ -97,8 +97,27 @@ export function gaugePart(store, live, heading) {
     );
   }
 
+  function corners(index) {
+    const path = `gauges[${index}].window`;
+    const names = ["top left", "top right", "bottom right", "bottom left"];
+    return [
+      ...names.map((name, corner) => field(name[0].toUpperCase() + name.slice(1), ...[0, 1].map((axis) => input(store, `${path}[${corner}][${axis}]`, { kind: "number", label: `${"xy"[axis]} of the ${name} corner` })))),
+      h("div", { "data-path": path }),
+    ];
+  }
+
   return (gauge, index) => {
     const path = `gauges[${index}]`;
+    if (gauge.window) {
+      return [
+        heading(gauge.name || "Window"),
+        field("Name", input(store, `${path}.name`)),
+        field("Unit", input(store, `${path}.unit`, { placeholder: "such as MHz" })),
+        ...corners(index),
+        health(index),
+        ...turningPart(store, gauge, index),
+      ].flat();
+    }
     const write = place(index);
     const centre = [0, 1].map((axis) => input(store, `${path}.centre[${axis}]`, { kind: "number", label: `centre ${"xy"[axis]}`, write: write(axis) }));
     return [

@@ -14,6 +14,13 @@ export const inSweep = (angle, [first, last]) => nearest(angle, (first + last) /
 
 export const rounded = (value, places = 2) => Number(value.toFixed(places));
 
+// A circle around a gauge, whatever it is: its middle, and how far it reaches.
+export function around({ centre, radius, window }) {
+  if (!window) return [centre, radius[1]];
+  const middle = [0, 1].map((axis) => window.reduce((sum, point) => sum + point[axis] / window.length, 0));
+  return [middle, Math.max(...window.map((point) => distance(middle, point)))];
+}
+
 // The value that a mark would have if the scale went on evenly; undefined where nothing tells.
 export function suggested(scale, index) {
   const known = scale.filter(([, value], other) => other !== index && typeof value === "number");

@@ -1,6 +1,7 @@
 // What can be selected, and how it moves: one table, so that dragging, nudging and removing treat all things alike.
 import { marksOf, recentre } from "./dials.js";
 import { inSweep, nearest, rounded } from "./geometry.js";
+import { becomes } from "./kinds.js";
 
 const px = (value) => rounded(value, 2);
 const LEAST_RIM = 5;
@@ -35,8 +36,13 @@ const KINDS = {
   gauge: {
     list: "gauges",
     move(gauge, dx, dy, selection, plane) {
-      const { mark, needle, rim } = selection;
-      if (rim !== undefined) gauge.rim[rim] = [px(gauge.rim[rim][0] + dx), px(gauge.rim[rim][1] + dy)];
+      const { mark, needle, rim, corner } = selection;
+      if (gauge.window) {
+        for (const point of corner === undefined ? gauge.window : [gauge.window[corner]]) {
+          point[0] = px(point[0] + dx);
+          point[1] = px(point[1] + dy);
+        }
+      } else if (rim !== undefined) gauge.rim[rim] = [px(gauge.rim[rim][0] + dx), px(gauge.rim[rim][1] + dy)];
       else if (mark !== undefined) {
         const own = marksOf(gauge, selection)[mark];
         own[0] = turned(gauge, own[0], dx, dy);
@@ -57,7 +63,7 @@ export const canMove = ({ kind }) => kind in KINDS;
 export function move(store, dx, dy) {
   const { selection } = store;
   if (!canMove(selection)) return;
-  const plane = selection.kind === "gauge" ? store.planes.of(selection.index) : null;
+  const plane = selection.kind === "gauge" && store.gauge.centre ? store.planes.of(selection.index) : null;
   store.change(`move ${JSON.stringify(selection)}`, (document) => {
     KINDS[selection.kind].move(itemOf(document, selection), dx, dy, selection, plane);
   });
@@ -128,6 +134,18 @@ export function addGauge(store, rim) {
       scale: [],
       needles: [],
     });
+  });
+  store.select({ kind: "gauge", index: store.document.gauges.length - 1 });
+}
+
+// A window is of the first kind that is read in one, until another is chosen.
+export function addWindow(store, corners) {
+  const { key } = store.session.kinds.find((kind) => kind.in_window);
+  store.change("window", (document) => {
+    document.gauges ??= [];
+    const gauge = { name: free(document.gauges, "window"), window: corners.map((point) => point.map(px)), unit: "" };
+    becomes(store, gauge, key, columnName(document, gauge));
+    document.gauges.push(gauge);
   });
   store.select({ kind: "gauge", index: store.document.gauges.length - 1 });
 }

@@ -1,12 +1,13 @@
 // The keyboard: everything that the pointer can do.
 import { byId, h } from "./dom.js";
+import { around } from "./geometry.js";
 import { itemOf, move, remove } from "./items.js";
 import { click, pick, TOOLS } from "./tools.js";
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 const KEYS = [
-  ["V A L R G E T N", "select, anchor, level, reference, gauge, ellipse, tick marks, needle"],
+  ["V A L R G W E T N", "select, anchor, level, reference, gauge, window, ellipse, tick marks, needle"],
   ["Arrows", "move what is selected, or the cross of a tool, by a pixel; with Shift by 10, with Alt by a tenth"],
   ["Enter", "place at the cross; in a tick mark's value: on to the next"],
   ["Delete", "remove what is selected"],
@@ -32,7 +33,7 @@ export function showKeys() {
 export function closeUp(store, view) {
   const { kind } = store.selection;
   const item = itemOf(store.document, store.selection);
-  if (kind === "gauge") view.closeUp(item.centre, item.radius[1]);
+  if (kind === "gauge") view.closeUp(...around(item));
   else if (kind === "anchor") view.closeUp([item.box[0] + item.box[2] / 2, item.box[1] + item.box[3] / 2], item.box[2]);
   else if (kind === "reference") view.closeUp(item.at, 60);
   else if (kind === "level") view.closeUp(item[0].map((value, axis) => (value + item[1][axis]) / 2), Math.abs(item[1][1] - item[0][1]) / 2);

@@ -42,8 +42,8 @@ export class Overlay {
     );
   }
 
-  isWhole({ centre, radius, sweep, rim }) {
-    return areNumbers(centre, radius, sweep, rim || []);
+  isWhole({ centre, radius, sweep, rim, window }) {
+    return window ? areNumbers(window) : areNumbers(centre, radius, sweep, rim || []);
   }
 
   chosen(kind, index) {
@@ -123,7 +123,30 @@ export class Overlay {
     );
   }
 
+  window({ name, window }, index) {
+    const chosen = this.chosen("gauge", index);
+    const outline = { points: window.map((point) => point.join()).join(" ") };
+    const whole = { kind: "gauge", index };
+    const move = (document, [px, py], grabbed) => {
+      document.gauges[index].window = window.map(([x, y]) => [rounded(x + px - grabbed[0]), rounded(y + py - grabbed[1])]);
+    };
+    const drag = (corner) => (document, point) => {
+      document.gauges[index].window[corner] = point.map((value) => rounded(value));
+    };
+    const [[x, y], [right]] = window;
+    return s(
+      "g",
+      { class: `gauge window ${chosen}` },
+      s("polygon", { ...outline, class: "halo" }),
+      s("polygon", { ...outline, class: "shape" }),
+      this.grip(s("polygon", { ...outline, class: "hit" }), whole, move),
+      !chosen && this.text(name, [(x + right) / 2, y - 5 * this.unit]),
+      ...(chosen ? window.map((point, corner) => this.handle(point, { ...whole, corner }, drag(corner))) : []),
+    );
+  }
+
   gauge(gauge, index) {
+    if (gauge.window) return this.window(gauge, index);
     const { radius, sweep } = gauge;
     const { selection } = this.store;
     const chosen = this.chosen("gauge", index);

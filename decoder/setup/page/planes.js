@@ -106,7 +106,7 @@ export class Planes {
   }
 
   async askForMissing() {
-    const whole = ({ centre, radius }) => [...centre, ...radius].every(Number.isFinite) && radius[1] > 1;
+    const whole = ({ centre, radius }) => centre && [...centre, ...radius].every(Number.isFinite) && radius[1] > 1;
     const missing = (this.store.document.gauges || []).filter((gauge) => whole(gauge) && this.isOblique(gauge) && !this.known.has(this.keyOf(gauge)));
     const keys = missing.map((gauge) => this.keyOf(gauge));
     const wanted = keys.join();

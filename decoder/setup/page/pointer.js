@@ -1,4 +1,5 @@
 // The pointer on the panel picture: click with a tool, drag what is drawn, pan what is not.
+import { around } from "./geometry.js";
 import { click } from "./tools.js";
 
 const STILL_PX = 4;
@@ -50,7 +51,7 @@ export function followPointer(store, view, overlay) {
   });
 
   svg.addEventListener("dblclick", (event) => {
-    if (store.tool === "select" && store.gauge) view.closeUp(store.gauge.centre, store.gauge.radius[1]);
+    if (store.tool === "select" && store.gauge) view.closeUp(...around(store.gauge));
     event.preventDefault();
   });
 }

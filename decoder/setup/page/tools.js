@@ -2,11 +2,14 @@
 import { byId, h } from "./dom.js";
 import { replane } from "./dials.js";
 import { inSweep, rounded } from "./geometry.js";
-import { addAnchor, addGauge, addMark, addNeedle, addReference, setLevel } from "./items.js";
+import { addAnchor, addGauge, addMark, addNeedle, addReference, addWindow, setLevel } from "./items.js";
 import { Plane } from "./planes.js";
 import { ask, TAB } from "./server.js";
 
-const needsGauge = (store) => (store.gauge ? "" : "Select or add a gauge first.");
+const needsGauge = (store) => {
+  if (!store.gauge) return "Select or add a gauge first.";
+  return store.gauge.window ? "A window has no marks around it: select a dial." : "";
+};
 
 let pointedAt = 0; // how many needles were pointed at
 
@@ -45,6 +48,17 @@ export const TOOLS = {
     done: async (store, points) => {
       const rim = await ask("rim", { ...store.planes.seen, points });
       addGauge(store, rim);
+      store.use("select");
+      store.tell("type", `gauges[${store.selection.index}].name`);
+    },
+  },
+  window: {
+    key: "w",
+    name: "Window",
+    clicks: 4,
+    hint: "Click the four corners of a lamp or a display, clockwise from its top left.",
+    done: (store, corners) => {
+      addWindow(store, corners);
       store.use("select");
       store.tell("type", `gauges[${store.selection.index}].name`);
     },

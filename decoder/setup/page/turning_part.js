@@ -18,8 +18,10 @@ function choice(store, gauge, index) {
       becomes(store, own, event.target.value, columnName(document, own));
     });
   const now = kindOf(store, gauge);
-  const options = store.session.kinds.map((kind) => h("option", { value: kind.key, selected: kind === now }, kind.words));
-  return [h("h3", {}, "What turns"), field("On this dial", h("select", { id: `what-turns-${index}`, onchange: turn }, ...options))];
+  const fitting = store.session.kinds.filter((kind) => kind.in_window === Boolean(gauge.window));
+  const options = fitting.map((kind) => h("option", { value: kind.key, selected: kind === now }, kind.words));
+  const [title, where] = gauge.window ? ["What it shows", "In this window"] : ["What turns", "On this dial"];
+  return [h("h3", {}, title), field(where, h("select", { id: `what-turns-${index}`, onchange: turn }, ...options))];
 }
 
 // The fields of a kind that has no editor of its own.

@@ -1,0 +1,178 @@
+"""Lamps: lit or not, whatever light falls on the panel; and in doubt, nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from decoder.imaging.unwrapping import WindowGrid
+from decoder.instruments.kinds.lamp import LampPicture, LampReader, first_lamp, learn_lamp
+from decoder.instruments.reading import Reading, Status
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
+from decoder.panel.kinds.lamp import Lamp
+from decoder.panel.panel import parse_panel
+from decoder.panel.written import BOOLEAN, ValueType, Written
+
+GRID = WindowGrid.of(((20.0, 20.0), (44.0, 20.0), (44.0, 40.0), (20.0, 40.0)), Lamp.margin_part)
+LAMP = Lamp(name="low_fuel_on", light="low_fuel_light_pct")
+PLACES = np.zeros(1)
+
+
+def drawn(light: float, *, sun: float = 1.0, slope: float = 0.0, seed: int = 0, legend: bool = False) -> Floats:
+    """A lamp that adds so many grey levels, in its bezel beside print; the sun may come from one side, (R, C)."""
+    noise = np.random.default_rng(seed).normal(0.0, 2.0, (GRID.rows, GRID.columns))
+    down, across = np.indices((GRID.rows, GRID.columns))
+    panel = 60.0 + 12.0 * np.sin(across / 2.0) * (down < 6)
+    inside = np.zeros_like(panel)
+    inside[GRID.within] = 1.0
+    y, x = down - (GRID.rows - 1) / 2, across - (GRID.columns - 1) / 2
+    disc = np.hypot(x / 10.0, y / 8.0) < 1.0
+    lit = disc & (np.abs(np.sin(across)) < 0.5) if legend else disc
+    panel = np.where(disc, 25.0, np.where(inside > 0, 110.0, panel))
+    shade = sun * (1.0 + slope * x / GRID.columns)
+    return np.clip(panel * shade + light * lit + noise, 0.0, 255.0).astype(np.float32)
+
+
+def sample(*lights: float) -> list[Floats]:
+    """Frames in changing sun."""
+    return [drawn(light, sun=0.5 + 0.07 * number, seed=number + 1) for number, light in enumerate(lights)]
+
+
+def read(picture: LampPicture, *frames: Floats, lamp: Lamp = LAMP) -> list[dict[str, Reading]]:
+    """The lamp in frames."""
+    return LampReader(lamp, GRID, picture).read(np.stack(frames), np.zeros(len(frames)))
+
+
+TAUGHT = learn_lamp(LAMP, GRID, sample(*[0.0] * 12), first_lamp(GRID, drawn(0.0)))
+
+
+@given(
+    light=st.sampled_from([0.0, 60.0, 120.0]),
+    sun=st.floats(0.4, 1.3),
+    slope=st.floats(-0.4, 0.4),
+    seed=st.integers(0, 99),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_sun_lights_no_lamp(light: float, sun: float, slope: float, seed: int) -> None:
+    """A lamp is read as it is, though no frame of the sample showed it lit, from wherever the sun comes."""
+    (found,) = read(TAUGHT, drawn(light, sun=sun, slope=slope, seed=seed))
+
+    assert found["low_fuel_on"].status is Status.READ
+    assert found["low_fuel_on"].angle_deg == float(light > 0)
+
+
+@pytest.mark.parametrize("legend", [False, True], ids=["whole", "words that light up"])
+def test_how_bright_it_is(*, legend: bool) -> None:
+    """Its light is told in percent of white, and more light is more."""
+    told = [
+        read(TAUGHT, drawn(light, seed=7, legend=legend))[0]["low_fuel_light_pct"].angle_deg for light in (40, 80, 120)
+    ]
+
+    assert told == sorted(told)
+    assert told[2] - told[1] == pytest.approx(told[1] - told[0], rel=0.1)
+
+
+def test_what_a_flight_showed_lit_is_told_nearer_to_it() -> None:
+    """A dim lamp that the sample shows is lit at that light, and not told halfway there."""
+    taught = learn_lamp(LAMP, GRID, sample(*[0.0] * 8, *[45.0] * 4), first_lamp(GRID, drawn(0.0)))
+    dim, half, dark = (found["low_fuel_on"] for found in read(taught, drawn(40.0), drawn(14.0), drawn(0.0)))
+
+    assert (dim.status, dim.angle_deg) == (Status.READ, 1.0)
+    assert half.status is Status.MISSING
+    assert (dark.status, dark.angle_deg) == (Status.READ, 0.0)
+
+
+def test_a_lamp_drawn_lit_goes_out() -> None:
+    """The panel picture may show it lit; then what is darker is off."""
+    lamp = Lamp(name="low_fuel_on", lit=True)
+    taught = learn_lamp(lamp, GRID, sample(*[90.0] * 12), first_lamp(GRID, drawn(90.0)))
+    on, off = (found["low_fuel_on"] for found in read(taught, drawn(90.0, sun=0.7), drawn(0.0), lamp=lamp))
+
+    assert (on.status, on.angle_deg, off.status, off.angle_deg) == (Status.READ, 1.0, Status.READ, 0.0)
+
+
+def test_what_lies_over_it_makes_it_missing() -> None:
+    """A hand over window and surroundings, and the edge of a shadow across it, are no lamp."""
+    hand = drawn(0.0)
+    hand[:, : GRID.columns * 2 // 3] = np.random.default_rng(3).normal(
+        170.0, 25.0, hand[:, : GRID.columns * 2 // 3].shape
+    )
+    reflected = drawn(0.0)
+    reflected[GRID.within[0].start - 4 : GRID.rows // 2 + 2, GRID.within[1].start - 4 : GRID.columns // 2] += 90.0
+
+    for found in read(TAUGHT, hand, reflected):
+        assert found["low_fuel_on"].status is Status.MISSING or found["low_fuel_on"].angle_deg == 0.0
+
+
+def test_frames_beside_it_change_nothing() -> None:
+    """A frame is read to the bit the same whatever lies beside it."""
+    frames = sample(0.0, 80.0, 20.0, 0.0)
+
+    assert [read(TAUGHT, frame)[0] for frame in frames] == read(TAUGHT, *frames)
+
+
+def test_a_window_is_sampled_where_its_corners_have_it() -> None:
+    """Samples lie in the middles of cells, corner to corner, also of a window that is seen from the side."""
+    flat = WindowGrid.of(((10.0, 5.0), (18.0, 5.0), (18.0, 9.0), (10.0, 9.0)))
+    oblique = WindowGrid.of(((10.0, 5.0), (30.0, 8.0), (30.0, 20.0), (10.0, 25.0)), 0.5)
+    x, y = oblique.points()
+
+    assert flat.points()[:, 0, 0].tolist() == [10.5, 5.5]
+    assert flat.points()[:, -1, -1].tolist() == [17.5, 8.5]
+    assert oblique.points_at(np.array([0.0, 1.0]), np.array([0.0, 1.0]))[:, 1, 1].tolist() == pytest.approx(
+        [30.0, 20.0]
+    )
+    assert x[oblique.within].min() > 10.0
+    assert x.min() < 10.0
+    assert y[oblique.within].max() < 25.0
+
+
+PANEL = """
+name: p
+picture: p.png
+anchors: [{{name: a, box: [0, 0, 20, 20]}}]
+gauges: [{gauge}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("gauge", "problem"),
+    [
+        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], centre: [4, 4], lamp: {name: a}}", "then no `centre`"),
+        ("{name: g, window: [[0, 0], [0, 9], [9, 9], [9, 0]], lamp: {name: a}}", "clockwise from the top left"),
+        ("{name: g, window: [[0, 0], [9, 0], [9, 2], [0, 2]], lamp: {name: a}}", "at least 4 pixels apart"),
+        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], lamp: {name: a, light: a}}", "another name"),
+        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], lamp: {name: a, light: b, lit: true}}", "it is off"),
+        (
+            "{name: g, centre: [9, 9], radius: [2, 8], sweep: [0, 9], scale: [[0, 0], [9, 1]], lamp: {name: a}}",
+            "a `window`",
+        ),
+        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], card: {name: a, index: 270}}", "no window's"),
+    ],
+)
+def test_what_is_no_lamp_is_said(gauge: str, problem: str) -> None:
+    """A window that is none, and what goes with none, is told in a sentence."""
+    with pytest.raises(PanelError, match=problem):
+        parse_panel(PANEL.format(gauge=gauge).encode(), source="panel.yaml")
+
+
+@given(
+    written=st.sampled_from(
+        [
+            BOOLEAN,
+            Written(ValueType.TEXT, "0000"),
+            Written(ValueType.TEXT, "00:00:00"),
+            Written(ValueType.NUMBER, "000.00"),
+        ]
+    ),
+    part=st.floats(0.0, 1.0),
+)
+def test_what_is_written_is_read_back(written: Written, part: float) -> None:
+    """Every value that can be written is read back as it was."""
+    low, high = written.limits
+    value = round((low + part * (high - low)) / written.resolution) * written.resolution
+
+    assert written.value_of(written.text_of(value)) == pytest.approx(value)
