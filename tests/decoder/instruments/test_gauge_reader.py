@@ -131,7 +131,7 @@ def test_gauges_do_not_disturb_each_other(reader: PanelReader) -> None:
 
 LEVELS = {"alike": {}, "dim covered": {"al_lb": 150.0}, "dim cover": {"fr_lb": 150.0}}
 # A covering needle dimmer than the one below it, as no instrument has it, may be lost beside that:
-# docs/adr/0004-several-needles-and-cards.md.
+# docs/adr/0004-kinds-of-instrument.md.
 CLEAR = ("alike", "dim covered")
 
 
