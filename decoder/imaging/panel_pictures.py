@@ -11,7 +11,8 @@ from decoder.imaging.dial_plane import dial_plane, inches_to_picture
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture, grey_picture
 from decoder.imaging.planes import DialPlane, Raised
-from decoder.imaging.resampling import inside
+from decoder.imaging.resampling import inside, part_inside
+from decoder.imaging.thresholds import HALF_SHOWN
 from decoder.imaging.unwrapping import Grid, PolarGrid, grid_of
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera
@@ -82,6 +83,15 @@ class PanelPictures:
         height, width = self.picture.shape
         if not inside(rim, self.optics.own, width, height):
             raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")
+
+    def check_shows_half(self, rim: Floats, path: str) -> None:
+        """PanelError unless the panel picture shows half of a dial's rim, as `PolarGrid.rim`."""
+        height, width = self.picture.shape
+        if part_inside(rim, self.optics.own, width, height) < HALF_SHOWN:
+            raise PanelError(
+                path,
+                f"lies outside the {width} x {height} picture for more than half; check the gauge's centre and radius",
+            )
 
     def _raised(self, index: int) -> Raised:
         """Find the plane in which a gauge's needles turn, above its face."""

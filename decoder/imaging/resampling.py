@@ -90,6 +90,12 @@ def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) 
     return is_inside
 
 
+def part_inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> float:
+    """Return which part of the points (2, M) of the panel picture lies within the frame."""
+    x, y = alignment.places(as_places(points))[0].T
+    return float(((x >= 0) & (y >= 0) & (x <= width_px - 1) & (y <= height_px - 1)).mean())
+
+
 def as_places(points: Floats) -> Floats:
     """(1, M, 2) float32: points (2, M) laid out to be carried into frames."""
     return np.ascontiguousarray(points.T[None], np.float32)

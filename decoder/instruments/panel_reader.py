@@ -13,6 +13,8 @@ from decoder.imaging.alignment import Point
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.imaging.resampling import inside, part_inside
+from decoder.imaging.thresholds import HALF_SHOWN
 from decoder.imaging.unwrapping import Grid, PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, DrawnInstrument
 from decoder.instruments.kinds.geared import as_finest
@@ -23,6 +25,7 @@ from decoder.instruments.sampling import Samples
 from decoder.instruments.thresholds import SURE_SCORE
 from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.panel.errors import PictureError
+from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import FramePlacer, Taken, UnwrappedFrame, UnwrappedPanel
@@ -158,11 +161,27 @@ class PanelReader:
             if frame.dial_sigmas_px:
                 sigma_px[:] = frame.dial_sigmas_px
         radii_px = np.array([gauge.arc_px for gauge in self.source.panel.gauges])
-        readings = self.instruments.read(samples, [frame.whole for frame in frames], np.degrees(sigmas_px / radii_px))
+        shown = [self._shown(frame) for frame in frames]
+        readings = self.instruments.read(samples, shown, np.degrees(sigmas_px / radii_px))
         return [
             FrameReadings(frame.alignment, self._checked(frame, own), self._needle_shifts_px(frame))
             for frame, own in zip(frames, readings, strict=True)
         ]
+
+    def _shown(self, frame: UnwrappedFrame) -> list[bool]:
+        """By gauge whether it is to be read: all of it lies in the frame, or enough of a dial with one needle."""
+        if all(frame.whole) or frame.size_px is None or frame.dial_shifts_px:
+            return list(frame.whole)
+        return [
+            is_whole or (_may_be_cut(gauge) and part_inside(rim, frame.alignment, *frame.size_px) >= HALF_SHOWN)
+            for is_whole, gauge, rim in zip(frame.whole, self.source.panel.gauges, self.drawn.rims, strict=True)
+        ]
+
+    def _needle_in_sight(self, frame: UnwrappedFrame, grid: PolarGrid, reading: Reading) -> bool:
+        """Whether the whole of a needle that was read lies in the frame, and is the needle beyond doubt."""
+        if reading.score < SURE_SCORE or frame.size_px is None:
+            return False
+        return inside(grid.at(reading.angle_deg, 1).rim(), frame.alignment, *frame.size_px)
 
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
         """By needle its reading; doubted needles that do not match well are missing."""
@@ -177,6 +196,11 @@ class PanelReader:
                 checked |= with_lines_checked(*parts, face=face, templates=seen.templates, pivot=pivot)
         for gauge in gauges:
             checked |= as_finest(gauge, checked)
+        for gauge, grid, is_whole in zip(gauges, self.grids, frame.whole, strict=True):
+            if not is_whole and isinstance(grid, PolarGrid) and _may_be_cut(gauge):
+                (needle,) = gauge.turning
+                if not self._needle_in_sight(frame, grid, checked[needle.name]):
+                    checked[needle.name] = replace(checked[needle.name], status=Status.MISSING)
         for name in seen.doubted:
             if checked[name].score < SURE_SCORE:
                 checked[name] = replace(checked[name], status=Status.MISSING)
@@ -221,6 +245,11 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture |
     return samples
 
 
+def _may_be_cut(gauge: Gauge) -> bool:
+    """Whether a gauge that lies in part outside a picture can be read where its needle shows."""
+    return len(gauge.turning) == 1
+
+
 def appearance_from_panel(drawn: UnwrappedPanel) -> Appearance:
     """Let each instrument's kind look at the panel's own pictures.
 
@@ -232,7 +261,8 @@ def appearance_from_panel(drawn: UnwrappedPanel) -> Appearance:
     looks = []
     parts = zip(drawn.source.panel.gauges, drawn.grids, drawn.rims, drawn.gauges, strict=True)
     for index, (gauge, grid, rim, strip) in enumerate(parts):
-        drawn.source.check_shows(rim, f"gauges[{index}]")
+        check = drawn.source.check_shows_half if _may_be_cut(gauge) else drawn.source.check_shows
+        check(rim, f"gauges[{index}]")
         looks.append(kind_of(gauge).first_look(DrawnInstrument(drawn.source, index, gauge, grid, strip)))
     # a needle cut from one picture need not match others better than any match must, whatever the light
     return Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)

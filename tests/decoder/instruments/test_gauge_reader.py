@@ -117,6 +117,8 @@ def test_dial_partly_outside_the_frame_is_not_guessed(reader: PanelReader, shift
         return
 
     assert reading.status is Status.MISSING or reading.angle_deg == pytest.approx(angle_deg, abs=0.5)
+    if angle_deg == 360.0 and shift_x > -75.0:  # half of the dial shows, and the needle on it
+        assert reading.status is Status.READ
 
 
 def test_gauges_do_not_disturb_each_other(reader: PanelReader) -> None:
@@ -307,7 +309,7 @@ def outside_the_sweep(content: dict[str, Any]) -> None:
 
 
 NO_NEEDLE = r"gauges\[1\]\.needles\[0\]\.template: .*shows no needle there"
-OUTSIDE = r"gauges\[0\]: lies outside the 360 x 220 picture"
+OUTSIDE = r"gauges\[0\](\.needles\[0\]\.template)?: lies outside the 360 x 220 picture"
 UNFIT: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "size": (
         lambda content: template(content, 1, at=200.0, span=18, picture="other.png"),
@@ -319,7 +321,7 @@ UNFIT: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "sweep": (outside_the_sweep, r"gauges\[0\]\.needles\[0\]\.template\.at: 300 degrees lies outside"),
     "left": (lambda content: content["gauges"][0].update(centre=[20, 110]), OUTSIDE),
     "top": (lambda content: content["gauges"][0].update(centre=[85, 10]), OUTSIDE),
-    "right": (lambda content: content["gauges"][0].update(centre=[340, 110]), OUTSIDE),
+    "right": (lambda content: content["gauges"][0].update(centre=[370, 110]), OUTSIDE),
 }
 
 
