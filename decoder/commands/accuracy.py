@@ -10,7 +10,7 @@ import click
 
 from decoder.commands.options import truth_options
 from decoder.outputs.csv_output import text_table
-from decoder.timeseries.recorder_limits import sources_of
+from decoder.timeseries.accuracy import sources_of
 from decoder.timeseries.tables import flight_table, read_table
 from decoder.timeseries.truth_comparison import (
     HEADER,

@@ -19,6 +19,7 @@ from decoder.panel.errors import DecoderError, FlightUnreadable
 from decoder.parallel.decode_journal import DecodeJournal, identity_of
 from decoder.parallel.decoding import decoded_flight
 from decoder.parallel.worker_pool import Death, WorkerPool
+from decoder.timeseries.cross_checks import cross_checks
 from decoder.timeseries.flight_data import FlightData
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.health import health_line
@@ -92,6 +93,8 @@ def _report(data: FlightData, provenance: Provenance, deaths: Sequence[Death], w
     say(f"{len(data.frame)} frames, {data.time_s[-1] - data.time_s[0]:.2f} s", "")
     say(*summary_table(data).split("\n"))
     say("", *(f"{gauge}: {health_line(findings)}" for gauge, findings in data.health.items()))
+    for check in cross_checks(data):
+        say(f"cross-check: {check.words}")
     if data.gps is not None:
         located = f"{int(data.gps.located.sum())} of {len(data.frame)} frames have a position"
         say(f"GPS: {located}; the receiver had no fix in {data.gps.without_fix} of {data.gps.samples} samples")

@@ -153,6 +153,7 @@ def read_back(
             alignments=_alignments_of(alignments, size_px, [lenses.get(int(number)) for number in frame]),
             part=FlightPart(range(len(frame)), len(frame), flight.began_ns),
             time_of_day=str(told.get("time_of_day", "")),
+            columns=panel.columns,
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise TableError(

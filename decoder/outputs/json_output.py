@@ -11,6 +11,7 @@ import numpy as np
 
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import moment_text
+from decoder.timeseries.cross_checks import CrossCheck, cross_checks
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
 from decoder.timeseries.gps import GpsData
 from decoder.timeseries.health import health_line
@@ -65,6 +66,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
             for first, last, reason in lost_runs(data)
         ],
         "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
+        "cross_checks": [_cross_check(data, check) for check in cross_checks(data)],
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
     }
 
@@ -121,6 +123,25 @@ def _outlier(data: FlightData, outlier: Outlier) -> dict[str, Any]:
         "first_frame": int(data.frame[outlier.first]),
         "last_frame": int(data.frame[outlier.last]),
         "reason": outlier.reason.value,
+    }
+
+
+def _cross_check(data: FlightData, check: CrossCheck) -> dict[str, Any]:
+    return {
+        "what": check.what,
+        "columns": list(check.columns),
+        "unit": check.apart_unit,
+        "frames_compared": check.compared,
+        "disagreements": [
+            {
+                "first_frame": int(data.frame[each.first]),
+                "last_frame": int(data.frame[each.last]),
+                "apart": float(f"{each.apart:.4g}"),
+                "explained": float(f"{each.allowed:.4g}"),
+            }
+            for each in check.disagreements
+        ],
+        **({"but": check.but} if check.but else {}),
     }
 
 

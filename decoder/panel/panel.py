@@ -8,7 +8,7 @@ wrong value. The format is described for its writers in docs/panel.md.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -16,6 +16,7 @@ from pydantic import Field, field_validator, model_validator
 from decoder.panel.arrays import NO_TRUTH, at_most
 from decoder.panel.description import (
     FocalLength,
+    Name,
     PictureName,
     Pixels,
     Point,
@@ -28,6 +29,7 @@ from decoder.panel.description import (
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.needles import Needle
+from decoder.panel.parameters import Column
 from decoder.panel.scale import MOST_POINTS, Combination, Quantity
 from decoder.panel.thresholds import MOST_NEEDLES
 
@@ -67,6 +69,8 @@ class Panel(Strict):
     """One gives the shift; with `level`, or two, roll too; four or more the full perspective."""
     gauges: Annotated[tuple[Gauge, ...], Field(min_length=1, max_length=MOST_GAUGES)]
     """At least one."""
+    columns: Annotated[Mapping[Name, Column], Field(max_length=MOST_POINTS)] = {}
+    """What is known of columns besides how they are read, by their names."""
 
     @field_validator("level")
     @classmethod
@@ -83,6 +87,9 @@ class Panel(Strict):
         columns = [*LEADING_COLUMNS, *(name + suffix for name in names for suffix in NEEDLE_SUFFIXES)]
         for column in _twice(columns):
             raise ValueError(f"two columns of the flight data would be called {column}; rename a needle")
+        for name in self.columns:
+            if name not in names:
+                raise ValueError(f"`columns` names {name}, which no gauge shows; there are {', '.join(names)}")
         for name in _twice(gauge.name for gauge in self.gauges):
             raise ValueError(f"two gauges are called {name}; rename one")
         for name in _twice(anchor.name for anchor in self.anchors):

@@ -16,8 +16,8 @@ FOOT_M, POUND_KG, GALLON_L, HOUR_S = 0.3048, 0.45359237, 3.785411784, 3600.0
 
 # What a name may end with; a stem that is left over is what is meant.
 UNIT_SUFFIXES = {
-    *("a", "amps", "bar", "c", "deg", "f", "fpm", "ft", "g", "gal", "gph", "hpa", "inhg", "k", "kph", "kt", "kts"),
-    *("lb", "lph", "mph", "pct", "pph", "psi", "v", "volts"),
+    *("a", "amps", "bar", "c", "deg", "dps", "f", "fpm", "ft", "g", "gal", "gph", "hpa", "inhg", "k", "kph", "kt"),
+    *("kts", "lb", "lph", "mph", "norm", "pct", "pph", "psi", "v", "volts"),
 }
 
 
@@ -57,6 +57,8 @@ _KNOWN: dict[tuple[str, ...], Unit] = {
     ("rpm",): Unit("rotation"),
     ("%", "pct", "percent"): Unit("part", 0.01),
     ("deg", "degrees", "°"): Unit("angle"),
+    ("deg/s", "dps"): Unit("turn rate"),
+    ("standard rate", "standard rates"): Unit("turn rate", 3.0),
     ("v", "volt", "volts"): Unit("voltage"),
     ("a", "amp", "amps"): Unit("current"),
     ("g",): Unit("load"),

@@ -1,24 +1,35 @@
-"""Accuracy: flight data held against the truth, by the thesis's measure and by harder ones.
+"""Accuracy: flight data held against the truth, by the thesis's measure and by harder ones, and by regulators' limits.
 
 The thesis reports 100 minus the mean error in percent of the true value; its published averages are finer than its
 own rows, so they are presumably means of signed errors, in which too high and too low cancel. Here are both, and
 percent of full scale and units beside them. On a scale that wraps errors go the short way round. Truth at other times
 than the frames is interpolated linearly, never extrapolated.
+
+What regulators ask of flight data recorders is given as a range for some parameters (such as 100 to 700 ft, by
+altitude): within its narrow end a needle passes, beyond its wide end it fails, in between it depends on the
+installation. It passes or fails by 95 % of its values, because a truth at 1 Hz is itself interpolated. Percentages are
+of the value for airspeed and vertical speed, of full scale for the others; a value need not be finer than the
+resolution that is asked for, 1 kt or 250 fpm. A camera reads the aircraft's own instruments. Where these are the
+source, 14 CFR 91 lets the recording add at most half of what an installed system may be off, altimeters aside: that
+half is a table of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
-from decoder.panel.errors import AccuracyError
+from decoder.panel.errors import AccuracyError, UnitError
+from decoder.panel.parameters import WORDS
 from decoder.panel.scale import shortest
+from decoder.panel.units import converted, engine_stem_of, stem_of
 from decoder.timeseries.tables import Described, FlightTable, Table
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
+from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, NEEDED_PART
 
 ALL_VALUED = "all"
 
@@ -149,3 +160,192 @@ def _errors(error: Floats, truth: Floats, sigma: Floats, full_scale: float | Non
         max_abs_pct_fs=None if of_scale is None else float(np.abs(of_scale).max()),
         within_95=float((np.abs(error) <= CONFIDENCE_SIGMAS * sigma).mean()),
     )
+
+
+FAA = "14 CFR 135 App. C"
+AIRPLANES = "14 CFR 91 App. E"
+RECORDING = "14 CFR 91 App. E, note 1"
+EASA = "EASA AMC5 CAT.IDE.A.190"
+SOURCES: dict[str, str] = {
+    FAA: "14 CFR Part 135 Appendix C, helicopter flight recorder specifications",
+    AIRPLANES: "14 CFR Part 91 Appendix E, airplane flight recorder specifications, accuracy of the installed system",
+    RECORDING: "the same, note 1: what the recording may add where aircraft instruments are the source, half of that",
+    EASA: "EASA Easy Access Rules for Air Operations, AMC5 CAT.IDE.A.190, flight data recorder performance, aeroplanes",
+}
+
+
+KINDS: dict[str, tuple[str, ...]] = {
+    "airspeed": WORDS["airspeed"],
+    "altitude": (*WORDS["altitude"], "pressure_altitude"),
+    "heading": WORDS["heading"],
+    "vertical speed": (*WORDS["vertical speed"], "altitude_rate"),
+    "attitude": (*WORDS["pitch"], *WORDS["roll"]),
+    "power": ("n1", "n2", "ng", "np", "nr", "torque", "trq", "rotor_rpm", "power_turbine"),
+}
+
+
+class Verdict(StrEnum):
+    """Whether a needle is as accurate as a recorder has to be."""
+
+    PASS = "pass"  # noqa: S105 - no password
+    """Within the narrow end of the limit."""
+    DEPENDS = "depends"
+    """Within the wide end only."""
+    FAIL = "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far a value may be off: the greatest of what is given."""
+
+    absolute: float = 0.0
+    unit: str = ""
+    of_value: float = 0.0
+    of_scale: float = 0.0
+
+    def sizes(self, truth: Floats, described: Described) -> Floats:
+        """At each true value, in the needle's unit.
+
+        Raises
+        ------
+        UnitError
+            If the needle's unit is of another kind.
+        """
+        absolute = 0.0
+        if self.absolute:
+            ends = converted(np.array([0.0, self.absolute]), self.unit, described.unit)
+            absolute = float(ends[1] - ends[0])
+        fixed = max(absolute, self.of_scale * (described.full_scale or 0.0))
+        return np.maximum(fixed, self.of_value * np.abs(truth))
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """What one table asks of one kind of parameter; `words` as it says it."""
+
+    source: str
+    kind: str
+    words: str
+    narrow: Tolerance
+    wide: Tolerance
+
+
+def _limit(source: str, kind: str, words: str, narrow: Tolerance, wide: Tolerance | None = None) -> Limit:
+    return Limit(source, kind, words, narrow, wide or narrow)
+
+
+LIMITS: tuple[Limit, ...] = (
+    _limit(FAA, "airspeed", "5 % or 10 kt", Tolerance(10, "kt", of_value=0.05)),
+    _limit(FAA, "altitude", "100 to 700 ft", Tolerance(100, "ft"), Tolerance(700, "ft")),
+    _limit(FAA, "heading", "5 deg", Tolerance(5, "deg")),
+    _limit(FAA, "vertical speed", "10 % or 250 fpm", Tolerance(250, "fpm", of_value=0.10)),
+    _limit(FAA, "attitude", "2 deg", Tolerance(2, "deg")),
+    _limit(FAA, "power", "5 %", Tolerance(of_scale=0.05)),
+    _limit(AIRPLANES, "airspeed", "5 % or 10 kt", Tolerance(10, "kt", of_value=0.05)),
+    _limit(AIRPLANES, "altitude", "100 to 700 ft", Tolerance(100, "ft"), Tolerance(700, "ft")),
+    _limit(AIRPLANES, "heading", "5 deg", Tolerance(5, "deg")),
+    _limit(AIRPLANES, "vertical speed", "10 % or 250 fpm", Tolerance(250, "fpm", of_value=0.10)),
+    _limit(AIRPLANES, "attitude", "2 deg", Tolerance(2, "deg")),
+    _limit(AIRPLANES, "power", "5 %", Tolerance(of_scale=0.05)),
+    _limit(RECORDING, "airspeed", "2.5 % or 5 kt", Tolerance(5, "kt", of_value=0.025)),
+    _limit(RECORDING, "heading", "2.5 deg", Tolerance(2.5, "deg")),
+    _limit(RECORDING, "vertical speed", "5 % or 125 fpm", Tolerance(125, "fpm", of_value=0.05)),
+    _limit(RECORDING, "attitude", "1 deg", Tolerance(1, "deg")),
+    _limit(RECORDING, "power", "2.5 %", Tolerance(of_scale=0.025)),
+    _limit(EASA, "airspeed", "3 to 5 %", Tolerance(1, "kt", of_value=0.03), Tolerance(1, "kt", of_value=0.05)),
+    _limit(EASA, "altitude", "100 to 700 ft", Tolerance(100, "ft"), Tolerance(700, "ft")),
+    _limit(EASA, "heading", "2 deg", Tolerance(2, "deg")),
+    _limit(EASA, "attitude", "2 deg", Tolerance(2, "deg")),
+    _limit(EASA, "power", "2 %", Tolerance(of_scale=0.02)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One needle against one limit.
+
+    Attributes
+    ----------
+    within, within_wide
+        Parts of its values within the narrow and the wide end, 0 to 1.
+    worst
+        The largest error, in its unit.
+    """
+
+    needle: str
+    unit: str
+    kind: str
+    limit: str
+    source: str
+    values: int
+    within: float
+    within_wide: float
+    worst: float
+    verdict: Verdict
+
+
+def kind_of(name: str) -> str | None:
+    """Which kind of parameter a needle is by its name; None if it does not tell."""
+    stems = {stem_of(name), engine_stem_of(name)[0]}
+    return next((kind for kind, its in KINDS.items() if stems & set(its)), None)
+
+
+def judged(flight: FlightTable, truth: Table, *, offset_s: float | None = None) -> list[Judged]:
+    """Every needle that is in both tables, against every limit for its kind.
+
+    Raises
+    ------
+    AccuracyError
+        If rows cannot be matched.
+    """
+    results = []
+    for name in flight.names:
+        described, kind = flight.described(name), kind_of(name)
+        if name not in truth.columns or kind is None:
+            continue
+        true = truth_at(flight.table, truth, name, described, offset_s)
+        error = np.abs(shortest(flight.table.numbers(name, described.written) - true, described.wraps))
+        known = np.isfinite(error)
+        if known.any():
+            results += _against(
+                name, described, [limit for limit in LIMITS if limit.kind == kind], true[known], error[known]
+            )
+    return results
+
+
+def _against(name: str, described: Described, limits: Sequence[Limit], true: Floats, error: Floats) -> list[Judged]:
+    found = []
+    for limit in limits:
+        try:
+            within = float((error <= limit.narrow.sizes(true, described)).mean())
+            within_wide = float((error <= limit.wide.sizes(true, described)).mean())
+        except UnitError:
+            continue  # its name promised what its unit cannot be
+        if not (limit.narrow.absolute or limit.narrow.of_value or described.full_scale):
+            continue
+        found.append(
+            Judged(
+                needle=name,
+                unit=described.unit,
+                kind=limit.kind,
+                limit=limit.words,
+                source=limit.source,
+                values=len(error),
+                within=within,
+                within_wide=within_wide,
+                worst=float(error.max()),
+                verdict=_verdict(within, within_wide),
+            )
+        )
+    return found
+
+
+def _verdict(within: float, within_wide: float) -> Verdict:
+    if within >= NEEDED_PART:
+        return Verdict.PASS
+    return Verdict.DEPENDS if within_wide >= NEEDED_PART else Verdict.FAIL
+
+
+def sources_of(results: Sequence[Judged]) -> Mapping[str, str]:
+    """List the full names of the tables that were asked."""
+    return {result.source: SOURCES[result.source] for result in results}

@@ -20,6 +20,7 @@ from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
+from decoder.panel.parameters import Column
 from decoder.panel.scale import FULL_CIRCLE_DEG, Combination, Quantity, Scale, in_turn, shortest
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.gps import GpsData
@@ -171,6 +172,8 @@ class FlightData:
         Which clock says when frames were taken, as the flight's session has it.
     gps
         What the camera's GPS says at the frames; None if the flight has none.
+    columns
+        What the panel says of columns besides how they are read, by name.
     """
 
     frame: NDArray[np.int64]
@@ -185,6 +188,7 @@ class FlightData:
     part: FlightPart | None = None
     time_of_day: str = ""
     gps: GpsData | None = None
+    columns: Mapping[str, Column] = field(default_factory=dict)
 
     @property
     def knows_time_of_day(self) -> bool:

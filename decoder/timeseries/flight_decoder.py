@@ -75,6 +75,7 @@ def decode_flight(
         warnings=reader.warnings,
         part=part,
         time_of_day=flight.session.time_of_day,
+        columns=fitted.panel.columns,
     )
     data = with_gps(fill_gaps(built), flight.fixes())
     return replace(data, health=gauge_health(data, fitted.findings))

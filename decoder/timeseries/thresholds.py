@@ -19,6 +19,8 @@
 | MOST_TRIED | 400 | - | stretches that are looked at for one length | tells a spread to a tenth |
 | MAX_UNSTEADY_PART | 0.005 | - | of the engine's speed, 1 sigma; voices wander by more | drawn vowels |
 | MIN_EVIDENCE | 50.0 | nats | by which a comb explains six seconds of sound better than chance | a fan afar had 43 |
+| WINDOW_S | 10.0 | s | over which rates of two instruments are added up and compared | three lags of a turn indicator |
+| LEAST_KT | 40.0 | kt | at which an aircraft turns by its bank; slower it may taxi or hover | light aeroplanes stall |
 | MIN_LEAD | 6.0 | nats | by which a speed explains them better than any other | 400 to 1 |
 """
 
@@ -41,4 +43,6 @@ MOST_STRETCHED = 4.0
 MOST_TRIED = 400
 MAX_UNSTEADY_PART = 0.005
 MIN_EVIDENCE = 50.0
+WINDOW_S = 10.0
+LEAST_KT = 40.0
 MIN_LEAD = 6.0

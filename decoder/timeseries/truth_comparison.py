@@ -16,10 +16,9 @@ import numpy as np
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError, TableError
 from decoder.panel.units import converted
-from decoder.timeseries.accuracy import Errors, NeedleAccuracy, compare
+from decoder.timeseries.accuracy import Errors, Judged, NeedleAccuracy, compare, judged, sources_of
 from decoder.timeseries.clock_offset import ClockOffset, clock_offset
 from decoder.timeseries.engine_sound import EngineSpeed
-from decoder.timeseries.recorder_limits import Judged, judged, sources_of
 from decoder.timeseries.tables import FlightTable, MappedName, Table, read_mapping, read_table, times_ns
 from decoder.timeseries.thresholds import SPREADS, STEP_S
 from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, Names, TruthRequest

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitError
-from decoder.timeseries.recorder_limits import EASA, FAA, RECORDING, Judged, Verdict, judged, kind_of
+from decoder.timeseries.accuracy import EASA, FAA, RECORDING, Judged, Verdict, judged, kind_of
 from decoder.timeseries.tables import FlightTable, MappedName, Table, flight_table, read_mapping
 from decoder.timeseries.truth_comparison import recorder_truth
 
