@@ -8,7 +8,8 @@ of the nearest frame within half a second, nothing where that is interpolated or
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import IO
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import OutputError, UnitError
+from decoder.panel.parameters import WORDS, parameter_of
 from decoder.panel.units import converted, engine_stem_of, stem_of
 from decoder.timeseries.tables import FlightTable, MappedName
 from flight_file.frame import NS_PER_S
@@ -42,20 +44,20 @@ class GarminColumn:
 
 
 _AIRCRAFT: dict[tuple[str, ...], GarminColumn] = {
-    ("altitude", "alt", "altitude_baro", "altimeter"): GarminColumn("AltB", "ft Baro", "ft"),
-    ("altimeter_setting", "baro", "qnh"): GarminColumn("BaroA", "inch", "inHg", 2),
+    WORDS["altitude"]: GarminColumn("AltB", "ft Baro", "ft"),
+    WORDS["altimeter setting"]: GarminColumn("BaroA", "inch", "inHg", 2),
     ("oat", "outside_air_temp"): GarminColumn("OAT", "deg C", "deg C"),
-    ("airspeed", "ias", "indicated_airspeed"): GarminColumn("IAS", "kt", "kt"),
+    WORDS["airspeed"]: GarminColumn("IAS", "kt", "kt"),
     ("ground_speed",): GarminColumn("GndSpd", "kt", "kt"),
-    ("vertical_speed", "vsi", "vs"): GarminColumn("VSpd", "fpm", "fpm"),
-    ("pitch",): GarminColumn("Pitch", "deg", "deg"),
-    ("roll", "bank"): GarminColumn("Roll", "deg", "deg"),
-    ("heading", "hdg"): GarminColumn("HDG", "deg", "deg"),
+    WORDS["vertical speed"]: GarminColumn("VSpd", "fpm", "fpm"),
+    WORDS["pitch"]: GarminColumn("Pitch", "deg", "deg"),
+    WORDS["roll"]: GarminColumn("Roll", "deg", "deg"),
+    WORDS["heading"]: GarminColumn("HDG", "deg", "deg"),
     ("volts", "bus_volts"): GarminColumn("volt1", "volts", "V"),
     ("amps", "bus_amps"): GarminColumn("amp1", "amps", "A"),
     ("fuel_left", "fuel_quantity_left"): GarminColumn("FQtyL", "gals", "gal", 2),
     ("fuel_right", "fuel_quantity_right"): GarminColumn("FQtyR", "gals", "gal", 2),
-    ("tas", "true_airspeed"): GarminColumn("TAS", "kt", "kt"),
+    WORDS["true airspeed"]: GarminColumn("TAS", "kt", "kt"),
 }
 _ENGINE: dict[tuple[str, ...], GarminColumn] = {
     ("fuel_flow",): GarminColumn("FFlow", "gph", "gph", 2),
@@ -92,6 +94,7 @@ COLUMNS: tuple[GarminColumn, ...] = (
 
 BY_NAME = {column.name: column for column in COLUMNS}
 _BY_STEM = {stem: column for stems, column in _AIRCRAFT.items() for stem in stems}
+_OF_PARAMETERS = {parameter for parameter, words in WORDS.items() if words in _AIRCRAFT}
 _BY_ENGINE_STEM = {stem: column for stems, column in _ENGINE.items() for stem in stems}
 
 
@@ -103,6 +106,13 @@ def column_of(name: str) -> GarminColumn | None:
     stem, engine = engine_stem_of(name)
     column = _BY_ENGINE_STEM.get(stem)
     return None if column is None else BY_NAME.get(_of_engine(column, engine).name)
+
+
+def _by_last_words(names: Sequence[str], taken: Collection[GarminColumn]) -> dict[str, GarminColumn]:
+    """Find columns for `hi_heading_deg` and its like: by the word they end with, if nothing else has that column."""
+    columns = {name: _BY_STEM[WORDS[found][0]] for name in names if (found := parameter_of(name)) in _OF_PARAMETERS}
+    counted = Counter(columns.values())
+    return {name: column for name, column in columns.items() if counted[column] == 1 and column not in taken}
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +149,10 @@ def plan(flight: FlightTable, mapping: Mapping[str, MappedName]) -> GarminPlan:
     for name in mapping:
         if name not in flight.names:
             raise OutputError(f"{flight.table.path}: has no needle {name}, which the mapping names")
-    for name in flight.names:
-        column = _mapped_column(mapping[name]) if name in mapping else column_of(name)
+    columns = {name: _mapped_column(mapping[name]) if name in mapping else column_of(name) for name in flight.names}
+    known = {column for column in columns.values() if column is not None}
+    columns |= _by_last_words([name for name, column in columns.items() if column is None], known)
+    for name, column in columns.items():
         if column is None:
             left_out[name] = "no column of a G1000 log goes by its name"
             continue

@@ -11,9 +11,15 @@ import pytest
 
 from decoder.outputs.garmin_output import column_of, plan, write_garmin
 from decoder.panel.errors import OutputError, UnitError
+from decoder.panel.kinds.attitude import Attitude
 from decoder.timeseries.tables import FlightTable, MappedName, Table, flight_table
 
-UNITS = {"airspeed_kt": "kt", "oil_temp_c": "deg C", "fuel_flow_pph": "pph", "n1_pct": "%"}
+FLOWN = {
+    "asi_kt": ("kt", "IAS"), "alt_ft": ("ft", "AltB"), "vsi_fpm": ("fpm", "VSpd"), "heading_deg": ("deg", "HDG"),
+    "roll_deg": ("deg", "Roll"), "pitch_deg": ("deg", "Pitch"),
+}  # fmt: skip
+OTHERS = {"airspeed_kt": "kt", "oil_temp_c": "deg C", "fuel_flow_pph": "pph", "n1_pct": "%", "hi_heading_deg": "deg"}
+UNITS = {name: unit for name, (unit, _) in FLOWN.items()} | OTHERS
 
 
 def flight(tmp_path: Path, columns: Mapping[str, Sequence[object]], times_s: Sequence[float]) -> FlightTable:
@@ -65,6 +71,28 @@ def test_name_tells_the_column(name: str, column: str | None) -> None:
     found = column_of(name)
 
     assert (found and found.name) == column
+
+
+def test_an_aircrafts_attitude_and_what_its_six_instruments_show_are_all_there(tmp_path: Path) -> None:
+    """By the names that an attitude gauge and the other five have; signs are kept: left wing down, nose down."""
+    shown = dict(zip(FLOWN, (75.0, 1676.0, -225.0, 334.2, -12.5, -3.5), strict=True))
+
+    assert {"roll_deg", "pitch_deg"} <= set((Attitude.form.begun or {}).values())
+    lines = log(flight(tmp_path, {name: [value] for name, value in shown.items()}, [0.0]))
+    row = dict(zip((name.strip() for name in lines[2].split(",")), lines[3].split(","), strict=True))
+    assert {column: float(row[column]) for _, column in FLOWN.values()} == {
+        FLOWN[name][1]: value for name, value in shown.items()
+    }
+
+
+def test_last_word_of_a_name_tells_the_column_that_no_other_has(tmp_path: Path) -> None:
+    """Where two headings are there, the one that is called so by its whole name is the log's."""
+    alone = plan(flight(tmp_path, {"hi_heading_deg": [10.0]}, [0.0]), {})
+    beside = plan(flight(tmp_path, {"hi_heading_deg": [10.0], "heading_deg": [20.0]}, [0.0]), {})
+
+    assert [(one.needle, one.column.name) for one in alone.chosen] == [("hi_heading_deg", "HDG")]
+    assert [one.needle for one in beside.chosen] == ["heading_deg"]
+    assert "hi_heading_deg" in beside.left_out
 
 
 def test_head_is_that_of_a_garmin(tmp_path: Path) -> None:
