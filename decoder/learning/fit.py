@@ -24,7 +24,7 @@ from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
 from decoder.learning.flight_appearance import learn_appearance, lit_views
-from decoder.learning.flight_sample import Sample, align_sample, frames_wanted, with_usual_place
+from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
     any_lift_is_off,
@@ -67,6 +67,8 @@ class FittedReader:
         The gauges whose needles turn where no round had them.
     has_points
         Whether angles were taken for points around the centres that are drawn.
+    sampled
+        In how many frames of the sample the panel was found.
     """
 
     reader: PanelReader
@@ -75,6 +77,7 @@ class FittedReader:
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
     has_points: bool
+    sampled: int
 
     @property
     def findings(self) -> dict[str, tuple[str, ...]]:
@@ -109,19 +112,21 @@ class _Round:
     pivots: tuple[Pivot, ...]
 
 
-def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) -> FittedReader:
+def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
     source, gauges = reader.source, reader.source.panel.gauges
     aligned = _around_far_pivots(*align_sample(reader, sample), sample)
     reader, samples, paths, log_odds = aligned.reader, aligned.samples, aligned.paths, aligned.log_odds
     del aligned  # what it holds need not lie in memory beside what is unwrapped later
+    tell(f"learns from {len(samples)} frames what the instruments look like")
     last = _learned(reader, samples, paths)
     first = last.pivots
-    for _ in range(rounds - 1):
+    for round_ in range(1, rounds):
         paths = [path.next(pivot) for path, pivot in zip(paths, last.pivots, strict=True)]
         around = _around_pivots(last, [path.step_px for path in paths], seen_from_pivots(gauges, paths, log_odds))
         if around is None:
             break
+        tell(f"learns where needles turn, round {round_}")
         del reader, samples, last  # they need not lie in memory beside those of the next round
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
@@ -145,6 +150,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS) 
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
         has_points=log_odds > 0.0,
+        sampled=len(samples),
     )
 
 

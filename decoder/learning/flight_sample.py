@@ -27,7 +27,6 @@ from decoder.learning.thresholds import (
 from decoder.panel.errors import PictureError
 from decoder.registration.frame_placer import UnwrappedFrame
 from decoder.registration.placement import Placement
-from decoder.registration.sift_localizer import SiftLocalizer
 from flight_file.frame import Frame
 from flight_file.reader import Flight, spread
 
@@ -41,16 +40,27 @@ MORE_FRAMES = 3 * SAMPLE_FRAMES
 
 Sample = Callable[[int], Iterable[GreyPicture | FramePicture | TopOfFrame]]
 """Gives so many frames, spread over the flight; the same ones each time. Of each the first rows may be all there is."""
+Tell = Callable[[str], None]
+"""Is told what is being done, in words for whoever waits."""
+
+
+def nobody(words: str) -> None:
+    """Tell nobody."""
 
 
 class FlightSample:
     """Gives so many frames, spread over the flight; pictures are kept as long as there is room for them.
 
     Of each frame so many first `rows` as show the panel are decompressed, until more is asked of too many; None if it
-    is not known how many. Room is held back for those that are looked at once more in the end.
+    is not known how many. Room is held back for those that are looked at once more in the end. `opened` are the frames
+    that could be opened so far.
     """
 
-    def __init__(self, flight: Flight, rows: int | None = None, *, kept_bytes: int = KEPT_BYTES) -> None:
+    def __init__(
+        self, flight: Flight, rows: int | None = None, *, kept_bytes: int = KEPT_BYTES, tell: Tell = nobody
+    ) -> None:
+        self.opened: set[int] = set()
+        self._tell = tell
         self._flight = flight
         self._rows = rows
         self._too_few = 0
@@ -75,7 +85,8 @@ class FlightSample:
         """From the file, but for pictures that are kept."""
         given = []
         often = spread(self._flight.count(), LOOKED_AT)
-        for rank, frame in zip(ranks, self._flight.sample_frames(frames), strict=False):
+        for number, (rank, frame) in enumerate(zip(ranks, self._flight.sample_frames(frames), strict=False), start=1):
+            self._tell(f"looks at frame {number} of a sample of {len(ranks)}")
             taken = self._kept.get(frame.sequence)
             if taken is None:
                 try:
@@ -84,6 +95,7 @@ class FlightSample:
                     continue  # reported when the flight is read
                 self._keep(frame, taken, 0 if rank in often else sum(later > rank for later in often))
             given.append(frame.sequence)
+            self.opened.add(frame.sequence)
             yield taken
         if len(given) == len(ranks) and all(sequence in self._kept for sequence in given):  # none was left out
             self._by_rank |= dict(zip(ranks, given, strict=True))
@@ -221,7 +233,7 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
     """Where the camera stands, by the first frames that first sight makes out; None where it makes out too few."""
     if 2 * found >= sum(1 for _ in sample(SAMPLE_FRAMES)):
         return None
-    optics, sight = reader.aligner.optics, SiftLocalizer(reader.source.picture)
+    optics, sight = reader.aligner.optics, reader.aligner.localizer
     seen: list[Matrix] = []
     for frame in _pictures(sample(SAMPLE_FRAMES)):
         height, width = frame.pixels.shape

@@ -22,6 +22,7 @@ from decoder.imaging.optics import Optics
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
 from decoder.instruments.frame_batch import ReadBatches, read_here
 from decoder.learning.fit import reader_from_panel
+from decoder.learning.flight_sample import Tell
 from decoder.outputs.csv_output import moment_text, read_back
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import Decoded, output_name, planned_files, write_all
@@ -61,7 +62,8 @@ def decoded_flight(
     `part` is which, by default all.
     """
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
-    with threadpool_limits(1):
+    with threadpool_limits(1), _stages(is_shown=shown is None) as tell:
+        tell("reads the panel")
         camera, camera_source = _camera(flight, camera_file)
         source = replace(_panel(flight, panel_file), camera=camera)
         data = decode_flight(
@@ -70,6 +72,7 @@ def decoded_flight(
             shown or progress("decode", flight.count() if part is None else len(part.ranks)),
             read=read,
             part=part,
+            tell=tell,
         )
         return Decoded(
             source=source,
@@ -161,6 +164,20 @@ def progress(words: str, frames: int) -> Progress:
         yield from tqdm(through, total=frames, desc=words, unit=" frames", disable=None, leave=False)
 
     return shown
+
+
+@contextmanager
+def _stages(*, is_shown: bool) -> Iterator[Tell]:
+    """Show in words what is done before frames go by, and for how long, on a terminal only."""
+    with tqdm(bar_format="decode: {desc}  {elapsed}", disable=None if is_shown else True, leave=False) as bar:
+
+        def tell(words: str) -> None:
+            if words:
+                bar.set_description_str(words)
+            else:
+                bar.close()
+
+        yield tell
 
 
 def _command(flight: Flight, panel_file: Path | None, method: str, camera_file: Path | None, data: FlightData) -> str:

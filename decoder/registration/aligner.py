@@ -45,7 +45,7 @@ class Aligner:
         self.usual = usual
         self._panel = panel
         self._picture = picture
-        self._localizer = SiftLocalizer(picture)
+        self.localizer = SiftLocalizer(picture)
         self.optics = optics or Optics((width, height), panel.focal_length_mm)
         self._seen: OrderedDict[tuple[float | None, int, int], SeenPanel] = OrderedDict()
 
@@ -107,7 +107,7 @@ class Aligner:
         else:
             if not found.failed or abs(found.roll_deg - self.usual.roll_deg) <= DOUBTED_ROLL_DEG:
                 return found
-        motion = self._localizer.find(frame)
+        motion = self.localizer.find(frame)
         if motion is not None:
             try:
                 return FrameSearch(seen.at(motion), frame).alignment()

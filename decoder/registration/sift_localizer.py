@@ -9,7 +9,9 @@ for a few frames of a flight, and for those that would be lost; the aligner then
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 from collections.abc import Iterable
+from hashlib import sha256
 
 import cv2
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Matrix
 from decoder.imaging.pictures import GreyPicture
-from decoder.registration.thresholds import MAX_SCALE, MAX_SIDE_PX, MIN_AGREEING, RATIO
+from decoder.registration.thresholds import KEPT, MAX_SCALE, MAX_SIDE_PX, MIN_AGREEING, RATIO
 
 FEATURES = 3000
 FAST_LEVELS = 8
@@ -32,9 +34,21 @@ class SiftLocalizer:
     def __init__(self, picture: GreyPicture) -> None:
         self._picture = picture
         self._known: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+        self._found: OrderedDict[bytes, Matrix | None] = OrderedDict()
 
     def find(self, frame: GreyPicture) -> Matrix | None:
-        """(3, 3): from the panel picture to the frame, to some pixels; None where too little of it is seen."""
+        """(3, 3): from the panel picture to the frame, to some pixels; None where too little of it is seen.
+
+        A frame of a sample is looked at more than once, and half a second each time: what was found is remembered.
+        """
+        key = sha256(frame.tobytes()).digest()
+        if key not in self._found:
+            self._found[key] = self._sought(frame)
+            if len(self._found) > KEPT:
+                self._found.popitem(last=False)
+        return self._found[key]
+
+    def _sought(self, frame: GreyPicture) -> Matrix | None:
         if self._known is None:
             self._known = _features(self._picture)
         points, described = self._known

@@ -10,9 +10,9 @@ from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight
-from decoder.learning.flight_sample import FlightSample
+from decoder.learning.flight_sample import FlightSample, Tell, nobody
 from decoder.panel.errors import FlightUnreadable
-from decoder.panel.panel import NEEDLE_SUFFIXES
+from decoder.panel.panel import NEEDLE_SUFFIXES, Panel
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.gaps import fill_gaps
@@ -31,6 +31,7 @@ def decode_flight(
     *,
     read: ReadBatches = read_here,
     part: FlightPart | None = None,
+    tell: Tell = nobody,
 ) -> FlightData:
     """Decode a flight.
 
@@ -47,14 +48,20 @@ def decode_flight(
     part
         The frames to read; None for all. The reader is fitted to the whole flight all the same, so that what is read
         of a frame is the same whichever part it was asked for in.
+    tell
+        Is told what is done before the frames are taken, and nothing ("") when they are.
 
     Raises
     ------
     FlightUnreadable
-        If no frame at all can be read with this panel, with the commonest reason.
+        If no frame at all can be read with this panel, with the commonest reason; of a whole flight already where the
+        panel is in none of a sample spread over it.
     """
-    sample = FlightSample(flight, reader.placer.rows_at_first())
-    fitted = fit_to_flight(reader, sample)
+    sample = FlightSample(flight, reader.placer.rows_at_first(), tell=tell)
+    fitted = fit_to_flight(reader, sample, tell=tell)
+    tell("")
+    if part is None and not fitted.sampled and 0 < len(sample.opened) < flight.count():
+        raise FlightUnreadable(_nowhere(flight, fitted.panel, len(sample.opened)))
     builder = FlightDataBuilder(fitted.panel)
     reasons: Counter[str] = Counter()
     frames = 0
@@ -99,6 +106,17 @@ def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:
         builder.add_missing(frame.sequence, frame.captured_ns, outcome.reason, outcome.failed)
     else:
         builder.add(frame.sequence, frame.captured_ns, outcome)
+
+
+def _nowhere(flight: Flight, panel: Panel, looked: int) -> str:
+    """Say that the panel was not found in a sample, and what was looked for."""
+    names = [anchor.name for anchor in panel.anchors]
+    anchors = f"its {len(names)} anchors ({', '.join(names)}) were" if len(names) > 1 else f"its anchor {names[0]} was"
+    return (
+        f"{flight.paths[0].name}: the panel {panel.name!r} is in none of {looked} frames spread over the flight's"
+        f" {flight.count()}: {anchors} looked for, and the whole picture; is it the panel of this cockpit?"
+        " If it is in sight for a short time only, say when with --from and --to"
+    )
 
 
 def _why(name: str, frames: int, reasons: Counter[str]) -> str:
