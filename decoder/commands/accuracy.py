@@ -19,6 +19,7 @@ from decoder.timeseries.truth_comparison import (
     Compared,
     accuracy_rows,
     compared,
+    left_out,
     limit_rows,
     offset_text,
     read_truth,
@@ -75,6 +76,8 @@ def command(
         raise click.UsageError("give a TRUTH, or --map NEEDLE=gps_COLUMN to hold it against the camera's own GPS")
     request = TruthRequest(truth or flight_data, names, time_column, offset, window_s, wants_limits)
     result = compared(flight, read_truth(request))
+    for name, why in left_out(flight, result).items():
+        say(f"{name} left out: {why}", err=True)
     if as_json:
         plain = not (request.has_own_clock or wants_limits)
         say_json(_document(result, plain=plain))

@@ -28,7 +28,7 @@ from decoder.outputs.frame_picture import (
 )
 from decoder.outputs.outputs import Decoded, Write, write_all
 from decoder.panel.errors import PictureError
-from decoder.parallel.decoding import decoded_flight, progress
+from decoder.parallel.decoding import decoded_flight, known_flight, progress, written_flight
 from decoder.timeseries.flight_data import FlightData
 from flight_file.reader import open_flight
 from flight_file.untrusted import file_names, say
@@ -43,6 +43,7 @@ Examples:
   decode frames flight.mcap -o pictures --every 20
   decode frames flight.mcap -o pictures --at 12.5 --at 13
   decode frames flight.mcap -o pictures --flagged --gauge fuel
+  decode frames flight.mcap -o pictures --flagged --data results
 """
 
 
@@ -60,6 +61,11 @@ Examples:
     "--every", "step", type=click.IntRange(min=1), metavar="N", help="Every N-th frame; without a choice all."
 )
 @click.option("--gauge", "gauge_names", multiple=True, metavar="GAUGE", help="Only this gauge, enlarged; repeatable.")
+@click.option(
+    "--data", "data_directory", type=click.Path(path_type=Path, file_okay=False, exists=True), metavar="DIR",
+    help="Draw the flight data that `decode FLIGHT -o DIR` wrote.  [default: those in the current folder, beside FLIGHT"
+    " or where the pictures go, if they are of the same files; otherwise the flight is decoded]",
+)  # fmt: skip
 @panel_option
 @camera_option
 @method_option
@@ -70,6 +76,7 @@ def command(
     step: int | None,
     gauge_names: tuple[str, ...],
     *,
+    data_directory: Path | None,
     panel_file: Path | None,
     camera_file: Path | None,
     method: str,
@@ -77,11 +84,20 @@ def command(
 ) -> None:
     """Decode FLIGHT and write its pictures with needles, values, status and score drawn in.
 
-    The whole flight is decoded first: what is drawn is what `decode FLIGHT` writes.
+    What is drawn is what `decode FLIGHT` writes: where it has written that, it is read; otherwise the whole flight is
+    decoded first.
     """
     if (bool(at_s), wants_flagged, step is not None).count(True) > 1:
         raise click.UsageError("choose one of --at, --flagged and --every")
-    decoded = decoded_flight(open_flight(flights), panel_file, method, camera_file)
+    flight = open_flight(flights)
+    near = [directory, directory.parent, Path(), flight.paths[0].parent]
+    if data_directory is not None:
+        decoded = written_flight(flight, data_directory, panel_file, camera_file, None)
+    elif (there := known_flight(flight, near, panel_file, camera_file, method)) is not None:
+        decoded, folder = there
+        say(f"readings from {folder / decoded.name}.csv")
+    else:
+        decoded = decoded_flight(flight, panel_file, method, camera_file)
     known = [gauge.name for gauge in decoded.source.panel.gauges]
     for name in gauge_names:
         if name not in known:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
 from decoder.instruments.reading import Status
-from decoder.outputs.csv_output import moment_text
+from decoder.outputs.csv_output import moment_text, write_csv
 from decoder.timeseries.cross_checks import CrossCheck, cross_checks
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
 from decoder.timeseries.gps import GpsData
 from decoder.timeseries.health import health_line
 from decoder.timeseries.outliers import Outlier, find_outliers
+from decoder.timeseries.tables import FlightTable, Table, flight_table_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,18 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "cross_checks": [_cross_check(data, check) for check in cross_checks(data)],
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
     }
+
+
+def as_read_back(data: FlightData, provenance: Provenance) -> FlightTable:
+    """Round flight data as if they were read back from their CSV."""
+    text = io.StringIO()
+    write_csv(data, text)
+    text.seek(0)
+    header, *rows = csv.reader(text)
+    fields = zip(*rows, strict=True) if rows else [()] * len(header)
+    return flight_table_of(
+        Table(Path("the flight data"), dict(zip(header, fields, strict=True))), describe(data, provenance)
+    )
 
 
 def _part(data: FlightData) -> dict[str, Any]:

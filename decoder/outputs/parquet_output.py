@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from decoder.instruments.reading import Status
-from decoder.outputs.json_output import Provenance, describe
+from decoder.outputs.json_output import Provenance, as_read_back
 from decoder.panel.written import ValueType, Written
 from decoder.timeseries.flight_data import CODE, STATUSES, FlightData
 from decoder.timeseries.tables import FlightTable
@@ -24,20 +24,12 @@ UNIT_KEY = "unit"
 
 
 def write_parquet(data: FlightData, provenance: Provenance, stream: IO[bytes]) -> None:
-    """Write flight data as Parquet: one row for each frame, `time_utc` in microseconds UTC."""
-    columns = _leading(data.frame, data.time_ns if data.knows_time_of_day else None, data.time_s)
-    for series in data.series:
-        quantity = series.quantity
-        columns += _needle(
-            (quantity.name, quantity.unit), quantity.written, series.status, (series.value, series.score, series.sigma)
-        )
-    if data.gps is not None:
-        columns += [(column.name, column.unit, _numbers(column.values)) for column in data.gps.columns]
-    _write(columns, describe(data, provenance), stream)
+    """Write flight data as Parquet: what `decode export` makes of their CSV, to the last digit."""
+    write_parquet_of_table(as_read_back(data, provenance), stream)
 
 
 def write_parquet_of_table(flight: FlightTable, stream: IO[bytes]) -> None:
-    """Write flight data that were read from a CSV as Parquet.
+    """Write flight data that were read from a CSV: one row for each frame, `time_utc` in microseconds UTC.
 
     Raises
     ------

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-from pathlib import Path
 
 import numpy as np
 
-from decoder.outputs.csv_output import write_csv
-from decoder.outputs.json_output import Provenance, describe
+from decoder.outputs.json_output import Provenance, as_read_back
 from decoder.panel.arrays import Floats
 from decoder.timeseries.accuracy import truth_at
 from decoder.timeseries.flight_data import FlightData
-from decoder.timeseries.tables import FlightTable, Table, flight_table_of
 from decoder.timeseries.truth_comparison import (
     HEADER,
     LIMITS_HEADER,
@@ -89,7 +84,7 @@ def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> Tru
     OSError
         If the truth cannot be read any more.
     """
-    flight = _as_table(data, provenance)
+    flight = as_read_back(data, provenance)
     result = compared(flight, truth)
     names = [needle for needle in flight.names if needle in result.truth.columns]
     tables = [TruthTable("Accuracy", HEADER, accuracy_rows(result.accuracies), [COLUMNS_SAY])]
@@ -111,13 +106,3 @@ def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> Tru
         values=values,
         places=[place for place, name in enumerate(flight.names) if name in values],
     )
-
-
-def _as_table(data: FlightData, provenance: Provenance) -> FlightTable:
-    """Round the flight data as if they were read back from their CSV."""
-    text = io.StringIO()
-    write_csv(data, text)
-    text.seek(0)
-    header, *rows = csv.reader(text)
-    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
-    return flight_table_of(Table(Path("the flight data"), columns), describe(data, provenance))

@@ -27,7 +27,7 @@ from decoder.outputs.csv_output import moment_text, read_back
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import Decoded, output_name, planned_files, write_all
 from decoder.panel.camera import Camera, parse_camera
-from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing, PictureError
+from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing, PictureError, TableError
 from decoder.panel.lens import Lens
 from decoder.panel.vocabulary import CAMERA_FILE, PANEL_FILE, Method
 from decoder.parallel.flights import FleetFlight
@@ -123,6 +123,28 @@ def written_flight(
         session=flight.session,
         name=name,
     )
+
+
+def known_flight(
+    flight: Flight, folders: Sequence[Path], panel_file: Path | None, camera_file: Path | None, method: str
+) -> tuple[Decoded, Path] | None:
+    """Look in folders for what `decode` wrote of a whole flight, with the same files, method and version of us.
+
+    Returns what is read back, and its folder; None where there is nothing of the kind.
+    """
+    name = output_name(flight)
+    for folder in dict.fromkeys(folders):
+        if not (folder / f"{name}.csv").is_file():
+            continue
+        try:
+            decoded = written_flight(flight, folder, panel_file, camera_file, None)
+            description = flight_table(read_table(folder / f"{name}.csv")).description
+        except (TableError, OutputError):
+            continue  # of another flight, or of no use
+        own = (decoded.provenance.software, method, None)
+        if tuple(description.get(key) for key in ("software", "method", "part")) == own:
+            return decoded, folder
+    return None
 
 
 def _lens(optics: Optics, frame: Frame) -> Lens | None:

@@ -106,6 +106,20 @@ def compared(flight: FlightTable, truth: Truth) -> Compared:
     return Compared(table, accuracies, limits, told, applied_s)
 
 
+def left_out(flight: FlightTable, result: Compared) -> dict[str, str]:
+    """By needle that nothing was said of, why."""
+    held = {each.needle: each for each in result.accuracies}
+    reasons = {}
+    for name in flight.names:
+        if name not in held:
+            reasons[name] = "the truth has no such column"
+        elif not held[name].frames_compared:
+            reasons[name] = "the truth has no value at any of its frames"
+        elif not held[name].by_status:
+            reasons[name] = "it has no value where the truth has one"
+    return reasons
+
+
 def _told(flight: FlightTable, table: Table, request: TruthRequest) -> ClockOffset | None:
     """Find the offset that the curves tell; without `auto` it is only shown, so it may be unknown."""
     try:

@@ -102,3 +102,20 @@ def test_what_cannot_be_done_says_why(
 
     assert done.returncode == code
     assert says in done.stderr
+
+
+def test_columns_that_are_left_out_are_named(run: Run, tables: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    """A needle that the truth does not have, and one that has no value where the truth has one; JSON stays as it is."""
+    flight, _, _ = tables
+    truth = tmp_path / "truth.csv"
+    truth.write_text("frame,ias_kt\n0,100\n1,101\n")
+    lines = flight.read_text().splitlines()
+    head = lines[0].split(",")
+    rows = [dict(zip(head, line.split(","), strict=True)) for line in lines[1:]]
+    blank = {"ias_kt": "", "ias_kt_status": "missing", "ias_kt_sigma": ""}
+    flight.write_text("\n".join([lines[0], *(",".join((row | blank).values()) for row in rows)]) + "\n")
+    done = run("decode", "accuracy", flight, truth, "--json")
+
+    assert "n1_pct left out: the truth has no such column" in done.stderr
+    assert "ias_kt left out: it has no value where the truth has one" in done.stderr
+    json.loads(done.stdout)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -45,6 +47,26 @@ def test_flagged_frames_are_those_with_a_doubt(run: Run, decoded_a2: Decoded, tm
     assert done.returncode == 0
     assert 0 < len(doubtful) < 21
     assert doubtful <= numbers < {f"{number:06d}" for number in range(21)}
+
+
+def test_readings_that_are_there_are_drawn_and_others_are_not(run: Run, decoded_a2: Decoded, tmp_path: Path) -> None:
+    """What `decode` wrote into the folder is drawn, the same frames; changed values of other files are not believed."""
+    folder = tmp_path / "results"
+    shutil.copytree(decoded_a2.folder, folder)
+    again = run("decode", "frames", A2, "-o", tmp_path / "new", "--flagged")
+    known = run("decode", "frames", A2, "-o", folder / "pictures", "--flagged")
+    given = run("decode", "frames", A2, "-o", tmp_path / "given", "--flagged", "--data", folder)
+    description = json.loads((folder / "thesis_a2.json").read_text())
+    description["panel"]["sha256"] = "0" * 64
+    (folder / "thesis_a2.json").write_text(json.dumps(description))
+    stale = run("decode", "frames", A2, "-o", folder / "again", "--flagged")
+
+    assert [done.returncode for done in (again, known, given, stale)] == [0, 0, 0, 0]
+    assert f"readings from {folder}/thesis_a2.csv" in known.stdout
+    assert "readings from" not in again.stdout + stale.stdout
+    names = {path.name for path in (tmp_path / "new").iterdir()}
+    assert names == {path.name for path in (folder / "pictures").iterdir()}
+    assert names == {path.name for path in (tmp_path / "given").iterdir()}
 
 
 def test_frame_without_panel_is_drawn_with_the_reason(
