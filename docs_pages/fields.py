@@ -75,6 +75,8 @@ def kind(schema: Schema) -> str:
 
 
 def _word(schema: Schema) -> str:
+    if schema.get("type") == "object":
+        return f"{{name: {kind(schema['additionalProperties'])}, ...}}"
     return "path" if schema.get("format") == "path" else WORDS[schema.get("type", "string")]
 
 

@@ -10,6 +10,7 @@ import click
 
 from decoder.commands.options import truth_options
 from decoder.outputs.csv_output import text_table
+from decoder.panel.vocabulary import Names, TruthRequest
 from decoder.timeseries.accuracy import sources_of
 from decoder.timeseries.tables import flight_table, read_table
 from decoder.timeseries.truth_comparison import (
@@ -25,7 +26,6 @@ from decoder.timeseries.truth_comparison import (
     read_truth,
     source_lines,
 )
-from decoder.timeseries.truth_request import Names, TruthRequest
 from flight_file.untrusted import say, say_json
 
 EPILOG = """\b

@@ -6,13 +6,16 @@ What takes time to import is imported when the flight has been opened and named.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
 from decoder.commands.options import (
     asked_part,
     camera_option,
+    column_option,
     end_option,
     every_option,
     flights_argument,
@@ -35,11 +38,10 @@ from decoder.outputs.outputs import (
     refuse_unwritable,
 )
 from decoder.panel.errors import PanelMissing
-from decoder.panel.vocabulary import PANEL_FILE
+from decoder.panel.vocabulary import PANEL_FILE, Names, TruthRequest
 from decoder.parallel import fork_server
 from decoder.parallel.processes import ends_at_once, jobs_for
 from decoder.timeseries.flight_part import AskedPart, FlightPart, TypedTime
-from decoder.timeseries.truth_request import Names, TruthRequest
 from flight_file.frame import VIDEO_FORMATS
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say
@@ -57,6 +59,7 @@ Examples:
   decode flight.mcap -o results --format csv,mcap --with-images
   decode flight.mcap --from 12:01:30Z --to 12:04:00Z --every 4
   decode flight.mcap -o results --format csv,html --truth truth.csv
+  decode flight.mcap -o results --format csv,html --column 'airspeed_kt>160' --column left_ft=altitude
 """
 
 
@@ -74,6 +77,7 @@ Examples:
 @start_option
 @end_option
 @every_option
+@column_option
 @jobs_option
 @click.option(
     "--truth", "truth_file", type=click.Path(path_type=Path), metavar="CSV",
@@ -93,6 +97,7 @@ def command(
     start: TypedTime | None,
     end: TypedTime | None,
     every: int,
+    columns: Mapping[str, Mapping[str, Any]],
     jobs: int | None,
     truth_file: Path | None,
     names: Names | None,
@@ -134,6 +139,7 @@ def command(
         part=part,
         truth=truth,
         resume=resume,
+        columns=columns,
     )
     if with_loss:
         sys.exit(EXIT_LOSS)

@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from decoder.instruments.frame_batch import read_here
 from decoder.outputs.csv_output import summary_table
@@ -16,6 +17,7 @@ from decoder.outputs.outputs import JOURNAL_SUFFIX, Decoded, Write, output_name,
 from decoder.outputs.report_truth import truth_section
 from decoder.outputs.thresholds import MOST_LISTED
 from decoder.panel.errors import DecoderError, FlightUnreadable
+from decoder.panel.vocabulary import TruthRequest
 from decoder.parallel.decode_journal import DecodeJournal, identity_of
 from decoder.parallel.decoding import decoded_flight
 from decoder.parallel.worker_pool import Death, WorkerPool
@@ -25,7 +27,6 @@ from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.health import health_line
 from decoder.timeseries.outliers import find_outliers
 from decoder.timeseries.truth_comparison import read_truth
-from decoder.timeseries.truth_request import TruthRequest
 from flight_file.errors import FlightFileError
 from flight_file.reader import Flight
 from flight_file.untrusted import say
@@ -44,6 +45,7 @@ def decode_and_write(
     part: FlightPart | None,
     truth: TruthRequest | None,
     resume: bool,
+    columns: Mapping[str, Mapping[str, Any]],
 ) -> bool:
     """Decode a flight, write its files and say what came out; whether anything was lost on the way.
 
@@ -60,7 +62,7 @@ def decode_and_write(
     with _kept(journal):
         with pool or nullcontext():
             read = journal.around(read_here if pool is None else pool.read)
-            decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part)
+            decoded = decoded_flight(flight, panel_file, method, camera_file, read=read, part=part, columns=columns)
         decoded = replace(decoded, with_images=with_images)
         if known is not None:
             section = truth_section(decoded.data, decoded.provenance, known)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,9 +11,8 @@ import click
 
 from decoder.outputs.outputs import FORMATS
 from decoder.panel.errors import PartError
-from decoder.panel.vocabulary import Method
+from decoder.panel.vocabulary import AUTO, TIME_COLUMN, WINDOW_S, Method, Names
 from decoder.timeseries.flight_part import EXAMPLES, AskedPart, FlightPart, TypedTime, part_of, typed_time
-from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, WINDOW_S, Names
 from flight_file.reader import Flight
 
 flights_argument = click.argument(
@@ -82,6 +82,26 @@ def truth_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
+
+
+def _columns(_context: click.Context, _option: click.Parameter, values: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """By column what is said of it: `alt_2_ft=altitude`, `airspeed_kt>160`, `airspeed_kt<45`."""
+    said: dict[str, dict[str, Any]] = {}
+    for value in values:
+        found = _COLUMN.fullmatch(value)
+        if found is None:
+            raise click.BadParameter(f"{value!r} is none of NAME=PARAMETER, NAME>NUMBER and NAME<NUMBER")
+        name, sign, what = found.groups()
+        said.setdefault(name, {})[{"=": "means", ">": "above", "<": "below"}[sign]] = what
+    return said
+
+
+_COLUMN = re.compile(r"([A-Za-z][A-Za-z0-9_]*)\s*([=<>])\s*(.+)")
+column_option = click.option(
+    "--column", "columns", multiple=True, callback=_columns, metavar="NAME=PARAMETER|NAME>X|NAME<X",
+    help="What a column means to the cross-checks, or a limit beyond which it is listed; repeatable, goes before the"
+    " panel's `columns`.",
+)  # fmt: skip
 
 
 def _formats(_context: click.Context, _option: click.Parameter, value: str) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ import numpy as np
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import moment_text, write_csv
 from decoder.timeseries.cross_checks import CrossCheck, cross_checks
+from decoder.timeseries.events import Event, find_events
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
 from decoder.timeseries.gps import GpsData
 from decoder.timeseries.health import health_line
@@ -71,6 +72,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         ],
         "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
         "cross_checks": [_cross_check(data, check) for check in cross_checks(data)],
+        "events": [_event(data, event) for event in find_events(data)],
         "gaps": [gap for series in data.series for gap in _gaps(data, series)],
     }
 
@@ -158,6 +160,16 @@ def _cross_check(data: FlightData, check: CrossCheck) -> dict[str, Any]:
             for each in check.disagreements
         ],
         **({"but": check.but} if check.but else {}),
+    }
+
+
+def _event(data: FlightData, event: Event) -> dict[str, Any]:
+    return {
+        "what": event.what.value,
+        **({"needle": event.needle} if event.needle else {}),
+        "first_frame": int(data.frame[event.first]),
+        "last_frame": int(data.frame[event.last]),
+        "words": event.words,
     }
 
 

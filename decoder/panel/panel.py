@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -96,6 +96,24 @@ class Panel(Strict):
             raise ValueError(f"two anchors are called {name}; rename one")
         return self
 
+    def with_columns(self, said: Mapping[str, Mapping[str, Any]]) -> Panel:
+        """Say more of some columns, or something else.
+
+        Raises
+        ------
+        PanelError
+            If there is no such column, or no such parameter, or a limit is no number.
+        """
+        if not said:
+            return self
+        there = {name: column.model_dump(exclude_none=True) for name, column in self.columns.items()}
+        content = {"columns": {**there, **{name: there.get(name, {}) | dict(own) for name, own in said.items()}}}
+        found = check_description(_Columns, content, error=PanelError, thing="option", source="--column").columns
+        for name in found:
+            if name not in {quantity.name for quantity in self.quantities}:
+                raise PanelError(name, "is no column that this panel gives", source="--column")
+        return self.model_copy(update={"columns": found})
+
     @property
     def needles(self) -> tuple[Needle, ...]:
         """All needles, in the order of the file."""
@@ -118,6 +136,13 @@ class Panel(Strict):
         """The names of all pictures that the panel refers to, each once, the panel picture first."""
         others = (name for gauge in self.gauges for name in gauge.pictures.values())
         return tuple(dict.fromkeys([self.picture, *others]))
+
+
+class _Columns(Strict):
+    """What is said of columns on a command line."""
+
+    columns: Mapping[Name, Column]
+    """As `Panel.columns`."""
 
 
 def _twice(names: Iterable[str]) -> list[str]:

@@ -12,6 +12,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from socket import gethostname
+from types import MappingProxyType
 from typing import Any
 
 import cv2
@@ -55,17 +56,19 @@ def decoded_flight(
     shown: Progress | None = None,
     read: ReadBatches = read_here,
     part: FlightPart | None = None,
+    columns: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Decoded:
     """Decode a flight with its panel and camera.
 
     `shown` wraps its frames, by default to show progress on a terminal; `read` reads them, by default in this process;
-    `part` is which, by default all.
+    `part` is which, by default all; `columns` is what is said of columns besides what the panel says.
     """
     cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
     with threadpool_limits(1), _stages(is_shown=shown is None) as tell:
         tell("reads the panel")
         camera, camera_source = _camera(flight, camera_file)
         source = replace(_panel(flight, panel_file), camera=camera)
+        source = replace(source, panel=source.panel.with_columns(columns))
         data = decode_flight(
             flight,
             reader_from_panel(source, Method(method)),
@@ -83,7 +86,7 @@ def decoded_flight(
             check=partial(verify, flight.paths),
             session=flight.session,
             name=output_name(flight),
-            command=_command(flight, panel_file, method, camera_file, data),
+            command=_command(flight, panel_file, method, camera_file, data, columns=columns),
         )
 
 
@@ -202,7 +205,15 @@ def _stages(*, is_shown: bool) -> Iterator[Tell]:
         yield tell
 
 
-def _command(flight: Flight, panel_file: Path | None, method: str, camera_file: Path | None, data: FlightData) -> str:
+def _command(
+    flight: Flight,
+    panel_file: Path | None,
+    method: str,
+    camera_file: Path | None,
+    data: FlightData,
+    *,
+    columns: Mapping[str, Mapping[str, Any]],
+) -> str:
     """Write the command that makes the report again, files by their names alone."""
     words = ["decode", *(path.name for path in flight.paths)]
     words += [] if panel_file is None else ["--panel", panel_file.name]
@@ -211,6 +222,9 @@ def _command(flight: Flight, panel_file: Path | None, method: str, camera_file: 
         ends = ((int(data.time_ns[row]), float(data.time_s[row])) for row in (0, -1))
         first, last = (moment_text(data, time_ns) or f"{time_s:.6f}" for time_ns, time_s in ends)
         words += ["--from", first, "--to", last, "--every", str(data.part.ranks.step)]
+    signs = {"means": "=", "above": ">", "below": "<"}
+    for name, said in columns.items():
+        words += [word for key, what in said.items() for word in ("--column", f"{name}{signs[key]}{what}")]
     return printable(shlex.join([*words, "--method", method, "--format", "html"]))
 
 

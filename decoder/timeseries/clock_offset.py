@@ -15,9 +15,9 @@ import numpy as np
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError
+from decoder.panel.vocabulary import WINDOW_S
 from decoder.timeseries.tables import FlightTable, Table
 from decoder.timeseries.thresholds import APART_S, MAX_COARSE_ROWS, MIN_CORRELATION, MIN_OVERLAP, MIN_ROWS, STEP_S
-from decoder.timeseries.truth_request import WINDOW_S
 
 PASSES = 12
 SEEN = (Status.READ.value, Status.EDGE.value)

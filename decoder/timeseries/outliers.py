@@ -2,7 +2,7 @@
 
 Two tests, each for what was seen on the dial (not for what was interpolated): a value that leaves the line of its
 neighbours for a few frames and comes back to it, and one that was reached faster than the panel's `max_rate` allows.
-A step is no outlier: the value does not come back.
+A step is no outlier: the value does not come back. Nor is what stands beside a pause of the recording.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.scale import shortest
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, spans
-from decoder.timeseries.thresholds import BACK_PART, SMALLEST_PART, SPREADS
+from decoder.timeseries.thresholds import BACK_PART, MOST_STRETCHED, SMALLEST_PART, SPREADS
 
 SEEN = (Status.READ, Status.EDGE)
 # A value that stays away for longer than this has gone somewhere else.
@@ -55,7 +55,7 @@ def find_outliers(data: FlightData) -> list[Outlier]:
 def _outliers(series: NeedleSeries, time_s: Floats) -> list[Outlier]:
     seen = np.flatnonzero(series.has(*SEEN))
     values, sigma, seconds = series.value[seen], series.sigma[seen], time_s[seen]
-    away = _away_and_back(values, sigma, seconds, series)
+    away = _away_and_back(values, sigma, seconds, series, pauses_before(time_s)[seen])
     fast = np.zeros_like(away)
     if series.quantity.max_rate is not None:
         steps = shortest(np.diff(values), series.quantity.wraps)
@@ -69,7 +69,16 @@ def _outliers(series: NeedleSeries, time_s: Floats) -> list[Outlier]:
     ]
 
 
-def _away_and_back(values: Floats, sigma: Floats, seconds: Floats, series: NeedleSeries) -> Mask:
+def pauses_before(time_s: Floats) -> NDArray[np.intp]:
+    """(N,): how many pauses of the recording lie before each frame; what is beyond one says nothing of a frame."""
+    steps = np.diff(time_s)
+    usual = float(median(steps)) if steps.size else 0.0
+    return np.concatenate([[0], np.cumsum(steps > MOST_STRETCHED * usual)]).astype(np.intp)[: len(time_s)]
+
+
+def _away_and_back(
+    values: Floats, sigma: Floats, seconds: Floats, series: NeedleSeries, pauses: NDArray[np.intp]
+) -> Mask:
     """(N,): values that stand apart from the line between the values before and after them."""
     candidates: list[tuple[float, int, int]] = []
     for frames in range(1, LONGEST_FRAMES + 1):
@@ -91,6 +100,7 @@ def _away_and_back(values: Floats, sigma: Floats, seconds: Floats, series: Needl
         apart = (np.abs(distance) > threshold).all(axis=0) & one_way
         steady = _steady(values, seconds, before, after, series) * (seconds[after] - seconds[before])
         apart &= np.abs(across) < BACK_PART * np.abs(distance).min(axis=0) + steady
+        apart &= pauses[after] == pauses[before]
         nearest = np.abs(distance).min(axis=0)
         candidates += [(-float(nearest[start]), start, start + frames + 1) for start in before[apart].tolist()]
     away = np.zeros(len(values), bool)

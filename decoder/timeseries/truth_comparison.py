@@ -16,12 +16,12 @@ import numpy as np
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError, TableError
 from decoder.panel.units import converted
+from decoder.panel.vocabulary import AUTO, TIME_COLUMN, Names, TruthRequest
 from decoder.timeseries.accuracy import Errors, Judged, NeedleAccuracy, compare, judged, sources_of
 from decoder.timeseries.clock_offset import ClockOffset, clock_offset
 from decoder.timeseries.engine_sound import EngineSpeed
 from decoder.timeseries.tables import FlightTable, MappedName, Table, read_mapping, read_table, times_ns
 from decoder.timeseries.thresholds import SPREADS, STEP_S
-from decoder.timeseries.truth_request import AUTO, TIME_COLUMN, Names, TruthRequest
 from flight_file.frame import NS_PER_S
 
 RPM = "rpm"

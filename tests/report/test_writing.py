@@ -22,10 +22,10 @@ from decoder.outputs.report_facts import checked
 from decoder.outputs.report_flags import Kind, find_flags, planned, scattered_order
 from decoder.outputs.report_truth import truth_section
 from decoder.outputs.thresholds import LARGEST_BYTES
+from decoder.panel.vocabulary import TruthRequest
 from decoder.parallel.decoding import decoded_flight
 from decoder.timeseries.flight_data import FlightData
 from decoder.timeseries.truth_comparison import read_truth
-from decoder.timeseries.truth_request import TruthRequest
 from flight_file.errors import Finding, FindingKind
 from flight_file.reader import open_flight
 from flight_file.verification import RecordingCheck, SegmentCheck, verify
