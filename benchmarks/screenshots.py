@@ -70,7 +70,7 @@ def setup_picture(browser: Browser, url: str, scheme: str, gauge: str, path: Pat
     page.locator("#outline li button", has_text=gauge).click()
     page.locator("#picture").press("f")
     page.locator("#film .cell").nth(19).wait_for(timeout=SLOW_MS)
-    expect(page.locator("#outline .count").filter(has_text="…")).to_have_count(0, timeout=SLOW_MS)
+    expect(page.locator("#outline .of-gauge .count").filter(has_text="…")).to_have_count(0, timeout=SLOW_MS)
     expect(page.locator("#subtitle")).to_have_text(re.compile("saves to panel.yaml$"))
     page.wait_for_timeout(500)
     save_small(page.screenshot(), path)

@@ -62,6 +62,12 @@ def check_turn(scale: Marks, wraps: float) -> None:
     (first_deg, first), (last_deg, last) = scale[0], scale[-1]
     if last_deg - first_deg == FULL_CIRCLE_DEG and abs(last - first) == wraps:
         return
+    is_open = len(scale) == 2 and last_deg - first_deg == FULL_CIRCLE_DEG / 2 and abs(last - first) == wraps / 2  # noqa: PLR2004
+    if is_open and last < first:
+        raise ValueError(
+            "two marks half a turn apart leave open which way values rise; write the full turn's value in place of the"
+            " lowest, or add a third mark"
+        )
     if last_deg - first_deg >= FULL_CIRCLE_DEG or abs(last - first) >= wraps:
         raise ValueError(
             f"`scale` does not fit `wraps: {wraps:g}`: its marks must lie within one turn and one turn's value"

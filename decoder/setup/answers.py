@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections import Counter
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -104,6 +105,7 @@ def session_answer(session: SetupSession) -> Answer:
         "frames": session.source.count,
         "sample": list(session.source.sample),
         "document": session.document,
+        "draft": _draft(session),
         "picture": session.picture_key,
         "size": [width, height],
         "revision": session.revision,
@@ -113,6 +115,14 @@ def session_answer(session: SetupSession) -> Answer:
         "kinds": [asdict(kind.form) | {"in_window": kind.in_window} for kind in KINDS],
         "lens": session.camera is not None and session.camera.distortion is not None,
     }
+
+
+def _draft(session: SetupSession) -> Answer | None:
+    draft = session.draft
+    if draft is None:
+        return None
+    height, width = session.store.grey(draft.picture).shape
+    return {"document": draft.document, "picture": draft.picture, "size": [width, height]}
 
 
 def picture_answer(session: SetupSession, key: str) -> Answer:
@@ -143,7 +153,8 @@ def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) 
 
 
 def check_answer(session: SetupSession, asked: DraftQuestion) -> Answer:
-    """List what is wrong with a draft."""
+    """List what is wrong with a draft, and keep it."""
+    session.keep(asked.document, asked.picture)
     found = session.problems(asked.document, asked.picture)
     return {"problems": [{"path": each.path, "problem": each.problem} for each in found]}
 
@@ -164,6 +175,7 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
         "frames": [_frame(each, gauge, grid) for each in trial.frames],
         "moved": None if trial.moved_px is None else [round(at, PLACES) for at in trial.moved_px],
         "findings": trial.findings,
+        "anchors": _anchors(trial),
         "axes": {name: round(off_deg, PLACES) for name, off_deg in trial.axes_deg.items()},
         "height": height_inches(source, trial.moved_px),
         "offset": _offset(trial, gauge.centre),
@@ -245,6 +257,11 @@ def _line(gauge: Gauge, grid: PolarGrid, alignment: Alignment | None, angle_deg:
     if grid.raised is not None and alignment is not None:
         ends = carried(grid.raised.seen_in(alignment), ends)
     return [[round(float(x), 2), round(float(y), 2)] for x, y in (ends - np.array(gauge.centre)[:, None]).T]
+
+
+def _anchors(trial: Trial) -> dict[str, int]:
+    """In how many of the frames in which the panel was found each anchor, or the level edge, was not."""
+    return dict(Counter(name for each in trial.frames if each.alignment is not None for name in each.alignment.failed))
 
 
 def _offset(trial: Trial, at: tuple[float, float]) -> Answer | None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -13,7 +16,8 @@ import yaml
 
 from decoder.panel.errors import OutputError, PanelError
 from decoder.panel.gauge import KINDS
-from flight_file.untrusted import file_name, name_key, read_beside
+from decoder.setup.thresholds import MAX_BODY_BYTES
+from flight_file.untrusted import file_name, name_key, read_beside, read_regular
 
 PLACES = 4
 HEAD = (
@@ -22,7 +26,7 @@ HEAD = (
 )
 BLOCKS = ("reference_points", "anchors", "gauges")
 ORDER = ("name", "picture", "focal_length_mm", "reference_points", "level", "anchors", "gauges")
-DIAL_ORDER = ("name", "centre", "radius", "sweep", "stops", "unit", "scale", "wraps", "tail", "combined")
+DIAL_ORDER = ("name", "window", "centre", "radius", "sweep", "stops", "unit", "scale", "wraps", "tail", "combined")
 GAUGE_ORDER = (*DIAL_ORDER, *(kind.form.key for kind in KINDS))
 
 OTHERS = ("panel.yaml", "camera.yaml", "recorder.yaml")
@@ -115,6 +119,50 @@ def save_files(folder: Path, files: Mapping[str, bytes]) -> None:
     finally:
         for part, _ in parts:
             part.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """What was drawn and not saved yet: a document, and the key of the picture that it is drawn on."""
+
+    document: dict[str, Any]
+    picture: str
+
+
+class DraftFile:
+    """Keeps what is drawn beside where it will be saved, so that nothing is lost when the program ends.
+
+    Parameters
+    ----------
+    target
+        Where the panel is saved.
+    flight
+        What it is drawn on: a draft of another flight is none.
+    """
+
+    def __init__(self, target: Path, flight: str) -> None:
+        self._path, self._flight = target.with_name(f".{target.name}.draft"), flight
+
+    def read(self) -> Draft | None:
+        """Return what was kept; None where nothing is, or nothing that can be gone on with."""
+        try:
+            kept = json.loads(read_regular(self._path, limit_bytes=MAX_BODY_BYTES, through_links=False))
+            document, picture = kept["document"], kept["picture"]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return None
+        is_one = kept["flight"] == self._flight and isinstance(document, dict) and isinstance(picture, str)
+        return Draft(document, picture) if is_one else None
+
+    def keep(self, draft: Draft) -> None:
+        """Write it; a folder that cannot be written keeps none, which saving will tell."""
+        kept = {"flight": self._flight, "document": draft.document, "picture": draft.picture}
+        with suppress(OutputError):
+            save_files(self._path.parent, {self._path.name: json.dumps(kept).encode()})
+
+    def drop(self) -> None:
+        """Remove it."""
+        with suppress(OSError):
+            self._path.unlink(missing_ok=True)
 
 
 def digest(path: Path) -> str | None:

@@ -31,9 +31,10 @@ from decoder.setup.drafts import (
     problems_of,
 )
 from decoder.setup.drawn_plane import Planes
-from decoder.setup.saving import digest, panel_text, plain_name, save_files
+from decoder.setup.saving import Draft, DraftFile, digest, panel_text, plain_name, save_files
 from decoder.setup.sources import PANEL_KEY, FlightSource, PictureSource, PictureStore
 from flight_file.documents import parse_yaml
+from flight_file.errors import FlightFileError
 from flight_file.untrusted import name_key, printable, read_named_in, read_yaml_file
 
 KEPT_ALIGNMENTS = 8
@@ -93,6 +94,7 @@ class SetupSession:
         self.camera = camera or _camera(source)
         self._digest = digest(self.target)
         self._own = self._opened_files(panel_file)
+        self._draft_file = DraftFile(self.target, source.name)
         self._memory = lru_cache(KEPT_ALIGNMENTS)(lambda _finding: AlignmentMemory())
         self._lock = threading.Lock()
 
@@ -109,6 +111,30 @@ class SetupSession:
         except PanelError as error:
             found = [*(each for each in found if each.path != error.path), Problem(error.path, error.problem)]
         return found
+
+    @property
+    def draft(self) -> Draft | None:
+        """What was drawn here before and not saved."""
+        draft = self._draft_file.read()
+        if draft is None or self._is_saved(draft):
+            return None
+        try:
+            self.store.grey(draft.picture)
+        except (DecoderError, FlightFileError):
+            return None
+        return draft
+
+    def keep(self, document: Document, key: str) -> None:
+        """Keep a draft until it is saved, whatever becomes of the program."""
+        draft = Draft(dict(document), key)
+        with self._lock:
+            if self._is_saved(draft):
+                self._draft_file.drop()
+            else:
+                self._draft_file.keep(draft)
+
+    def _is_saved(self, draft: Draft) -> bool:
+        return (draft.document, draft.picture) == (self.document, self.picture_key)
 
     def save(self, document: Document, key: str, revision: int, *, replaces: bool = False) -> int:
         """Save a draft; the number of the new revision.
@@ -141,6 +167,7 @@ class SetupSession:
             self._digest = digest(self.target)
             self._own |= {name: sha256(content).hexdigest() for name, content in files.items()}
             self.document, self.picture_key = dict(document), key
+            self._draft_file.drop()
             self.revision += 1
             return self.revision
 

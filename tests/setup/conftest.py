@@ -71,10 +71,18 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A server with a flight and its own panel, for tests that leave its panel as it is, or save it whatever it is."""
     with serving(A1, None, tmp_path_factory.mktemp("saved") / "folder" / "panel.yaml") as running:
         yield running
+
+
+@pytest.fixture
+def server(shared_server: Running) -> Running:
+    """That server, with no draft of another test."""
+    for draft in shared_server.session.target.parent.glob(".*.draft"):
+        draft.unlink()
+    return shared_server
 
 
 Answer = tuple[int, Any, Mapping[str, str]]
@@ -82,9 +90,9 @@ Send = Callable[..., Answer]
 
 
 @pytest.fixture(scope="module")
-def send(server: Running) -> Send:
+def send(shared_server: Running) -> Send:
     """Sends requests to a running page as they stand, and gives status, JSON or bytes, and headers."""
-    url = urlsplit(server.url)
+    url = urlsplit(shared_server.url)
 
     def request(
         method: str,

@@ -118,7 +118,7 @@ def draw(hand: Hand, eyes: Eyes) -> None:
 def take_offers(hand: Hand, gauges: list[str]) -> list[str]:
     """Takes what the flight shows of where each needle turns, then of its axis; what that was."""
     taken, page = [], hand.page
-    tried = page.locator("#outline .count").filter(has_text=re.compile(r"^20/20$"))
+    tried = page.locator("#outline .of-gauge .count").filter(has_text=re.compile(r"^20/20$"))
     for name in gauges:
         expect(tried).to_have_count(len(gauges))
         page.locator("#outline li button", has_text=name).click()

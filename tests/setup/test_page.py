@@ -39,7 +39,7 @@ def drawn(running: Running) -> dict[str, Any]:
 def test_opened_panel_is_read_at_once_and_a_wrong_setup_is_seen(server: Running, open_page: OpenPage) -> None:
     """Every gauge is tried on the flight, and shown with value and score; one that is spoilt is no longer read well."""
     page = open_page(server)
-    expect(page.locator("#outline .dot.good")).to_have_count(6)
+    expect(page.locator("#outline .of-gauge .dot.good")).to_have_count(6)
     page.locator("#outline li button", has_text="fuel_flow").click()
     expect(page.locator("#film .cell")).to_have_count(20)
     assert float(page.locator("#film .value").first.inner_text()) > 40_000
@@ -48,9 +48,9 @@ def test_opened_panel_is_read_at_once_and_a_wrong_setup_is_seen(server: Running,
 
     page.locator("#outline li button", has_text="n1").click()
     Hand(page).type_into("gauges[0].needles[0].template.at", "150")
-    expect(page.locator("#outline .dot.good")).to_have_count(5)
+    expect(page.locator("#outline .of-gauge .dot.good")).to_have_count(5)
     page.locator("#undo").click()
-    expect(page.locator("#outline .dot.good")).to_have_count(6)
+    expect(page.locator("#outline .of-gauge .dot.good")).to_have_count(6)
     page.locator("#redo").click()
     expect(page.locator('[id="f:gauges[0].needles[0].template.at"]')).to_have_value("150")
 
@@ -127,7 +127,7 @@ def test_panel_of_somebody_else_is_replaced_only_when_asked(start: Start, open_p
     expect(page.locator("#banner")).to_contain_text("panel.yaml in")
     expect(page.locator("#banner")).to_contain_text("would be replaced")
     assert drawn(running) == {"name": "theirs"}
-    assert [path.name for path in target.parent.iterdir()] == ["panel.yaml"]
+    assert [path.name for path in target.parent.glob("[!.]*")] == ["panel.yaml"]
 
     page.locator("#replace").click()
     expect(page.locator("#banner")).to_contain_text("Saved to")
@@ -139,15 +139,44 @@ def test_panel_of_somebody_else_is_replaced_only_when_asked(start: Start, open_p
     assert drawn(running)["name"] == "mine still"
 
 
-def test_lost_server_is_said(opened: Running, open_page: OpenPage) -> None:
-    """When the program has ended the page says so, and keeps what was drawn."""
+def test_lost_server_is_said_and_the_next_one_goes_on(
+    start: Start, opened: Running, open_page: OpenPage, tmp_path: Path
+) -> None:
+    """When the program has ended the page says so; started again it has what was drawn, and saving drops the draft."""
     page = open_page(opened, quiet=False)
-    Hand(page).type_into("name", "not lost")
+    before = page.locator('[id="f:name"]').input_value()
+    with page.expect_response(
+        lambda answer: answer.url.endswith("/check") and "not lost" in (answer.request.post_data or "")
+    ):
+        Hand(page).type_into("name", "not lost")
     opened.stop()
 
     expect(page.locator("#banner")).to_contain_text("The program has ended")
     expect(page.locator("#save")).to_be_disabled()
     expect(page.locator('[id="f:name"]')).to_have_value("not lost")
+
+    again = start(panel=None, save_as=tmp_path / "saved" / "panel.yaml")
+    page = open_page(again)
+    expect(page.locator("#banner")).to_contain_text("Going on with what was drawn here before")
+    expect(page.locator('[id="f:name"]')).to_have_value("not lost")
+    page.locator("#undo").click()
+    expect(page.locator('[id="f:name"]')).to_have_value(before)
+    page.locator("#redo").click()
+    Hand(page).save()
+    assert [path.name for path in again.session.target.parent.glob(".*")] == []
+
+
+def test_each_anchor_says_in_how_many_frames_it_is_found(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """An anchor on a needle, which moves, is red in the outline beside those that are good."""
+    running = start(panel=None, save_as=tmp_path / "panel.yaml")
+    page = open_page(running)
+    hand = Hand(page)
+    anchors = running.session.document["anchors"]
+    expect(page.locator("#outline li", has_text=anchors[0]["name"]).locator(".dot.good")).to_have_count(1)
+    centre = running.session.document["gauges"][0]["centre"]
+
+    hand.anchor("on a needle", [round(centre[0] - 30), round(centre[1] - 30), 60, 60])
+    expect(page.locator("#outline li", has_text="on a needle").locator(".dot.bad, .dot.warn")).to_have_count(1)
 
 
 def test_keyboard_alone_draws(start: Start, open_page: OpenPage) -> None:

@@ -92,6 +92,17 @@ export class Live {
     }
   }
 
+  // How an anchor is found in the sample, for the outline: any gauge's trial tells.
+  anchorSummary(name) {
+    const gauges = this.store.document.gauges || [];
+    const result = gauges.map((_, index) => this.resultOf(index)).find((each) => each?.anchors);
+    if (!result) return { dot: "", count: "" };
+    const found = result.frames.filter(({ reason }) => !reason).length;
+    const failed = result.anchors[name] || 0;
+    const dot = !failed && found === result.frames.length ? "good" : failed * 2 < found ? "warn" : "bad";
+    return { dot, count: `${found - failed}/${result.frames.length}` };
+  }
+
   // How a gauge is read, for the outline.
   summary(index) {
     const result = this.resultOf(index);

@@ -44,4 +44,9 @@ byId("zoomin").addEventListener("click", () => view.zoom(1.4));
 byId("zoomout").addEventListener("click", () => view.zoom(1 / 1.4));
 byId("fit").addEventListener("click", () => view.fit());
 watch();
+if (session.draft) {
+  const { document: drawn, picture, size } = session.draft;
+  store.change("go on", () => drawn, { picture, size });
+  store.tell("say", "Going on with what was drawn here before and not saved. Undo goes back to what is saved.");
+}
 document.body.dataset.ready = "true";

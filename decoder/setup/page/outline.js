@@ -13,7 +13,10 @@ export function selectionOf(path) {
 }
 
 // What the coloured points say, in words.
-const HOW = { good: "read well all through the flight", warn: "read with gaps or doubts", bad: "hardly read" };
+const HOW = {
+  gauge: { good: "read well all through the flight", warn: "read with gaps or doubts", bad: "hardly read" },
+  anchor: { good: "found in every frame", warn: "not found in some frames", bad: "hardly found: does it move in flight?" },
+};
 
 export function showOutline(store, live, view) {
   const nav = byId("outline");
@@ -24,10 +27,10 @@ export function showOutline(store, live, view) {
       return other.kind === selection.kind && other.index === selection.index;
     });
     const current = store.selection.kind === selection.kind && store.selection.index === selection.index;
-    const title = wrong ? "has something to put right" : (HOW[dot] ?? "");
+    const title = wrong ? "has something to put right" : ((HOW[selection.kind] ?? HOW.anchor)[dot] ?? "");
     return h(
       "li",
-      {},
+      { class: `of-${selection.kind}` },
       h(
         "button",
         { "aria-current": current ? "true" : "false", title, onclick: () => store.select(selection), ondblclick: () => view(selection) },
@@ -49,8 +52,8 @@ export function showOutline(store, live, view) {
     const { anchors = [], level, reference_points: points = [], gauges = [] } = store.document;
     nav.replaceChildren(
       ...part("Panel", null, [row({ kind: "panel" }, store.document.name)]),
-      ...part("Anchors", "anchor", anchors.map(({ name }, index) => row({ kind: "anchor", index }, name)), "at least one"),
-      ...part("Level edge", "level", level ? [row({ kind: "level" }, "level")] : [], "tells the roll"),
+      ...part("Anchors", "anchor", anchors.map(({ name }, index) => row({ kind: "anchor", index }, name, live.anchorSummary(name))), "at least one"),
+      ...part("Level edge", "level", level ? [row({ kind: "level" }, "level", live.anchorSummary("level"))] : [], "tells the roll"),
       ...part("Reference points", "reference", points.map(({ inches }, index) => row({ kind: "reference", index }, `${inches.map((each) => each ?? "?").join(", ")} in`)), "for an oblique view"),
       ...part("Gauges", "gauge", gauges.map(({ name }, index) => row({ kind: "gauge", index }, name, live.summary(index))), "at least one"),
     );

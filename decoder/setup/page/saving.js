@@ -71,7 +71,7 @@ export function showSaving(store) {
 
   onLost((lost) => {
     banner.classList.remove("good");
-    if (lost) say("The program has ended. What you drew is still in this page; start decode setup again to go on.", h("span"));
+    if (lost) say("The program has ended. What you drew is kept: start decode setup again, and its page goes on from here.", h("span"));
     else banner.hidden = true;
     byId("save").disabled = lost;
   });

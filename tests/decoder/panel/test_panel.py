@@ -126,6 +126,7 @@ def refused(document: dict[str, Any], path: str, problem: str) -> None:
     [
         ("scale", [[0, 0], [360, 300]], "does not fit `wraps: 360`"),
         ("scale", [[0, 0], [180, 360]], "does not fit `wraps: 360`"),
+        ("scale", [[90, 180], [270, 0]], "leave open which way values rise"),
         ("stops", [0, 360], "has no `stops`"),
     ],
 )
