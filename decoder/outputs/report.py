@@ -13,7 +13,7 @@ import base64
 import json
 import re
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -29,7 +29,7 @@ from decoder.imaging.pictures import colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs import report_facts
 from decoder.outputs.csv_output import moment_text
-from decoder.outputs.drawn_readings import STATUS_COLOURS, ReadingPlaces, label_decimals
+from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, ReadingPlaces, label_decimals
 from decoder.outputs.film import film_times_s
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded
@@ -39,6 +39,8 @@ from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, evidence, 
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PictureError
+from decoder.panel.scale import shortest
+from decoder.timeseries.cross_checks import cross_checks, parameters_of
 from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
 from flight_file.frame import Frame
 
@@ -104,6 +106,8 @@ def packed(values: NDArray[Any], kind: str) -> dict[str, str]:
 def columns(data: FlightData, order: Order) -> dict[str, Any]:
     """Encode times, frame numbers and needles for the page."""
     start_ns = int(data.time_ns[order[0]]) if order.size else 0
+    named = [(series.quantity.name, series) for series in data.series]
+    signed = {name for name, parameter in parameters_of(data).items() if parameter == "roll"}
     return {
         "rows": int(order.size),
         "start_ms": start_ns / 1e6 + (0 if data.knows_time_of_day else MIDNIGHT_MS),
@@ -111,12 +115,14 @@ def columns(data: FlightData, order: Order) -> dict[str, Any]:
         "since_first_ms": float(data.time_ns[0] - start_ns) / 1e6 - float(data.time_s[0]) * 1e3 if order.size else 0.0,
         "time_ms": packed((data.time_ns[order] - start_ns) / 1e6, "f8"),
         "frame": packed(data.frame[order], "f8"),
-        "needles": [_needle(series, order) for series in data.series],
+        "needles": [_needle(series, order, is_signed=name in signed) for name, series in named],
     }
 
 
-def _needle(series: NeedleSeries, order: Order) -> dict[str, Any]:
+def _needle(series: NeedleSeries, order: Order, *, is_signed: bool) -> dict[str, Any]:
+    """Encode a needle; bank has a sign here also where a ring of marks counts it from 0 to 360."""
     quantity = series.quantity
+    value = shortest(series.value[order], quantity.wraps) if is_signed else series.value[order]
     return {
         "name": quantity.name,
         "gauge": quantity.gauge,
@@ -124,7 +130,7 @@ def _needle(series: NeedleSeries, order: Order) -> dict[str, Any]:
         "decimals": label_decimals(series),
         "wraps": quantity.wraps,
         "full_scale": quantity.full_scale,
-        "value": packed(series.value[order], "f4"),
+        "value": packed(value, "f4"),
         "sigma": packed(series.sigma[order], "f4"),
         "score": packed(series.score[order], "f4"),
         "status": packed(series.status[order], "u1"),
@@ -161,12 +167,12 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
     data = report.data
     places, position = ReadingPlaces(report.source, data), _positions(order)
     needles = {series.quantity.name: place for place, series in enumerate(data.series)}
-    wanted = wanted_rows(data, flags, len(report.source.panel.gauges), room_bytes)
+    wanted, wholes = wanted_rows(data, flags, len(report.source.panel.gauges), room_bytes)
     video = GroupDecoder()
     for row, frame in enumerate(matched_frames(data, report.frames)):
         if row not in wanted:
             continue
-        found = _evidence_of(frame, video, places, row, needles)
+        found = _evidence_of(frame, video, places.frame(row), needles, is_whole=row in wholes)
         head = f'<script type="application/json" class="evidence" data-row="{position[row]}">'
         block = f"{head}{_json(found)}</script>\n".encode(errors="backslashreplace")
         room_bytes -= len(block)
@@ -176,10 +182,10 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
 
 
 def _evidence_of(
-    frame: Frame, video: GroupDecoder, places: ReadingPlaces, row: int, needles: dict[str, int]
+    frame: Frame, video: GroupDecoder, gauges: Sequence[DrawnGauge], needles: dict[str, int], *, is_whole: bool
 ) -> Evidence:
     try:
-        return evidence(colour_picture(encoded_of(frame), video), places.frame(row), needles)
+        return evidence(colour_picture(encoded_of(frame), video), gauges, needles, is_whole=is_whole)
     except PictureError as error:
         return {"trouble": str(error)}
 
@@ -218,6 +224,8 @@ def _texts(report: Decoded, flags: Sequence[Flag], order: Order) -> dict[str, An
     return {
         "provenance": provenance,
         "when": report_facts.when(data),
+        "clock": report_facts.clock(data, report.session),
+        "checks": cross_checks(data),
         "sections": _sections(report),
         "facts": report_facts.head_facts(
             data,
@@ -250,11 +258,13 @@ def _texts(report: Decoded, flags: Sequence[Flag], order: Order) -> dict[str, An
 def _sections(report: Decoded) -> list[tuple[str, str]]:
     wanted = [
         ("data", "Flight data", True),
-        ("flagged", "Gaps and flags", True),
+        ("flagged", "Events and flags", True),
+        ("checks", "Cross-checks", bool(cross_checks(report.data))),
         ("accuracy", "Accuracy", report.truth is not None),
         ("alignment", "Alignment", bool(report.data.alignments)),
         ("setup", "Set-up", True),
         ("calibration", "Calibration", report.camera is not None),
+        ("notes", "Notes", True),
         ("provenance", "Provenance", True),
     ]
     return [(name, title) for name, title, is_there in wanted if is_there]
@@ -269,6 +279,7 @@ def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequen
     for place, needle in enumerate(content["needles"]):
         truth = None if report.truth is None else report.truth.values.get(data.series[place].quantity.name)
         needle["truth"] = None if truth is None else packed(truth[order], "f4")
+    content["about"] = _about(report, content)
     return {
         **content,
         "film_s": packed(film_times_s(data)[order], "f8") if report.film else None,
@@ -281,10 +292,33 @@ def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequen
             ]
             for flag in flags
         ],
+        "checks": [
+            {
+                "names": check.names,
+                "unit": check.unit,
+                "one": packed(check.one[order], "f4"),
+                "other": packed(check.other[order], "f4"),
+                "apart": [
+                    sorted((int(position[each.first]), int(position[each.last]))) for each in check.disagreements
+                ],
+            }
+            for check in cross_checks(data)
+        ],
         "lost": {str(position[row_of[missing.frame]]): missing.reason for missing in data.missing_frames},
         "alignment": [
             {"values": packed(track.values[order], "f4"), "least": track.least, "name": track.name} for track in tracks
         ],
+    }
+
+
+def _about(report: Decoded, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Say what notes on this page are about: the files that it is made of, and the data that it shows."""
+    return {
+        "recording": report.provenance.recording,
+        "name": report.name,
+        "software": report.provenance.software,
+        "files": _files(report),
+        "data_sha256": sha256(_json(content).encode(errors="backslashreplace")).hexdigest(),
     }
 
 

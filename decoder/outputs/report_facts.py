@@ -31,7 +31,7 @@ TRACKS = (
     ("scale", "", 0.0005),
 )
 
-DOTS = {Kind.LOST: Kind.MISSING.value}
+DOTS = {Kind.LOST: Kind.MISSING.value, Kind.EXCEEDED: "exceeded"}
 
 STATUS_WORDS = (
     (Status.READ, "the whole needle matched"),
@@ -177,6 +177,15 @@ def when(data: FlightData) -> str:
     first, last = utc_text(int(data.time_ns.min())), utc_text(int(data.time_ns.max()))
     until = last[11:19] if first[:10] == last[:10] else f"{last[:10]} {last[11:19]}"
     return f"{first[:10]} {first[11:19]} to {until} UTC"
+
+
+def clock(data: FlightData, session: Session) -> str:
+    """Say which clock times come from."""
+    if not data.knows_time_of_day:
+        return "no clock was believed: times count from the first frame"
+    if session.time_of_day in _TIME_BY:
+        return f"time {_TIME_BY[session.time_of_day]}"
+    return f"time by the recorder's clock{f' ({session.clock})' if session.clock else ''}"
 
 
 def head_facts(data: FlightData, flags: Sequence[Flag], losses: Sequence[str], integrity: Fact) -> list[Fact]:

@@ -26,6 +26,8 @@ from decoder.instruments.reading import Status
 from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.outputs.drawn_readings import DrawnGauge, Point
 from decoder.panel.scale import shortest
+from decoder.timeseries.cross_checks import CrossCheck, Disagreement, cross_checks
+from decoder.timeseries.events import What, find_events
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans
 from decoder.timeseries.outliers import find_outliers
 
@@ -36,6 +38,7 @@ REACH = 1.22
 """How much of a gauge's surroundings is seen, in its radii."""
 GAUGE_PX = 160
 WHOLE_PX = 560
+ENLARGED_PX = 1024
 JPEG_QUALITY = 80
 BYTES_OF_PIXEL = 0.25  # what such a crop takes as JPEG, about
 RIM_STEP = 3
@@ -46,6 +49,10 @@ Evidence = dict[str, Any]
 class Kind(StrEnum):
     """What a flag says, the gravest first."""
 
+    EXCEEDED = What.EXCEEDED.value
+    """Values beyond a limit that somebody gave."""
+    DISAGREEMENT = "disagreement"
+    """Instruments that show the same and differ by more than can be explained."""
     OUTLIER = "outlier"
     """Values that the frames around them make hard to believe."""
     LOST = "panel not found"
@@ -54,6 +61,9 @@ class Kind(StrEnum):
     INTERPOLATED = "interpolated"
     HIDDEN = "hidden"
     EDGE = "edge"
+    STEP = What.STEP.value
+    """Changes within a frame that stay."""
+    PHASE = What.PHASE.value
 
 
 KINDS = tuple(Kind)
@@ -96,10 +106,24 @@ def find_flags(data: FlightData) -> list[Flag]:
         Flag(Kind.OUTLIER, outlier.needle, outlier.first, outlier.last, outlier.reason.value)
         for outlier in find_outliers(data)
     ]
+    flags += [
+        Flag(Kind(event.what.value), event.needle, event.first, event.last, event.words) for event in find_events(data)
+    ]
+    for check in cross_checks(data):
+        flags += [
+            Flag(Kind.DISAGREEMENT, check.columns[0], each.first, each.last, _disagreement(check, each))
+            for each in check.disagreements
+        ]
     flags += [Flag(Kind.LOST, "", first, last, reason) for first, last, reason in lost_runs(data)]
     for series in data.series:
         flags += _of_needle(series, is_combined=series.quantity.name in combined)
     return sorted(flags, key=lambda flag: (flag.first, KINDS.index(flag.kind)))
+
+
+def _disagreement(check: CrossCheck, each: Disagreement) -> str:
+    but = f" ({check.but})" if check.but else ""
+    apart, allowed = (f"{size:.4g} {check.apart_unit}" for size in (each.apart, each.allowed))
+    return f"{check.what} differ by {apart}; {allowed} can be explained{but}"
 
 
 def _of_needle(series: NeedleSeries, *, is_combined: bool) -> Iterator[Flag]:
@@ -145,7 +169,7 @@ def planned(data: FlightData, flags: Sequence[Flag]) -> list[int]:
     for series in data.series:
         want(_extremes(series))
         want(_steps(series))
-    for kind in KINDS[:2]:
+    for kind in (Kind.OUTLIER, Kind.LOST):
         want(row for flag in flags if flag.kind is kind for row in (flag.first - 1, flag.last + 1))
     even = np.unique(np.linspace(0, max(last, 0), SAMPLE).round().astype(int)).tolist()
     want(even[index] for index in scattered_order(len(even)))
@@ -176,13 +200,26 @@ def _steps(series: NeedleSeries) -> list[int]:
     return [int(row) for place in largest if sizes[place] > 0 for row in (valued[place], valued[place + 1])]
 
 
-def wanted_rows(data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int) -> frozenset[int]:
-    """Choose the rows whose pictures go into so much room, about, the most wanted first."""
+def wanted_rows(
+    data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int
+) -> tuple[frozenset[int], frozenset[int]]:
+    """Choose the rows whose pictures go into so much room, about, the most wanted first.
+
+    Returns those whose gauges are cut out, and those of which the whole frame is there as well: half of what the flags'
+    own pictures leave is for these.
+    """
+    wanted = planned(data, flags)
     likely_bytes = max(gauges, 1) * GAUGE_PX**2 * BYTES_OF_PIXEL * 4 / 3
-    return frozenset(planned(data, flags)[: max(0, int(room_bytes / likely_bytes))])
+    whole_bytes = ENLARGED_PX**2 * BYTES_OF_PIXEL
+    left_bytes = room_bytes - len(flags) * likely_bytes
+    wholes = wanted[: max(0, int(left_bytes / 2 / whole_bytes))]
+    rows = wanted[: max(0, int((room_bytes - len(wholes) * whole_bytes) / likely_bytes))]
+    return frozenset(rows), frozenset(wholes)
 
 
-def evidence(picture: ColourPicture, gauges: Sequence[DrawnGauge], places: dict[str, int]) -> Evidence:
+def evidence(
+    picture: ColourPicture, gauges: Sequence[DrawnGauge], places: dict[str, int], *, is_whole: bool = False
+) -> Evidence:
     """Cut the pictures of one frame.
 
     Parameters
@@ -190,11 +227,17 @@ def evidence(picture: ColourPicture, gauges: Sequence[DrawnGauge], places: dict[
     picture : (H, W, 3) uint8
     gauges : as they lie in it; none where the panel was not found
     places : of each needle's name, its place among the page's needles
+    is_whole : whether the whole frame goes in too
     """
+    height, width = picture.shape[:2]
+    box = (0, 0, width, height)
     if not gauges:
-        height, width = picture.shape[:2]
-        return {"whole": _crop(picture, (0, 0, width, height), WHOLE_PX)}
-    return {"gauges": [found for gauge in gauges if (found := _gauge(picture, gauge, places)) is not None]}
+        return {"size": [width, height], "whole": _crop(picture, box, ENLARGED_PX if is_whole else WHOLE_PX)}
+    return {
+        "size": [width, height],
+        "gauges": [found for gauge in gauges if (found := _gauge(picture, gauge, places)) is not None],
+        **({"frame": _crop(picture, box, ENLARGED_PX)} if is_whole else {}),
+    }
 
 
 def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int]) -> Evidence | None:

@@ -20,6 +20,7 @@ export function loadFlight() {
     for (const name of ["value", "sigma", "score", "status"]) needle[name] = numbers(needle[name]);
     needle.truth = needle.truth ? numbers(needle.truth) : null;
   }
+  for (const check of flight.checks) for (const name of ["one", "other"]) check[name] = numbers(check[name]);
   for (const track of flight.alignment) track.values = numbers(track.values);
   return flight;
 }

@@ -1,5 +1,6 @@
 // The evidence: the gauges as they are in the picture of the chosen frame, and over them where the needles were found.
 import { byId, h, s } from "./dom.js";
+import { enlarge, useEnlarged } from "./enlarge.js";
 import { durationText, frameText, secondsText, spreadText, utcText, valueText } from "./words.js";
 
 export function showEvidence(state) {
@@ -10,6 +11,15 @@ export function showEvidence(state) {
   function nearest(row) {
     const apart = (other) => Math.abs(flight.time_ms[other] - flight.time_ms[row]);
     return rows.reduce((best, other) => (best < 0 || apart(other) < apart(best) ? other : best), -1);
+  }
+
+  let shown = null;
+
+  function large() {
+    if (!shown || shown.found.trouble) return;
+    const { found, row } = shown;
+    const shapes = state.drawing ? (found.gauges || []).flatMap((gauge) => drawing(flight, gauge, row)) : [];
+    enlarge(`Frame ${flight.frame[row]} · ${utcText(flight, row)}`, found, shapes);
   }
 
   function show() {
@@ -27,7 +37,8 @@ export function showEvidence(state) {
       const apart = flight.time_ms[pictured] - flight.time_ms[row];
       remark.textContent = `No pictures of this frame are in the report. Shown is the nearest that has some: ${frameText(flight, pictured)}, ${durationText(apart)} ${apart < 0 ? "before" : "after"}, with its own values.`;
     }
-    byId("evidence-strip").replaceChildren(...(found ? figures(state, found, pictured) : []));
+    shown = found && { found, row: pictured };
+    byId("evidence-strip").replaceChildren(...(found ? figures(state, found, pictured, large) : []));
     const strip = byId("evidence-strip");
     const asked = strip.querySelector(".asked");
     strip.scrollLeft = asked ? asked.offsetLeft - (strip.clientWidth - asked.clientWidth) / 2 : 0;
@@ -36,6 +47,7 @@ export function showEvidence(state) {
   }
 
   state.on("row", show);
+  useEnlarged(state, large);
   show();
   byId("drawing").addEventListener("change", () => state.toggleDrawing());
   state.on("row", () => (byId("drawing").checked = state.drawing));
@@ -48,27 +60,32 @@ export function showEvidence(state) {
   }
 }
 
-function figures(state, found, row) {
+function figures(state, found, row, large) {
   const { flight } = state;
   const reason = flight.lost[row];
   if (found.trouble) return [h("p", { class: "blank" }, `The picture of this frame could not be drawn: ${found.trouble}`)];
   if (found.whole) {
     const words = reason ? `Not read: ${reason}` : "The whole frame";
-    return [h("figure", { class: "whole" }, picture(found.whole, [], words), h("figcaption", {}, words))];
+    return [h("figure", { class: "whole" }, picture(found.whole, [], words, large), h("figcaption", {}, words))];
   }
   return found.gauges.map((gauge) => {
     const needles = gauge.needles.map(({ at }) => flight.needles[at]);
     const names = needles.map((needle) => `${needle.name} ${valueText(needle, row)}`).join(", ");
     const asked = gauge.needles.some(({ at }) => at === state.needle);
     return h("figure", { "data-gauge": gauge.name, class: asked ? "asked" : undefined },
-      picture(gauge, state.drawing ? drawing(flight, gauge, row) : [], `${gauge.name} in ${frameText(flight, row)}: ${names}`),
+      picture(gauge, state.drawing ? drawing(flight, gauge, row) : [], `${gauge.name} in ${frameText(flight, row)}: ${names}`, large),
       h("figcaption", {}, ...needles.map((needle) => reading(flight, needle, row))));
   });
 }
 
-function picture({ box, jpeg }, shapes, words) {
+function picture({ box, jpeg }, shapes, words, large) {
   const [left, top, width, height] = box;
-  return s("svg", { viewBox: box.join(" "), role: "img", "aria-label": words },
+  const onkeydown = (event) => {
+    if (event.key !== "Enter") return;
+    event.preventDefault(); // or it would press the button that then has the focus
+    large();
+  };
+  return s("svg", { viewBox: box.join(" "), role: "img", "aria-label": `${words}; Enter shows the whole frame`, tabindex: "0", onclick: large, onkeydown },
     s("image", { href: `data:image/jpeg;base64,${jpeg}`, x: left, y: top, width, height, preserveAspectRatio: "none" }),
     ...shapes);
 }

@@ -10,11 +10,24 @@ export function useFlags(state) {
     });
   }
   state.on("paper", showTable);
-  for (const box of document.querySelectorAll("#kinds input")) {
-    box.addEventListener("change", () => {
-      for (const row of rows) if (row.dataset.kind === box.value) row.hidden = !box.checked;
-    });
+  const boxes = [...document.querySelectorAll("#kinds input")];
+  const search = byId("flag-search");
+  const texts = new Map();
+  const textOf = (row) => texts.get(row) || texts.set(row, row.textContent.toLowerCase()).get(row);
+
+  function choose() {
+    const left = new Set(boxes.filter((box) => !box.checked).map((box) => box.value));
+    const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    let shown = 0;
+    for (const row of rows) {
+      row.hidden = left.has(row.dataset.kind) || !words.every((word) => textOf(row).includes(word));
+      shown += row.hidden ? 0 : 1;
+    }
+    byId("flag-count").textContent = shown < rows.length ? `${shown} of ${rows.length}` : "";
   }
+
+  for (const box of boxes) box.addEventListener("change", choose);
+  search.addEventListener("input", choose);
 }
 
 // Two thousand rows take a fifth of a second to lay out.
@@ -37,7 +50,7 @@ export function nextFlag(state, direction) {
   const flags = state.flight.flags;
   const here = state.row;
   const middle = ([first, last]) => (first + last) >> 1;
-  const beyond = flags.filter((flag) => (middle(flag) - here) * direction > 0);
+  const beyond = flags.filter((flag) => flag[2] !== "phase" && (middle(flag) - here) * direction > 0);
   if (!beyond.length) return;
   const best = beyond.reduce((one, other) => ((middle(other) - middle(one)) * direction < 0 ? other : one));
   state.choose(middle(best), best[3]);

@@ -2,13 +2,16 @@
 import { byId } from "./dom.js";
 import { loadFlight } from "./columns.js";
 import { drawCharts } from "./charts.js";
+import { useCompare } from "./compare.js";
+import { useDownload } from "./download.js";
 import { showEvidence } from "./evidence.js";
 import { showTable, useFlags } from "./flags.js";
 import { useFilm } from "./film.js";
 import { useKeys } from "./keys.js";
+import { useNotes } from "./notes.js";
 import { TimePlot } from "./plot.js";
 import { State } from "./state.js";
-import { errorTrack, needleTrack } from "./tracks.js";
+import { checkTrack, errorTrack, needleTrack } from "./tracks.js";
 import { durationText, spreadText, utcText, valueText } from "./words.js";
 
 const flight = loadFlight();
@@ -16,7 +19,7 @@ const state = new State(flight);
 
 const plots = [...document.querySelectorAll("[data-plot]")].map((host) => {
   const at = Number(host.dataset.at);
-  const track = { needle: () => needleTrack(flight, at), error: () => errorTrack(flight, at), alignment: () => flight.alignment[at] };
+  const track = { needle: () => needleTrack(flight, at), error: () => errorTrack(flight, at), alignment: () => flight.alignment[at], check: () => checkTrack(flight, at) };
   return new TimePlot(host, state, track[host.dataset.plot]);
 });
 
@@ -38,6 +41,9 @@ state.on("view", tellView);
 useFlags(state);
 useKeys(state);
 useFilm(state);
+useCompare(state);
+useDownload(state);
+useNotes(state);
 tellView();
 
 // Another width or another scheme: the plots are drawn anew; on paper all of them, at once.

@@ -146,8 +146,16 @@ export class TimePlot {
       xaxis: { ...grid, fixedrange: false, type: "date", range: view.map(this.date), anchor: this.track.status ? "y2" : "y", ticks: "outside", ticklen: 3, tickcolor: colours.line, nticks: 9, ...(flight.start_utc ? {} : { tickformat: "%H:%M:%S.%1f" }) },
       yaxis: { ...grid, domain: [this.track.status ? 0.13 : 0, 1], range: this.extent(), nticks: 5, tickformat: "~r", exponentformat: "none", separatethousands: true },
       ...(this.track.status ? { yaxis2: { domain: [0, 0.06], range: [0, 1], visible: false, fixedrange: true } } : {}),
-      shapes: chosen.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: colours.accent, width: 1.5 } })),
+      shapes: [...(this.track.shaded || []).map(([from, to]) => this.shaded(from, to, colours)), ...chosen.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: colours.accent, width: 1.5 } }))],
     };
+  }
+
+  // A run of rows in which something is amiss; one that is short is still to be seen.
+  shaded(first, last, colours) {
+    const times = this.state.flight.time_ms;
+    const least = (this.state.view[1] - this.state.view[0]) / 200;
+    const more = Math.max(least - (times[last] - times[first]), 0) / 2;
+    return { type: "rect", layer: "below", x0: this.date(times[first] - more), x1: this.date(times[last] + more), yref: "paper", y0: 0, y1: 1, fillcolor: colours.bad, opacity: 0.18, line: { width: 0 } };
   }
 
   // All values in view, and of the band so much that it cannot press the curve flat.

@@ -34,4 +34,11 @@ export function errorTrack(flight, at) {
   };
 }
 
+// Two ways to the same thing; where they disagree is shaded.
+export function checkTrack(flight, at) {
+  const { one, other, unit, apart } = flight.checks[at];
+  const isHeading = unit === "deg";
+  return { at: -1, values: one, truth: other, wraps: isHeading ? 360 : null, shaded: apart };
+}
+
 const range = (first, last) => Array.from({ length: last - first + 1 }, (_, at) => first + at);
