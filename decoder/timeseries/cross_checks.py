@@ -231,6 +231,8 @@ def _sensed(series: NeedleSeries, parameter: str, doubtful: Sequence[Outlier]) -
         ends = converted(np.array([0.0, 1.0]), series.quantity.unit, UNITS[parameter])
     except UnitError:
         return None
+    if parameter == "roll":  # a ring may count it from 0 to 360
+        values = shortest(values, FULL_CIRCLE_DEG)
     return _Sensed(series.quantity.name, parameter, values, series.sigma * abs(float(ends[1] - ends[0])))
 
 

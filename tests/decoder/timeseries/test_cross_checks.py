@@ -128,6 +128,17 @@ def test_an_instrument_that_fails_is_found_where_it_does(name: str, change: Chan
     assert "DISAGREE" in check.words
 
 
+def test_bank_may_be_counted_from_0_to_360() -> None:
+    """A ring that does so says the same, and a frozen one is found as well."""
+    ring: Change = lambda values: np.mod(values, 360.0)  # noqa: E731 - as the others
+
+    assert disagreeing(flown({"roll_deg": ring})) == {}
+    assert (
+        disagreeing(flown({"roll_deg": lambda values: ring(frozen_from(130)(values))})).keys()
+        == disagreeing(flown({"roll_deg": frozen_from(130)})).keys()
+    )
+
+
 def test_a_step_is_said_to_be_where_it_is() -> None:
     """To the frame, and as large as it is."""
     (check,) = disagreeing(flown({"altitude_ft": off_from(200, 1000.0)})).values()
