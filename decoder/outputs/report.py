@@ -13,7 +13,7 @@ import base64
 import json
 import re
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -35,7 +35,7 @@ from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded
 from decoder.outputs.report_drawings import calibration_charts, panel_drawing
 from decoder.outputs.report_facts import AlignmentTrack, Order, alignment_tracks, order_of
-from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, evidence, find_flags, wanted_rows
+from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, find_flags, picture_plan
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PictureError
@@ -167,12 +167,13 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
     data = report.data
     places, position = ReadingPlaces(report.source, data), _positions(order)
     needles = {series.quantity.name: place for place, series in enumerate(data.series)}
-    wanted, wholes = wanted_rows(data, flags, len(report.source.panel.gauges), room_bytes)
+    plan = picture_plan(data, flags, len(report.source.panel.gauges), room_bytes)
     video = GroupDecoder()
     for row, frame in enumerate(matched_frames(data, report.frames)):
-        if row not in wanted:
+        if row not in plan.rows:
             continue
-        found = _evidence_of(frame, video, places.frame(row), needles, is_whole=row in wholes)
+        cut = partial(evidence, places=needles, frame_px=plan.frame_px(row), has_crops=plan.has_crops)
+        found = _evidence_of(frame, video, places.frame(row), cut)
         head = f'<script type="application/json" class="evidence" data-row="{position[row]}">'
         block = f"{head}{_json(found)}</script>\n".encode(errors="backslashreplace")
         room_bytes -= len(block)
@@ -182,10 +183,10 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
 
 
 def _evidence_of(
-    frame: Frame, video: GroupDecoder, gauges: Sequence[DrawnGauge], needles: dict[str, int], *, is_whole: bool
+    frame: Frame, video: GroupDecoder, gauges: Sequence[DrawnGauge], cut: Callable[..., Evidence]
 ) -> Evidence:
     try:
-        return evidence(colour_picture(encoded_of(frame), video), gauges, needles, is_whole=is_whole)
+        return cut(colour_picture(encoded_of(frame), video), gauges)
     except PictureError as error:
         return {"trouble": str(error)}
 

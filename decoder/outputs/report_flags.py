@@ -38,7 +38,7 @@ REACH = 1.22
 """How much of a gauge's surroundings is seen, in its radii."""
 GAUGE_PX = 160
 WHOLE_PX = 560
-ENLARGED_PX = 1024
+ENLARGED_PX = 1280
 JPEG_QUALITY = 80
 BYTES_OF_PIXEL = 0.25  # what such a crop takes as JPEG, about
 RIM_STEP = 3
@@ -200,25 +200,54 @@ def _steps(series: NeedleSeries) -> list[int]:
     return [int(row) for place in largest if sizes[place] > 0 for row in (valued[place], valued[place + 1])]
 
 
-def wanted_rows(
-    data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int
-) -> tuple[frozenset[int], frozenset[int]]:
-    """Choose the rows whose pictures go into so much room, about, the most wanted first.
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Which pictures go into a report.
 
-    Returns those whose gauges are cut out, and those of which the whole frame is there as well: half of what the flags'
-    own pictures leave is for these.
+    Attributes
+    ----------
+    rows
+        Of which there are pictures.
+    wholes
+        Those of which there is the whole frame, large.
+    has_crops
+        Whether each gauge is cut out by itself; it is not where the whole frame takes no more room than that.
+    has_coarse
+        Whether there is the whole frame, small, of the others.
     """
+
+    rows: frozenset[int]
+    wholes: frozenset[int]
+    has_crops: bool = True
+    has_coarse: bool = False
+
+    def frame_px(self, row: int) -> int:
+        """How large the whole frame of a row is, 0 for not at all."""
+        return ENLARGED_PX if row in self.wholes else WHOLE_PX if self.has_coarse else 0
+
+
+def picture_plan(data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int) -> Plan:
+    """Choose the pictures that go into so much room, about, the most wanted first: every flag's before any is large."""
     wanted = planned(data, flags)
-    likely_bytes = max(gauges, 1) * GAUGE_PX**2 * BYTES_OF_PIXEL * 4 / 3
-    whole_bytes = ENLARGED_PX**2 * BYTES_OF_PIXEL
-    left_bytes = room_bytes - len(flags) * likely_bytes
-    wholes = wanted[: max(0, int(left_bytes / 2 / whole_bytes))]
-    rows = wanted[: max(0, int((room_bytes - len(wholes) * whole_bytes) / likely_bytes))]
-    return frozenset(rows), frozenset(wholes)
+    whole_bytes, coarse_bytes = (size_px**2 * BYTES_OF_PIXEL for size_px in (ENLARGED_PX, WHOLE_PX))
+    crops_bytes = max(gauges, 1) * GAUGE_PX**2 * BYTES_OF_PIXEL * 4 / 3
+    if crops_bytes >= whole_bytes / 2:
+        rows = frozenset(wanted[: max(0, int(room_bytes / whole_bytes))])
+        return Plan(rows, rows, has_crops=False)
+    has_coarse = len(flags) * (crops_bytes + coarse_bytes) <= room_bytes
+    each_bytes = crops_bytes + (coarse_bytes if has_coarse else 0)
+    wholes = wanted[: max(0, int((room_bytes - len(flags) * each_bytes) / 2 / whole_bytes))]
+    rows = frozenset(wanted[: max(0, int((room_bytes - len(wholes) * whole_bytes) / each_bytes))])
+    return Plan(rows, frozenset(wholes), has_coarse=has_coarse)
 
 
 def evidence(
-    picture: ColourPicture, gauges: Sequence[DrawnGauge], places: dict[str, int], *, is_whole: bool = False
+    picture: ColourPicture,
+    gauges: Sequence[DrawnGauge],
+    places: dict[str, int],
+    *,
+    frame_px: int = 0,
+    has_crops: bool = True,
 ) -> Evidence:
     """Cut the pictures of one frame.
 
@@ -227,20 +256,22 @@ def evidence(
     picture : (H, W, 3) uint8
     gauges : as they lie in it; none where the panel was not found
     places : of each needle's name, its place among the page's needles
-    is_whole : whether the whole frame goes in too
+    frame_px : how large the whole frame goes in too, 0 for not at all
+    has_crops : whether each gauge is cut out by itself
     """
     height, width = picture.shape[:2]
     box = (0, 0, width, height)
     if not gauges:
-        return {"size": [width, height], "whole": _crop(picture, box, ENLARGED_PX if is_whole else WHOLE_PX)}
+        return {"size": [width, height], "whole": _crop(picture, box, frame_px or WHOLE_PX)}
+    found = [_gauge(picture, gauge, places, has_crop=has_crops) for gauge in gauges]
     return {
         "size": [width, height],
-        "gauges": [found for gauge in gauges if (found := _gauge(picture, gauge, places)) is not None],
-        **({"frame": _crop(picture, box, ENLARGED_PX)} if is_whole else {}),
+        "gauges": [gauge for gauge in found if gauge is not None],
+        **({"frame": _crop(picture, box, frame_px)} if frame_px else {}),
     }
 
 
-def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int]) -> Evidence | None:
+def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int], *, has_crop: bool) -> Evidence | None:
     height, width = picture.shape[:2]
     left, top, right, bottom = gauge.box_px
     x, y, reach = (left + right) / 2, (top + bottom) / 2, REACH * max(right - left, bottom - top) / 2
@@ -250,7 +281,11 @@ def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int]) ->
         return None
     return {
         "name": gauge.name,
-        **_crop(picture, (left, top, right, bottom), GAUGE_PX),
+        **(
+            _crop(picture, (left, top, right, bottom), GAUGE_PX)
+            if has_crop
+            else {"box": [left, top, right - left, bottom - top]}
+        ),
         "pivot": _rounded([gauge.pivot_px]),
         "rim": _rounded(gauge.rim_px[::RIM_STEP]),
         "needles": [
@@ -268,7 +303,7 @@ def _crop(picture: ColourPicture, box: tuple[int, int, int, int], size_px: int) 
     if smaller < 1.0:
         size = (max(1, round((right - left) * smaller)), max(1, round((bottom - top) * smaller)))
         part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return {"box": [left, top, right - left, bottom - top], "jpeg": jpeg_text(part)}
+    return {"box": [left, top, right - left, bottom - top], "px": max(part.shape[:2]), "jpeg": jpeg_text(part)}
 
 
 def jpeg_text(pixels: ColourPicture, quality: int = JPEG_QUALITY) -> str:

@@ -101,6 +101,19 @@ def test_evidence_enlarges_to_the_whole_frame(page: Page) -> None:
     page.locator("#enlarged-close").click()
 
 
+def test_of_a_panel_of_many_gauges_all_pictures_are_parts_of_the_whole_frame(open_report: OpenReport) -> None:
+    """One picture a frame, which the gauges show parts of, and which is what they enlarge to."""
+    panel = round_dials([f"dial_{number}_deg" for number in range(24)])
+    page = open_report(written(make_report(20, panel=panel)))
+    figures = page.locator("#evidence-strip figure")
+
+    expect(figures).to_have_count(24)
+    assert page.locator("#evidence-strip image").first.get_attribute("width") == "1024"
+    figures.first.locator("svg").click()
+    expect(page.locator("#enlarged-says")).to_have_text("The whole frame, made smaller.")
+    page.keyboard.press("Escape")
+
+
 def test_several_parameters_share_one_plot_and_each_unit_has_an_axis(page: Page) -> None:
     """Two in percent on one axis, a temperature on another: three curves, two axes with their units."""
     page.locator("#compare summary").click()

@@ -73,20 +73,21 @@ function figures(state, found, row, large) {
     const names = needles.map((needle) => `${needle.name} ${valueText(needle, row)}`).join(", ");
     const asked = gauge.needles.some(({ at }) => at === state.needle);
     return h("figure", { "data-gauge": gauge.name, class: asked ? "asked" : undefined },
-      picture(gauge, state.drawing ? drawing(flight, gauge, row) : [], `${gauge.name} in ${frameText(flight, row)}: ${names}`, large),
+      picture(gauge.jpeg ? gauge : { box: gauge.box, of: found.frame }, state.drawing ? drawing(flight, gauge, row) : [], `${gauge.name} in ${frameText(flight, row)}: ${names}`, large),
       h("figcaption", {}, ...needles.map((needle) => reading(flight, needle, row))));
   });
 }
 
-function picture({ box, jpeg }, shapes, words, large) {
-  const [left, top, width, height] = box;
+// A part of a frame: its own picture, or what the whole frame's shows there.
+function picture({ box, jpeg, of }, shapes, words, large) {
+  const [left, top, width, height] = of ? of.box : box;
   const onkeydown = (event) => {
     if (event.key !== "Enter") return;
     event.preventDefault(); // or it would press the button that then has the focus
     large();
   };
   return s("svg", { viewBox: box.join(" "), role: "img", "aria-label": `${words}; Enter shows the whole frame`, tabindex: "0", onclick: large, onkeydown },
-    s("image", { href: `data:image/jpeg;base64,${jpeg}`, x: left, y: top, width, height, preserveAspectRatio: "none" }),
+    s("image", { href: `data:image/jpeg;base64,${jpeg || of.jpeg}`, x: left, y: top, width, height, preserveAspectRatio: "none" }),
     ...shapes);
 }
 
