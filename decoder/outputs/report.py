@@ -14,6 +14,7 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -35,7 +36,7 @@ from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded
 from decoder.outputs.report_drawings import calibration_charts, panel_drawing
 from decoder.outputs.report_facts import AlignmentTrack, Order, alignment_tracks, order_of
-from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, find_flags, picture_plan
+from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, evidence, find_flags, picture_plan
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PictureError
