@@ -38,7 +38,8 @@ REACH = 1.22
 """How much of a gauge's surroundings is seen, in its radii."""
 GAUGE_PX = 160
 WHOLE_PX = 560
-ENLARGED_PX = 1280
+ENLARGED_PX = 1024
+FRAME_SHAPE = 3 / 4  # height over width, as cameras have it
 JPEG_QUALITY = 80
 BYTES_OF_PIXEL = 0.25  # what such a crop takes as JPEG, about
 RIM_STEP = 3
@@ -229,7 +230,7 @@ class Plan:
 def picture_plan(data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int) -> Plan:
     """Choose the pictures that go into so much room, about, the most wanted first: every flag's before any is large."""
     wanted = planned(data, flags)
-    whole_bytes, coarse_bytes = (size_px**2 * BYTES_OF_PIXEL for size_px in (ENLARGED_PX, WHOLE_PX))
+    whole_bytes, coarse_bytes = (size_px**2 * FRAME_SHAPE * BYTES_OF_PIXEL for size_px in (ENLARGED_PX, WHOLE_PX))
     crops_bytes = max(gauges, 1) * GAUGE_PX**2 * BYTES_OF_PIXEL * 4 / 3
     if crops_bytes >= whole_bytes / 2:
         rows = frozenset(wanted[: max(0, int(room_bytes / whole_bytes))])

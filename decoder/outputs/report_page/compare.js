@@ -65,7 +65,7 @@ class ManyPlot extends TimePlot {
       const further = Math.floor(place / 2);
       made[place ? `yaxis${place + 1}` : "yaxis"] = {
         ...plain_.yaxis, domain: [0, 1], range: undefined, autorange: true, title: { text: plain(unit || "no unit"), font: { size: 12, color: colours.quiet } }, automargin: false, showgrid: !place,
-        ...(place ? { overlaying: "y", side: isRight ? "right" : "left", anchor: further ? "free" : "x", ...(further ? { position: isRight ? 1 : 0 } : {}) } : {}),
+        ...(place ? { overlaying: "y", tickmode: "auto", side: isRight ? "right" : "left", anchor: further ? "free" : "x", ...(further ? { position: isRight ? 1 : 0 } : {}) } : {}),
       };
     });
     return made;
