@@ -15,6 +15,7 @@ from decoder.outputs.garmin_output import BY_NAME
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import parse_panel
+from decoder.panel.parameters import Column
 from decoder.timeseries.tables import read_mapping
 from recorder.config import parse_config
 from recorder.settings.cameras import PicameraSettings, Qx10Settings, RtspSettings, UvcSettings
@@ -61,8 +62,11 @@ def test_panel_examples_are_a_panel_and_gauges() -> None:
 
     assert parse_panel(panel).gauges[0].needles[0].covered_by == "fuel_fr_lb"
     assert examples
-    for example in examples:
-        assert Gauge.model_validate(yaml.safe_load(example)).name
+    for example in map(yaml.safe_load, examples):
+        if "columns" in example:
+            assert all(Column.model_validate(column) for column in example["columns"].values())
+        else:
+            assert Gauge.model_validate(example).name
 
 
 def test_name_mappings_are_such(tmp_path: Path) -> None:
