@@ -92,10 +92,15 @@ def _steps(data: FlightData, series: NeedleSeries) -> Iterator[Event]:
     nearby = _largest_nearby(np.abs(changes))
     in_turn = (np.diff(data.time_s[seen]) > 0) & (np.diff(data.time_s[seen]) <= WINDOW_S / 4)
     for at in np.flatnonzero(large & in_turn & (BACK_PART * np.abs(changes) > nearby)):
-        before, after = float(values[at]), float(values[at + 1])
-        unit = series.quantity.unit
-        words = f"from {before:.6g} to {after:.6g} {unit}".strip() + " within a frame, and stays"
+        before, after = (_text(series, float(values[place])) for place in (at, at + 1))
+        words = f"from {before} to {after} {series.quantity.unit}".strip() + " within a frame, and stays"
         yield Event(What.STEP, series.quantity.name, int(seen[at]), int(seen[at + 1]), words)
+
+
+def _text(series: NeedleSeries, value: float) -> str:
+    """Write a value: a state or a text as it is written."""
+    written = series.quantity.written
+    return f"{value:.6g}" if written is None else written.text_of(value)
 
 
 def _largest_nearby(changes: Floats) -> Floats:
