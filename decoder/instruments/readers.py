@@ -19,13 +19,15 @@ from decoder.instruments.kinds.card import CardKind
 from decoder.instruments.kinds.geared import told_together
 from decoder.instruments.kinds.lamp import LampKind
 from decoder.instruments.kinds.needle_dials import GearedKind, NeedleKind, StackKind
+from decoder.instruments.kinds.over_card import OverCardKind
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 
-KINDS: tuple[Kind, ...] = (NeedleKind(), GearedKind(), StackKind(), CardKind(), AttitudeKind(), LampKind())
+_NEEDLES: tuple[Kind, ...] = (NeedleKind(), GearedKind(), StackKind())
+KINDS: tuple[Kind, ...] = (*_NEEDLES, CardKind(), AttitudeKind(), OverCardKind(_NEEDLES), LampKind())
 
 
 def kind_of(gauge: Gauge) -> Kind:
@@ -48,7 +50,8 @@ class InstrumentReaders:
         self._gauges, self._unwrapper = gauges, unwrapper
         self.appearance, self.method = appearance, method
         plain = method is Method.XCORR  # then every needle is looked for by itself
-        self._kinds = [KINDS[0] if plain and gauge.needles else kind_of(gauge) for gauge in gauges]
+        kinds = [kind_of(gauge) for gauge in gauges]
+        self._kinds = [KINDS[0] if plain and isinstance(kind, NeedleKind) else kind for kind in kinds]
 
     @cached_property
     def sampler(self) -> GaugeSampler:

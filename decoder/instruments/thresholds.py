@@ -23,6 +23,8 @@
 | HUBER_SPREADS | 2.0 | sigma | tilts that are further off count less | Huber: 1.5 to 2 |
 | APART_DEG | 3.0 | degrees | needles further apart lie over other marks | the spacing of marks |
 | MIN_PLACES | 3 | places | beyond one a needle that a pivot must be told by | two unknowns, one to spare |
+| NEEDLE_PART | 0.015 | pixels | of its window that a needle fills at least | the thinnest of strangers' needles |
+| CLEAR_PART | 0.2 | 1 | of the contrast around a needle that no glint changes it by | by choice |
 | AT_HAND_PX | 2**18 | pixels | as many stay in a processor's cache until they are sampled | measured |
 """  # noqa: E501 - a table
 
@@ -49,4 +51,6 @@ MIN_TURN_DEG = 20.0
 HUBER_SPREADS = 2.0
 APART_DEG = 3.0
 MIN_PLACES = 3
+NEEDLE_PART = 0.015
+CLEAR_PART = 0.2
 AT_HAND_PX = 1 << 18

@@ -17,11 +17,9 @@ from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
+from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, FRAMES_TO_LEARN, NEEDLE_PART
 from decoder.learning.thresholds import (
-    CLEAR_PART,
     MOSTLY,
-    NEEDLE_PART,
     NOISE_LEVELS,
     NOISE_SPREADS,
     SEEN_PART,
@@ -94,7 +92,7 @@ def _may_be_bared(
 
 def _cut_needles(gauge: Gauge) -> list[Pointer]:
     """Name those that are cut from the panel picture."""
-    return [each for each in gauge.turning if each.hides_deg is not None]
+    return [each for each in gauge.over_face if each.hides_deg is not None]
 
 
 def _bared(

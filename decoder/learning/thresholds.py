@@ -17,8 +17,6 @@
 | SETTLED_LIFT | 0.01 | 1 | the same for lifts | 0.03 px where a dial moves by 3 |
 | NOISE_SPREADS | 6.0 | sigma | and these levels two pictures of the same differ by | beyond any chance |
 | NOISE_LEVELS | 12.0 | levels | and so many spreads | noise of JPEG pictures |
-| NEEDLE_PART | 0.015 | pixels | of its window that a needle fills at least | the thinnest of strangers' needles |
-| CLEAR_PART | 0.2 | 1 | of the contrast around a needle that no glint changes it by | by choice |
 | SEEN_PART | 0.4 | pixels | a needle that is seen elsewhere in a frame | most, but for reflections |
 | MOSTLY | 0.6 | frames | in which it must be seen elsewhere | more than half |
 """
@@ -38,7 +36,5 @@ SETTLED_PX = 0.03
 SETTLED_LIFT = 0.01
 NOISE_SPREADS = 6.0
 NOISE_LEVELS = 12.0
-NEEDLE_PART = 0.015
-CLEAR_PART = 0.2
 SEEN_PART = 0.4
 MOSTLY = 0.6

@@ -159,7 +159,9 @@ class _PlacedGauge:
             ),
         )
 
-    def _across(self, line: tuple[Polar, Polar], alignment: Alignment) -> tuple[Point, Point]:
+    def _across(self, line: tuple[Polar, Polar] | None, alignment: Alignment) -> tuple[Point, Point] | None:
+        if line is None:
+            return None
         ends = [self._grid.points_at(np.array([angle_deg]), np.array([px]))[:, 0, 0] for angle_deg, px in line]
         first_px, last_px = _in_frame(np.stack(ends, axis=1), alignment)
         return first_px, last_px

@@ -18,6 +18,7 @@ from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.kinds.card import Card
 from decoder.panel.kinds.lamp import Lamp
 from decoder.panel.kinds.needles import Needle, Needles
+from decoder.panel.kinds.over_card import OverCard
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
     MOST_POINTS,
@@ -86,9 +87,9 @@ class Gauge(Strict):
     wraps: Positive | None = None
     """What a full turn is worth, where values begin again after it; the sweep is then 360 degrees."""
     needles: Annotated[tuple[Needle, ...], Field(min_length=1, max_length=20)] = ()
-    """In any order; either these or one of what follows."""
+    """In any order; either these or one of what follows, or these over a card."""
     card: Card | None = None
-    """A scale that turns under a fixed index, instead of needles."""
+    """A scale that turns under a fixed index, by itself or under needles."""
     attitude: Attitude | None = None
     """A horizon that turns and shifts behind a window, instead of needles."""
     lamp: Lamp | None = None
@@ -136,7 +137,14 @@ class Gauge(Strict):
     def _given(self) -> list[DescribedKind]:
         """What is described on it: one kind, if the panel is right."""
         needles = Needles(self.needles) if self.needles else None
-        each: tuple[DescribedKind | None, ...] = (needles, self.card, self.attitude, self.lamp)
+        if needles is not None and self.card is not None:
+            each: tuple[DescribedKind | None, ...] = (
+                OverCard(self.card, Needles(self.needles, is_over_card=True)),
+                self.attitude,
+                self.lamp,
+            )
+        else:
+            each = (needles, self.card, self.attitude, self.lamp)
         return [kind for kind in each if kind is not None]
 
     @property
@@ -186,14 +194,19 @@ class Gauge(Strict):
         """What is drawn of it in pictures and in the report."""
         return self.kind.pointers()
 
-    def lines(self, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+    def lines(self, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
         """By quantity what its value looks like, where that is no pointer's line; `values` by quantity."""
         return self.kind.lines(self, values)
 
     @property
     def turning(self) -> tuple[Pointer, ...]:
-        """Those of its pointers that turn over its face."""
+        """Those of its pointers that turn."""
         return tuple(pointer for pointer in self.pointers if not pointer.is_fixed)
+
+    @property
+    def over_face(self) -> tuple[Pointer, ...]:
+        """Those that turn over a face which stands still."""
+        return self.turning if self.kind.has_still_face else ()
 
     @property
     def unwrapped_deg(self) -> tuple[float, float]:
@@ -248,7 +261,7 @@ class Gauge(Strict):
         first, last = self.sweep
         told: dict[str, object] = {
             "scale": marks_at(self.scale, true_deg),
-            self.kind.form.key: self.kind.at_angles(true_deg),
+            **self.kind.at_angles(true_deg),
         }
         if not self.is_round:
             told["sweep"] = (true_deg(first), true_deg(last))

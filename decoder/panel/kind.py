@@ -133,8 +133,10 @@ class DescribedKind(Protocol):
         """Return what is drawn of it."""
         ...
 
-    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
         """Return by quantity what its value looks like, from end to end, where that is no pointer's line.
+
+        None is one that has a line, but nobody knows where.
 
         Parameters
         ----------
@@ -153,8 +155,8 @@ class DescribedKind(Protocol):
         """Return the pictures that it needs besides the panel picture, by their paths below the gauge."""
         ...
 
-    def at_angles(self, true_deg: Callable[[float], float]) -> object:
-        """Return what stands under its key in a gauge, each drawn angle exchanged for the true one."""
+    def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
+        """Return what stands under its keys in a gauge, each drawn angle exchanged for the true one."""
         ...
 
     @staticmethod

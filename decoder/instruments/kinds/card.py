@@ -52,7 +52,7 @@ from decoder.matching.thresholds import (
     NOISE_LEVELS,
     SCORE_THRESHOLD,
 )
-from decoder.panel.arrays import Floats
+from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.vocabulary import Method
@@ -106,17 +106,18 @@ class CardReader:
 
     def read(self, strips: Floats) -> list[Reading]:
         """Read the card on the gauge in F frames: (F, R, C) float32."""
-        return [self._reading(strip) for strip in strips]
+        return [self.reading(self.turn(strip)) for strip in strips]
 
-    def turn(self, unwrapped: UnwrappedGauge) -> Turn:
-        """Tell how far the card has turned from where it lies in the panel picture."""
-        return self.lit_turn(evenly_lit(unwrapped, self._grid))
+    def turn(self, unwrapped: UnwrappedGauge, hidden: Mask | None = None) -> Turn:
+        """Tell how far the card has turned from where it lies in the panel picture; (P, C) tells where it is hidden."""
+        return self.lit_turn(evenly_lit(unwrapped, self._grid), hidden)
 
-    def lit_turn(self, seen: Floats) -> Turn:
+    def lit_turn(self, seen: Floats, hidden: Mask | None = None) -> Turn:
         """As `turn`, of one turn of the dial, (P, C), without the light on it."""
         scores = self._scores(seen)
         best = int(scores.argmax())
-        row, sigma_rows, score = self._fitted(seen, float(best))
+        shown = self._picture.weights if hidden is None else np.where(hidden, np.float32(0.0), self._picture.weights)
+        row, sigma_rows, score = self._fitted(seen, float(best), shown)
         alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(float(scores[best]), 1.0) ** 2)
         return Turn(row, sigma_rows, score, alone)
 
@@ -181,8 +182,8 @@ class CardReader:
         gradient: Floats = outward * out[:, None] + sideways * side[:, None]
         return gradient
 
-    def _reading(self, strip: UnwrappedGauge) -> Reading:
-        turn = self.turn(strip)
+    def reading(self, turn: Turn) -> Reading:
+        """Tell what stands under the index of a card that has turned so far."""
         angle_deg = self._index_deg - turn.rows * self._grid.step_deg
         angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
         # Of a card that the flight did not teach, what stands still over it may match as well as the card does.
@@ -215,12 +216,12 @@ class CardReader:
         elsewhere = np.roll(scores, -best)[reach:-reach]
         return float(elsewhere.max(initial=0.0))
 
-    def _fitted(self, seen: Floats, row: float) -> tuple[float, float, float]:
-        """Row, spread and score by least squares for gain, offset and shift.
+    def _fitted(self, seen: Floats, row: float, shown_there: Floats) -> tuple[float, float, float]:
+        """Row, spread and score by least squares for gain, offset and shift, with weights (P, C).
 
         Outliers have no weight in the row, but all the weight in the score: few pixels match many places.
         """
-        start, weights, sigma_rows, score = row, self._picture.weights, math.inf, 0.0
+        start, weights, sigma_rows, score = row, shown_there, math.inf, 0.0
         columns = np.ones((3, seen.size), np.float32)
         shown, slope = columns[:2].reshape(2, *seen.shape)
         for _ in range(FIT_STEPS):
@@ -240,9 +241,9 @@ class CardReader:
             left = seen - (solution.astype(np.float32) @ columns).reshape(seen.shape)
             noise = float((weights * left**2).sum() / weights.sum())
             sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
-            score = weighted_correlation(seen, left, self._picture.weights)
+            score = weighted_correlation(seen, left, shown_there)
             row += step_rows
-            weights = self._picture.weights * explained(left, self._picture.weights)
+            weights = shown_there * explained(left, shown_there)
             if abs(step_rows) < STILL_ROWS:
                 break
         return row, sigma_rows, score
@@ -341,7 +342,7 @@ def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequen
         reader = CardReader(gauge, grid, known)
         found = [(seen, reader.lit_turn(seen)) for seen in lit]
         views = [(seen, turn.rows) for seen, turn in found if turn.score >= LIKELY_SCORE]
-        if len(views) < FRAMES_TO_LEARN or _spread_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
+        if len(views) < FRAMES_TO_LEARN or arc_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
             return None
         known = _learned(views)
     reader = CardReader(gauge, grid, known)
@@ -362,7 +363,7 @@ def _learned(views: Sequence[tuple[Floats, float]]) -> CardPicture:
     return CardPicture(middle, weights.astype(np.float32))
 
 
-def _spread_deg(rows: Sequence[float], grid: PolarGrid) -> float:
+def arc_deg(rows: Sequence[float], grid: PolarGrid) -> float:
     """Return the arc that the card went through, degrees."""
     angles_deg = np.sort(np.mod(np.array(rows) * grid.step_deg, FULL_CIRCLE_DEG))
     gaps = np.diff(np.append(angles_deg, angles_deg[0] + FULL_CIRCLE_DEG))
@@ -397,7 +398,7 @@ class CardKind:
     is_searched = False
 
     def owns(self, gauge: Gauge) -> bool:
-        return gauge.card is not None
+        return gauge.card is not None and not gauge.needles
 
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method

@@ -50,13 +50,18 @@ class _FoundReader:
         return readings_of(self._finder.read(frames), self._needles, place_sigmas_deg[:, self._gauges])
 
 
+def _has_still_face(gauge: Gauge) -> bool:
+    """Whether a gauge has needles, and no card below them."""
+    return bool(gauge.needles) and gauge.card is None
+
+
 class NeedleKind:
     """Needles that are read one by one, or as a pair by the pixels around it."""
 
     is_searched = True
 
     def owns(self, gauge: Gauge) -> bool:
-        return bool(gauge.needles) and is_simple(gauge)
+        return _has_still_face(gauge) and is_simple(gauge)
 
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method
@@ -143,7 +148,7 @@ class StackKind(NeedleKind):
     is_searched = False
 
     def owns(self, gauge: Gauge) -> bool:
-        return bool(gauge.needles) and not is_simple(gauge)
+        return _has_still_face(gauge) and not is_simple(gauge)
 
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method

@@ -68,9 +68,9 @@ class Card(Strict):
         """Return none: what it looks like is in the panel picture."""
         return {}
 
-    def at_angles(self, true_deg: Callable[[float], float]) -> Card:
+    def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return it with its index at its true angle; its marks are the gauge's."""
-        return self.model_copy(update={"index": true_deg(self.index)})
+        return {self.form.key: self.model_copy(update={"index": true_deg(self.index)})}
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:

@@ -67,9 +67,9 @@ class Lamp(Strict):
         """Return none: what it looks like is in the panel picture."""
         return {}
 
-    def at_angles(self, _: Callable[[float], float]) -> Lamp:
-        """Return it as it is."""
-        return self
+    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
+        """Return nothing: it has no angles."""
+        return {}
 
     @staticmethod
     def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:

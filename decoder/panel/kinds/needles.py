@@ -71,6 +71,8 @@ class Needle(Strict):
     """Its own, where it shows another thing than the gauge."""
     wraps: Positive | None = None
     """Its own, beside its own scale."""
+    on_card: Name | None = None
+    """Of a needle with its own scale over a `card`: the column of what stands on the card where it points."""
     max_rate: Positive | None = None
     """How fast its value can change, in its unit a second; what is faster is listed among the outliers."""
 
@@ -105,10 +107,13 @@ class Needles:
     has_still_face: ClassVar[bool] = True
 
     each: tuple[Needle, ...]
+    is_over_card: bool = False
 
     def check(self, dial: Dial) -> None:
-        """ValueError where a tail is in no template, or needles cover each other in a circle."""
+        """ValueError where a tail is in no template, needles cover each other in a circle, or a card is missing."""
         for needle in self.each:
+            if needle.on_card is not None and not self.is_over_card:
+                raise ValueError(f"needle {needle.name}: `on_card` needs a `card` on the same gauge")
             if dial.tail and needle.template.at is None:
                 raise ValueError(f"needle {needle.name}: with `tail` a template needs `at`; a cropped needle has none")
         above = {needle.name: needle.covered_by for needle in self.each}
@@ -169,9 +174,9 @@ class Needles:
             if needle.template.picture is not None
         }
 
-    def at_angles(self, true_deg: Callable[[float], float]) -> tuple[Needle, ...]:
+    def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return the needles, cut at their true angles, with their own marks at theirs."""
-        return tuple(needle.at_angles(true_deg) for needle in self.each)
+        return {self.form.key: tuple(needle.at_angles(true_deg) for needle in self.each)}
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:
@@ -179,7 +184,11 @@ class Needles:
         for needle in gauge["needles"]:
             template = needle["template"]
             if template.get("at") is not None:
-                template["at"] = round(angles_deg.get(needle["name"], template["at"]) + turn_deg, 4)
+                read_deg = angles_deg.get(needle["name"])
+                card = gauge.get("card")
+                if read_deg is not None and card and not needle.get("scale"):  # it was read on the card
+                    read_deg += card["index"] - angles_deg.get(card["name"], card["index"])
+                template["at"] = round((template["at"] if read_deg is None else read_deg) + turn_deg, 4)
             if needle.get("scale"):
                 needle["scale"] = turned(needle["scale"], turn_deg)
         return 0.0

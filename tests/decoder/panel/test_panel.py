@@ -77,7 +77,7 @@ WRONG = [
     ("gauges.1.needles.0.wraps", 10, "gauges[1].needles[0]", "needs a `scale` beside it"),
     ("gauges.1.needles.0.scale", [[120, 0], [120, 3]], "gauges[1].needles[0].scale", "monotone"),
     ("gauges.1.needles", None, "gauges[1]", "needs either `needles` or a `card`"),
-    ("gauges.1.card", {"name": "x_deg", "index": 270}, "gauges[1]", "needs either `needles` or a `card`"),
+    ("gauges.1.card", {"name": "x_deg", "index": 270}, "gauges[1]", "a `card` goes all the way round"),
     ("gauges.1.stops", [130, 430], "gauges[1]", "`stops` must hold the `sweep`"),
     ("gauges.1.stops", [80, 441], "gauges[1]", "`stops` must hold the `sweep`"),
     ("gauges.1.needles", [], "gauges[1].needles", "at least 1"),

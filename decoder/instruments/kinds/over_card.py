@@ -1,0 +1,492 @@
+"""Needles and bugs over a card that turns: each is read in the card's own frame.
+
+First the card is read, as it is by itself. Turned back by that the dial has a face that stands still, the card, and
+over it turn needles, as on any other dial: they are found, learned and doubted as needles are. What stands on the card
+below a needle is its angle there; where it points on the dial is that and the card's turn. A needle hides a part of
+the card: once it is found the card is read again without what lies below it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from decoder.imaging.unwrapping import (
+    PolarGrid,
+    UnwrappedGauge,
+    Unwrapper,
+    needle_places,
+    row_of_angle,
+    turn_rows,
+)
+from decoder.instruments.appearance import (
+    Appearance,
+    CardPicture,
+    DrawnInstrument,
+    Instrument,
+    LearnedPicture,
+    Look,
+    face_behind,
+    needles_in_picture,
+)
+from decoder.instruments.kind import Kind
+from decoder.instruments.kinds.card import (
+    CardReader,
+    Turn,
+    arc_deg,
+    first_card,
+    learn_card,
+    turned,
+)
+from decoder.instruments.needle_learner import NeedleLearner
+from decoder.instruments.reading import Reading, Readings, Status
+from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
+from decoder.instruments.thresholds import (
+    CLEAR_PART,
+    CLEARLY_WORSE,
+    FRAMES_TO_LEARN,
+    LIKELY_SCORE,
+    MIN_TURN_DEG,
+    NEEDLE_PART,
+    SURE_SCORE,
+)
+from decoder.matching.correlation import normxcorr
+from decoder.matching.needle_layer import layer_over
+from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.pivot_search import card_pivot
+from decoder.matching.strips import rows_at
+from decoder.matching.thresholds import MIN_CONTRAST_PART, NOISE_LEVELS, OUTLIER_SPREADS, SCORE_THRESHOLD
+from decoder.panel.arrays import Floats, Mask
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.panel.vocabulary import Method
+from decoder.registration.pivot import Pivot
+
+ROUNDS = 3
+# Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
+ELSEWHERE = 3
+LIGHT_PASSES = 2
+# By so much the panel picture may be sharper than frames, or these than it.
+BLURS_PX = (0.0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
+
+
+@dataclass(frozen=True, slots=True)
+class OverCardPicture:
+    """What a card under needles looks like.
+
+    Attributes
+    ----------
+    card
+        As it is read.
+    face
+        (R, C) float32: the dial with the card as it lies in the panel picture, on the gauge's grid, without needles.
+    templates
+        By needle.
+    drawn
+        (R, C) float32: the panel picture, needles and all.
+    doubted
+        Needles that no frame tells from what lies behind them in the panel picture.
+    """
+
+    card: CardPicture
+    face: UnwrappedGauge
+    templates: Mapping[str, NeedleTemplate]
+    drawn: UnwrappedGauge
+    doubted: frozenset[str]
+
+
+@dataclass(frozen=True)
+class _Dial:
+    """One gauge on its grid, which is more than a turn and may reach across the centre; and the card's part of it."""
+
+    gauge: Gauge
+    grid: PolarGrid
+    needle_kinds: Sequence[Kind]
+
+    @property
+    def bare_gauge(self) -> Gauge:
+        """What it is in the card's frame: needles over a face that stands still."""
+        return self.gauge.model_copy(update={"card": None})
+
+    @property
+    def needle_kind(self) -> Kind:
+        """How needles are read there."""
+        return next(kind for kind in self.needle_kinds if kind.owns(self.bare_gauge))
+
+    @property
+    def rows(self) -> int:
+        """How many rows are one turn."""
+        return round(FULL_CIRCLE_DEG / self.grid.step_deg)
+
+    @property
+    def card_grid(self) -> PolarGrid:
+        """The part of the grid on which the card is read: one turn, from the centre outwards."""
+        tail = self.grid.tail_columns
+        return replace(self.grid, rows=self.rows + 1, columns=self.grid.columns - tail, tail_columns=0)
+
+    def card_part(self, strip: Floats) -> Floats:
+        """(P, C): the card's part of a gauge, (R, C + tail)."""
+        return strip[: self.rows, self.grid.tail_columns :]
+
+    def whole(self, part: Floats) -> Floats:
+        """(R, C + tail): a gauge by its card's part, which holds all of it once."""
+        tail = self.grid.tail_columns
+        across = np.roll(part, self.rows // 2, axis=0)[:, :tail][:, ::-1]
+        return np.concatenate([across, part], axis=1)[np.arange(self.grid.rows) % self.rows]
+
+    def blurred(self, strip: UnwrappedGauge, blur_px: float) -> UnwrappedGauge:
+        """(R, C + tail): a gauge as a lens shows it that blurs by so many pixels."""
+        if blur_px == 0.0:
+            return strip
+        part, grid = self.card_part(strip), self.card_grid
+        row_px = math.radians(grid.step_deg) * float(grid.radii_px.mean())
+        across, along = blur_px / grid.column_px, blur_px / row_px
+        around = cv2.GaussianBlur(
+            np.concatenate([part] * 3), (0, 0), across, sigmaY=along, borderType=cv2.BORDER_REPLICATE
+        )
+        return self.whole(np.asarray(around[self.rows : 2 * self.rows], np.float32))
+
+    def with_rows(self, strip: UnwrappedGauge, first: int, rows: Floats) -> UnwrappedGauge:
+        """(R, C + tail): a gauge with other rows from one on, everywhere where these show."""
+        tail, part = self.grid.tail_columns, self.card_part(strip).copy()
+        where = (first + np.arange(len(rows))) % self.rows
+        part[where] = rows[:, tail:]
+        part[(where + self.rows // 2) % self.rows, :tail] = rows[:, :tail][:, ::-1]
+        return self.whole(part)
+
+    def hidden(self, templates: Mapping[str, NeedleTemplate], found: Mapping[str, Reading], rows: float) -> Mask:
+        """(P, C): where needles that were found in the card's frame hide a card that has turned so far."""
+        hidden = np.zeros((self.grid.rows, self.grid.columns), bool)
+        for name, reading in found.items():
+            if reading.status is not Status.MISSING:
+                row = row_of_angle(self.grid, reading.angle_deg)
+                hidden |= needle_places(self.grid, templates[name].touched, row, turn_rows(self.gauge, self.grid))
+        return np.roll(self.card_part(hidden), round(rows), axis=0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Card and needles in one frame.
+
+    Attributes
+    ----------
+    turn
+        The card's, without what needles hide.
+    back_rows, back
+        By how much the gauge was turned back to find needles, and (R, C) what it was then.
+    found
+        By needle, in the card's frame.
+    """
+
+    turn: Turn
+    back_rows: float
+    back: UnwrappedGauge
+    found: Mapping[str, Reading]
+
+
+class OverCardReader:
+    """Reads card and needles of one gauge."""
+
+    def __init__(self, dial: _Dial, picture: OverCardPicture, method: Method, evenly_lit_score: float) -> None:
+        self._dial, self._picture = dial, picture
+        self._card = CardReader(dial.gauge, dial.card_grid, picture.card)
+        self._sampler = GaugeSampler(Unwrapper([dial.grid]), [0])
+        self._needles = dial.needle_kind.reader(
+            [Instrument(0, dial.bare_gauge, dial.grid, picture.face)],
+            Appearance(picture.templates, (picture.face,), evenly_lit_score),
+            self._sampler,
+            method,
+        )
+
+    def turn(self, strip: UnwrappedGauge) -> Turn:
+        """Tell how far the card has turned in a gauge (R, C), needles and all."""
+        return self._card.turn(self._dial.card_part(strip))
+
+    def on_card(self, backs: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
+        """Find needles in gauges (R, C) that are turned back; `place_sigmas_deg` (F, 1) as of `Reader`."""
+        return self._needles.read([self._sampler.of_unwrapped([back]) for back in backs], place_sigmas_deg)
+
+    def read(self, strips: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
+        """Read all quantities in F gauges (R, C)."""
+        sigmas_deg = place_sigmas_deg[:, 0].tolist()
+        return [
+            self._readings(seen, sigma_deg)
+            for seen, sigma_deg in zip(self.seen(strips, place_sigmas_deg), sigmas_deg, strict=True)
+        ]
+
+    def seen(self, strips: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> list[_Seen]:
+        """Find card and needles in F gauges (R, C)."""
+        first = [self.turn(strip) for strip in strips]
+        backs = [self.turned_back(strip, turn) for strip, turn in zip(strips, first, strict=True)]
+        found = self.on_card(backs, place_sigmas_deg)
+        parts = zip(strips, first, backs, found, strict=True)
+        return [_Seen(self._turn_without(strip, turn, own), turn.rows, back, own) for strip, turn, back, own in parts]
+
+    def _turn_without(self, strip: UnwrappedGauge, turn: Turn, found: Mapping[str, Reading]) -> Turn:
+        """Read a card again that has turned about so far, without what needles hide."""
+        hidden = self._dial.hidden(self._picture.templates, found, turn.rows)
+        if not hidden.any():
+            return turn
+        # All of a turn is needed to tell the light on it.
+        return self._card.turn(self._with_card(self._dial.card_part(strip), turn, hidden), hidden)
+
+    def turned_back(self, strip: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:
+        """(R, C): a gauge turned back; the card, as it is turned, in the place of what stands still over it."""
+        over = self._picture.card.weights < MIN_CONTRAST_PART
+        seen = self._dial.card_part(strip)
+        return self._dial.whole(turned(self._with_card(seen, turn, over) if over.any() else seen, -turn.rows))
+
+    def _with_card(self, seen: UnwrappedGauge, turn: Turn, instead: Mask) -> UnwrappedGauge:
+        """(P, C): one turn of a dial with the card in the place of some of it, in the light of the rest."""
+        face = turned(self._dial.card_part(self._picture.face), turn.rows)
+        rest = np.stack([face[~instead], np.ones(int((~instead).sum()), np.float32)])
+        gain, offset = np.linalg.lstsq(rest.T, seen[~instead], rcond=None)[0].tolist()
+        return np.where(instead, gain * face + offset, seen).astype(np.float32)
+
+    def _readings(self, seen: _Seen, place_sigma_deg: float) -> dict[str, Reading]:
+        """Tell all quantities."""
+        turn, found = seen.turn, seen.found
+        gauge, step_deg = self._dial.gauge, self._dial.grid.step_deg
+        card = self._card.reading(turn)
+        readings = {gauge.quantities[0].name: card.in_place_within(place_sigma_deg)}
+        first_deg = gauge.sweep[0]
+        for needle in gauge.needles:
+            own = found[needle.name]
+            is_sure = own.score >= SURE_SCORE or needle.name not in self._picture.doubted
+            status = own.status if is_sure else Status.MISSING
+            at_deg = own.angle_deg + seen.back_rows * step_deg
+            on_card = Reading(
+                status if card.status is Status.READ else Status.MISSING,
+                first_deg + (at_deg - turn.rows * step_deg - first_deg) % FULL_CIRCLE_DEG,
+                math.hypot(own.sigma_deg, card.sigma_deg),
+                own.score,
+            )
+            if needle.scale is None:
+                readings[needle.name] = on_card
+                continue
+            at_deg = first_deg + (at_deg - first_deg) % FULL_CIRCLE_DEG
+            readings[needle.name] = Reading(status, at_deg, own.sigma_deg, own.score)
+            if needle.on_card is not None:
+                readings[needle.on_card] = on_card
+        return readings
+
+
+def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCardPicture) -> OverCardPicture:
+    """Return card, face and needles from frames (R, C) in the panel picture's light, as far as these tell.
+
+    A card that hardly turned is known only with what stands still over it, but without the needles.
+    """
+    card = learn_card(dial.gauge, dial.card_grid, [dial.card_part(strip) for strip in strips], given.card)
+    given = _without_overlays(dial, replace(given, card=card), strips)
+    known = given
+    for number in range(ROUNDS):
+        reader = OverCardReader(dial, known, Method.NORMXCORR, SCORE_THRESHOLD)
+        seen = [each for each in reader.seen(strips, np.zeros((len(strips), 1))) if each.turn.score >= LIKELY_SCORE]
+        if len(seen) < FRAMES_TO_LEARN:
+            return given
+        usual = np.median([each.back for each in seen], axis=0)
+        views = [(in_light(usual, each.back), each.found) for each in seen]
+        if number == 0:
+            known, apart = _bared(dial, known, [back for back, _ in views])
+            views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
+            given = known
+        known = _learned(dial, given, known, views)
+    return known
+
+
+def _without_overlays(dial: _Dial, known: OverCardPicture, strips: Sequence[UnwrappedGauge]) -> OverCardPicture:
+    """Show the card, as frames (R, C) have it, where something stands still over it in the panel picture."""
+    over = known.card.weights < MIN_CONTRAST_PART
+    if not over.any():
+        return known
+    reader = CardReader(dial.gauge, dial.card_grid, known.card)
+    parts = [dial.card_part(strip) for strip in strips]
+    middle = np.median([turned(part, -reader.turn(part).rows) for part in parts], axis=0)
+    face = np.where(over, middle, dial.card_part(known.face)).astype(np.float32)
+    return replace(known, face=dial.whole(face))
+
+
+def _learned(
+    dial: _Dial,
+    given: OverCardPicture,
+    known: OverCardPicture,
+    views: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading]]],
+) -> OverCardPicture:
+    """Learn needles and what lies below them from gauges (R, C) that are turned back, with what was found in each."""
+    backs, found = [back for back, _ in views], [own for _, own in views]
+    turn = turn_rows(dial.gauge, dial.grid)
+    learner = NeedleLearner(dial.gauge.turning, dial.grid, turn, backs, given.face, given.templates)
+    face = learner.face(found, known.templates)
+    templates = {**known.templates, **learner.templates(found, known.templates, face)}
+    card = known.card if known.card.is_learned else first_card(dial.card_part(face), dial.card_grid)
+    return replace(known, card=card, face=face, templates=templates)
+
+
+def _bared(
+    dial: _Dial, given: OverCardPicture, backs: Sequence[UnwrappedGauge]
+) -> tuple[OverCardPicture, list[dict[str, Reading]]]:
+    """Show the card behind the panel picture's needles, as those frames have it that differ most from the picture.
+
+    A dim needle is cut with brighter marks behind it, and these would match themselves in every frame.
+    """
+    usual = np.median(backs, axis=0).astype(np.float32)
+    picture_px, frames_px = _blurs_px(dial, given.drawn, usual)
+    both = np.stack([dial.blurred(given.drawn, picture_px), dial.blurred(given.face, picture_px)])
+    picture, face = in_light(dial.blurred(usual, frames_px), both[0], both)
+    backs = [dial.blurred(back, frames_px) for back in backs]
+    templates, doubted = dict(given.templates), set()
+    for needle in dial.gauge.turning:
+        if needle.at_deg is None or needle.hides_deg is None:
+            continue
+        cut = templates[needle.name]
+        first = round(row_of_angle(dial.grid, needle.at_deg)) - (cut.rows - 1) // 2
+        rows = slice(first, first + cut.rows)
+        drawn, views = picture[rows], np.stack([back[rows] for back in backs])
+        other = np.argsort(np.square(views - drawn).mean(axis=(1, 2)))[-math.ceil(len(views) / ELSEWHERE) :]
+        behind = np.median(views[other], axis=0).astype(np.float32)
+        low, high = np.quantile(drawn, (0.02, 0.98))
+        clear = max(OUTLIER_SPREADS * NOISE_LEVELS, CLEAR_PART * float(high - low))
+        if float((np.abs(drawn - behind) > clear).mean()) <= NEEDLE_PART:
+            doubted.add(needle.name)
+            continue
+        face = dial.with_rows(face, first, behind)
+        axis_rows = row_of_angle(dial.grid, needle.at_deg) + np.arange(cut.rows) - (cut.rows - 1) / 2
+        there = face_behind(face, dial.grid, needle.at_deg, cut.rows)
+        templates[needle.name] = layer_over(rows_at(picture, axis_rows), there, cut.step_deg)
+    bared = replace(given, face=face, templates=templates, doubted=frozenset(doubted))
+    return bared, [_found_apart(dial, bared, back) for back in backs]
+
+
+def in_light(wanted: Floats, seen: Floats, what: Floats | None = None) -> Floats:
+    """Bring a picture, or another that was taken in its light, into the light of another one of the same, (R, C)."""
+    gain, offset, is_like = 1.0, 0.0, np.ones(seen.shape, bool)
+    for _ in range(LIGHT_PASSES):
+        gain, offset = np.polyfit(seen[is_like], wanted[is_like], 1).tolist()
+        left = np.abs(gain * seen + offset - wanted)
+        is_like = left <= OUTLIER_SPREADS * max(float(left.std()), NOISE_LEVELS)
+    lit: Floats = (gain * (seen if what is None else what) + offset).astype(np.float32)
+    return lit
+
+
+def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
+    """By how much the panel picture, and by how much frames, must be blurred to be as sharp as the other; pixels."""
+    ways = [(blur_px, 0.0) for blur_px in BLURS_PX] + [(0.0, blur_px) for blur_px in BLURS_PX]
+    pairs = [(dial.blurred(drawn, picture_px), dial.blurred(usual, frames_px)) for picture_px, frames_px in ways]
+    left = [float(np.abs(frame - in_light(frame, picture)).mean()) for picture, frame in pairs]
+    return ways[int(np.argmin(left))]
+
+
+def _found_apart(dial: _Dial, known: OverCardPicture, back: UnwrappedGauge) -> dict[str, Reading]:
+    """By needle that is not doubted where a gauge (R, C) differs from the bare card as the panel picture does.
+
+    One picture does not tell how a needle looks over other marks, but where it makes the card another one.
+    """
+    grid, found = dial.grid, {}
+    left = np.abs(back - known.face)
+    for needle in dial.gauge.turning:
+        if needle.name in known.doubted or needle.at_deg is None:
+            continue
+        cut = known.templates[needle.name]
+        axis = (cut.rows - 1) // 2
+        there = np.abs(cut.pixels - face_behind(known.face, grid, needle.at_deg, cut.rows))
+        scores = normxcorr(left, there, np.ones_like(there))[: dial.rows]
+        best = int(scores.argmax())
+        rival = np.roll(scores, -best)[cut.rows : -cut.rows].max(initial=0.0)
+        is_sure = scores[best] >= LIKELY_SCORE and CLEARLY_WORSE * rival**2 < scores[best] ** 2
+        status = Status.READ if is_sure else Status.MISSING
+        found[needle.name] = Reading(status, grid.angle_deg(best + axis), grid.step_deg, float(scores[best]))
+    return found
+
+
+class _OverCards:
+    def __init__(self, readers: Sequence[tuple[int, OverCardReader]], sampler: GaugeSampler) -> None:
+        self._readers, self._sampler = readers, sampler
+
+    def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
+        readings: Readings = [{} for _ in frames]
+        for index, reader in self._readers:
+            strips = list(self._sampler.strips(frames, index))
+            for frame, own in zip(readings, reader.read(strips, place_sigmas_deg[:, [index]]), strict=True):
+                frame.update(own)
+        return readings
+
+
+def _name(gauge: Gauge) -> str:
+    """Under which what is learned of it stands: its card's."""
+    return gauge.quantities[0].name
+
+
+class OverCardKind:
+    """Needles over a card that turns; `needle_kinds` say how needles are read that turn over a face."""
+
+    is_searched = False
+
+    def __init__(self, needle_kinds: Sequence[Kind]) -> None:
+        self._needle_kinds = needle_kinds
+
+    def _dial(self, gauge: Gauge, grid: PolarGrid) -> _Dial:
+        return _Dial(gauge, grid, self._needle_kinds)
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.card is not None and bool(gauge.needles)
+
+    def reader(
+        self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method
+    ) -> _OverCards:
+        readers = [
+            (
+                own.index,
+                OverCardReader(
+                    self._dial(own.gauge, own.grid),
+                    appearance.pictures[_name(own.gauge)],
+                    method,
+                    appearance.evenly_lit_score,
+                ),
+            )
+            for own in instruments
+        ]
+        return _OverCards(readers, sampler)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        dial = self._dial(drawn.gauge, drawn.grid)
+        look = needles_in_picture(drawn)
+        card = first_card(dial.card_part(look.face), dial.card_grid)
+        every = frozenset(look.templates)
+        return replace(
+            look, pictures={_name(drawn.gauge): OverCardPicture(card, look.face, look.templates, drawn.strip, every)}
+        )
+
+    def learned_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        name = _name(instrument.gauge)
+        return {name: learn_over_card(self._dial(instrument.gauge, instrument.grid), strips, known[name])}
+
+    def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
+        """Return where the card turns, or, where it stands still, the needles."""
+        dial = self._dial(instrument.gauge, instrument.grid)
+        picture: OverCardPicture = appearance.pictures[_name(dial.gauge)]
+        reader = CardReader(dial.gauge, dial.card_grid, picture.card)
+        turns = [reader.turn(dial.card_part(strip)) for strip, _, _ in frames]
+        rows = [turn.rows for turn in turns if turn.score >= SCORE_THRESHOLD]
+        if not rows or arc_deg(rows, dial.grid) >= MIN_TURN_DEG:
+            return reader.pivot([dial.card_part(strip) for strip, _, _ in frames])
+        still = replace(instrument, gauge=dial.bare_gauge, face=picture.face)
+        templates = {**appearance.templates, **picture.templates}
+        own = dial.needle_kind.pivot(still, replace(appearance, templates=templates), frames)
+        return replace(own, own_px={})  # lines are held against pivots on faces that stand still alone
+
+    def far_pivot(
+        self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
+    ) -> tuple[float, float] | None:
+        dial = self._dial(instrument.gauge, instrument.grid)
+        return card_pivot(dial.card_grid, [dial.card_part(strip) for strip in strips])
+
+    def seen_deg(
+        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        return []

@@ -1,0 +1,159 @@
+"""Needles and bugs over a turning card: what they show on the dial, and on the card below them."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.reading import Reading, Status
+from decoder.learning.fit import fit_to_flight
+from decoder.panel.errors import PanelError
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import Scale, shortest
+from tests.decoder.instruments.dials import Canvas, Hand, reader_for
+from tests.decoder.instruments.test_cards import CARD, INDEX_DEG, PANEL_TURN_DEG, draw, heading_of
+
+BUG_LEVEL = 105.0
+PANEL_BUG, PANEL_BEARING_DEG = 60.0, 200.0
+BUG: dict[str, Any] = {
+    **CARD,
+    "needles": [{"name": "bug_deg", "template": {"at": INDEX_DEG + PANEL_TURN_DEG + PANEL_BUG, "span": 20}}],
+}
+POINTER: dict[str, Any] = {
+    **CARD,
+    "radius": [14, 70],
+    "tail": True,
+    "needles": [
+        {
+            "name": "bearing_deg",
+            "template": {"at": PANEL_BEARING_DEG, "span": 16},
+            "scale": [[INDEX_DEG, 0], [INDEX_DEG + 180, 180]],
+            "wraps": 360,
+            "on_card": "track_deg",
+        }
+    ],
+}
+ARROW = Hand(tip=62.0, tail=44.0)
+
+
+def with_bug(turn_deg: float, bug: float | None, seed: int = 0, level: float = BUG_LEVEL) -> GreyPicture:
+    """Draws the card with a bug on it, darker than its marks, at a heading."""
+
+    def over(canvas: Canvas) -> None:
+        if bug is not None:
+            at_deg = INDEX_DEG + turn_deg + bug
+            canvas.bar(at_deg, (52.0, 70.0), (2.0, 4.5), level)
+
+    return draw(turn_deg, seed, over)
+
+
+def with_pointer(turn_deg: float, at_deg: float, seed: int = 0) -> GreyPicture:
+    """Draws the card with a pointer over it."""
+    return draw(turn_deg, seed, lambda canvas: canvas.hand(ARROW, at_deg))
+
+
+def fitted(gauge: dict[str, Any], first: GreyPicture, frames: Sequence[GreyPicture]) -> PanelReader:
+    """A reader fitted to a flight."""
+    return fit_to_flight(reader_for([gauge], first), lambda _: frames).reader
+
+
+def off(reading: Reading, marks: Sequence[Sequence[float]], truth: float) -> float:
+    """How far a reading is off the short way round."""
+    marks_ = tuple((float(at), float(value)) for at, value in marks)
+    value = Scale.of(marks_, 360.0).values_at(np.array([reading.angle_deg]))
+    return float(abs(shortest(value - truth, 360.0))[0])
+
+
+@pytest.fixture(scope="module")
+def bugged() -> PanelReader:
+    """A reader of a card with a bug that stood at four headings in flight; in the panel picture before a numeral."""
+    frames = [with_bug(3.0 + 22.5 * step, (60.0, 10.0, 275.0, 148.0)[step % 4], 100 + step) for step in range(16)]
+    return fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
+
+
+@pytest.fixture(scope="module")
+def pointed() -> PanelReader:
+    """A reader of a card below a pointer with a tail; both moved in flight."""
+    frames = [with_pointer(3.0 + 22.5 * step, 40.0 + 51.0 * step, 200 + step) for step in range(16)]
+    return fitted(POINTER, with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG, 1), frames)
+
+
+@given(turn_deg=st.floats(0.0, 360.0), bug=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
+@settings(max_examples=25)
+def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: float, seed: int) -> None:
+    """At any heading of bug and card, or missing where it lies under what stands still; and the card as without it."""
+    readings = read_picture(bugged, with_bug(turn_deg, bug, seed)).readings
+    own, card = readings["bug_deg"], readings["heading_deg"]
+    from_index_deg = abs(float(shortest(np.array(turn_deg + bug), 360.0)))
+
+    assert (card.status, off(card, CARD["scale"], heading_of(turn_deg)) < 0.1) == (Status.READ, True)
+    assert own.status is Status.READ or from_index_deg < 12.0
+    assert own.status is not Status.READ or off(own, CARD["scale"], bug) < 0.5
+
+
+@given(turn_deg=st.floats(0.0, 360.0), at_deg=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
+@settings(max_examples=25)
+def test_pointer_is_read_on_the_dial_and_on_the_card(
+    pointed: PanelReader, turn_deg: float, at_deg: float, seed: int
+) -> None:
+    """What it shows on the card is what it shows on the dial, and the card's heading; it does not pull the card."""
+    readings = read_picture(pointed, with_pointer(turn_deg, at_deg, seed)).readings
+    bearing, track, card = (readings[name] for name in ("bearing_deg", "track_deg", "heading_deg"))
+    truth = (at_deg - INDEX_DEG) % 360.0
+
+    assert {bearing.status, track.status, card.status} == {Status.READ}
+    assert off(card, CARD["scale"], heading_of(turn_deg)) < 0.1
+    assert off(bearing, POINTER["needles"][0]["scale"], truth) < 0.2
+    assert off(track, CARD["scale"], truth + heading_of(turn_deg)) < 0.25
+
+
+@pytest.mark.parametrize("turn_deg", [20.0, 117.0, 251.0])
+def test_bug_that_is_not_there_is_missing(bugged: PanelReader, turn_deg: float) -> None:
+    """No mark of the card is taken for it."""
+    assert read_picture(bugged, with_bug(turn_deg, None, 7)).readings["bug_deg"].status is Status.MISSING
+
+
+@pytest.mark.parametrize("bug", [10.0, 148.0, 275.0])
+def test_bug_that_stood_still_in_the_flight_is_not_guessed_later(bug: float) -> None:
+    """What lies behind it is not known then, and is not read in its place once it has been moved."""
+    frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 300 + step) for step in range(16)]
+    reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
+    there, moved = (read_picture(reader, with_bug(111.0, at, 8)).readings["bug_deg"] for at in (PANEL_BUG, bug))
+
+    assert there.status is Status.MISSING or off(there, CARD["scale"], PANEL_BUG) < 0.5
+    assert moved.status is Status.MISSING or off(moved, CARD["scale"], bug) < 0.5
+
+
+def test_bug_is_drawn_where_the_card_has_taken_it() -> None:
+    """Its line follows the card; where no heading is known nobody knows where it lies."""
+    gauge = Gauge.model_validate({"centre": [104.4, 94.7], **copy.deepcopy(BUG)})
+    lines = gauge.lines({"heading_deg": 350.0, "bug_deg": 5.0})
+
+    assert [quantity.name for quantity in gauge.quantities] == ["heading_deg", "bug_deg"]
+    assert lines["bug_deg"] is not None
+    assert lines["bug_deg"][0][0] % 360.0 == pytest.approx(INDEX_DEG + 15.0)
+    assert gauge.lines({"heading_deg": float("nan"), "bug_deg": 5.0})["bug_deg"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"wraps": None}, "its own `scale` needs `wraps`"),
+        ({"scale": None, "wraps": None}, "`on_card` needs a `scale` of its own"),
+    ],
+)
+def test_pointer_that_says_too_little_is_an_error(change: dict[str, Any], said: str) -> None:
+    """A needle over a card must say by itself what its own scale is worth."""
+    gauge = copy.deepcopy(POINTER)
+    gauge["needles"][0] = {key: value for key, value in {**gauge["needles"][0], **change}.items() if value is not None}
+
+    with pytest.raises(PanelError, match=said):
+        reader_for([gauge], with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG))
