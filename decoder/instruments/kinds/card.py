@@ -344,7 +344,7 @@ def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequen
         views = [(seen, turn.rows) for seen, turn in found if turn.score >= LIKELY_SCORE]
         if len(views) < FRAMES_TO_LEARN or arc_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
             return None
-        known = _learned(views)
+        known = shared(views)
     reader = CardReader(gauge, grid, known)
     turns = [reader.lit_turn(seen) for seen in lit]
     unexplained = float(np.mean([1.0 - turn.score**2 for turn in turns]))
@@ -356,7 +356,8 @@ def _apart(count: int, wanted: int) -> list[int]:
     return [count * (2 * index + 1) // (2 * wanted) for index in range(min(count, wanted))]
 
 
-def _learned(views: Sequence[tuple[Floats, float]]) -> CardPicture:
+def shared(views: Sequence[tuple[Floats, float]]) -> CardPicture:
+    """Return what frames (P, C) share turned back by what each has turned, rows; little where they differ."""
     middle = np.median([turned(seen, -rows) for seen, rows in views], axis=0).astype(np.float32)
     apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(middle, rows)) for seen, rows in views], axis=0)
     weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(apart - NOISE_LEVELS, 0.0) ** 2)

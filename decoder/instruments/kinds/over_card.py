@@ -11,9 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from decoder.imaging.unwrapping import (
     PolarGrid,
@@ -40,6 +42,7 @@ from decoder.instruments.kinds.card import (
     arc_deg,
     first_card,
     learn_card,
+    shared,
     turned,
 )
 from decoder.instruments.needle_learner import NeedleLearner
@@ -59,7 +62,14 @@ from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import MIN_CONTRAST_PART, NOISE_LEVELS, OUTLIER_SPREADS, SCORE_THRESHOLD
+from decoder.matching.thresholds import (
+    HALF,
+    MIN_CONTRAST_PART,
+    NOISE_LEVELS,
+    OUTLIER_SPREADS,
+    SCORE_THRESHOLD,
+    WHOLE_VISIBLE,
+)
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
@@ -70,6 +80,8 @@ ROUNDS = 3
 # Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
 ELSEWHERE = 3
 LIGHT_PASSES = 2
+# The blurred rim of what stands still over a card is a pixel wide.
+RIM = np.ones((3, 3), np.uint8)
 # By so much the panel picture may be sharper than frames, or these than it.
 BLURS_PX = (0.0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
 
@@ -87,7 +99,9 @@ class OverCardPicture:
     templates
         By needle.
     drawn
-        (R, C) float32: the panel picture, needles and all.
+        (R, C) float32: the panel picture with needles, and, once it is known, without what stands still over the card.
+    over
+        (P, C): where something stands still over the card, in one turn of the dial.
     doubted
         Needles that no frame tells from what lies behind them in the panel picture.
     """
@@ -96,6 +110,7 @@ class OverCardPicture:
     face: UnwrappedGauge
     templates: Mapping[str, NeedleTemplate]
     drawn: UnwrappedGauge
+    over: Mask
     doubted: frozenset[str]
 
 
@@ -123,14 +138,30 @@ class _Dial:
         return round(FULL_CIRCLE_DEG / self.grid.step_deg)
 
     @property
-    def card_grid(self) -> PolarGrid:
-        """The part of the grid on which the card is read: one turn, from the centre outwards."""
-        tail = self.grid.tail_columns
-        return replace(self.grid, rows=self.rows + 1, columns=self.grid.columns - tail, tail_columns=0)
+    def _outward_px(self) -> Floats:
+        """(C,): how far columns lie from the centre, those across it left out."""
+        return self.grid.radii_px[self.grid.tail_columns :]
 
-    def card_part(self, strip: Floats) -> Floats:
-        """(P, C): the card's part of a gauge, (R, C + tail)."""
+    @property
+    def _ring(self) -> int:
+        """From which of these on the card's marks lie."""
+        first_px = None if self.gauge.card is None else self.gauge.card.ring
+        return 0 if first_px is None else int(np.searchsorted(self._outward_px[:-1], first_px))
+
+    @property
+    def card_grid(self) -> PolarGrid:
+        """The part of the grid on which the card is read: one turn, and as far outwards as its marks lie."""
+        columns = self.grid.columns - self.grid.tail_columns - self._ring
+        inner_px = float(self._outward_px[self._ring])
+        return replace(self.grid, rows=self.rows + 1, inner_px=inner_px, columns=columns, tail_columns=0)
+
+    def part(self, strip: NDArray[Any]) -> NDArray[Any]:
+        """(P, C): all of a gauge, (R, C + tail), once."""
         return strip[: self.rows, self.grid.tail_columns :]
+
+    def card_part(self, part: NDArray[Any]) -> NDArray[Any]:
+        """Of it the card's, (P, N)."""
+        return part[:, self._ring :]
 
     def whole(self, part: Floats) -> Floats:
         """(R, C + tail): a gauge by its card's part, which holds all of it once."""
@@ -142,17 +173,28 @@ class _Dial:
         """(R, C + tail): a gauge as a lens shows it that blurs by so many pixels."""
         if blur_px == 0.0:
             return strip
-        part, grid = self.card_part(strip), self.card_grid
-        row_px = math.radians(grid.step_deg) * float(grid.radii_px.mean())
+        part, grid = self.part(strip), self.grid
+        row_px = math.radians(grid.step_deg) * float(self._outward_px.mean())
         across, along = blur_px / grid.column_px, blur_px / row_px
         around = cv2.GaussianBlur(
             np.concatenate([part] * 3), (0, 0), across, sigmaY=along, borderType=cv2.BORDER_REPLICATE
         )
         return self.whole(np.asarray(around[self.rows : 2 * self.rows], np.float32))
 
+    def in_light(self, wanted: Floats, seen: Floats, what: Floats | None = None) -> Floats:
+        """Bring a gauge (R, C + tail), or others that were taken in its light, into another's light, by its card."""
+        known, own = (self.card_part(self.part(each)) for each in (wanted, seen))
+        is_like = np.ones(own.shape, bool)
+        for _ in range(LIGHT_PASSES):
+            gain, offset = np.polyfit(own[is_like], known[is_like], 1).tolist()
+            left = np.abs(gain * own + offset - known)
+            is_like = left <= OUTLIER_SPREADS * max(float(left.std()), NOISE_LEVELS)
+        lit: Floats = (gain * (seen if what is None else what) + offset).astype(np.float32)
+        return lit
+
     def with_rows(self, strip: UnwrappedGauge, first: int, rows: Floats) -> UnwrappedGauge:
         """(R, C + tail): a gauge with other rows from one on, everywhere where these show."""
-        tail, part = self.grid.tail_columns, self.card_part(strip).copy()
+        tail, part = self.grid.tail_columns, self.part(strip).copy()
         where = (first + np.arange(len(rows))) % self.rows
         part[where] = rows[:, tail:]
         part[(where + self.rows // 2) % self.rows, :tail] = rows[:, :tail][:, ::-1]
@@ -165,7 +207,7 @@ class _Dial:
             if reading.status is not Status.MISSING:
                 row = row_of_angle(self.grid, reading.angle_deg)
                 hidden |= needle_places(self.grid, templates[name].touched, row, turn_rows(self.gauge, self.grid))
-        return np.roll(self.card_part(hidden), round(rows), axis=0)
+        return np.roll(self.part(hidden), round(rows), axis=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +246,7 @@ class OverCardReader:
 
     def turn(self, strip: UnwrappedGauge) -> Turn:
         """Tell how far the card has turned in a gauge (R, C), needles and all."""
-        return self._card.turn(self._dial.card_part(strip))
+        return self._card.turn(self._dial.card_part(self._dial.part(strip)))
 
     def on_card(self, backs: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
         """Find needles in gauges (R, C) that are turned back; `place_sigmas_deg` (F, 1) as of `Reader`."""
@@ -222,27 +264,44 @@ class OverCardReader:
         """Find card and needles in F gauges (R, C)."""
         first = [self.turn(strip) for strip in strips]
         backs = [self.turned_back(strip, turn) for strip, turn in zip(strips, first, strict=True)]
-        found = self.on_card(backs, place_sigmas_deg)
+        found = [
+            {name: self._as_shown(name, reading, turn) for name, reading in own.items()}
+            for own, turn in zip(self.on_card(backs, place_sigmas_deg), first, strict=True)
+        ]
         parts = zip(strips, first, backs, found, strict=True)
         return [_Seen(self._turn_without(strip, turn, own), turn.rows, back, own) for strip, turn, back, own in parts]
 
+    def _as_shown(self, name: str, reading: Reading, turn: Turn) -> Reading:
+        """Doubt a needle by as much of its width as it is hidden by what stands still over the card."""
+        over, template = self._picture.over, self._picture.templates[name]
+        if reading.status is Status.MISSING or not over.any():
+            return reading
+        covers = self._dial.hidden({name: template}, {name: reading}, turn.rows)
+        shown = 1.0 - float((covers & over).sum()) / max(int(covers.sum()), 1)
+        if shown >= WHOLE_VISIBLE:
+            return reading
+        status = Status.EDGE if shown >= HALF else Status.MISSING
+        sigma_deg = math.hypot(reading.sigma_deg, (1.0 - shown) * template.half_width_deg)
+        return Reading(status, reading.angle_deg, sigma_deg, reading.score)
+
     def _turn_without(self, strip: UnwrappedGauge, turn: Turn, found: Mapping[str, Reading]) -> Turn:
         """Read a card again that has turned about so far, without what needles hide."""
-        hidden = self._dial.hidden(self._picture.templates, found, turn.rows)
+        dial = self._dial
+        hidden = dial.hidden(self._picture.templates, found, turn.rows)
         if not hidden.any():
             return turn
         # All of a turn is needed to tell the light on it.
-        return self._card.turn(self._with_card(self._dial.card_part(strip), turn, hidden), hidden)
+        bare = self._with_card(dial.part(strip), turn, hidden)
+        return self._card.turn(dial.card_part(bare), dial.card_part(hidden))
 
     def turned_back(self, strip: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:
         """(R, C): a gauge turned back; the card, as it is turned, in the place of what stands still over it."""
-        over = self._picture.card.weights < MIN_CONTRAST_PART
-        seen = self._dial.card_part(strip)
+        over, seen = self._picture.over, self._dial.part(strip)
         return self._dial.whole(turned(self._with_card(seen, turn, over) if over.any() else seen, -turn.rows))
 
     def _with_card(self, seen: UnwrappedGauge, turn: Turn, instead: Mask) -> UnwrappedGauge:
         """(P, C): one turn of a dial with the card in the place of some of it, in the light of the rest."""
-        face = turned(self._dial.card_part(self._picture.face), turn.rows)
+        face = turned(self._dial.part(self._picture.face), turn.rows)
         rest = np.stack([face[~instead], np.ones(int((~instead).sum()), np.float32)])
         gain, offset = np.linalg.lstsq(rest.T, seen[~instead], rcond=None)[0].tolist()
         return np.where(instead, gain * face + offset, seen).astype(np.float32)
@@ -280,8 +339,9 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
 
     A card that hardly turned is known only with what stands still over it, but without the needles.
     """
-    card = learn_card(dial.gauge, dial.card_grid, [dial.card_part(strip) for strip in strips], given.card)
-    given = _without_overlays(dial, replace(given, card=card), strips)
+    parts = [dial.part(strip) for strip in strips]
+    card = learn_card(dial.gauge, dial.card_grid, [dial.card_part(part) for part in parts], given.card)
+    given = _without_overlays(dial, replace(given, card=card), parts)
     known = given
     for number in range(ROUNDS):
         reader = OverCardReader(dial, known, Method.NORMXCORR, SCORE_THRESHOLD)
@@ -289,7 +349,7 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
         if len(seen) < FRAMES_TO_LEARN:
             return given
         usual = np.median([each.back for each in seen], axis=0)
-        views = [(in_light(usual, each.back), each.found) for each in seen]
+        views = [(dial.in_light(usual, each.back), each.found) for each in seen]
         if number == 0:
             known, apart = _bared(dial, known, [back for back, _ in views])
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
@@ -298,16 +358,19 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
     return known
 
 
-def _without_overlays(dial: _Dial, known: OverCardPicture, strips: Sequence[UnwrappedGauge]) -> OverCardPicture:
-    """Show the card, as frames (R, C) have it, where something stands still over it in the panel picture."""
-    over = known.card.weights < MIN_CONTRAST_PART
-    if not over.any():
+def _without_overlays(dial: _Dial, known: OverCardPicture, parts: Sequence[UnwrappedGauge]) -> OverCardPicture:
+    """Show the dial, as frames (P, C) have it if turned back, where something stands still over it in the picture."""
+    if not known.card.is_learned:
         return known
     reader = CardReader(dial.gauge, dial.card_grid, known.card)
-    parts = [dial.card_part(strip) for strip in strips]
-    middle = np.median([turned(part, -reader.turn(part).rows) for part in parts], axis=0)
-    face = np.where(over, middle, dial.card_part(known.face)).astype(np.float32)
-    return replace(known, face=dial.whole(face))
+    all_ = shared([(part, reader.turn(dial.card_part(part)).rows) for part in parts])
+    # Frames that are turned back not quite right, or seen askew, differ at all marks as far out.
+    usual = np.median(all_.weights, axis=0) / OUTLIER_SPREADS**2
+    over = cv2.dilate(np.asarray(all_.weights < np.minimum(usual, MIN_CONTRAST_PART), np.uint8), RIM) > 0
+    face, drawn = (
+        dial.whole(np.where(over, all_.card, dial.part(each)).astype(np.float32)) for each in (known.face, known.drawn)
+    )
+    return replace(known, face=face, drawn=drawn, over=over)
 
 
 def _learned(
@@ -322,7 +385,7 @@ def _learned(
     learner = NeedleLearner(dial.gauge.turning, dial.grid, turn, backs, given.face, given.templates)
     face = learner.face(found, known.templates)
     templates = {**known.templates, **learner.templates(found, known.templates, face)}
-    card = known.card if known.card.is_learned else first_card(dial.card_part(face), dial.card_grid)
+    card = known.card if known.card.is_learned else first_card(dial.card_part(dial.part(face)), dial.card_grid)
     return replace(known, card=card, face=face, templates=templates)
 
 
@@ -336,7 +399,7 @@ def _bared(
     usual = np.median(backs, axis=0).astype(np.float32)
     picture_px, frames_px = _blurs_px(dial, given.drawn, usual)
     both = np.stack([dial.blurred(given.drawn, picture_px), dial.blurred(given.face, picture_px)])
-    picture, face = in_light(dial.blurred(usual, frames_px), both[0], both)
+    picture, face = dial.in_light(dial.blurred(usual, frames_px), both[0], both)
     backs = [dial.blurred(back, frames_px) for back in backs]
     templates, doubted = dict(given.templates), set()
     for needle in dial.gauge.turning:
@@ -361,22 +424,11 @@ def _bared(
     return bared, [_found_apart(dial, bared, back) for back in backs]
 
 
-def in_light(wanted: Floats, seen: Floats, what: Floats | None = None) -> Floats:
-    """Bring a picture, or another that was taken in its light, into the light of another one of the same, (R, C)."""
-    gain, offset, is_like = 1.0, 0.0, np.ones(seen.shape, bool)
-    for _ in range(LIGHT_PASSES):
-        gain, offset = np.polyfit(seen[is_like], wanted[is_like], 1).tolist()
-        left = np.abs(gain * seen + offset - wanted)
-        is_like = left <= OUTLIER_SPREADS * max(float(left.std()), NOISE_LEVELS)
-    lit: Floats = (gain * (seen if what is None else what) + offset).astype(np.float32)
-    return lit
-
-
 def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
     """By how much the panel picture, and by how much frames, must be blurred to be as sharp as the other; pixels."""
     ways = [(blur_px, 0.0) for blur_px in BLURS_PX] + [(0.0, blur_px) for blur_px in BLURS_PX]
     pairs = [(dial.blurred(drawn, picture_px), dial.blurred(usual, frames_px)) for picture_px, frames_px in ways]
-    left = [float(np.abs(frame - in_light(frame, picture)).mean()) for picture, frame in pairs]
+    left = [float(np.abs(frame - dial.in_light(frame, picture)).mean()) for picture, frame in pairs]
     return ways[int(np.argmin(left))]
 
 
@@ -454,11 +506,11 @@ class OverCardKind:
     def first_look(self, drawn: DrawnInstrument) -> Look:
         dial = self._dial(drawn.gauge, drawn.grid)
         look = needles_in_picture(drawn)
-        card = first_card(dial.card_part(look.face), dial.card_grid)
+        card = first_card(dial.card_part(dial.part(look.face)), dial.card_grid)
+        over = np.zeros(dial.part(look.face).shape, bool)
         every = frozenset(look.templates)
-        return replace(
-            look, pictures={_name(drawn.gauge): OverCardPicture(card, look.face, look.templates, drawn.strip, every)}
-        )
+        picture = OverCardPicture(card, look.face, look.templates, drawn.strip, over, every)
+        return replace(look, pictures={_name(drawn.gauge): picture})
 
     def learned_pictures(
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
@@ -471,10 +523,11 @@ class OverCardKind:
         dial = self._dial(instrument.gauge, instrument.grid)
         picture: OverCardPicture = appearance.pictures[_name(dial.gauge)]
         reader = CardReader(dial.gauge, dial.card_grid, picture.card)
-        turns = [reader.turn(dial.card_part(strip)) for strip, _, _ in frames]
+        parts = [dial.card_part(dial.part(strip)) for strip, _, _ in frames]
+        turns = [reader.turn(part) for part in parts]
         rows = [turn.rows for turn in turns if turn.score >= SCORE_THRESHOLD]
         if not rows or arc_deg(rows, dial.grid) >= MIN_TURN_DEG:
-            return reader.pivot([dial.card_part(strip) for strip, _, _ in frames])
+            return reader.pivot(parts)
         still = replace(instrument, gauge=dial.bare_gauge, face=picture.face)
         templates = {**appearance.templates, **picture.templates}
         own = dial.needle_kind.pivot(still, replace(appearance, templates=templates), frames)
@@ -484,7 +537,7 @@ class OverCardKind:
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
-        return card_pivot(dial.card_grid, [dial.card_part(strip) for strip in strips])
+        return card_pivot(dial.card_grid, [dial.card_part(dial.part(strip)) for strip in strips])
 
     def seen_deg(
         self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]

