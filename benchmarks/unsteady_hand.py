@@ -75,7 +75,7 @@ def _clicked(gauge: Document, part: float, hand: np.random.Generator) -> Documen
     drawn["scale"] = seen(drawn["scale"])
     if "card" in gauge:
         drawn["card"] = {**gauge["card"], "index": seen_deg(gauge["card"]["index"])}
-    elif "needles" in gauge:
+    if "needles" in gauge:
         drawn["needles"] = [
             {
                 **needle,
@@ -111,7 +111,7 @@ def _seen(gauge: Document, truth: Mapping[str, float]) -> Document:
     """A gauge with its needles cut where they stand in a picture, or its card as it is turned there."""
     if "card" in gauge:
         turn = _angle(gauge["scale"], gauge.get("wraps"), truth[gauge["card"]["name"]]) - gauge["card"]["index"]
-        return {**gauge, "scale": [[angle - turn, value] for angle, value in gauge["scale"]]}
+        gauge = {**gauge, "scale": [[angle - turn, value] for angle, value in gauge["scale"]]}
     if "needles" not in gauge:
         return gauge
     whole = truth.get(gauge.get("combined", {}).get("name", ""))
