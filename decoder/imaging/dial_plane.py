@@ -7,6 +7,7 @@ and a radius is in pixels of the panel picture in the direction in which the dia
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -72,6 +73,8 @@ def dial_plane(gauge: Gauge, path: str, optics: Optics, inches: Matrix | None) -
         If its `rim` is no circle around its centre.
     """
     lens = optics.lens
+    if gauge.is_in_picture:
+        return _beside(gauge, path, optics) if lens is not None and lens.distorts else None
     x, y = _straight(optics, np.array([gauge.centre], np.float64).T, f"{path}.centre")[:, 0]
     centre = (float(x), float(y))
     if gauge.rim is not None:
@@ -86,6 +89,14 @@ def dial_plane(gauge: Gauge, path: str, optics: Optics, inches: Matrix | None) -
     if lens is not None and lens.distorts:
         return DialPlane((1.0, 0.0, centre[0], 0.0, 1.0, centre[1], 0.0, 0.0, 1.0))
     return None
+
+
+def _beside(gauge: Gauge, path: str, optics: Optics) -> DialPlane:
+    """Move a gauge that is drawn in the picture, whose centre may lie far off, as the lens moves its middle."""
+    at, radius_px = math.radians(sum(gauge.sweep) / 2), sum(gauge.radius) / 2
+    away = radius_px * np.array([[math.cos(at)], [math.sin(at)]])
+    x, y = (_straight(optics, np.array([gauge.centre], np.float64).T + away, f"{path}.centre") - away)[:, 0].tolist()
+    return DialPlane((1.0, 0.0, x, 0.0, 1.0, y, 0.0, 0.0, 1.0))
 
 
 def _straight(optics: Optics, points: Matrix, path: str) -> Matrix:

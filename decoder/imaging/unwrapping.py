@@ -179,13 +179,17 @@ def polar_grid(
     end_deg: float,
     *,
     across: bool = False,
+    fine: bool = False,
     plane: DialPlane | None = None,
 ) -> PolarGrid:
     """Lay out the grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size.
 
-    With `across` it has what lies opposite as well. A dial that is not seen square on has a `plane`.
+    With `across` it has what lies opposite as well; with `fine` rows are as far apart as pixels, however large it is. A
+    dial that is not seen square on has a `plane`.
     """
-    rows_per_deg = min(max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1]))), 2 * MIN_ROWS_PER_DEG)
+    rows_per_deg = max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1])))
+    if not fine:
+        rows_per_deg = min(rows_per_deg, 2 * MIN_ROWS_PER_DEG)
     length_px = radius_px[1] - radius_px[0]
     columns = min(max(math.floor(length_px / COLUMN_PX) + 1, MIN_COLUMNS), MAX_COLUMNS)
     rows = round((end_deg - start_deg) * rows_per_deg) + 1
@@ -255,7 +259,9 @@ def grid_of(gauge: Gauge, plane: DialPlane | None = None) -> Grid:
 
 def gauge_grid(gauge: Gauge, plane: DialPlane | None = None) -> PolarGrid:
     """Lay out the unwrapped dial's sample points; of a window those of the circle around it."""
-    return polar_grid(gauge.centre, gauge.radius, *gauge.unwrapped_deg, across=gauge.tail, plane=plane)
+    return polar_grid(
+        gauge.centre, gauge.radius, *gauge.unwrapped_deg, across=gauge.tail, fine=gauge.is_in_picture, plane=plane
+    )
 
 
 def rows_in_sweep(gauge: Gauge, grid: PolarGrid) -> NDArray[np.bool_]:

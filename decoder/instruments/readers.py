@@ -15,6 +15,7 @@ from decoder.imaging.unwrapping import Unwrapper
 from decoder.instruments.appearance import Appearance, Instrument
 from decoder.instruments.kind import Kind
 from decoder.instruments.kinds.attitude import AttitudeKind
+from decoder.instruments.kinds.ball import BallKind
 from decoder.instruments.kinds.card import CardKind
 from decoder.instruments.kinds.geared import told_together
 from decoder.instruments.kinds.lamp import LampKind
@@ -27,7 +28,14 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 
 _NEEDLES: tuple[Kind, ...] = (NeedleKind(), GearedKind(), StackKind())
-KINDS: tuple[Kind, ...] = (*_NEEDLES, CardKind(), AttitudeKind(), OverCardKind(_NEEDLES), LampKind())
+KINDS: tuple[Kind, ...] = (
+    *_NEEDLES,
+    CardKind(),
+    AttitudeKind(),
+    OverCardKind(_NEEDLES),
+    BallKind(_NEEDLES[0]),
+    LampKind(),
+)
 
 
 def kind_of(gauge: Gauge) -> Kind:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -15,6 +15,7 @@ from decoder.panel.arrays import NO_TRUTH, Degrees, Number, at_most
 from decoder.panel.description import Name, Point, Positive, Strict, Text
 from decoder.panel.kind import DescribedKind, Pointer, Polar
 from decoder.panel.kinds.attitude import Attitude
+from decoder.panel.kinds.ball import Ball, tube_gauge
 from decoder.panel.kinds.card import Card
 from decoder.panel.kinds.lamp import Lamp
 from decoder.panel.kinds.needles import Needle, Needles
@@ -37,7 +38,7 @@ RadiusPx = Annotated[Positive, at_most(10_000)]
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 
-KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Lamp)
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp)
 
 
 class Combined(Strict):
@@ -92,6 +93,8 @@ class Gauge(Strict):
     """A scale that turns under a fixed index, by itself or under needles."""
     attitude: Attitude | None = None
     """A horizon that turns and shifts behind a window, instead of needles."""
+    ball: Ball | None = None
+    """A ball in a curved tube, instead of needles; the tube tells `centre`, `radius`, `sweep` and `scale`."""
     lamp: Lamp | None = None
     """A warning light in a window."""
     combined: Combined | None = None
@@ -99,8 +102,10 @@ class Gauge(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _window_is_a_dial(cls, given: object) -> object:
-        return as_dial(given) if isinstance(given, dict) and given.get("window") is not None else given
+    def _place_is_told(cls, given: Any) -> Any:  # noqa: ANN401 - as it was typed
+        if not isinstance(given, Mapping):
+            return given
+        return as_dial(dict(given)) if given.get("window") is not None else _with_tube(given)
 
     @field_validator("window")
     @classmethod
@@ -137,14 +142,10 @@ class Gauge(Strict):
     def _given(self) -> list[DescribedKind]:
         """What is described on it: one kind, if the panel is right."""
         needles = Needles(self.needles) if self.needles else None
+        card: DescribedKind | None = self.card
         if needles is not None and self.card is not None:
-            each: tuple[DescribedKind | None, ...] = (
-                OverCard(self.card, Needles(self.needles, is_over_card=True)),
-                self.attitude,
-                self.lamp,
-            )
-        else:
-            each = (needles, self.card, self.attitude, self.lamp)
+            needles, card = None, OverCard(self.card, Needles(self.needles, is_over_card=True))
+        each: tuple[DescribedKind | None, ...] = (needles, card, self.attitude, self.ball, self.lamp)
         return [kind for kind in each if kind is not None]
 
     @property
@@ -279,6 +280,11 @@ class Gauge(Strict):
         return self.stops or self.sweep
 
     @property
+    def is_in_picture(self) -> bool:
+        """Whether it is drawn as it is seen, in no plane of its own: a line in the picture, with a far pivot."""
+        return self.ball is not None
+
+    @property
     def is_round(self) -> bool:
         """Whether the dial is read all the way round, with no seam."""
         return self.sweep[1] - self.sweep[0] == FULL_CIRCLE_DEG
@@ -290,6 +296,18 @@ class Gauge(Strict):
             return OVERLAP_DEG
         first_deg, last_deg = self.reach
         return min(BEYOND_SWEEP_DEG, (FULL_CIRCLE_DEG - (last_deg - first_deg)) / 2)
+
+
+def _with_tube(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Give a gauge with a ball what its tube tells."""
+    ball = given.get("ball")
+    if not isinstance(ball, Mapping):
+        return given
+    try:
+        told = tube_gauge(ball["tube"], ball["width"])
+    except (KeyError, TypeError, ValueError, IndexError):
+        return given  # what is wrong with it is said of its parts
+    return {**told, **given, **told}
 
 
 def stand_in_gauge(centre: Point) -> dict[str, object]:
