@@ -52,6 +52,8 @@ def manners(source: Source, folder: Path) -> Iterator[tuple[str, Source]]:
 def _unsteady(gauge: Document, part: float, hand: np.random.Generator) -> Document:
     """A gauge whose centre is off by a part of its outer radius, in any direction, and each mark by itself."""
     towards = hand.uniform(0, 2 * np.pi)
+    if "ball" in gauge:
+        return {**gauge, "ball": _beside(gauge["ball"], part, towards)}
     off_px = part * gauge["radius"][1] * np.array([np.cos(towards), np.sin(towards)])
     centre = [float(at) for at in np.add(gauge["centre"], off_px)]
     return {**gauge, "centre": centre, "scale": _shaken(gauge["scale"], hand)}
@@ -60,6 +62,8 @@ def _unsteady(gauge: Document, part: float, hand: np.random.Generator) -> Docume
 def _clicked(gauge: Document, part: float, hand: np.random.Generator) -> Document:
     """The same by somebody who clicks on marks and needles: each is a point, seen from the centre that is off."""
     drawn = _unsteady(gauge, part, hand)
+    if "ball" in gauge:  # its places are points already
+        return drawn
     off_px = np.subtract(drawn["centre"], gauge["centre"])
 
     def seen_deg(angle_deg: float) -> float:
@@ -85,6 +89,14 @@ def _clicked(gauge: Document, part: float, hand: np.random.Generator) -> Documen
             for needle in gauge["needles"]
         ]
     return drawn
+
+
+def _beside(ball: Document, part: float, towards: float) -> Document:
+    """A ball's tube that is off by a part of half its length."""
+    tube = np.array(ball["tube"], float)
+    off_px = part / 2 * np.hypot(*(tube[-1] - tube[0])[:2])
+    tube[:, :2] += off_px * np.array([np.cos(towards), np.sin(towards)])
+    return {**ball, "tube": tube.tolist()}
 
 
 def _shaken(scale: Sequence[Sequence[float]], hand: np.random.Generator) -> list[list[float]]:

@@ -301,13 +301,7 @@ class Gauge(Strict):
 def _with_tube(given: Mapping[str, Any]) -> Mapping[str, Any]:
     """Give a gauge with a ball what its tube tells."""
     ball = given.get("ball")
-    if not isinstance(ball, Mapping):
-        return given
-    try:
-        told = tube_gauge(ball["tube"], ball["width"])
-    except (KeyError, TypeError, ValueError, IndexError):
-        return given  # what is wrong with it is said of its parts
-    return {**told, **given, **told}
+    return {**given, **tube_gauge(ball)} if isinstance(ball, Mapping) else given
 
 
 def stand_in_gauge(centre: Point) -> dict[str, object]:

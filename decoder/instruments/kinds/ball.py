@@ -35,8 +35,8 @@ ROUNDS = 2
 PASSES = 4
 # A ball's picture is so many times as long as the tube is wide.
 PICTURE_WIDTHS = 1.5
-# The middle of a ball is told by its outline so well: a glint on it lies to one side.
-MIDDLE_PX = 0.3
+# So well a click tells the middle of a ball, and its outline where it is: a glint on it lies to one side.
+MIDDLE_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ def _places(tube: _Tube, strips: Floats) -> Floats | None:
     places: Floats = np.where(allowed, sums, -1.0).argmax(axis=1).astype(np.float64)
     rows = np.arange(tube.grid.rows)
     for _ in range(PASSES):
-        near = energy * (np.abs(rows - places[:, None]) <= tube.ball_rows * PICTURE_WIDTHS / 2)
+        near = energy * (np.abs(rows - places[:, None]) <= tube.rows / 2)
         total = near.sum(axis=1)
         places[:] = np.where(total > 0, (near * rows).sum(axis=1) / np.maximum(total, 1.0), places)
     return places

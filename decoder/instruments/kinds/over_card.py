@@ -80,8 +80,6 @@ ROUNDS = 3
 # Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
 ELSEWHERE = 3
 LIGHT_PASSES = 2
-# The blurred rim of what stands still over a card is a pixel wide.
-RIM = np.ones((3, 3), np.uint8)
 # By so much the panel picture may be sharper than frames, or these than it.
 BLURS_PX = (0.0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
 
@@ -366,7 +364,8 @@ def _without_overlays(dial: _Dial, known: OverCardPicture, parts: Sequence[Unwra
     all_ = shared([(part, reader.turn(dial.card_part(part)).rows) for part in parts])
     # Frames that are turned back not quite right, or seen askew, differ at all marks as far out.
     usual = np.median(all_.weights, axis=0) / OUTLIER_SPREADS**2
-    over = cv2.dilate(np.asarray(all_.weights < np.minimum(usual, MIN_CONTRAST_PART), np.uint8), RIM) > 0
+    clearly = np.asarray(all_.weights < np.minimum(usual, MIN_CONTRAST_PART), np.uint8)
+    over = cv2.dilate(clearly, np.ones((3, 3), np.uint8)) > 0  # its rim is blurred by a pixel
     face, drawn = (
         dial.whole(np.where(over, all_.card, dial.part(each)).astype(np.float32)) for each in (known.face, known.drawn)
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from decoder.panel.arrays import Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
@@ -16,7 +16,6 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Marks, Quantity, S
 
 # A straighter tube is bent so much: its middle then lies a hundredth of its length beside where it is drawn.
 STRAIGHTEST_RADII = 12.0
-LEAST_MARKS = 3
 
 Tube = Annotated[tuple[tuple[Pixels, Pixels, Number], ...], Field(max_length=MOST_POINTS)]
 
@@ -37,13 +36,6 @@ class Ball(Strict):
     in_window: ClassVar[bool] = False
     margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = False
-
-    @field_validator("tube")
-    @classmethod
-    def _tube_is_drawn(cls, tube: Tube) -> Tube:
-        if len(tube) < LEAST_MARKS:
-            raise ValueError("needs three places [x, y, value] or more: both ends of the ball's way, and its middle")
-        return tube
 
     def check(self, dial: Dial) -> None:
         """ValueError where the dial is more than the tube."""
@@ -84,20 +76,27 @@ class Ball(Strict):
         return 0.0
 
 
-def tube_gauge(tube: Any, width: Any) -> dict[str, object]:  # noqa: ANN401 - as it was typed
+def tube_gauge(ball: Mapping[str, Any]) -> dict[str, object]:
     """Return centre, radius, sweep and scale of a gauge with a tube.
 
     Raises
     ------
     ValueError
-        If its places are no line.
+        If its places are no line. What else is wrong is said of the parts of the ball; then the gauge is a stand-in.
     """
-    places = np.array(tube, np.float64)
+    try:
+        places, width = np.array(ball["tube"], np.float64).reshape(-1, 3), float(ball["width"])
+    except (KeyError, TypeError, ValueError):
+        return {"centre": [0, 0], "radius": [1, 9], "sweep": [0, 90], "scale": [[0, 0], [90, 1]]}
+    if len(places) < 3:  # noqa: PLR2004 - a circle
+        raise ValueError(
+            "`ball` needs a `tube` of three places [x, y, value] or more: both ends of the ball's way, and its middle"
+        )
     points, values = places[:, :2], places[:, 2]
     chord = points[-1] - points[0]
     length_px = float(np.hypot(*chord))
     if length_px == 0.0 or not np.isfinite(places).all():
-        raise ValueError("`tube` ends where it begins")
+        raise ValueError("the `tube` of a `ball` must end elsewhere than it begins")
     along = chord / length_px
     across = np.array([-along[1], along[0]])
     middle = (points[0] + points[-1]) / 2
@@ -109,6 +108,8 @@ def tube_gauge(tube: Any, width: Any) -> dict[str, object]:  # noqa: ANN401 - as
     centre = middle + away_px * across
     outward = points - centre
     radius_px = float(np.hypot(*outward.T).mean())
+    if not 0 < width < 2 * radius_px:
+        raise ValueError("a `ball` needs the `width` of its tube, which is less than twice as far as its centre")
     middle_deg = math.degrees(math.atan2(*(middle - centre)[::-1]))
     angles = np.degrees(np.arctan2(outward[:, 1], outward[:, 0]))
     angles = middle_deg + (angles - middle_deg + FULL_CIRCLE_DEG / 2) % FULL_CIRCLE_DEG - FULL_CIRCLE_DEG / 2

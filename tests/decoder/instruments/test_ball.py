@@ -1,0 +1,154 @@
+"""Balls in curved tubes: where they are, dark or bright, whoever drew the tube."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.reading import Status
+from decoder.learning.fit import fit_to_flight
+from decoder.panel.errors import PanelError
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import Scale
+from tests.decoder.instruments.dials import Canvas, paint, reader_for
+
+CENTRE, RADIUS_PX, HALF_DEG = (104.4, -60.0), 150.0, 17.0
+WIDTH_PX, BALL_PX = 16.0, 7.2
+PANEL_VALUE = 0.15
+
+
+def place(value: float) -> tuple[float, float]:
+    """The ball's middle, from -1 at the right end of its way to 1 at the left."""
+    at = math.radians(90.0 + HALF_DEG * value)
+    return CENTRE[0] + RADIUS_PX * math.cos(at), CENTRE[1] + RADIUS_PX * math.sin(at)
+
+
+def draw(
+    value: float | None,
+    seed: int = 0,
+    levels: tuple[float, float] = (205.0, 25.0),
+    over: Callable[[Canvas], object] = lambda _: None,
+) -> GreyPicture:
+    """Draws a tube between two lines at its middle, with a ball that has a glint."""
+    tube, ball = levels
+
+    def what(canvas: Canvas) -> None:
+        ends = np.radians(90.0 + np.linspace(-HALF_DEG - 4.0, HALF_DEG + 4.0, 60))
+        for sign, level in ((0.5, tube), (0.42, tube)):
+            outer, inner = RADIUS_PX + sign * WIDTH_PX, RADIUS_PX - sign * WIDTH_PX
+            rims = [(outer, a) for a in ends] + [(inner, a) for a in ends[::-1]]
+            canvas.polygon([(CENTRE[0] + r * math.cos(a), CENTRE[1] + r * math.sin(a)) for r, a in rims], level)
+        for beside_deg in (-3.4, 3.4):
+            canvas.bar(90.0 + beside_deg, (RADIUS_PX - 8.0, RADIUS_PX + 8.0), (0.6, 0.6), 90.0, CENTRE)
+        if value is not None:
+            x, y = place(value)
+            canvas.disc((x, y), BALL_PX, ball)
+            canvas.disc((x - 1.5, y - 2.5), 1.4, 0.5 * (tube + ball))
+        over(canvas)
+
+    return paint(what, seed=seed)
+
+
+def gauge(off_px: tuple[float, float] = (0.0, 0.0), width_px: float = WIDTH_PX) -> dict[str, Any]:
+    """A tube that is drawn so far beside where it is."""
+    tube = [[*np.add(place(value), off_px).tolist(), value] for value in (-1.0, 0.0, 1.0)]
+    return {"name": "slip", "ball": {"name": "ball", "tube": tube, "width": width_px}}
+
+
+def fitted(own: dict[str, Any], levels: tuple[float, float] = (205.0, 25.0)) -> PanelReader:
+    """A reader fitted to a flight in which the ball went to and fro, mostly near its middle."""
+    own = {key: value for key, value in own.items() if key != "centre"}
+    values = 0.45 * np.sin(np.arange(16) * 1.3) + np.where(np.arange(16) % 5 == 0, 0.5, 0.0)
+    frames = [draw(float(value), 100 + seed, levels) for seed, value in enumerate(values)]
+    return fit_to_flight(reader_for([own], draw(PANEL_VALUE, 1, levels)), lambda _: frames).reader
+
+
+def value_of(reader: PanelReader, frame: GreyPicture) -> tuple[Status, float, float]:
+    """Status of the ball, its value and sigma."""
+    reading = read_picture(reader, frame).readings["ball"]
+    scale = Scale.of(reader.source.panel.gauges[0].scale)
+    angles = np.array([reading.angle_deg])
+    return (
+        reading.status,
+        float(scale.values_at(angles)[0]),
+        float(abs(scale.slopes_at(angles)[0]) * reading.sigma_deg),
+    )
+
+
+@pytest.mark.parametrize("levels", [(205.0, 25.0), (40.0, 220.0)], ids=["dark", "bright"])
+def test_ball_is_read_along_its_tube(levels: tuple[float, float]) -> None:
+    """Nobody says what it looks like, nor where it is in the panel picture; at its stops too it is right."""
+    reader = fitted(gauge(), levels)
+
+    for number, value in enumerate([-1.0, -0.93, -0.61, -0.2, -0.03, 0.0, 0.31, 0.77, 1.0]):
+        status, read, _ = value_of(reader, draw(value, number, levels))
+        assert status is Status.READ
+        assert abs(read - value) < 0.02
+
+
+@pytest.mark.parametrize("off_px", [(1.5, 0.0), (0.0, 1.5), (-1.1, -1.1)])
+def test_tube_that_is_drawn_beside_its_place_is_read_as_it_is_drawn(off_px: tuple[float, float]) -> None:
+    """A ball is as far off as its tube, which sigma knows, and no farther: no far pivot is looked for."""
+    reader = fitted(gauge(off_px, WIDTH_PX + 3.0))
+
+    for number, value in enumerate([-0.9, -0.3, 0.0, 0.6]):
+        status, read, sigma = value_of(reader, draw(value, number))
+        assert status is Status.READ
+        assert abs(read - value) < min(0.045, 3.0 * sigma)
+
+
+def test_ball_that_is_covered_or_gone_is_missing() -> None:
+    """Lines and ends of the tube are not taken for it, nor is a hand."""
+    reader = fitted(gauge())
+    hand = draw(0.2, 3, over=lambda canvas: canvas.bar(0.0, (60, 140), (12, 12), 150, (0.0, place(0.0)[1])))
+
+    assert value_of(reader, draw(None, 2))[0] is Status.MISSING
+    status, read, _ = value_of(reader, hand)
+    assert status is Status.MISSING or abs(read - 0.2) < 0.05
+
+
+def test_ball_that_never_moves_is_missing() -> None:
+    """What does not move along the tube is not known to be a ball."""
+    frames = [draw(PANEL_VALUE, seed) for seed in range(16)]
+    own = {key: value for key, value in gauge().items() if key != "centre"}
+    reader = fit_to_flight(reader_for([own], draw(PANEL_VALUE, 1)), lambda _: frames).reader
+
+    assert value_of(reader, draw(PANEL_VALUE, 40))[0] is Status.MISSING
+
+
+def test_tube_tells_the_dial() -> None:
+    """Its circle, its width and its values; a straight one is bent so little that nobody sees it."""
+    own = Gauge.model_validate(gauge())
+    straight = Gauge.model_validate(
+        {"name": "slip", "ball": {"name": "ball", "tube": [[10, 50, -1], [60, 50, 0], [110, 50, 1]], "width": 9}}
+    )
+    (line,) = own.lines({"ball": 0.0}).values()
+
+    assert own.centre == pytest.approx(CENTRE, abs=1e-6)
+    assert own.radius == pytest.approx((RADIUS_PX - 8.0, RADIUS_PX + 8.0))
+    assert line is not None
+    assert line[0] == pytest.approx((90.0, RADIUS_PX - 8.0))
+    assert sum(straight.radius) / 2 == pytest.approx(1200.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"tube": [[1, 2, 3], [4, 5, 6]]}, "three places"),
+        ({"tube": [[1, 2, 3]] * 3}, "elsewhere"),
+        ({"width": "x"}, "ball.width"),
+    ],
+)
+def test_tube_that_is_no_line_is_an_error(change: dict[str, Any], said: str) -> None:
+    """Two ends are no tube."""
+    own = gauge()
+    own["ball"] |= change
+
+    with pytest.raises(PanelError, match=said):
+        reader_for([own], draw(PANEL_VALUE, 1))
