@@ -77,7 +77,7 @@ def test_height_of_needles_is_offered(written: Draft, tmp_path: Path) -> None:
     [
         ({"stops": [200, 300]}, "gauges[0].stops"),
         ({"wraps": 360}, "gauges[0].wraps"),
-        ({"card": {"name": "n1_1", "index": 270}}, "gauges[0].needles"),
+        ({"card": {"name": "n1_1", "index": 270}}, "gauges[0].card"),
         ({"needles": []}, "gauges[0].needles"),
         ({"combined": {"name": "all", "needles": ["n1_1_pct", "none"]}}, "gauges[0].combined"),
         ({"combined": {"name": "all", "needles": ["n1_1_pct"]}}, "gauges[0].combined.needles"),

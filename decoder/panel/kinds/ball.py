@@ -11,7 +11,7 @@ from pydantic import Field
 
 from decoder.panel.arrays import Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
-from decoder.panel.kind import Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Marks, Quantity, Scale
 
 # A straighter tube is bent so much: its middle then lies a hundredth of its length beside where it is drawn.
@@ -32,7 +32,19 @@ class Ball(Strict):
     max_rate: Positive | None = None
     """How fast its value can change, in its unit a second."""
 
-    form: ClassVar[Form] = Form("ball", "a `ball` in a tube", "a ball in a tube", "a ball")
+    form: ClassVar[Form] = Form(
+        "ball",
+        "a `ball` in a tube",
+        "a ball in a tube",
+        "a ball",
+        begun={"width": 20.0},
+        controls=(
+            Control("name", "Name"),
+            Control("width", "Tube's width", "number", "pixels"),
+            Control("max_rate", "Fastest change", "optional", "a second, if known"),
+        ),
+        hint="Write its tube into panel.yaml: three places [x, y, value] of the ball's middle along its way.",
+    )
     in_window: ClassVar[bool] = False
     margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = False

@@ -231,3 +231,36 @@ def test_without_stops_the_rest_is_missing() -> None:
     stopped = reader_for([without], pressure(214.0, 1))
 
     assert read_picture(stopped, pressure(118.0, 3)).readings["oil_psi"].status is Status.MISSING
+
+
+def draw_aeroplane(turned_deg: float, seed: int = 0) -> GreyPicture:
+    """Draws a turn coordinator: an aeroplane with two wings alike, before marks and print that stand still."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial([0.0, 20.0, 160.0, 180.0])
+        canvas.bar(90.0, (30, 44), (24, 20), 200.0)
+        for wing_deg in (0.0, 180.0):
+            canvas.bar(turned_deg + wing_deg, (0.0, 58.0), (2.2, 1.4), 230.0)
+        canvas.bar(turned_deg - 90.0, (0.0, 16.0), (1.2, 1.2), 230.0)
+        canvas.disc(CENTRE, 7.0, 230.0)
+
+    return paint(what, seed=seed)
+
+
+def test_symbol_with_two_wings_alike_is_read_by_both_within_its_sweep() -> None:
+    """An aeroplane that never turns over is a needle with a tail: which wing is which its sweep tells."""
+    gauge = {
+        "name": "turn",
+        "radius": [20, 62],
+        "sweep": [-60, 60],
+        "tail": True,
+        "scale": [[-60, -3], [60, 3]],
+        "needles": [{"name": "rpm", "template": {"at": 8.0, "span": 16}}],
+    }
+    frames = [draw_aeroplane(28.0 * np.sin(step), 100 + step) for step in range(16)]
+    reader = reader_for([gauge], draw_aeroplane(8.0, 1), frames)
+
+    for number, turned_deg in enumerate([-55.0, -31.0, -20.0, -0.4, 0.0, 12.3, 20.0, 44.0]):
+        reading = read_picture(reader, draw_aeroplane(turned_deg, number)).readings["rpm"]
+        assert reading.status is Status.READ
+        assert off_deg(reading, turned_deg) < 0.15
