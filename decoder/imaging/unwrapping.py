@@ -27,8 +27,9 @@ from decoder.imaging.thresholds import (
 )
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
+from decoder.panel.kinds.straight import size_px
 from decoder.panel.scale import FULL_CIRCLE_DEG
-from decoder.panel.window import Corners, size_px
+from decoder.panel.window import Corners
 
 UnwrappedGauge = Floats
 

@@ -19,8 +19,10 @@ from decoder.instruments.kinds.ball import BallKind
 from decoder.instruments.kinds.card import CardKind
 from decoder.instruments.kinds.geared import told_together
 from decoder.instruments.kinds.lamp import LampKind
+from decoder.instruments.kinds.linear import LinearKind
 from decoder.instruments.kinds.needle_dials import GearedKind, NeedleKind, StackKind
 from decoder.instruments.kinds.over_card import OverCardKind
+from decoder.instruments.kinds.tape import TapeKind
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples
 from decoder.panel.arrays import Floats
@@ -35,6 +37,8 @@ KINDS: tuple[Kind, ...] = (
     OverCardKind(_NEEDLES),
     BallKind(_NEEDLES[0]),
     LampKind(),
+    LinearKind(),
+    TapeKind(),
 )
 
 

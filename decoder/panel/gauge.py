@@ -18,8 +18,10 @@ from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.kinds.ball import Ball, tube_gauge
 from decoder.panel.kinds.card import Card
 from decoder.panel.kinds.lamp import Lamp
+from decoder.panel.kinds.linear import Linear
 from decoder.panel.kinds.needles import Needle, Needles
 from decoder.panel.kinds.over_card import OverCard
+from decoder.panel.kinds.tape import Tape
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
     MOST_POINTS,
@@ -38,7 +40,7 @@ RadiusPx = Annotated[Positive, at_most(10_000)]
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 
-KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp)
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp, Linear, Tape)
 
 
 class Combined(Strict):
@@ -97,6 +99,10 @@ class Gauge(Strict):
     """A ball in a curved tube, instead of needles; the tube tells `centre`, `radius`, `sweep` and `scale`."""
     lamp: Lamp | None = None
     """A warning light in a window."""
+    linear: Linear | None = None
+    """A pointer that slides along a straight scale in a window."""
+    tape: Tape | None = None
+    """A scale that slides or turns behind an index in a window."""
     combined: Combined | None = None
     """A value that several needles of the dial show together."""
 
@@ -145,7 +151,8 @@ class Gauge(Strict):
         card: DescribedKind | None = self.card
         if needles is not None and self.card is not None:
             needles, card = None, OverCard(self.card, Needles(self.needles, is_over_card=True))
-        each: tuple[DescribedKind | None, ...] = (needles, card, self.attitude, self.ball, self.lamp)
+        in_windows = self.lamp, self.linear, self.tape
+        each: tuple[DescribedKind | None, ...] = (needles, card, self.attitude, self.ball, *in_windows)
         return [kind for kind in each if kind is not None]
 
     @property
@@ -166,7 +173,8 @@ class Gauge(Strict):
 
     @model_validator(mode="after")
     def _turn_closes(self) -> Self:
-        if any(wraps is not None for wraps in (self.wraps, *(quantity.wraps for quantity in self.quantities))):
+        turns = () if self.kind.in_window else (self.wraps, *(quantity.wraps for quantity in self.quantities))
+        if any(wraps is not None for wraps in turns):
             if self.sweep[1] - self.sweep[0] != FULL_CIRCLE_DEG:
                 raise ValueError("`wraps` needs a `sweep` of exactly 360 degrees: such a needle goes all the way round")
             if self.stops is not None:

@@ -52,24 +52,3 @@ def check_corners(corners: Corners) -> Corners:
             f"needs four corners at least {LEAST_WINDOW_PX:g} pixels apart, clockwise from the top left of what is read"
         )
     return corners
-
-
-def size_px(corners: Corners) -> tuple[float, float]:
-    """Return width and height: the mean length of the sides across and of those down."""
-    top_left, top_right, bottom_right, bottom_left = corners
-    across = math.dist(top_left, top_right), math.dist(bottom_left, bottom_right)
-    down = math.dist(top_left, bottom_left), math.dist(top_right, bottom_right)
-    return sum(across) / 2, sum(down) / 2
-
-
-def to_polar(corners: Corners, middle: Point, at: Point) -> tuple[float, float]:
-    """Return where a place of the window, (across, down) in [0, 1], lies around its middle: degrees and pixels."""
-    across, down = at
-    top_left, top_right, bottom_right, bottom_left = corners
-    x, y = (
-        (1 - down) * ((1 - across) * top_left[axis] + across * top_right[axis])
-        + down * ((1 - across) * bottom_left[axis] + across * bottom_right[axis])
-        - middle[axis]
-        for axis in (0, 1)
-    )
-    return math.degrees(math.atan2(y, x)), math.hypot(x, y)

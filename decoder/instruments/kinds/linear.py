@@ -1,0 +1,283 @@
+"""Linear scales: a pointer that slides along a straight scale, as a flap indicator's or an edgewise instrument's.
+
+Seen along its window, a pointer that slides only shifts, as a needle does in an unwrapped dial: so its template over
+the scale's face is searched for in the same way, fitted by least squares, and learned from the flight, as the scale's
+face is that it passes over. What matches at another place nearly as well is not believed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from decoder.imaging.sorting import median_of
+from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
+from decoder.instruments.kinds.windows import WindowKind
+from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_RIVAL, SURE_SCORE
+from decoder.matching.correlation import partial_normxcorr
+from decoder.matching.faces import bare_face, in_light_of, learn_face
+from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
+from decoder.matching.needle_layer import cut_over, first_layer, in_local_light, layer_over, layered
+from decoder.matching.needle_template import NeedleTemplate, odd_rows
+from decoder.matching.searching import peaks_of
+from decoder.matching.strips import blocks_of, rows_at, rows_of_each
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, NOISE_LEVELS, OUTLIER_SPREADS, SCORE_THRESHOLD
+from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.panel.gauge import Gauge
+from decoder.panel.kinds.linear import Linear
+from decoder.panel.kinds.straight import ACROSS
+from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+
+ROUNDS = 3
+# A mark is drawn so well on a scale, and the place where the pointer is in the panel picture.
+MARK_PX = 0.5
+# Powers of row and column that a light may follow around a pointer.
+LIGHT_POWERS = ((0, 0), (1, 0), (0, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPicture:
+    """What a linear scale looks like; its rows go along it.
+
+    Attributes
+    ----------
+    drawn, face
+        (R, C): the window in the panel picture, and the scale without its pointer.
+    given, pointer
+        Its pointer in the panel picture, and as the flight has it.
+    at_row
+        Where it is in the panel picture.
+    """
+
+    drawn: UnwrappedGauge
+    face: UnwrappedGauge
+    given: NeedleTemplate
+    pointer: NeedleTemplate
+    at_row: float
+
+
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """One linear scale on its grid, whose rows of cells go along it."""
+
+    own: Linear
+    grid: WindowGrid
+    ends_px: tuple[float, float]
+
+    @classmethod
+    def of(cls, gauge: Gauge, grid: WindowGrid) -> Slide:
+        """Of a gauge that has one."""
+        if gauge.linear is None:
+            raise AssertionError(f"{gauge.name} is no linear scale")
+        (quantity,) = gauge.quantities
+        return cls(gauge.linear, grid, (quantity.marks[0][0], quantity.marks[-1][0]))
+
+    @property
+    def row_px(self) -> float:
+        """How many pixels of the panel picture a row is."""
+        width_px, height_px = self.grid.cell_px
+        return width_px if self.own.moves == ACROSS else height_px
+
+    def row_of(self, along_px: float) -> float:
+        """Return the row of a place, pixels along the window."""
+        return along_px / self.row_px + self.grid.margin - 0.5
+
+    def px_of(self, row: Floats) -> Floats:
+        """Return the places of rows, pixels along the window."""
+        along_px: Floats = (row - self.grid.margin + 0.5) * self.row_px
+        return along_px
+
+    def along(self, strips: Floats) -> Floats:
+        """(..., R, C): windows as they are sampled, with what is around them only before and behind."""
+        down, across = self.grid.within
+        if self.own.moves == ACROSS:
+            return np.ascontiguousarray(np.swapaxes(strips[..., down, :], -1, -2))
+        return np.ascontiguousarray(strips[..., across])
+
+
+class SlideReader:
+    """Reads one linear scale."""
+
+    def __init__(self, slide: Slide, picture: LinearPicture) -> None:
+        self._slide, self._pointer, self._face = slide, picture.pointer, picture.face
+        self._name = slide.own.name
+        self._axis = (picture.pointer.rows - 1) // 2
+        height, columns = picture.pointer.pixels.shape
+        pixels = [min(1.0, slide.grid.cell_px[0] * slide.grid.cell_px[1])]
+        self._fitter = WindowFitter([picture.pointer], pixels)
+        self._lit_fitter = WindowFitter([picture.pointer], pixels, _lights(height, columns))
+        self._faces = blocks_of(picture.face.astype(np.float32), height)
+        count = len(picture.face) - height + 1
+        places_px = slide.px_of(np.arange(count) + self._axis)
+        first_px, last_px = slide.ends_px
+        self._allowed = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
+
+    def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
+        """Read F frames of its window, (F, R, C) as they are sampled."""
+        found, is_alone = self.found(self._slide.along(strips))
+        rows = np.nan_to_num(found.row)
+        places_px, sigmas_px = self._slide.px_of(rows), found.sigma_rows * self._slide.row_px
+        is_read = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
+        return [
+            {
+                self._name: Reading(
+                    Status.READ if own else Status.MISSING, place_px, math.hypot(sigma_px, off_px, MARK_PX), score
+                )
+            }
+            for own, place_px, sigma_px, off_px, score in zip(
+                is_read.tolist(),
+                places_px.tolist(),
+                np.nan_to_num(sigmas_px, nan=np.inf).tolist(),
+                place_sigmas_px.tolist(),
+                np.nan_to_num(found.score).tolist(),
+                strict=True,
+            )
+        ]
+
+    def found(self, along: Floats) -> tuple[Settled, Mask]:
+        """Find the pointer in F windows along their scale, (F, R, C), and whether no other place matches so well."""
+        scores = np.concatenate([self._scores(window) for window in along])
+        beside = np.pad(scores, ((0, 0), (1, 1)), constant_values=-1.0)
+        peaks = (scores >= beside[:, 2:]) & (scores >= beside[:, :-2])
+        peaks &= self._allowed
+        _, place = peaks_of(scores, peaks)
+        found = self._settled(along, place)
+        reach = self._pointer.half_width_deg + MAX_PEAK_ROWS
+        elsewhere = peaks & (np.abs(np.arange(scores.shape[1]) - place[:, None]) > reach)
+        top, second = peaks_of(scores, elsewhere)
+        rival = scores[np.arange(len(scores)), top]
+        doubt = np.flatnonzero(elsewhere.any(axis=1) & (rival >= MIN_RIVAL))
+        is_alone = np.asarray(peaks.any(axis=1))
+        if doubt.size:
+            other = np.nan_to_num(self._settled(along[doubt], second[doubt]).score)
+            left = 1.0 - np.maximum(np.maximum(other, rival[doubt]), 0.0) ** 2
+            is_alone[doubt] &= left > CLEARLY_WORSE * (1.0 - np.nan_to_num(found.score[doubt]) ** 2)
+        return found, is_alone
+
+    def _scores(self, window: Floats) -> Floats:
+        """(1, N): the partial NCC with the pointer, its first row on each row of the window."""
+        scores, _ = partial_normxcorr(window[None], self._face[None], self._pointer)
+        return scores
+
+    def _settled(self, along: Floats, places: Floats) -> Settled:
+        """Fit the pointer by least squares, in even light and in light that changes around it: the better of both."""
+        plain, lit = (self._settled_by(fitter, along, places) for fitter in (self._fitter, self._lit_fitter))
+        doubtful = plain.score < SURE_SCORE
+        parts = ("row", "sigma_rows", "score", "correlation", "gain", "is_settled")
+        better = doubtful & lit.is_settled & (np.nan_to_num(lit.score) > np.nan_to_num(plain.score))
+        return Settled(*(np.where(better, getattr(lit, name), getattr(plain, name)) for name in parts))
+
+    def _settled_by(self, fitter: WindowFitter, along: Floats, places: Floats) -> Settled:
+        height = 2 * self._axis + 1
+        windows = blocks_of(np.ascontiguousarray(along, np.float32), height)
+
+        def fit(open_: Indices, rows: Indices, guess_rows: Floats) -> Fits:
+            top = rows - self._axis
+            return fitter.fit(windows[open_, top], self._faces[top], guess_rows)
+
+        return settle(fit, places + self._axis, (self._axis, along.shape[1] - self._axis - 1), MAX_PEAK_ROWS)
+
+
+def _lights(height: int, width: int) -> Floats:
+    row, column = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
+    return np.stack([(row**i * column**j).ravel() for i, j in LIGHT_POWERS]).astype(np.float32)
+
+
+def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
+    """Take it from the panel picture's window, as it is sampled."""
+    strip = slide.along(drawn)
+    at_row, rows = slide.row_of(slide.own.at_px(slide.grid.corners)), odd_rows(slide.own.span / slide.row_px, 1.0)
+    cut = rows_at(strip, at_row + np.arange(rows) - (rows - 1) / 2).astype(np.float32)
+    layer = first_layer(cut, median_of(strip), 1.0)
+    covered = np.zeros(strip.shape, bool)
+    covered.reshape(-1)[needle_pixels(strip.shape, layer.touched, at_row)] = True
+    face = bare_face(strip, covered)
+    pointer = cut_over(layer, _behind(face, at_row, rows))
+    return LinearPicture(strip, face, pointer, pointer, at_row)
+
+
+def _behind(face: Floats, row: float, rows: int) -> Floats:
+    return rows_at(face, row + np.arange(rows) - (rows - 1) / 2)
+
+
+def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPicture) -> LinearPicture:
+    """Learn scale and pointer from a sample's frames, as they are sampled."""
+    lit = in_light_of(given.drawn, (slide.along(strip) for strip in strips))
+    views = [view for view in lit if view is not None]
+    if len(views) < FRAMES_TO_LEARN:
+        return given
+    known = _bared(given, views)
+    for _ in range(ROUNDS):
+        found, is_alone = SlideReader(slide, known).found(np.stack(views))
+        sure = np.flatnonzero(found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD))
+        if len(sure) < FRAMES_TO_LEARN:
+            return known
+        rows = found.row[sure]
+        seen = [views[index] for index in sure.tolist()]
+        covered = [needle_pixels(known.face.shape, known.pointer.touched, row) for row in rows.tolist()]
+        known = replace(known, face=learn_face(seen, covered, known.face))
+        known = replace(known, pointer=_pointer(known, seen, rows))
+    return known
+
+
+def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
+    """Return scale and pointer told apart by views from which the pointer has gone, if there are enough.
+
+    It may have stood all but always where the panel picture shows it; what lies behind it is then seen nowhere else.
+    """
+    rows, at = given.given.rows, given.at_row
+    place = needle_pixels(given.face.shape, np.ones_like(given.given.pixels, bool), at)
+    drawn = given.drawn.ravel()[place]
+    off = [float(np.sqrt(np.square(view.ravel()[place] - drawn).mean())) for view in views]
+    gone = [
+        view.ravel()[place] for view, apart in zip(views, off, strict=True) if apart > OUTLIER_SPREADS * NOISE_LEVELS
+    ]
+    if len(gone) < MIN_VIEWS:
+        return given
+    face = given.drawn.copy()
+    face.reshape(-1)[place] = np.median(gone, axis=0)
+    cut = rows_at(given.drawn, at + np.arange(rows) - (rows - 1) / 2).astype(np.float32)
+    pointer = layer_over(cut, _behind(face, at, rows).astype(np.float32), 1.0)
+    return replace(given, face=face, given=pointer, pointer=pointer)
+
+
+def _pointer(known: LinearPicture, seen: Sequence[Floats], found_rows: Floats) -> NeedleTemplate:
+    """Learn the pointer from its cuts, its zero where the panel picture has it."""
+    before, rows = known.pointer, known.pointer.rows
+    behind = _behind(known.face, known.at_row, rows)
+
+    def learned(shift_rows: float) -> NeedleTemplate:
+        places = (found_rows + shift_rows)[:, None] + np.arange(rows) - (rows - 1) / 2
+        faces = rows_of_each([known.face] * len(seen), places)
+        cuts = in_local_light(rows_of_each(seen, places), before, faces)
+        both = np.concatenate([cuts, known.given.pixels[None]]), np.concatenate([faces, behind[None]])
+        return layered(*both, before.pixels, 1.0)
+
+    pointer = learned(0.0)
+    fits = WindowFitter([pointer], [1.0]).fit(
+        known.given.pixels.reshape(1, -1), behind.reshape(1, -1).astype(np.float32), np.zeros(1)
+    )
+    off_rows = float(fits.fraction[0])
+    return learned(-off_rows) if abs(off_rows) < rows / 8 else pointer
+
+
+class LinearKind(WindowKind):
+    """A pointer that slides along a straight scale."""
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.linear is not None
+
+    def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LinearPicture:
+        return first_linear(Slide.of(gauge, grid), drawn)
+
+    def learned(
+        self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LinearPicture
+    ) -> LinearPicture:
+        return learn_linear(Slide.of(gauge, grid), strips, known)
+
+    def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LinearPicture) -> SlideReader:
+        return SlideReader(Slide.of(gauge, grid), picture)

@@ -1,0 +1,615 @@
+"""Tapes: a scale that slides or turns behind a fixed index, as a compass card seen from its rim, or an altitude tape.
+
+What moves is one picture, longer than the window: a frame shows a part of it. At first it is known as far as the panel
+picture shows it; a frame that overlaps with what is known, and matches it well and nowhere else, shows some more, until
+no frame does. The best match goes first, and what it shows is known before the next is looked at: so a frame is not
+taken for another part of the tape that looks much alike while its own is not yet known. What stands still in the window
+instead, as a lubber line, is where all frames agree, and counts for nothing.
+
+A reading is the whole tape's best match with the window, found at every place and then by least squares; where
+another place matches nearly as well there is none. Where the tape was never seen nothing is read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
+from decoder.instruments.kinds.tape_shape import ROW_PX, DrawnMarks, TapeShape, Unrolling, rows_in_sight, softened
+from decoder.instruments.kinds.windows import WindowKind
+from decoder.instruments.reading import Reading, Status
+from decoder.instruments.thresholds import CLEARLY_WORSE, MIN_RIVAL, STILL_ROWS, SURE_SCORE
+from decoder.matching.searching import COARSE_STEP
+from decoder.matching.thresholds import (
+    HALF,
+    MAX_PEAK_ROWS,
+    MIN_CONTRAST_PART,
+    MIN_SPREAD_LEVELS,
+    MUCH_BETTER,
+    NOISE_LEVELS,
+    OUTLIER_SPREADS,
+    SCORE_THRESHOLD,
+)
+from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.panel.gauge import Gauge
+from decoder.panel.kinds.straight import ACROSS
+from decoder.panel.scale import FULL_CIRCLE_DEG
+
+FIT_STEPS = 6
+# Light that falls off along a window leaves so much of it at least.
+LEAST_GAIN_PART = 0.3
+# What is not explained lies in patches, not in pixels: the window has so many along.
+PATCHES = 12
+# Samples that lie beside each other err together.
+TOGETHER = 6.0
+# What a shape gets wrong all views do: they tell no more of it than one would, and its samples less than they seem to.
+ALIKE = 20.0
+# Of a tape without an end, so many windows to either side may be seen.
+REACH_WINDOWS = 12
+# Of a sample's frames so many may show one and the same place, and still tell what stands still.
+MOVING_QUANTILE = 0.8
+SETTLE_ROUNDS, REFINE_ROUNDS, GROW_ROUNDS = 2, 4, 40
+
+
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """Where a tape lies in F frames.
+
+    Attributes
+    ----------
+    rows, sigma_rows, score
+        (F,): how far it has moved from where it is unrolled, the spread of that, and how well it matches.
+    gains, lights
+        (F, R, 1) and (F, R, C): the light there, `seen = gains * tape + lights`.
+    is_there
+        (F,): whether it was found at all.
+    """
+
+    rows: Floats
+    sigma_rows: Floats
+    score: Floats
+    gains: Floats
+    lights: Floats
+    is_there: Mask
+
+    def put(self, which: Indices | Mask, others: Laid) -> None:
+        """Put others in the place of some."""
+        for name in ("rows", "sigma_rows", "score", "gains", "lights", "is_there"):
+            getattr(self, name)[which] = getattr(others, name)
+
+    def part(self, which: Indices | Mask) -> Laid:
+        """Return some of them."""
+        return Laid(
+            self.rows[which],
+            self.sigma_rows[which],
+            self.score[which],
+            self.gains[which],
+            self.lights[which],
+            self.is_there[which],
+        )
+
+
+@dataclass(frozen=True)
+class TapePicture:
+    """What a tape looks like, and how it lies in its window.
+
+    Attributes
+    ----------
+    shape
+        Of it; `unrolled` are its rows in sight, each worth `step`.
+    levels
+        (P, C) float32: the whole tape, that the panel picture shows from row 0 on; its end is its beginning.
+    known
+        (P, C): which cells of it were seen.
+    weights
+        (R, C) in [0, 1]: where in the window it is to be seen, and how much of it.
+    drawn
+        (along, across): the window in the panel picture.
+    origin
+        How far it has moved there.
+    is_learned
+        Whether a flight told it from what stands still over it.
+    """
+
+    shape: TapeShape
+    unrolled: NDArray[np.intp]
+    step: float
+    levels: Floats
+    known: Mask
+    weights: Floats
+    drawn: Floats
+    origin: float = 0.0
+    is_learned: bool = False
+
+    @cached_property
+    def unroll(self) -> Unrolling:
+        """Unrolls its window."""
+        return Unrolling(self.shape, self.unrolled, self.step)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of it was seen."""
+        return bool((self.known.mean(axis=1) >= HALF).all())
+
+    def value(self, rows: float, index_px: float) -> float:
+        """Return what stands at a place of the window where it has moved by so many rows."""
+        return self.shape.value_at(index_px) + (rows - self.origin) * self.step
+
+
+class TapeFinder:
+    """Finds where a tape lies."""
+
+    def __init__(self, picture: TapePicture) -> None:
+        self._picture = picture
+        self._rows, self._columns = picture.weights.shape
+        self._size = len(picture.levels)
+        self._lights = _lights(self._rows, self._columns)
+        self._slopes = (np.roll(picture.levels, -1, 0) - np.roll(picture.levels, 1, 0)) / 2
+        self._known = picture.known.astype(np.float32)
+        self._along = np.linspace(-1.0, 1.0, self._rows, dtype=np.float32)[:, None]
+
+    def laid(self, strips: Floats) -> tuple[Laid, Floats]:
+        """Find the tape in F unrolled windows (F, R, C); and (F,) how well the next best place matches."""
+        scores = np.stack([self._scores(strip) for strip in strips])
+        best = scores.argmax(axis=1)
+        found = self.settled(strips, self._places[best].astype(np.float64))
+        every = np.arange(len(scores))
+        elsewhere = np.where(self._is_peak(scores) & self._is_apart[best], scores, 0.0)
+        rival = elsewhere.argmax(axis=1)
+        rivals = limited(elsewhere[every, rival].astype(np.float64), 0.0, 1.0)
+        doubt = np.flatnonzero(found.is_there & (rivals >= MIN_RIVAL))
+        if doubt.size:
+            other = self.settled(strips[doubt], self._places[rival[doubt]].astype(np.float64))
+            rivals[doubt] = np.maximum(rivals[doubt], other.score)
+            is_better = other.is_there & (other.score > found.score[doubt])
+            rivals[doubt[is_better]] = found.score[doubt[is_better]]
+            found.put(doubt[is_better], other.part(is_better))
+        return found, rivals
+
+    @cached_property
+    def _places(self) -> Indices:
+        """(N,): the rows at which it is searched, by as much of the window as is known of it there."""
+        rows = np.arange(0, self._size, COARSE_STEP)
+        at = (rows[:, None] + np.arange(self._rows)) % self._size
+        weights = self._picture.weights[:, ::COARSE_STEP]
+        part = (self._picture.known[:, ::COARSE_STEP][at] * weights).sum(axis=(1, 2)) / max(float(weights.sum()), 1e-9)
+        return np.asarray(rows[part >= HALF])
+
+    @cached_property
+    def _is_apart(self) -> Mask:
+        """(N, N): whether two places are not the same peak."""
+        apart = np.abs(self._places[:, None] - self._places)
+        far: Mask = 8 * np.minimum(apart, self._size - apart) > self._rows
+        return far
+
+    @staticmethod
+    def _is_peak(scores: Floats) -> Mask:
+        higher = np.maximum(np.roll(scores, 1, axis=1), np.roll(scores, -1, axis=1))
+        peaks: Mask = scores >= higher
+        return peaks
+
+    @cached_property
+    def _searched(self) -> tuple[Floats, Floats, Floats]:
+        """(N, S) each, and (4 N, S): the tape without light, weighed and of length one; weights; lights, so weighed."""
+        thin = (slice(None, None, COARSE_STEP), slice(None, None, COARSE_STEP))
+        weights = self._picture.weights[thin]
+        lights = self._lights.reshape(-1, self._rows, self._columns)[(slice(None), *thin)].reshape(
+            len(self._lights), -1
+        )
+        at = (self._places[:, None] + np.arange(0, self._rows, COARSE_STEP)) % self._size
+        seen = (self._picture.known[:, ::COARSE_STEP][at] * weights).reshape(len(at), -1)
+        levels = self._picture.levels[:, ::COARSE_STEP][at].reshape(len(at), -1).astype(np.float64)
+        levels -= (seen * levels).sum(axis=1, keepdims=True) / np.maximum(seen.sum(axis=1, keepdims=True), 1e-9)
+        normal = np.einsum("an,kn,bn->kab", lights, seen, lights)
+        hold = 1e-6 * (np.trace(normal, axis1=1, axis2=2) + 1e-6)[:, None, None] * np.eye(len(lights))
+        own = np.linalg.solve(np.linalg.cholesky(normal + hold), np.broadcast_to(lights, (len(at), *lights.shape)))
+        weighed = own * seen[:, None]
+        levels -= np.einsum("kan,ka->kn", own, np.einsum("kan,kn->ka", weighed, levels))
+        squares = (seen * levels**2).sum(axis=1)
+        plain = squares < seen.sum(axis=1) * (MIN_SPREAD_LEVELS * NOISE_LEVELS) ** 2
+        length = np.where(plain, np.inf, np.sqrt(np.maximum(squares, 1e-9)))
+        tape = seen * levels / length[:, None]
+        parts = (tape, seen, weighed.reshape(-1, lights.shape[1]))
+        return parts[0].astype(np.float32), parts[1].astype(np.float32), parts[2].astype(np.float32)
+
+    def _scores(self, strip: Floats) -> Floats:
+        """(N,): the NCC of a window (R, C) with the tape at each place, given an even light over both."""
+        tape, weights, lights = self._searched
+        thin = strip[::COARSE_STEP, ::COARSE_STEP].ravel()
+        thin = thin - thin.mean()
+        left = weights @ thin**2 - ((lights @ thin).reshape(len(tape), -1) ** 2).sum(axis=1)
+        scores: Floats = (tape @ thin) / np.sqrt(np.maximum(left, MIN_SPREAD_LEVELS))
+        return scores
+
+    def _at(self, levels: Floats, rows: Floats) -> Floats:
+        """(F, R, C): what windows show of a picture (P, C) that has moved by rows (F,)."""
+        first = np.floor(rows).astype(np.intp)
+        part = (rows - first).astype(np.float32)[:, None, None]
+        shown = levels[(first[:, None] + np.arange(self._rows + 1)) % self._size]
+        between: Floats = (1 - part) * shown[:, :-1] + part * shown[:, 1:]
+        return between
+
+    def settled(self, strips: Floats, rows: Floats) -> Laid:
+        """Fit gain, its slope along the window, light and place by least squares, from places (F,) on.
+
+        Outliers have no weight in the place, but all the weight in the score: few pixels match many places.
+        """
+        count, size = len(strips), self._rows * self._columns
+        found = Laid(
+            rows.copy(),
+            np.full(count, np.inf),
+            np.zeros(count),
+            np.ones((count, self._rows, 1), np.float32),
+            np.zeros((count, self._rows, self._columns), np.float32),
+            np.zeros(count, bool),
+        )
+        trusted = np.ones((count, self._rows, self._columns), np.float32)
+        open_ = np.arange(count)
+        for _ in range(FIT_STEPS):
+            if not open_.size:
+                break
+            here, seen = found.rows[open_], strips[open_]
+            weights = (self._at(self._known, here) > 1 - STILL_ROWS) * self._picture.weights
+            shown = self._at(self._picture.levels, here)
+            mean = (weights * shown).sum(axis=(1, 2)) / np.maximum(weights.sum(axis=(1, 2)), 1e-6)
+            shown = shown - mean[:, None, None].astype(np.float32)
+            own = np.stack([shown, self._at(self._slopes, here), shown * self._along], axis=1)
+            lights = np.broadcast_to(self._lights, (len(here), *self._lights.shape))
+            columns = np.concatenate([own.reshape(len(here), 3, size), lights], axis=1)
+            flat = (weights * trusted[open_]).reshape(len(here), 1, size)
+            weighed = columns * flat
+            normal = (weighed @ columns.swapaxes(1, 2)).astype(np.float64)
+            hold = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-9
+            inverse = np.linalg.inv(normal + hold * np.eye(len(columns[0])))
+            sides = (weighed @ seen.reshape(len(here), size, 1)).astype(np.float64)
+            solution = (inverse @ sides)[..., 0]
+            gain, step = solution[:, 0], solution[:, 1] / np.where(solution[:, 0] > 0, solution[:, 0], np.nan)
+            left = seen - (solution[:, None].astype(np.float32) @ columns).reshape(seen.shape)
+            usable = (gain >= MIN_CONTRAST_PART) & (np.abs(here + step - rows[open_]) <= MAX_PEAK_ROWS)
+            found.score[open_] = np.where(usable, self._match(seen, left, weights), 0.0)
+            noise = (flat[:, 0] * left.reshape(len(here), -1) ** 2).sum(axis=1) / flat[:, 0].sum(axis=1) * TOGETHER
+            pulls = (weighed * left.reshape(len(here), 1, size)).reshape(*columns.shape[:2], self._rows, -1).sum(axis=3)
+            edges = np.arange(PATCHES) * self._rows // PATCHES
+            by_patch = np.add.reduceat(pulls, edges, axis=2).astype(np.float64)
+            patchy = inverse[:, 1:2] @ by_patch
+            variance = np.maximum(inverse[:, 1, 1] * noise, (patchy[:, 0] ** 2).sum(axis=1))
+            found.sigma_rows[open_] = np.where(usable, np.sqrt(np.maximum(variance, 0.0)) / np.abs(gain), np.inf)
+            gains = np.maximum(
+                gain[:, None, None] + solution[:, 2, None, None] * self._along, 0.3 * gain[:, None, None]
+            )
+            found.gains[open_] = gains
+            light = (solution[:, None, 3:].astype(np.float32) @ self._lights).reshape(seen.shape)
+            found.lights[open_] = light - gains * mean[:, None, None]
+            found.is_there[open_] = usable
+            found.rows[open_] = np.where(
+                usable, here + limited(np.nan_to_num(step), -MAX_PEAK_ROWS, MAX_PEAK_ROWS), here
+            )
+            trusted[open_] = _trusted(left, weights)
+            open_ = open_[usable & (np.abs(np.nan_to_num(step)) >= STILL_ROWS)]
+        return found
+
+    def changes(self, rows: Floats, shifts: Floats) -> Floats:
+        """(F, K, R, C): how windows change where what they show is looked up elsewhere: `shifts` (K, 2, R, C)."""
+        down = self._at(self._slopes, rows)
+        across = self._at(np.gradient(self._picture.levels, axis=1).astype(np.float32), rows)
+        changes: Floats = down[:, None] * shifts[:, 0] + across[:, None] * shifts[:, 1]
+        return changes
+
+    def told(self, strips: Floats, where: Laid, changes: Floats) -> tuple[Floats, Floats]:
+        """Set up least squares of what changes windows, (F, K, R, C) in the tape's light, beside their own light.
+
+        Returns the normal matrix (K, K) and the sides (K,), by what is left of windows (F, R, C) where they are.
+        """
+        kinds, size = changes.shape[1], self._rows * self._columns
+        normal, sides = np.zeros((kinds, kinds)), np.zeros(kinds)
+        shown, slopes = self._at(self._picture.levels, where.rows), self._at(self._slopes, where.rows)
+        weights = (self._at(self._known, where.rows) > 1 - STILL_ROWS) * self._picture.weights
+        lit = (strips - where.lights) / where.gains - shown
+        trusted = _trusted(lit, weights)
+        for left, tape, slope, change, weight in zip(lit, shown, slopes, changes, weights * trusted, strict=True):
+            own = np.concatenate([[tape.ravel(), slope.ravel(), (tape * self._along).ravel()], self._lights])
+            flat = own * weight.ravel()
+            both = np.concatenate([change.reshape(kinds, size), left.reshape(1, size)])
+            shares = np.linalg.solve(flat @ own.T + 1e-3 * np.eye(len(own)), flat @ both.T)
+            rest = both - shares.T @ own
+            weighed = rest * weight.ravel()
+            normal += weighed[:kinds] @ rest[:kinds].T
+            sides += weighed[:kinds] @ rest[kinds]
+        noise = NOISE_LEVELS**2 * ALIKE * len(strips)
+        return normal / noise, sides / noise
+
+    def _match(self, seen: Floats, left: Floats, weights: Floats) -> Floats:
+        """(F,): the NCC of windows with their fits, by what these leave, given the light over both."""
+        flat = weights.reshape(len(seen), 1, -1)
+        lights = self._lights * flat
+        normal = (lights @ self._lights.T).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
+        middle = seen.reshape(len(seen), -1, 1) - seen.mean(axis=(1, 2))[:, None, None]
+        part = np.linalg.solve(normal, (lights @ middle).astype(np.float64)).astype(np.float32)
+        plain = (flat * (middle[..., 0] - (part.swapaxes(1, 2) @ self._lights)[:, 0])[:, None] ** 2).sum(axis=(1, 2))
+        unexplained = (weights * left**2).sum(axis=(1, 2)) / np.maximum(plain, 1e-6)
+        return np.asarray(np.sqrt(np.maximum(1.0 - unexplained, 0.0)), np.float64)
+
+
+def _lights(rows: int, columns: int) -> Floats:
+    """(4, R * C): what light adds to a window: a constant, what changes along it or bends, what changes across."""
+    along, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
+    return np.stack([np.ones_like(along), along, along**2, across]).reshape(4, -1).astype(np.float32)
+
+
+def _trusted(left: Floats, weights: Floats) -> Floats:
+    """(F, R, C): 1 where fits leave no more than they leave as a rule where there is weight, else 0."""
+    off = np.abs(left)
+    spread = [float(np.median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
+    most = OUTLIER_SPREADS * np.maximum(MAD_TO_SIGMA * np.array(spread, np.float32), NOISE_LEVELS)
+    return np.asarray(off <= most[:, None, None], np.float32)
+
+
+def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round: bool) -> TapePicture:
+    """Return a tape as far as the panel picture shows it in its window, (along, across), with all that lies over it."""
+    shape = TapeShape.of_marks(marks, (len(drawn), drawn.shape[1]), turn, is_round=is_round)
+    rows, step = rows_in_sight(shape), shape.step
+    size = (2 * REACH_WINDOWS + 1) * len(rows) if turn is None else round(turn / step)
+    weights = Unrolling(shape, rows, step).worth
+    blank = np.zeros((size, drawn.shape[1]), np.float32)
+    picture = TapePicture(shape, rows, step, blank, np.zeros(blank.shape, bool), weights, drawn)
+    (here,) = picture.unroll(drawn)[None]
+    levels, known = _composed(picture, here[None], _as_drawn(here))
+    return replace(picture, levels=levels, known=known)
+
+
+def _as_drawn(strip: Floats) -> Laid:
+    """Where the panel picture shows it, in its own light."""
+    return Laid(
+        np.zeros(1),
+        np.zeros(1),
+        np.ones(1),
+        np.ones((1, len(strip), 1), np.float32),
+        np.zeros((1, *strip.shape), np.float32),
+        np.ones(1, bool),
+    )
+
+
+def learn_tape(strips: Sequence[Floats], given: TapePicture, marks: DrawnMarks) -> TapePicture:
+    """Return the tape as far as frames (along, across) show it; as it was given if they do not tell."""
+    drawn = softened(given.drawn)
+    lit = [_in_light_of(drawn, softened(strip)) for strip in strips]
+    if not lit:
+        return given
+    free = 1.0 - _still(lit)
+    return _Learning(given, [drawn, *lit], free, marks).learned()
+
+
+class _Learning:
+    """Puts a tape together; `windows` are its views, the panel picture first, `free` where nothing stands still."""
+
+    def __init__(self, given: TapePicture, windows: Sequence[Floats], free: Floats, marks: DrawnMarks) -> None:
+        self._windows, self._free, self._marks = windows, free, marks
+        self._picture = given
+        self._use(given.shape)
+        self._where = _as_drawn(self._strips[0])
+        empty = np.zeros(len(windows) - 1, np.intp)
+        self._where = Laid(
+            *(np.concatenate([getattr(self._where, name)] * len(windows)) for name in _LAID)  # overwritten as found
+        )
+        self._is_placed = np.concatenate([[True], np.zeros(len(empty), bool)])
+        self._compose()
+
+    def learned(self) -> TapePicture:
+        for _ in range(GROW_ROUNDS):
+            found, rivals = TapeFinder(self._picture).laid(self._strips)
+            left, other = 1.0 - found.score**2, 1.0 - rivals**2
+            fits = found.is_there & (found.score >= SURE_SCORE) & (left < MUCH_BETTER * other) & (rivals < SURE_SCORE)
+            fits &= ~self._is_placed
+            if not fits.any():
+                break
+            fits &= left <= CLEARLY_WORSE * left[fits].min()
+            self._where.put(fits, found.part(fits))
+            self._is_placed |= fits
+            self._settle()
+            if self._picture.shape.is_round:
+                self._refine()
+        is_learned = int(self._is_placed.sum()) > 1
+        return replace(self._picture, origin=float(self._where.rows[0]), is_learned=is_learned)
+
+    def _use(self, shape: TapeShape) -> None:
+        unroll = Unrolling(shape, self._picture.unrolled, self._picture.step)
+        self._strips = np.stack([unroll.of_soft(window) for window in self._windows])
+        weights = unroll.worth * limited(unroll.of_soft(self._free), 0.0, 1.0)
+        self._picture = replace(self._picture, shape=shape, weights=weights.astype(np.float32))
+
+    def _compose(self) -> None:
+        which = np.flatnonzero(self._is_placed)
+        levels, known = _composed(self._picture, self._strips[which], self._where.part(which))
+        self._picture = replace(self._picture, levels=levels, known=known)
+
+    def _settle(self) -> float:
+        """Find the views that are placed once more, and put the tape together; return what is left unexplained."""
+        which = np.flatnonzero(self._is_placed)
+        left = 1.0
+        for _ in range(SETTLE_ROUNDS):
+            found = TapeFinder(self._picture).settled(self._strips[which], self._where.rows[which])
+            self._where.put(which[found.is_there], found.part(found.is_there))
+            left = float(np.mean(1.0 - found.score**2))
+            self._compose()
+        return left
+
+    def _refine(self) -> None:
+        """Let the views tell the tape's shape, as long as that explains them better."""
+        best, kept = self._settle(), self._state()
+        for _ in range(REFINE_ROUNDS):
+            self._use(self._picture.shape.refined(self._marks, *self._told()))
+            left = self._settle()
+            if left * MUCH_BETTER <= best:
+                kept = self._state()
+            best = min(best, left)
+        self._picture, self._strips, self._where = kept
+
+    def _state(self) -> tuple[TapePicture, Floats, Laid]:
+        return self._picture, self._strips, self._where.part(np.arange(len(self._strips)))
+
+    def _told(self) -> tuple[Floats, Floats]:
+        """Set up the views' least squares for what may be told of the shape: (4, 4) and (4,).
+
+        What all views of a place share goes into the picture of the tape, and tells nothing.
+        """
+        picture, size = self._picture, len(self._picture.levels)
+        which = np.flatnonzero(self._is_placed)
+        where = self._where.part(which)
+        finder = TapeFinder(picture)
+        finder = TapeFinder(picture)
+        changes = finder.changes(where.rows, picture.unroll.shifts(picture.shape.trials()))
+        rows = (np.rint(where.rows).astype(np.intp)[:, None] + np.arange(len(picture.weights))) % size
+        facing = _facing(picture.weights)
+        shared, total = np.zeros((changes.shape[1], *picture.levels.shape)), np.zeros(picture.levels.shape)
+        for own, at in zip(changes, rows, strict=True):
+            total[at] += facing
+            shared[:, at] += facing * own
+        shared /= np.maximum(total, 1e-9)
+        return finder.told(self._strips[which], where, changes - shared[:, rows].swapaxes(0, 1).astype(np.float32))
+
+
+_LAID = ("rows", "sigma_rows", "score", "gains", "lights", "is_there")
+
+
+def _composed(picture: TapePicture, strips: Floats, where: Laid) -> tuple[Floats, Mask]:
+    """Return the whole tape (P, C) as views (K, R, C) show it, and which of its cells (P, C) they show."""
+    size, (rows, columns) = len(picture.levels), picture.weights.shape
+    levels, weights = (np.zeros((len(strips), size, columns), np.float32) for _ in range(2))
+    facing = _facing(picture.weights)
+    first = np.floor(where.rows).astype(np.intp)
+    part = (where.rows - first).astype(np.float32)[:, None, None]
+    lit = (strips - where.lights) / where.gains
+    at = (first[:, None] + 1 + np.arange(rows - 1)) % size
+    every = np.arange(len(strips))[:, None]
+    levels[every, at] = part * lit[:, :-1] + (1 - part) * lit[:, 1:]
+    weights[every, at] = np.minimum(facing[:-1], facing[1:])
+    mean = _mean(levels, weights)
+    off = np.abs(levels - mean)
+    spread = np.sqrt(_mean(off**2, weights))
+    agreed = weights * (off <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS) / 2)
+    middle = np.where(agreed.any(axis=0), _mean(levels, agreed), mean)
+    known: Mask = 2 * weights.max(axis=0) > _facing(np.array(HALF))
+    return middle.astype(np.float32), known
+
+
+def _facing(weights: Floats) -> Floats:
+    """How much of the tape a view tells: one from the side adds little to one that faces the window."""
+    told: Floats = np.square(np.square(weights))
+    return told
+
+
+def _mean(levels: Floats, weights: Floats) -> Floats:
+    mean: Floats = (weights * levels).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9)
+    return mean
+
+
+def _in_light_of(reference: Floats, window: Floats) -> Floats:
+    """Return a window with the middle and the spread of another."""
+    spread = max(float(window.std()), MIN_SPREAD_LEVELS)
+    lit: Floats = (window - np.median(window)) / spread * float(reference.std()) + np.median(reference)
+    return lit
+
+
+def _still(windows: Sequence[Floats]) -> Floats:
+    """(along, across): 1 where windows show the same edge in most frames, whatever the tape does, else 0."""
+    views = np.stack(windows)
+    middle = median_of(views)
+    moves = np.quantile(np.abs(views - middle), MOVING_QUANTILE, axis=0)
+    edges = np.abs(np.diff(middle, axis=0))
+    edge = np.maximum(np.pad(edges, ((1, 0), (0, 0))), np.pad(edges, ((0, 1), (0, 0))))
+    still = ((edge > NOISE_LEVELS) & (moves < edge / 2)).astype(np.float32)
+    return np.asarray(cv2.dilate(still, np.ones((3, 1), np.uint8)), np.float32)
+
+
+class TapeReader:
+    """Reads one tape."""
+
+    def __init__(self, gauge: Gauge, grid: WindowGrid, picture: TapePicture) -> None:
+        self._drawn, self._picture = DrawnTape.of(gauge, grid), picture
+        self._finder = TapeFinder(picture)
+        self._least = SCORE_THRESHOLD if picture.is_whole else SURE_SCORE
+
+    def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
+        """Read F frames of its window, (F, R, C) as they are sampled.
+
+        Of a tape that is not wholly known another part may look much alike: then it must match better, and if two parts
+        that are known do, so may those that are not.
+        """
+        picture, drawn = self._picture, self._drawn
+        windows = np.stack([picture.unroll(window) for window in drawn.along(strips)])
+        found, rivals = self._finder.laid(windows)
+        base = picture.shape.value_at(drawn.index_px)
+        own_sigma, per_unit = picture.shape.sigmas(drawn.marks, drawn.index_px)
+        a_pixel = picture.step / ROW_PX
+        is_read = found.is_there & (found.score >= self._least)
+        is_read &= 1.0 - rivals**2 > CLEARLY_WORSE * (1.0 - found.score**2)
+        is_read &= picture.is_whole | (rivals < SURE_SCORE)
+        readings = []
+        for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
+            moved = float(found.rows[number] - picture.origin) * picture.step
+            away = moved if drawn.turn is None else (moved + drawn.turn / 2) % drawn.turn - drawn.turn / 2
+            parts = found.sigma_rows[number] * picture.step, own_sigma, per_unit * away, place_sigma_px * a_pixel
+            status = Status.READ if is_read[number] else Status.MISSING
+            value = base + moved
+            scale = 1.0 if drawn.turn is None else FULL_CIRCLE_DEG / drawn.turn
+            angle = value if drawn.turn is None else value % drawn.turn * scale
+            sigma = math.hypot(*(float(part) for part in parts)) * scale
+            readings.append({drawn.name: Reading(status, float(angle), sigma, float(found.score[number]))})
+        return readings
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnTape:
+    """One tape as it is described, in cells of its window along and across it."""
+
+    name: str
+    goes_across: bool
+    marks: DrawnMarks
+    index_px: float
+    turn: float | None
+    is_round: bool
+
+    @classmethod
+    def of(cls, gauge: Gauge, grid: WindowGrid) -> DrawnTape:
+        """Of a gauge that has one."""
+        own = gauge.tape
+        if own is None:
+            raise AssertionError(f"{gauge.name} is no tape")
+        goes_across = own.moves == ACROSS
+        width_px, height_px = grid.cell_px
+        along_px, across_px = (width_px, height_px) if goes_across else (height_px, width_px)
+        marks = [(x / along_px - 0.5, y / across_px - 0.5, value) for x, y, value in own.drawn(grid.corners)]
+        index = own.index_px(grid.corners) / along_px - 0.5
+        return cls(own.name, goes_across, marks, index, own.turn, own.drum)
+
+    def along(self, strips: Floats) -> Floats:
+        """(..., along, across): windows as they are sampled."""
+        return np.ascontiguousarray(np.swapaxes(strips, -1, -2)) if self.goes_across else strips
+
+
+class TapeKind(WindowKind):
+    """A scale that slides or turns behind an index."""
+
+    def owns(self, gauge: Gauge) -> bool:
+        return gauge.tape is not None
+
+    def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> TapePicture:
+        own = DrawnTape.of(gauge, grid)
+        return first_tape(own.marks, own.turn, own.along(drawn), is_round=own.is_round)
+
+    def learned(
+        self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: TapePicture
+    ) -> TapePicture:
+        own = DrawnTape.of(gauge, grid)
+        return known if known.is_learned else learn_tape([own.along(strip) for strip in strips], known, own.marks)
+
+    def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: TapePicture) -> TapeReader:
+        return TapeReader(gauge, grid, picture)

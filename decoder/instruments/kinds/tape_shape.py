@@ -1,0 +1,219 @@
+"""The shape of a tape in its window: flat, or the rim of a drum or card, whose marks crowd together towards the sides.
+
+A place on a tape is told by its value. Unrolled, a tape moves by whole and parts of rows: a drum's rim becomes flat.
+What a hand has drawn of the marks begins it; how the picture of the tape goes across the window as it moves tells the
+rest: a drum that leans, or is narrower at one end, or is seen from above.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.panel.arrays import Floats
+
+# A row of the unrolled tape is so much of a pixel where it faces the window.
+ROW_PX = 0.5
+# What is turned further away is too narrow to be read.
+LIMB = math.radians(62.0)
+# A mark is drawn so well.
+MARK_PX = 0.5
+# Fine print and noise, and a picture sharper than another, tell less of where a tape is than its numerals.
+BLUR_PX = 0.8
+MARK_STEPS = 30
+# By how much a drum is narrower at one side, and how far its edge bends, before a flight tells.
+PRIOR_TAPER, PRIOR_SAG_PX = 0.3, 4.0
+# How far one step of refining goes.
+STEPS = {"middle_px": 1.5, "radius_px": 1.5, "taper": 0.05, "sag_px": 1.0}
+# To tell how the unrolled tape changes with each.
+TRIALS = {"middle_px": 0.3, "radius_px": 0.3, "taper": 0.02, "sag_px": 0.3}
+
+DrawnMarks = Sequence[tuple[float, float, float]]
+"""Pixels along the window, and across it, and the value there."""
+
+
+@dataclass(frozen=True)
+class TapeShape:
+    """Where the values of a tape lie in its window when the panel picture was taken.
+
+    Attributes
+    ----------
+    size
+        Of the window: pixels along the tape, and across.
+    middle_px
+        Along the window, where a drum faces it; on a flat tape where `value` is.
+    radius_px
+        Of a drum, on its middle; on a flat tape, pixels for `unit`. Negative where values fall along the window.
+    value
+        What stands there.
+    unit
+        The value of a radian of a drum.
+    turn
+        The value of a whole turn where they begin again after it.
+    across_px
+        How far across the window the marks were drawn.
+    taper, sag_px
+        How much the radius grows a pixel across the window, and how far a drum's limb lies further across.
+    """
+
+    size: tuple[int, int]
+    middle_px: float
+    radius_px: float
+    value: float
+    unit: float
+    turn: float | None
+    across_px: float
+    is_round: bool
+    taper: float = 0.0
+    sag_px: float = 0.0
+
+    @classmethod
+    def of_marks(cls, marks: DrawnMarks, size: tuple[int, int], turn: float | None, *, is_round: bool) -> TapeShape:
+        """Return the shape that drawn marks tell."""
+        along, across, values = np.array(marks, np.float64).T
+        unit = turn / math.tau if is_round and turn is not None else 1.0
+        slope, _ = np.polyfit(values, along, 1)
+        drawn = cls(
+            size, along.mean(), slope * unit, values.mean(), unit, turn, float(across.mean()), is_round=is_round
+        )
+        for _ in range(MARK_STEPS if is_round else 1):
+            off_px, slopes = drawn._at_marks(marks)
+            step = -np.linalg.lstsq(slopes[:3].T, off_px, rcond=None)[0]
+            # values that lie together tell little of a radius: it is found in small steps
+            step *= min(1.0, abs(drawn.radius_px) / 4 / max(abs(float(step[1])), 1e-9))
+            drawn = replace(
+                drawn,
+                middle_px=drawn.middle_px + float(step[0]),
+                radius_px=drawn.radius_px + float(step[1]),
+                value=drawn.value + float(step[2]),
+            )
+            if not is_round:
+                break
+        return drawn
+
+    def _at_marks(self, marks: DrawnMarks) -> tuple[Floats, Floats]:
+        """How far (M,) its marks lie from where they were drawn, and how that changes with place, radius and value.
+
+        The slopes are (5, M), the last two those with taper and sag.
+        """
+        along, _, values = np.array(marks, np.float64).T
+        angles = (values - self.value) / self.unit
+        if not self.is_round:
+            ones, none = np.ones_like(along), np.zeros_like(along)
+            off_px: Floats = self.middle_px + self.radius_px * angles - along
+            return off_px, np.stack([ones, angles, none, none, none])
+        back_px = -self.sag_px * (1.0 - np.cos(angles))
+        radius_px = self.radius_px + self.taper * back_px
+        off_px = self.middle_px + radius_px * np.sin(angles) - along
+        slopes = [np.ones_like(along), np.sin(angles), -radius_px * np.cos(angles) / self.unit]
+        slopes += [back_px * np.sin(angles), -self.taper * (1.0 - np.cos(angles)) * np.sin(angles)]
+        return off_px, np.stack(slopes)
+
+    @cached_property
+    def step(self) -> float:
+        """What a row of the unrolled tape is worth, in the tape's values."""
+        step = ROW_PX * self.unit / abs(self.radius_px)
+        return step if self.turn is None else self.turn / max(round(self.turn / step), 1)
+
+    def value_at(self, along_px: float) -> float:
+        """Return what stands at a place of the window, where the marks were drawn across it."""
+        part = (along_px - self.middle_px) / self.radius_px
+        return self.value + self.unit * (math.asin(min(max(part, -1.0), 1.0)) if self.is_round else part)
+
+    def sigmas(self, marks: DrawnMarks, along_px: float) -> tuple[float, float]:
+        """Return how uncertain marks and an index, drawn by hand, make a value there; and values elsewhere, in parts.
+
+        The second is by how much for each unit that they lie further away.
+        """
+        _, slopes = self._at_marks(marks)
+        known = (slopes[:3] if self.is_round else slopes[:2]) / MARK_PX
+        covariance = np.linalg.pinv(known @ known.T)
+        part = (along_px - self.middle_px) / self.radius_px
+        a_pixel = self.value_at(along_px + 0.5) - self.value_at(along_px - 0.5)
+        change = np.array([-a_pixel, -part * a_pixel, 1.0][: len(known)])
+        own = float(change @ covariance @ change)
+        return math.hypot(MARK_PX * a_pixel, math.sqrt(own)), math.sqrt(covariance[1, 1]) / abs(self.radius_px)
+
+    def refined(self, marks: DrawnMarks, normal: Floats, pull: Floats) -> TapeShape:
+        """Return the shape one step nearer to what a flight tells, (4, 4) and (4,), and marks, together."""
+        off_px, slopes = self._at_marks(marks)
+        order = [0, 1, 3, 4, 2]
+        own = slopes[order] / MARK_PX
+        information, sides = own @ own.T, own @ (off_px / MARK_PX)
+        information[:4, :4] += normal
+        sides[:4] += pull
+        information[[2, 3], [2, 3]] += 1.0 / np.square([PRIOR_TAPER, PRIOR_SAG_PX])
+        sides[[2, 3]] += np.array([self.taper, self.sag_px]) / np.square([PRIOR_TAPER, PRIOR_SAG_PX])
+        steps = -np.linalg.solve(information, sides)
+        part = 1.0 / max(1.0, *(abs(float(step)) / STEPS[name] for step, name in zip(steps, STEPS, strict=False)))
+        moved = {name: getattr(self, name) + part * float(step) for step, name in zip(steps, STEPS, strict=False)}
+        return replace(self, **moved, value=self.value + part * float(steps[4]))
+
+    def trials(self) -> list[tuple[TapeShape, float]]:
+        """Return by what a flight may tell the shape with that a little changed, and how much it is changed."""
+        return [(replace(self, **{name: getattr(self, name) + trial}), trial) for name, trial in TRIALS.items()]
+
+
+class Unrolling:
+    """Unrolls tapes of one shape; `rows` as of `rows_in_sight`, and a row is worth `step`."""
+
+    def __init__(self, shape: TapeShape, rows: NDArray[np.intp], step: float) -> None:
+        self._rows, self._step = rows, step
+        along_px, across_px = shape.size
+        angles = (rows * (step / shape.unit))[:, None]
+        across = (np.arange(across_px) - shape.across_px)[None]
+        if shape.is_round:
+            x = shape.middle_px + (shape.radius_px + shape.taper * across) * np.sin(angles)
+            y = shape.across_px + across + shape.sag_px * (1.0 - np.cos(angles))
+        else:
+            x, y = np.broadcast_arrays(shape.middle_px + shape.radius_px * angles, shape.across_px + across)
+        self._x, self._y = x.astype(np.float32), y.astype(np.float32)
+        inside = (x >= 0) & (x <= along_px - 1) & (y >= 0) & (y <= across_px - 1)
+        facing = np.cos(angles) if shape.is_round else np.ones_like(angles)
+        self.worth: Floats = (facing * inside).astype(np.float32)
+        """(R, C): how many of the window's rows one of the tape's stands for, against where it faces the window."""
+
+    def shifts(self, shapes: Sequence[tuple[TapeShape, float]]) -> Floats:
+        """(K, 2, R, C): by how many rows and columns what is unrolled moves for each unit that shapes differ by.
+
+        `shapes` are others, and by how much they differ.
+        """
+        (x_down, x_across), (y_down, y_across) = (np.gradient(each) for each in (self._x, self._y))
+        area = x_down * y_across - x_across * y_down
+        moved = []
+        for shape, trial in shapes:
+            other = Unrolling(shape, self._rows, self._step)
+            right, below = (other._x - self._x) / trial, (other._y - self._y) / trial
+            moved.append([(right * y_across - below * x_across) / area, (below * x_down - right * y_down) / area])
+        return np.array(moved, np.float32)
+
+    def __call__(self, strip: Floats) -> Floats:
+        """Unroll the tape of one window: (along, across) to (R, C) float32."""
+        return self.of_soft(softened(strip))
+
+    def of_soft(self, window: Floats) -> Floats:
+        """Unroll the tape of one window (along, across) that is softened already: (R, C) float32."""
+        levels = cv2.remap(window, self._y, self._x, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(levels, np.float32)
+
+
+def softened(window: Floats) -> Floats:
+    """Return a window without what is finer than a tape's numerals."""
+    return np.asarray(cv2.GaussianBlur(window.astype(np.float32, copy=False), (0, 0), BLUR_PX), np.float32)
+
+
+def rows_in_sight(shape: TapeShape) -> NDArray[np.intp]:
+    """(R,): the tape's rows that the window shows, counted from where `value` stands."""
+    most = LIMB * shape.unit / shape.step if shape.is_round else math.inf
+    ends = []
+    for end_px in (0.0, shape.size[0] - 1.0):
+        part = (end_px - shape.middle_px) / shape.radius_px
+        angle = math.asin(min(max(part, -1.0), 1.0)) if shape.is_round else part
+        ends.append(min(max(angle * shape.unit / shape.step, -most), most))
+    return np.arange(math.ceil(min(ends)), math.floor(max(ends)) + 1)

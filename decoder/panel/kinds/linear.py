@@ -1,0 +1,120 @@
+"""A pointer that slides along a straight scale, as `panel.yaml` describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+import numpy as np
+from pydantic import field_validator
+
+from decoder.panel.description import Name, Positive, Strict
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kinds.straight import (
+    Corners,
+    Place,
+    PlacedMarks,
+    Way,
+    corners_of,
+    length_px,
+    line_at,
+    places_px,
+    to_polar,
+)
+from decoder.panel.scale import Marks, Quantity, Scale, monotone
+
+
+class Linear(Strict):
+    """A pointer that slides along a straight scale in a window: a flap indicator, an edgewise instrument."""
+
+    name: Name
+    """Column of the flight data."""
+    moves: Way = "down"
+    """Along which sides of its window it slides, `down` or `across`."""
+    marks: PlacedMarks
+    """[place, value] of two or more: a point of the panel picture, or only its y, or its x where it slides across."""
+    at: Place
+    """Where the pointer is in the panel picture."""
+    span: Positive
+    """How many pixels of the window are cut along the scale, two or three times the width of the pointer."""
+    max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second."""
+
+    form: ClassVar[Form] = Form(
+        "linear",
+        "a `linear` scale",
+        "a sliding pointer",
+        "a pointer that slides",
+        begun={"moves": "down", "span": 20.0},
+        controls=(
+            Control("name", "Name"),
+            Control("moves", "It slides", "text", "down or across"),
+            Control("marks", "Marks", "pairs", "pixels down (or across) the picture, value: 400 0, 480 10"),
+            Control("at", "Pointer here at", "number", "pixels down (or across) the picture"),
+            Control("span", "Pixels cut", "number", "two or three times the pointer's width"),
+            Control("max_rate", "Fastest change", "optional", "a second, if known"),
+        ),
+        hint="Click the four corners around the way of the pointer, clockwise from its top left, no wider than that.",
+    )
+    in_window: ClassVar[bool] = True
+    margin_part: ClassVar[float] = 0.5
+    has_still_face: ClassVar[bool] = False
+
+    @field_validator("marks")
+    @classmethod
+    def _marks_are_of_one_kind(cls, marks: PlacedMarks) -> PlacedMarks:
+        if len({isinstance(place, tuple) for place, _ in marks}) > 1:
+            raise ValueError("needs either points or single pixels, not both")
+        return marks
+
+    def along(self, corners: Corners) -> Marks:
+        """Return its marks as pixels along its window."""
+        return monotone(tuple((places_px(self.moves, corners, place)[0], value) for place, value in self.marks))
+
+    def at_px(self, corners: Corners) -> float:
+        """Return where it is in the panel picture, pixels along its window."""
+        return places_px(self.moves, corners, self.at)[0]
+
+    def check(self, dial: Dial) -> None:
+        """ValueError where its marks or its pointer do not go with its window."""
+        corners = corners_of(dial.window)
+        self.along(corners)
+        long_px = length_px(self.moves, corners)
+        if not 0.0 <= self.at_px(corners) <= long_px or self.span > long_px:
+            raise ValueError("needs its pointer, `at` and `span`, within its `window`")
+
+    def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
+        """Return its value, by pixels along its window."""
+        marks = self.along(corners_of(dial.window))
+        return (Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate),)
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return none that turns."""
+        return ()
+
+    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return the line across its window at which it shows its value."""
+        if not np.isfinite(values[self.name]):
+            return {}
+        corners = corners_of(dial.window)
+        along_px = float(Scale.of(self.along(corners)).angles_of(np.array([values[self.name]]))[0])
+        part = along_px / length_px(self.moves, corners)
+        one, other = (to_polar(corners, dial.centre, end) for end in line_at(self.moves, part))
+        return {self.name: (one, other)}
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return those of the circle around it."""
+        return dial.sweep
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return none: what it looks like is in the panel picture."""
+        return {}
+
+    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
+        """Return nothing: it has no angles."""
+        return {}
+
+    @staticmethod
+    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
+        """Leave it as it is: its window is carried, and its marks are drawn anew."""
+        return 0.0

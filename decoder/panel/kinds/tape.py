@@ -1,0 +1,139 @@
+"""A scale that slides or turns behind a fixed index in a window, as `panel.yaml` describes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import ClassVar
+
+from pydantic import field_validator
+
+from decoder.panel.description import Name, Positive, Strict
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kinds.straight import (
+    Corners,
+    Place,
+    PlacedMarks,
+    Way,
+    corners_of,
+    length_px,
+    line_at,
+    places_px,
+    to_polar,
+)
+from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
+
+
+class Tape(Strict):
+    """A tape or a drum behind a fixed index: a compass card seen from its rim, an altitude tape."""
+
+    name: Name
+    """Column of the flight data."""
+    moves: Way = "down"
+    """Along which sides of its window it moves, `down` or `across`."""
+    index: Place
+    """Where it is read: a point of the panel picture, or only its y, or its x where it moves across."""
+    marks: PlacedMarks
+    """[place, value] of two marks or more, as far apart as the panel picture shows them; of a drum four or more."""
+    turn: Positive | None = None
+    """What a whole turn is worth, where values begin again after it."""
+    drum: bool = False
+    """Whether it is the rim of a drum or card, whose marks crowd together towards the ends of its window."""
+    max_rate: Positive | None = None
+    """How fast its value can change, in its unit a second."""
+
+    form: ClassVar[Form] = Form(
+        "tape",
+        "a `tape` behind an index",
+        "a tape or drum under an index",
+        "a tape that moves",
+        begun={"moves": "down"},
+        controls=(
+            Control("name", "Name"),
+            Control("moves", "It moves", "text", "down or across"),
+            Control("index", "Read at", "number", "pixels down (or across) the picture"),
+            Control("marks", "Marks", "pairs", "pixels down (or across) the picture, value: 400 10, 480 20"),
+            Control("turn", "A turn is worth", "optional", "360 for a compass; empty if it never begins again"),
+            Control("max_rate", "Fastest change", "optional", "a second, if known"),
+        ),
+        hint="Click the four corners of what is seen of it, clockwise from its top left, without its frame.",
+    )
+    in_window: ClassVar[bool] = True
+    margin_part: ClassVar[float] = 0.0
+    has_still_face: ClassVar[bool] = False
+
+    @field_validator("marks")
+    @classmethod
+    def _marks_are_of_one_kind(cls, marks: PlacedMarks) -> PlacedMarks:
+        if len({isinstance(place, tuple) for place, _ in marks}) > 1:
+            raise ValueError("needs either points or single pixels, not both")
+        return marks
+
+    def drawn(self, corners: Corners) -> tuple[tuple[float, float, float], ...]:
+        """Return its marks: pixels along and across its window, and the value, unrolled where they pass a turn."""
+        told: list[tuple[float, float, float]] = []
+        for place, value in self.marks:
+            unrolled = value
+            if told and self.turn is not None:
+                unrolled -= self.turn * round((value - told[-1][2]) / self.turn)
+            told.append((*places_px(self.moves, corners, place), unrolled))
+        return tuple(sorted(told))
+
+    def index_px(self, corners: Corners) -> float:
+        """Return where it is read, pixels along its window."""
+        return places_px(self.moves, corners, self.index)[0]
+
+    def check(self, dial: Dial) -> None:
+        """ValueError where its marks do not go with its window."""
+        corners = corners_of(dial.window)
+        marks = self.drawn(corners)
+        steps = {
+            (after[0] > before[0]) * math.copysign(1.0, after[2] - before[2]) * (after[2] != before[2])
+            for before, after in pairwise(marks)
+        }
+        if steps not in ({1.0}, {-1.0}):
+            raise ValueError("needs `marks` at different places, values only rising or only falling along the window")
+        if self.drum and (self.turn is None or len(marks) < 4):  # noqa: PLR2004 - of three unknowns
+            raise ValueError("that is a `drum` needs its `turn`, and four `marks` or more")
+        if not 0.0 <= self.index_px(corners) <= length_px(self.moves, corners):
+            raise ValueError("needs its `index` within its `window`")
+
+    def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
+        """Return what stands at the index: by the angle where it turns, else by itself."""
+        if self.turn is not None:
+            marks = ((0.0, 0.0), (FULL_CIRCLE_DEG, self.turn))
+            return (Quantity(self.name, dial.name, dial.unit, marks, self.turn, None, self.max_rate),)
+        values = sorted(value for _, value in self.marks)
+        ends = (values[0], values[0]), (values[-1], values[-1])
+        return (Quantity(self.name, dial.name, dial.unit, ends, None, None, self.max_rate),)
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return none that turns."""
+        return ()
+
+    def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return the index across its window, where there is a value."""
+        if not math.isfinite(values[self.name]):
+            return {}
+        corners = corners_of(dial.window)
+        part = self.index_px(corners) / length_px(self.moves, corners)
+        one, other = (to_polar(corners, dial.centre, end) for end in line_at(self.moves, part))
+        return {self.name: (one, other)}
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return those of the circle around it."""
+        return dial.sweep
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return none: what it looks like is in the panel picture."""
+        return {}
+
+    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
+        """Return nothing: it has no angles."""
+        return {}
+
+    @staticmethod
+    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
+        """Leave it as it is: its window is carried, and its marks are drawn anew."""
+        return 0.0

@@ -1,0 +1,114 @@
+"""Pointers on straight scales are read where they stand, in any light; in doubt nothing is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decoder.instruments.kinds.linear import LinearPicture, Slide, SlideReader, first_linear, learn_linear
+from decoder.instruments.reading import Reading, Status
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
+from decoder.panel.panel import parse_panel
+from tests.decoder.instruments.straight import bar, gauge_of, seen
+
+# A scale that leans; its marks are given by points.
+CORNERS = [[40.0, 20.0], [62.0, 22.0], [52.0, 142.0], [30.0, 140.0]]
+MARKS = [[[50.1, 30.0], 0], [[45.95, 80.0], 10], [[42.6, 120.0], 30]]
+GAUGE, GRID = gauge_of(
+    CORNERS, linear={"name": "flap_deg", "moves": "down", "at": [50.1, 30.0], "span": 24, "marks": MARKS}
+)
+SLIDE = Slide.of(GAUGE, GRID)
+
+
+def window(
+    at_y: float, seed: int = 0, *, gain: float = 1.0, slope: float = 0.0, doubled: float | None = None
+) -> Floats:
+    """A slot, half dark and half a bright card with print; a grey pointer stands at a height, maybe another too."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        right = x > 46.0 - (y - 80.0) / 12.0
+        card = np.where(y < 70.0, 150.0, 210.0) - 60.0 * (np.sin(y / 3.0) > 0.9)
+        scale = np.where(right, card, 20.0)
+        for middle in (at_y, at_y if doubled is None else doubled):
+            covered = bar(y - middle, 4.0)
+            scale = covered * 110.0 + (1.0 - covered) * scale
+        return scale
+
+    return seen(GRID, levels, seed, gain=gain, slope=slope)
+
+
+def value(at_y: float) -> float:
+    """What a pointer at a height shows."""
+    return float(np.interp(at_y, [30.0, 80.0, 120.0], [0.0, 10.0, 30.0]))
+
+
+def learned(*heights: float) -> LinearPicture:
+    """A scale drawn with its pointer at the top, taught by frames in which it stands at these heights."""
+    strips = [window(at_y, seed + 1, gain=0.6 + 0.05 * seed) for seed, at_y in enumerate(heights)]
+    return learn_linear(SLIDE, strips, first_linear(SLIDE, window(30.0)))
+
+
+def read(picture: LinearPicture, *strips: Floats) -> list[Reading]:
+    """The pointer in frames."""
+    return [found["flap_deg"] for found in SlideReader(SLIDE, picture).read(np.stack(strips), np.zeros(len(strips)))]
+
+
+# It stands at the top in nearly all frames, as flaps do.
+TAUGHT = learned(*[30.0] * 8, 80.0, 80.0, 101.0, 120.0)
+
+
+@pytest.mark.parametrize("at_y", [30.0, 47.3, 64.0, 80.0, 101.6, 120.0])
+@pytest.mark.parametrize("light", [(1.0, 0.0), (0.5, 0.5)])
+def test_it_is_read_where_it_stands(at_y: float, light: tuple[float, float]) -> None:
+    """Over dark and bright parts of its scale alike, to a quarter of a pixel, also where no frame taught it."""
+    (found,) = read(TAUGHT, window(at_y, 99, gain=light[0], slope=light[1]))
+    (quantity,) = GAUGE.quantities
+    at_px, values = np.array(quantity.marks).T
+
+    assert found.status is Status.READ
+    assert found.angle_deg == pytest.approx(np.interp(value(at_y), values, at_px), abs=0.25)
+
+
+def test_two_pointers_are_none() -> None:
+    """Where two places look like the pointer nothing is read, nor where none does."""
+    (double,) = read(TAUGHT, window(50.0, 5, doubled=100.0))
+    (none,) = read(TAUGHT, window(-40.0, 6))
+
+    assert {double.status, none.status} == {Status.MISSING}
+
+
+def test_frames_beside_it_change_nothing() -> None:
+    """A frame is read to the bit the same whatever lies beside it."""
+    frames = [window(at_y, 7) for at_y in (30.0, 55.0, 90.0)]
+
+    assert [read(TAUGHT, frame)[0] for frame in frames] == read(TAUGHT, *frames)
+
+
+def test_its_value_is_drawn_across_its_window() -> None:
+    """The line that is drawn of a value crosses the window at its mark."""
+    ((one, other),) = GAUGE.lines({"flap_deg": 10.0}).values()
+    ends = [
+        (GAUGE.centre[0] + px * np.cos(np.radians(deg)), GAUGE.centre[1] + px * np.sin(np.radians(deg)))
+        for deg, px in (one, other)
+    ]
+
+    assert np.mean(ends, axis=0) == pytest.approx([45.95, 80.0], abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("linear", "problem"),
+    [
+        ("{name: a, at: 30, span: 4, marks: [[2, 0], [8, 1]]}", "within its `window`"),
+        ("{name: a, at: 5, span: 40, marks: [[2, 0], [8, 1]]}", "within its `window`"),
+        ("{name: a, at: 5, span: 4, marks: [[2, 0], [[5, 5], 1]]}", "not both"),
+        ("{name: a, at: 5, span: 4, marks: [[2, 0], [4, 1], [8, 0.5]]}", "monotone"),
+    ],
+)
+def test_what_is_no_scale_is_said(linear: str, problem: str) -> None:
+    """What does not go with its window is told in a sentence."""
+    gauge = f"{{name: g, window: [[0, 0], [9, 0], [9, 19], [0, 19]], linear: {linear}}}"
+    document = f"name: p\npicture: p.png\nanchors: [{{name: a, box: [0, 0, 20, 20]}}]\ngauges: [{gauge}]"
+
+    with pytest.raises(PanelError, match=problem):
+        parse_panel(document.encode(), source="panel.yaml")

@@ -1,0 +1,182 @@
+"""Tapes and drums are read as far as a flight shows them; where they were never seen, or look alike, nothing is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from decoder.instruments.kinds.tape import DrawnTape, TapePicture, TapeReader, first_tape, learn_tape
+from decoder.instruments.reading import Reading, Status
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
+from decoder.panel.gauge import Gauge
+from decoder.panel.panel import parse_panel
+from tests.decoder.instruments.straight import WindowGrid, bar, gauge_of, seen
+
+RADIUS_PX, MIDDLE_PX, INDEX_PX = 44.0, 60.0, 56.0
+CORNERS = [[20.0, 10.0], [92.0, 10.0], [92.0, 46.0], [20.0, 46.0]]
+DRAWN_AT = 40.0
+BLOCK_DEG = 30.0
+
+
+def numeral(block: Floats, part: Floats, y: Floats, kinds: int) -> Floats:
+    """Blots that stand for a numeral: two of them in each block, of a form that goes with its number."""
+    digits = np.random.default_rng(5).uniform(0.2, 1.0, (kinds, 2, 3))
+    which = np.mod(block, kinds).astype(np.intp)
+    blots = np.zeros_like(part)
+    for across in (0, 1):
+        for down in (0, 1, 2):
+            place = bar((part - 0.42 - 0.16 * across) * BLOCK_DEG, 1.9, 1.0) * bar(y - 17.0 - 5.0 * down, 2.0, 1.0)
+            blots += digits[which, across, down] * place
+    return blots
+
+
+def tape_levels(values: Floats, y: Floats, kinds: int) -> Floats:
+    """A dark tape with bright numerals each 30 and ticks each 5."""
+    block, part = np.floor(values / BLOCK_DEG), np.mod(values / BLOCK_DEG, 1.0)
+    tick = bar(np.mod(values + 2.5, 5.0) - 2.5, 0.5, 0.6) * (np.abs(y - 38.0) < 4.0)
+    return 50.0 + 150.0 * numeral(block, part, y, kinds) + 60.0 * tick
+
+
+def drum(heading: float, grid: WindowGrid, seed: int = 0, *, kinds: int = 12, light: float = 1.0) -> Floats:
+    """A compass card seen from its rim behind a bright lubber line: values fall to the right."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        part = (x - MIDDLE_PX) / RADIUS_PX
+        at_index = math.degrees(math.asin((INDEX_PX - MIDDLE_PX) / RADIUS_PX))
+        turned = np.degrees(np.arcsin(np.clip(part, -1.0, 1.0)))
+        card = tape_levels(heading - (turned - at_index), y, kinds) * (0.6 + 0.4 * np.cos(np.radians(turned)))
+        line = bar(x - INDEX_PX, 1.2, 0.8)
+        return line * 240.0 + (1.0 - line) * card
+
+    return seen(grid, levels, seed, gain=light)
+
+
+def marks_at(heading: float, off_px: float = 0.0) -> list[list[object]]:
+    """Where marks each 5 degrees are in sight, as a hand may draw them."""
+    at_index = math.asin((INDEX_PX - MIDDLE_PX) / RADIUS_PX)
+    told: list[list[object]] = []
+    for number, value in enumerate(range(-30, 40, 10)):
+        x = MIDDLE_PX + RADIUS_PX * math.sin(at_index - math.radians(value))
+        told.append([[x + off_px * (-1) ** number, 38.0], (heading + value) % 360.0])
+    return told
+
+
+def compass(off_px: float = 0.0) -> tuple[Gauge, WindowGrid]:
+    """A compass as it is described, its marks drawn so far beside where they are."""
+    tape = {"name": "heading_deg", "moves": "across", "index": [INDEX_PX, 38.0], "turn": 360, "drum": True}
+    return gauge_of(CORNERS, tape={**tape, "marks": marks_at(DRAWN_AT, off_px)})
+
+
+def learned(gauge: Gauge, grid: WindowGrid, headings: Floats, kinds: int = 12) -> TapePicture:
+    """A compass that was drawn at one heading, taught by frames at others."""
+    own = DrawnTape.of(gauge, grid)
+    first = first_tape(own.marks, own.turn, own.along(drum(DRAWN_AT, grid, kinds=kinds)), is_round=own.is_round)
+    frames = [drum(h, grid, n + 1, kinds=kinds, light=0.6 + 0.03 * (n % 9)) for n, h in enumerate(headings.tolist())]
+    return learn_tape([own.along(frame) for frame in frames], first, own.marks)
+
+
+def read(gauge: Gauge, grid: WindowGrid, picture: TapePicture, *frames: Floats) -> list[Reading]:
+    """The compass in frames."""
+    found = TapeReader(gauge, grid, picture).read(np.stack(frames), np.zeros(len(frames)))
+    return [one["heading_deg"] for one in found]
+
+
+def errors(found: list[Reading], headings: Floats) -> tuple[Floats, Floats, Floats]:
+    """Errors of those that were read, their sigmas, and which were read."""
+    is_read = np.array([one.status is Status.READ for one in found])
+    off = np.array([one.angle_deg for one in found]) - headings
+    off = (off + 180.0) % 360.0 - 180.0
+    return off[is_read], np.array([one.sigma_deg for one in found])[is_read], is_read
+
+
+@pytest.mark.parametrize("off_px", [0.0, 0.4])
+def test_it_is_read_as_far_as_the_flight_shows_it(off_px: float) -> None:
+    """From one picture and some frames a part of the card is known, and read well within sigma; the rest is missing."""
+    gauge, grid = compass(off_px)
+    picture = learned(gauge, grid, np.linspace(0.0, 130.0, 16))
+    headings = np.arange(3.0, 360.0, 7.0)
+    off, sigma, is_read = errors(read(gauge, grid, picture, *(drum(h, grid, 77) for h in headings.tolist())), headings)
+
+    assert is_read[(headings > 0.0) & (headings < 130.0)].mean() >= 0.9
+    assert not is_read[(headings > 205.0) & (headings < 290.0)].any()
+    assert np.abs(off).max() < 3.0
+    assert (np.abs(off) < 1.96 * sigma).mean() >= 0.9
+
+
+def test_what_looks_alike_everywhere_is_not_told() -> None:
+    """Of a card on which every numeral looks the same no heading is read, but for what the panel picture says."""
+    gauge, grid = compass()
+    picture = learned(gauge, grid, np.linspace(40.0, 250.0, 16), kinds=1)
+    headings = np.arange(0.0, 360.0, 9.0)
+    off, _, _ = errors(read(gauge, grid, picture, *(drum(h, grid, 7, kinds=1) for h in headings.tolist())), headings)
+
+    assert (np.abs(off) < 3.0).all()
+
+
+def test_a_card_that_never_turned_is_not_told_from_its_line() -> None:
+    """Without frames that show it elsewhere there is no reading far from where it was drawn."""
+    gauge, grid = compass()
+    picture = learned(gauge, grid, np.full(16, DRAWN_AT))
+    off, _, _ = errors(read(gauge, grid, picture, drum(150.0, grid, 3), drum(220.0, grid, 4)), np.array([150.0, 220.0]))
+
+    assert not off.size
+
+
+def test_frames_beside_it_change_nothing() -> None:
+    """A frame is read to the bit the same whatever lies beside it."""
+    gauge, grid = compass()
+    picture = learned(gauge, grid, np.linspace(20.0, 80.0, 12))
+    frames = [drum(h, grid, 9) for h in (25.0, 52.0, 77.0, 200.0)]
+
+    assert [read(gauge, grid, picture, frame)[0] for frame in frames] == read(gauge, grid, picture, *frames)
+
+
+def altitude(value: float, grid: WindowGrid, seed: int = 0) -> Floats:
+    """A flat tape: higher values further up, four to a pixel, numerals each 120."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        values = (value + 4.0 * (50.0 - y)) / 4.0
+        line = bar(y - 50.0, 1.0, 0.8) * (x < 14.0)
+        return line * 230.0 + (1.0 - line) * tape_levels(values, x - 5.0, 60)
+
+    return seen(grid, levels, seed)
+
+
+def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
+    """An altitude tape without an end is read frame by frame beyond what the panel picture shows."""
+    marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
+    corners = [[10.0, 10.0], [50.0, 10.0], [50.0, 90.0], [10.0, 90.0]]
+    gauge, grid = gauge_of(corners, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
+    own = DrawnTape.of(gauge, grid)
+    first = first_tape(own.marks, own.turn, own.along(altitude(1000.0, grid)), is_round=False)
+    flown = np.linspace(1000.0, 1700.0, 16)
+    picture = learn_tape([own.along(altitude(a, grid, n)) for n, a in enumerate(flown.tolist())], first, own.marks)
+    wanted = np.array([1010.0, 1234.0, 1490.0, 1650.0, 3000.0])
+    found = read(gauge, grid, picture, *(altitude(a, grid, 50) for a in wanted.tolist()))
+
+    assert [one.status for one in found] == [Status.READ] * 4 + [Status.MISSING]
+    assert all(
+        abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found[:4], wanted.tolist(), strict=False)
+    )
+
+
+@pytest.mark.parametrize(
+    ("tape", "problem"),
+    [
+        ("{name: a, index: 5, marks: [[2, 0], [8, 10]], drum: true, turn: 360}", "four `marks`"),
+        ("{name: a, index: 5, marks: [[1, 0], [3, 1], [6, 2], [8, 3]], drum: true}", "needs its `turn`"),
+        ("{name: a, index: 30, marks: [[2, 0], [8, 10]]}", "`index` within"),
+        ("{name: a, index: 5, marks: [[2, 0], [4, 10], [8, 5]]}", "only rising or only falling"),
+        ("{name: a, index: 5, marks: [[2, 0], [[4, 4], 10]]}", "not both"),
+    ],
+)
+def test_what_is_no_tape_is_said(tape: str, problem: str) -> None:
+    """What does not go with its window is told in a sentence."""
+    gauge = f"{{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], tape: {tape}}}"
+    document = f"name: p\npicture: p.png\nanchors: [{{name: a, box: [0, 0, 20, 20]}}]\ngauges: [{gauge}]"
+
+    with pytest.raises(PanelError, match=problem):
+        parse_panel(document.encode(), source="panel.yaml")
