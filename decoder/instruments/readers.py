@@ -17,6 +17,7 @@ from decoder.instruments.kind import Kind
 from decoder.instruments.kinds.attitude import AttitudeKind
 from decoder.instruments.kinds.ball import BallKind
 from decoder.instruments.kinds.card import CardKind
+from decoder.instruments.kinds.digits import DigitsKind
 from decoder.instruments.kinds.geared import told_together
 from decoder.instruments.kinds.lamp import LampKind
 from decoder.instruments.kinds.linear import LinearKind
@@ -39,6 +40,7 @@ KINDS: tuple[Kind, ...] = (
     LampKind(),
     LinearKind(),
     TapeKind(),
+    DigitsKind(),
 )
 
 

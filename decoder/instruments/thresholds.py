@@ -15,6 +15,7 @@
 | MISSING_SPREADS | 5.0 | sigma | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | CERTAIN_SPREADS | 10.0 | sigma | a lamp whose light changed by so much has another state, though no frame taught it | twice what a steady one may |
 | DIMMEST_LEVELS | 25.0 | grey levels | a lamp that no frame taught adds so much light at least | a tenth of white |
+| HALF_LIT | 0.45 | of a segment | a digit with more of another, or less of its own, is none | half, and what noise adds to it |
 | MISSING_PX | 0.5 | pixels | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 | STILL_ROWS | 0.01 | rows | a card that moves less has settled | a tenth of its sigma |
@@ -43,6 +44,7 @@ SURE_SCORE = 0.95
 MISSING_SPREADS = 5.0
 CERTAIN_SPREADS = 10.0
 DIMMEST_LEVELS = 25.0
+HALF_LIT = 0.45
 MISSING_PX = 0.5
 MAX_CONDITION = 1e12
 STILL_ROWS = 0.01

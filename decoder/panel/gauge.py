@@ -17,6 +17,7 @@ from decoder.panel.kind import DescribedKind, Pointer, Polar
 from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.kinds.ball import Ball, tube_gauge
 from decoder.panel.kinds.card import Card
+from decoder.panel.kinds.digits import Digits
 from decoder.panel.kinds.lamp import Lamp
 from decoder.panel.kinds.linear import Linear
 from decoder.panel.kinds.needles import Needle, Needles
@@ -40,7 +41,7 @@ RadiusPx = Annotated[Positive, at_most(10_000)]
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 
-KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp, Linear, Tape)
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp, Linear, Tape, Digits)
 
 
 class Combined(Strict):
@@ -103,6 +104,8 @@ class Gauge(Strict):
     """A pointer that slides along a straight scale in a window."""
     tape: Tape | None = None
     """A scale that slides or turns behind an index in a window."""
+    digits: Digits | None = None
+    """A display of digits in a window."""
     combined: Combined | None = None
     """A value that several needles of the dial show together."""
 
@@ -151,7 +154,7 @@ class Gauge(Strict):
         card: DescribedKind | None = self.card
         if needles is not None and self.card is not None:
             needles, card = None, OverCard(self.card, Needles(self.needles, is_over_card=True))
-        in_windows = self.lamp, self.linear, self.tape
+        in_windows = self.lamp, self.linear, self.tape, self.digits
         each: tuple[DescribedKind | None, ...] = (needles, card, self.attitude, self.ball, *in_windows)
         return [kind for kind in each if kind is not None]
 

@@ -1,0 +1,174 @@
+"""The cells of a display: which digit each shows, by what every digit looks like there.
+
+A cell is compared with all digits at once, each a little beside its place too: frames are placed to parts of a pixel
+only, and some fonts draw a digit beside the middle of its cell. The best digit is right if no other segment shows in
+what it leaves, and none of its own is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from decoder.instruments.kinds.segments import NAMES, Segments
+from decoder.panel.arrays import Floats, Indices
+from decoder.panel.thresholds import LEAST_VALUE
+
+# How far beside its place a digit may be, in pitches along the row, and in samples across it.
+ALONG = 0.2
+ACROSS = 1.0
+STEP = 0.5
+# Samples around the strokes that are looked at too.
+BESIDE = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What cells show in F frames, N cells.
+
+    Attributes
+    ----------
+    symbols
+        (F, N): the best digit's number.
+    scores
+        (F, N): its NCC.
+    gains
+        (F, N): its brightness, in grey levels.
+    contents, lefts
+        (F, N): how bright the faintest digit would be that makes as much of a difference as all that is there, and as
+        what the best digit leaves.
+    worse
+        (F, N): how many times as much the next digit leaves unexplained.
+    strays
+        (F, N, 7): how much of each segment there is besides, of that brightness; less than none where it is missing.
+    """
+
+    symbols: Indices
+    scores: Floats
+    gains: Floats
+    contents: Floats
+    lefts: Floats
+    worse: Floats
+    strays: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """All cells of a display, N cells of P pixels, S ways to draw a digit at H places; what a cell lacks of P is zero.
+
+    Attributes
+    ----------
+    pixels
+        (N, P): which of the strip's.
+    still
+        (N, P, L): what light does there, and what stands still, orthonormal.
+    looks
+        (N, P, H * S): the digits without what light explains, of length one.
+    lengths
+        (N, H * S): their lengths before.
+    strokes
+        (N, H, 7, P): the segments without what light explains.
+    alike
+        (S,): the number of the digit that each is a way to draw.
+    sign
+        -1 where digits are dark.
+    """
+
+    pixels: Indices
+    still: Floats
+    looks: Floats
+    lengths: Floats
+    strokes: Floats
+    alike: Indices
+    sign: float
+
+    @classmethod
+    def of(cls, own: Segments, drawings: Sequence[tuple[str, str]], ground: Floats, sign: float) -> Cells:
+        """Draw the cells of a display.
+
+        Parameters
+        ----------
+        drawings : digits and their segments
+        ground : (R, C) what else is seen there, in any light
+        """
+        x, y, middles = (part.ravel() for part in own.places((ground.shape[0], ground.shape[1])))
+        shape, still = own.shape, ground.ravel()
+        wide, high = (shape.width + shape.upright) / 2 + BESIDE, (shape.height + shape.across) / 2 + BESIDE
+        wide = max(wide, shape.pitch / 2)  # what is there between cells makes none of them dark
+        inside = [np.flatnonzero((np.abs(x - middle) <= wide) & (np.abs(y) <= high)) for middle in middles]
+        count = max(map(len, inside), default=0)
+        which = np.array([[name in way for name in NAMES] for _, way in drawings], float)
+        parts = []
+        for middle, pixels in zip(middles, inside, strict=True):
+            around = x[pixels] - middle, y[pixels]
+            seen = [np.ones(len(pixels)), *around, *([still[pixels]] if still[pixels].any() else [])]
+            light = np.linalg.qr(np.stack(seen, axis=1))[0]
+            strokes = np.stack(
+                [own.strokes(around[0] - right, around[1] - down) for right, down in _shifts(shape.pitch)]
+            )
+            strokes -= (strokes @ light) @ light.T
+            looks = np.einsum("sk,hkp->hsp", which, strokes).reshape(len(strokes) * len(which), len(pixels))
+            lengths = np.maximum(np.linalg.norm(looks, axis=1), LEAST_VALUE)
+            parts.append(
+                (
+                    _padded(pixels, count),
+                    _padded(_padded(light.T, count).T, 4, axis=1),
+                    _padded(looks / lengths[:, None], count).T,
+                    lengths,
+                    _padded(strokes, count),
+                )
+            )
+        pixels, light, looks, lengths, strokes = (np.stack(part) for part in zip(*parts, strict=True))
+        alike = np.array([int(digit) for digit, _ in drawings])
+        return cls(
+            pixels,
+            light.astype(np.float32),
+            np.ascontiguousarray(looks, np.float32),
+            lengths.astype(np.float32),
+            strokes.astype(np.float32),
+            alike,
+            sign,
+        )
+
+    def seen(self, strips: Floats) -> Seen:
+        """Compare F frames, (F, R, C), with all digits; each for itself, to the bit the same whatever the others."""
+        flat = strips.reshape(len(strips), -1)
+        own = np.ascontiguousarray(flat[:, self.pixels], np.float32)  # sums depend on how it lies in memory
+        own *= self.sign * self.still.any(axis=2)
+        light = np.matmul(own[:, :, None, :], self.still)
+        own -= np.matmul(light, self.still.transpose(0, 2, 1))[:, :, 0]
+        lengths = np.maximum(np.sqrt(np.einsum("fnp,fnp->fn", own, own)), LEAST_VALUE)
+        scores = np.matmul(own[:, :, None, :], self.looks)[:, :, 0] / lengths[..., None]
+        ways = scores.reshape(*scores.shape[:2], -1, len(self.alike)).max(axis=2)
+        each = np.stack([ways[..., self.alike == number].max(axis=-1) for number in range(10)], axis=-1)
+        symbols, best = each.argmax(axis=-1), scores.argmax(axis=-1)
+        second, first = np.moveaxis(np.sort(each, axis=-1)[..., -2:], -1, 0)
+        worse = (1 - np.maximum(second, 0.0) ** 2) / np.maximum(1 - first**2, LEAST_VALUE)
+        cells = np.arange(len(self.pixels))
+        gains = first * lengths / self.lengths[cells, best]
+        look = np.moveaxis(self.looks, 1, 2)[cells, best]
+        left = own - (first * lengths)[..., None] * look
+        strokes = self.strokes[cells, best // len(self.alike)]
+        strokes = strokes - np.einsum("fnkp,fnp->fnk", strokes, look)[..., None] * look[:, :, None]
+        squares = np.maximum(np.einsum("fnkp,fnkp->fnk", strokes, strokes), LEAST_VALUE)
+        strays = np.einsum("fnkp,fnp->fnk", strokes, left) / squares / np.maximum(gains, LEAST_VALUE)[..., None]
+        contents = lengths / self.lengths.min(axis=1)
+        lefts = contents * np.sqrt(np.maximum(1 - first**2, 0.0))
+        return Seen(symbols, first, gains, contents, lefts, worse, strays)
+
+
+def _shifts(pitch: float) -> list[tuple[float, float]]:
+    """How far beside its place a digit may be, to the right and downwards."""
+    reaches = round(ALONG * pitch / STEP), round(ACROSS / STEP)
+    along, across = (STEP * np.arange(-reach, reach + 1) for reach in reaches)
+    return list(product(along.tolist(), across.tolist()))
+
+
+def _padded(values: Floats | Indices, count: int, axis: int = -1) -> Floats:
+    """Fill an axis up with zeros."""
+    lacking = [(0, 0)] * values.ndim
+    lacking[axis] = (0, count - values.shape[axis])
+    return np.pad(values, lacking)

@@ -1,0 +1,220 @@
+"""Displays: what a row of cells shows, and what a flight teaches of how it looks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from decoder.instruments.kinds.cells import Cells, Seen
+from decoder.instruments.kinds.segments import NAMES, SHAPES, Known, Segments, fitted, found, left_over, lit
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, HALF_LIT, LIKELY_SCORE
+from decoder.matching.thresholds import HALF, MIN_LIGHT_GAIN, SCORE_THRESHOLD
+from decoder.panel.arrays import Floats, Indices, Mask
+
+DIGITS = "0123456789"
+LEARNING_ROUNDS = 2
+# So many texts of a flight teach its display: they hold nearly all digits.
+MOST_TEXTS = 4
+
+BLANK = -1
+
+
+@dataclass(frozen=True)
+class Display:
+    """A display of segments.
+
+    Attributes
+    ----------
+    segments
+        Where they are.
+    drawings
+        By digit its segments.
+    gain
+        How many grey levels a lit segment adds as a rule; less than none where digits are dark.
+    ground
+        (R, C): what else is seen there, in any light; nothing where that is not known.
+    may_be_blank
+        (N,): the cells in which there may be nothing.
+    broken
+        (N, 7): segments that were dark where a digit needs them.
+    drawn, shown
+        (R, C) and (N,): the panel picture, and which digits are known to be on it.
+    """
+
+    segments: Segments
+    drawings: Mapping[str, str]
+    gain: float
+    ground: Floats
+    may_be_blank: Mask
+    broken: Mask
+    drawn: Floats
+    shown: Indices
+
+    @cached_property
+    def _drawings(self) -> list[tuple[str, str]]:
+        return [
+            (digit, way)
+            for digit in DIGITS
+            for way in ((self.drawings[digit],) if digit in self.drawings else SHAPES[digit])
+        ]
+
+    @cached_property
+    def _cells(self) -> Cells:
+        return Cells.of(self.segments, self._drawings, self.ground, float(np.sign(self.gain)))
+
+    @cached_property
+    def _doubtful(self) -> Mask:
+        """(N, 10): digits that a broken segment makes of others."""
+        ways = {frozenset(way): digit for digit, way in self._drawings}
+        doubtful = np.zeros((len(self.broken), len(DIGITS)), bool)
+        for cell, place in np.argwhere(self.broken).tolist():
+            for digit, way in self._drawings:
+                if ways.get(frozenset([*way, NAMES[place]]), digit) != digit:
+                    doubtful[cell, int(digit)] = True
+        return doubtful
+
+    def seen(self, strips: Floats) -> Seen:
+        """Compare F frames (F, R, C) with all digits."""
+        return self._cells.seen(strips)
+
+    def read(self, strips: Floats) -> tuple[Indices, Floats, Mask]:
+        """Read F frames, (F, R, C).
+
+        Returns
+        -------
+        (F, N) each cell's digit, `BLANK` where there is none; (F,) the least score; (F,) whether all is sure.
+        """
+        cells = self.seen(strips)
+        is_digit, is_blank = self._told(cells)
+        blank_first = np.cumprod(is_blank & self.may_be_blank, axis=1).astype(bool)
+        first = is_digit & (np.cumsum(~blank_first, axis=1) == 1)
+        superfluous = (first & self.may_be_blank & (cells.symbols == 0)).any(axis=1)  # a zero in front would be dark
+        sure = (is_digit | blank_first).all(axis=1) & is_digit.any(axis=1) & ~superfluous
+        scores = np.where(blank_first, 1.0, cells.scores).min(axis=1) * ~blank_first.all(axis=1)
+        return np.where(blank_first, BLANK, cells.symbols), scores, sure
+
+    def _told(self, cells: Seen) -> tuple[Mask, Mask]:
+        """(F, N) each: whether a cell shows a digit for sure, and whether it shows nothing."""
+        gains = cells.gains / abs(self.gain)
+        likely = (cells.scores >= SCORE_THRESHOLD) & (gains >= MIN_LIGHT_GAIN)
+        ordered = np.sort(np.where(likely, gains, np.inf), axis=1)
+        middle = np.maximum(likely.sum(axis=1, keepdims=True) - 1, 0) // 2
+        usual = np.take_along_axis(ordered, middle, axis=1)  # endless where nothing is seen
+        whole = gains > HALF * usual
+        alone = (cells.worse >= CLEARLY_WORSE) & (np.abs(cells.strays).max(axis=2) <= HALF_LIT)
+        doubtful = np.take_along_axis(self._doubtful, cells.symbols.T, axis=1).T
+        return likely & whole & alone & ~doubtful, self._nothing(cells, likely, usual)
+
+    def taught(self, strips: Floats) -> Display:
+        """Learn from a sample's frames (F, R, C) what the digits look like, and which segments never light."""
+        if len(strips) < FRAMES_TO_LEARN:
+            return self
+        cells = self.seen(strips)
+        shown = self._shown(cells)
+        texts = Counter(map(tuple, shown[(shown >= 0).any(axis=1)].tolist()))
+        if not texts:
+            return self
+        known = []
+        for text in _most_telling(texts):
+            own = (shown == text).all(axis=1)
+            symbols = [DIGITS[number] if number >= 0 else " " for number in text]
+            known.append(Known(strips[own].mean(axis=0), lit(symbols, self.drawings)))
+        fit = fitted(self.segments, known, rounds=LEARNING_ROUNDS)
+        if not fit.gain * self.gain > 0:
+            return self
+        better = replace(self, segments=fit.segments, gain=fit.gain, ground=left_over(fit.segments, known))
+        if (better.mistaken & ~self.mistaken).any():
+            return self
+        return replace(better, broken=self.broken | better.dark(better.seen(strips)))
+
+    @property
+    def mistaken(self) -> Mask:
+        """(N,): the cells in which the panel picture seems to show another digit than is known."""
+        cells = self.seen(self.drawn[None])
+        wrong: Mask = (cells.symbols[0] != self.shown) & (self.shown >= 0)
+        return wrong
+
+    def _shown(self, cells: Seen) -> Indices:
+        """(F, N): what is likely shown; all blank where a cell shows neither a digit nor nothing."""
+        gains = cells.gains / abs(self.gain)
+        likely = (cells.scores >= SCORE_THRESHOLD) & (gains >= MIN_LIGHT_GAIN)
+        nothing = self._nothing(cells, likely, gains.max(axis=1, keepdims=True)) & self.may_be_blank
+        whole = (likely | nothing).all(axis=1, keepdims=True)
+        return np.where(likely & whole, cells.symbols, BLANK)
+
+    def _nothing(self, cells: Seen, likely: Mask, usual: Floats) -> Mask:
+        """(F, N): whether a cell holds less than half of the faintest digit, beyond what digits leave beside them."""
+        noise = np.where(likely, cells.lefts, 0.0).max(axis=1, keepdims=True)
+        beyond = np.sqrt(np.maximum(cells.contents**2 - noise**2, 0.0))
+        nothing: Mask = beyond < HALF * usual * abs(self.gain)
+        return nothing
+
+    def dark(self, cells: Seen) -> Mask:
+        """(N, 7): segments that are dark in a frame in which all others make a digit that needs them."""
+        missing, rest = cells.strays < HALF_LIT - 1, np.abs(cells.strays) <= HALF_LIT
+        one = (missing.sum(axis=2) == 1) & (missing | rest).all(axis=2) & (cells.scores >= LIKELY_SCORE)
+        dark: Mask = (missing & one[..., None]).any(axis=0)
+        return dark
+
+
+def _most_telling(texts: Counter[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Choose a few texts that show as many digits in as many cells as may be; of others the commonest."""
+    chosen: list[tuple[int, ...]] = []
+    known: set[tuple[int, int]] = set()
+    for _ in range(MOST_TEXTS):
+        left = [text for text in texts if text not in chosen]
+        if not left:
+            break
+        best = max(left, key=lambda text: (len(set(enumerate(text)) - known), texts[text], text))
+        chosen.append(best)
+        known |= set(enumerate(best))
+    return chosen
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The cells of a display as they are described.
+
+    Attributes
+    ----------
+    symbols
+        What the panel picture shows in each: a digit or a blank.
+    cells
+        (N, 2): how many cells and how many separators stand before each.
+    points
+        After which cells there is a decimal point.
+    may_be_blank
+        (N,): in which there may be nothing.
+    """
+
+    symbols: tuple[str, ...]
+    cells: Floats
+    points: tuple[int, ...]
+    may_be_blank: Mask
+
+
+def in_picture(strip: Floats, row: Row, margin: int) -> Display | None:
+    """Find a display in a picture of it, (R, C), with a margin; None where its digits are not to be seen.
+
+    Where one of its cells shows another digit than it should, some of that cell's segments do not light.
+    """
+    fit, drawings = found(strip, row.symbols, row.cells, row.points, margin)
+    if fit.left > 1 - LIKELY_SCORE**2:
+        return None
+    count = len(row.cells)
+    own = Display(
+        segments=fit.segments,
+        drawings=drawings,
+        gain=fit.gain,
+        ground=np.zeros_like(strip),
+        may_be_blank=row.may_be_blank,
+        broken=np.zeros((count, len(NAMES)), bool),
+        drawn=strip,
+        shown=np.array([BLANK if symbol == " " else DIGITS.index(symbol) for symbol in row.symbols]),
+    )
+    own = replace(own, broken=own.broken | own.mistaken[:, None] | own.dark(own.seen(strip[None])))
+    return own if own.mistaken.sum() <= (count - 1) // 2 else None

@@ -1,0 +1,124 @@
+"""A display of digits, as `panel.yaml` describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from decoder.panel.description import Name, Strict
+from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.scale import Quantity
+from decoder.panel.written import DIGIT, ValueType, Written
+
+DIGIT_OR_BLANK = "#"
+CELLS = DIGIT + DIGIT_OR_BLANK
+POINT = "."
+MOST_SIGNS = 20
+
+
+class Digits(Strict):
+    """A row of digits made of seven segments, with points or gaps between them."""
+
+    name: Name
+    """Column of the flight data."""
+    pattern: Annotated[str, Field(max_length=MOST_SIGNS)]
+    """`0` for each digit, `#` where there may be none, and whatever stands between them: `000.00`, `##0`, `00:00`."""
+    shows: Annotated[str, Field(max_length=MOST_SIGNS)]
+    """What the panel picture shows there, sign by sign as the pattern has them; a blank for a dark digit."""
+    text: bool = False
+    """Whether it is text, whose zeros in front count, as a transponder's code, and no number."""
+
+    form: ClassVar[Form] = Form(
+        "digits",
+        "`digits` of a display",
+        "digits of seven segments",
+        "the digits",
+        begun={"pattern": "000.00", "shows": ""},
+        controls=(
+            Control("name", "Name"),
+            Control("pattern", "Pattern", "text", "000.00; # may be dark"),
+            Control("shows", "Shows here", "text", "118.30"),
+        ),
+        hint="Click four corners close around all digits, the dark ones too, clockwise from the top left.",
+    )
+    in_window: ClassVar[bool] = True
+    margin_part: ClassVar[float] = 0.25
+    has_still_face: ClassVar[bool] = False
+
+    @model_validator(mode="after")
+    def _pattern_has_digits(self) -> Self:
+        if not any(sign in CELLS for sign in self.pattern) or self.pattern.count(POINT) > 1:
+            raise ValueError("needs a `pattern` of digits, such as 000.00, with one point at most")
+        if len(self.shows) != len(self.pattern) or not all(map(_fits, self.shows, self.pattern)):
+            raise ValueError(f"`shows` is not written as {self.pattern}: give a sign for each of the pattern's")
+        if not any(sign.isdigit() for sign in self.shows):
+            raise ValueError("`shows` needs digits: draw it on a picture in which the display is on")
+        return self
+
+    def check(self, _: Dial) -> None:
+        """Do nothing: a window is all it needs."""
+
+    @property
+    def written(self) -> Written:
+        """How its values are written."""
+        return Written(ValueType.TEXT if self.text else ValueType.NUMBER, self.pattern.replace(DIGIT_OR_BLANK, DIGIT))
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """What is in each cell of the panel picture: a digit or a blank."""
+        return tuple(own for own, sign in zip(self.shows, self.pattern, strict=True) if sign in CELLS)
+
+    @property
+    def before(self) -> tuple[tuple[int, int], ...]:
+        """For each cell how many cells and how many separators stand before it."""
+        places = [place for place, sign in enumerate(self.pattern) if sign in CELLS]
+        return tuple((number, place - number - places[0]) for number, place in enumerate(places))
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """After which cells there is a decimal point."""
+        cells = [sign for sign in self.pattern if sign in CELLS or sign == POINT]
+        return tuple(place - 1 for place, sign in enumerate(cells) if sign == POINT and 0 < place < len(cells) - 1)
+
+    @property
+    def may_be_blank(self) -> tuple[bool, ...]:
+        """For each cell whether there may be no digit."""
+        return tuple(sign == DIGIT_OR_BLANK for sign in self.pattern if sign in CELLS)
+
+    def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
+        """Return what it shows."""
+        return (Quantity.stepped(self.name, dial.name, dial.unit, self.written),)
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return none."""
+        return ()
+
+    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
+        """Return none."""
+        return {}
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return those of the circle around it."""
+        return dial.sweep
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return none: what it looks like is in the panel picture."""
+        return {}
+
+    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
+        """Return nothing: it has no angles."""
+        return {}
+
+    @staticmethod
+    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
+        """Leave it as it is: its window is carried."""
+        return 0.0
+
+
+def _fits(own: str, sign: str) -> bool:
+    """Whether a sign that is shown may stand where the pattern has one."""
+    if sign in CELLS:
+        return own.isdigit() or (own == " " and sign == DIGIT_OR_BLANK)
+    return own == sign

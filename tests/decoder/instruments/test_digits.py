@@ -1,0 +1,191 @@
+"""Displays of seven segments: what they show is read for certain, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from decoder.imaging.unwrapping import WindowGrid
+from decoder.instruments.kinds.digits import DigitsReader
+from decoder.instruments.kinds.display import Display, Row, in_picture
+from decoder.instruments.reading import Reading, Status
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
+from decoder.panel.kinds.digits import Digits
+from decoder.panel.panel import parse_panel
+from tests.decoder.instruments.displays import Drawn, exposed, sampled
+
+SHOWS = "118.30"
+DIGITS = Digits(name="nav1_mhz", pattern="000.00", shows=SHOWS)
+PLAIN = Drawn()
+VALUES = ["118.30", "109.45", "112.67", "117.95", "108.10", "116.82", "113.53", "115.74", "110.26", "114.98"]
+
+
+def known(digits: Digits, grid: WindowGrid, picture: Floats) -> Display | None:
+    """The display as a panel picture shows it."""
+    row = Row(digits.symbols, np.array(digits.before, float), digits.points, np.array(digits.may_be_blank))
+    return in_picture(sampled(grid, picture), row, grid.margin)
+
+
+def read(digits: Digits, display: Display | None, strips: Sequence[Floats]) -> list[Reading]:
+    """The display in frames."""
+    return [found[digits.name] for found in DigitsReader(digits, display).read(np.stack(strips), np.zeros(len(strips)))]
+
+
+def told(reading: Reading) -> str | None:
+    """What was read, as a radio writes it."""
+    return f"{reading.angle_deg:.2f}" if reading.status is Status.READ else None
+
+
+@pytest.fixture(scope="module")
+def taught() -> tuple[WindowGrid, Display]:
+    """A display that was drawn around with care, and a flight in dimmer light."""
+    grid = PLAIN.grid()
+    display = known(DIGITS, grid, exposed(PLAIN.picture(SHOWS)))
+    assert display is not None
+    frames = [sampled(grid, exposed(PLAIN.picture(text), light=0.7, seed=7)) for text in VALUES[:6]]
+    return grid, display.taught(np.stack(frames))
+
+
+@pytest.mark.parametrize("light", [0.45, 1.0, 1.6])
+def test_all_digits_are_read_though_the_panel_picture_shows_a_few(
+    taught: tuple[WindowGrid, Display], light: float
+) -> None:
+    """Where segments are tells what every digit looks like, in any light on the panel."""
+    grid, display = taught
+    frames = [
+        sampled(grid, exposed(PLAIN.picture(text), light=light, ground=10.0 + 40.0 * light, seed=number))
+        for number, text in enumerate(VALUES)
+    ]
+
+    found = read(DIGITS, display, frames)
+
+    assert [told(one) for one in found] == VALUES
+    assert all(0.0028 < one.sigma_deg < 0.0029 for one in found)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("drawn", [PLAIN, Drawn(slant=0.0, stroke=2.4, height=17.0, width=9.0, pitch=14.0)])
+def test_dark_digits_on_light_ground_drawn_around_by_hand(drawn: Drawn, seed: int) -> None:
+    """A hand that is off by a pixel and a half loses nothing, and a liquid crystal is read as light is."""
+    grid = drawn.grid(np.random.default_rng(seed).uniform(-1.5, 1.5, 8).tolist())
+    frames = [
+        sampled(grid, exposed(drawn.picture(text), light=-0.8, ground=140.0, seed=number))
+        for number, text in enumerate(VALUES)
+    ]
+    display = known(DIGITS, grid, exposed(drawn.picture(SHOWS), light=-0.8, ground=140.0))
+    assert display is not None
+
+    assert [told(one) for one in read(DIGITS, display.taught(np.stack(frames)), frames)] == VALUES
+
+
+def test_a_dark_display_and_one_between_two_values_have_none(taught: tuple[WindowGrid, Display]) -> None:
+    """Neither the faint glow of dark segments nor half of two values is a value."""
+    grid, display = taught
+    half = 0.5 * PLAIN.picture("118.30") + 0.5 * PLAIN.picture("118.35")
+    changing = 0.5 * PLAIN.picture("118.38") + 0.5 * PLAIN.picture("118.30")
+    dark, ghost = 0.0 * half, 0.05 * PLAIN.picture("888.88")
+
+    found = read(DIGITS, display, [sampled(grid, exposed(one)) for one in (half, changing, dark, ghost)])
+
+    assert [told(one) for one in found] == [None] * 4
+
+
+@pytest.mark.parametrize(("dead", "least"), [((4, "e"), 4), ((4, "f"), 3), ((3, "g"), 0), ((2, "b"), 0), ((4, "a"), 3)])
+def test_a_dead_segment_makes_no_other_digit(dead: tuple[int, str], least: int) -> None:
+    """Where a segment is dark though a digit needs it, no digit is read that it may have made of another.
+
+    In a cell in which the panel picture seems to show another digit than it does, hardly any is.
+    """
+    drawn = Drawn(dead=(dead,))
+    grid = drawn.grid()
+    texts = [*VALUES, "118.38", "118.88", "118.08", "112.36", "119.39", "111.17"]
+    frames = [sampled(grid, exposed(drawn.picture(text), seed=number)) for number, text in enumerate(texts)]
+    display = known(DIGITS, grid, exposed(drawn.picture(SHOWS)))
+    assert display is not None
+
+    found = [told(one) for one in read(DIGITS, display.taught(np.stack(frames)), frames)]
+
+    assert {one for one in zip(found, texts, strict=True) if one[0] not in (None, one[1])} == set()
+    assert sum(one is not None for one in found) >= least
+
+
+def test_a_reflection_across_it_is_read_through_or_nothing_is(taught: tuple[WindowGrid, Display]) -> None:
+    """Light that changes along the window is light; what hides digits hides them."""
+    grid, display = taught
+    shown = PLAIN.picture("116.82")
+    across = np.arange(shown.shape[1]) - np.linspace(0.0, shown.shape[1], 12)[:, None]
+    soft = [exposed(shown) + 60.0 * np.exp(-((own / 15.0) ** 2))[None] for own in across]
+    hard = [np.where(np.abs(own) < 6.0, 250.0, exposed(shown)) for own in across]
+    strips = [sampled(grid, np.clip(one, 0.0, 255.0).astype(np.float32)) for one in [*soft, *hard]]
+
+    found = [told(one) for one in read(DIGITS, display, strips)]
+
+    assert set(found) <= {"116.82", None}
+    assert found[: len(soft)].count("116.82") >= len(soft) - 2
+
+
+def test_other_frames_change_nothing(taught: tuple[WindowGrid, Display]) -> None:
+    """What is read of a frame is the same to the last bit, whatever is read along with it."""
+    grid, display = taught
+    frames = [sampled(grid, exposed(PLAIN.picture(text), seed=3)) for text in VALUES]
+
+    assert read(DIGITS, display, frames) == [one for frame in frames for one in read(DIGITS, display, [frame])]
+
+
+def test_zeros_in_front_may_be_dark_and_a_code_keeps_them() -> None:
+    """A pattern says where there may be no digit, and text is written by it."""
+    speed = Digits(name="dme_kt", pattern="##0", shows=" 74")
+    drawn = Drawn(pattern="##0")
+    display = known(speed, drawn.grid(), exposed(drawn.picture(" 74")))
+    frames = [sampled(drawn.grid(), exposed(drawn.picture(text))) for text in ("  9", " 15", "108", "1 8")]
+
+    found = [one.angle_deg if one.status is Status.READ else None for one in read(speed, display, frames)]
+
+    assert found == [9.0, 15.0, 108.0, None]
+    assert Digits(name="code", pattern="0000", shows="7000", text=True).written.text_of(421.0) == "0421"
+
+
+def test_a_picture_that_shows_something_else_teaches_nothing() -> None:
+    """Where the digits are not what the panel says, the display is missing instead of wrong."""
+    grid = PLAIN.grid()
+    display = known(DIGITS, grid, exposed(PLAIN.picture("545.72")))
+    frames = [sampled(grid, exposed(PLAIN.picture(text))) for text in VALUES]
+
+    assert {told(one) for one in read(DIGITS, display, frames)} == {None}
+
+
+def test_a_window_drawn_beside_it_gives_nothing() -> None:
+    """Wherever a window is drawn, what is there either is the display or is missing."""
+    picture = exposed(PLAIN.picture(SHOWS))
+    for seed in range(6):
+        grid = PLAIN.grid((np.random.default_rng(seed).uniform(-6.0, 6.0, 8)).tolist())
+        found = read(DIGITS, known(DIGITS, grid, picture), [sampled(grid, exposed(PLAIN.picture("116.82")))])
+
+        assert {told(one) for one in found} <= {None, "116.82"}
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ("pattern: '000.00', shows: '118.3'", "is not written as 000.00"),
+        ("pattern: '000.00', shows: '1 8.30'", "is not written as 000.00"),
+        ("pattern: '...', shows: '...'", "needs a `pattern` of digits"),
+        ("pattern: '##', shows: '  '", "draw it on a picture in which the display is on"),
+    ],
+)
+def test_what_is_shown_must_fit_the_pattern(given: str, sentence: str) -> None:
+    """The panel tells what the panel picture shows, sign by sign."""
+    panel = f"""
+name: p
+picture: p.png
+anchors: [{{name: a, box: [0, 0, 8, 8]}}]
+gauges:
+- name: nav
+  window: [[10, 10], [70, 10], [70, 25], [10, 25]]
+  digits: {{name: nav1_mhz, {given}}}
+"""
+    with pytest.raises(PanelError, match=sentence):
+        parse_panel(panel)
