@@ -87,9 +87,10 @@ class StackReader:
         for _ in range(ROUNDS):
             for index in self._order:
                 places[index] = self._placed(strips, index, places)
+        drawn = self._drawn(strips, self._order[::-1], places)
         found = Found.missing((len(strips), len(self._templates)))
         for index in self._order:
-            found.put((slice(None), index), self._found(strips, index, places))
+            found.put((slice(None), index), self._found(strips, index, places, drawn))
         return found
 
     def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
@@ -190,7 +191,7 @@ class StackReader:
                     _draw(pictures[frame], light[:, ::-1], transparency[:, ::-1], opposite)
         return pictures
 
-    def _found(self, strips: Floats, index: int, places: dict[int, _Places]) -> Found:
+    def _found(self, strips: Floats, index: int, places: dict[int, _Places], drawn: Floats) -> Found:
         """Judge one needle's places: it must explain, with all the others, what is seen around it."""
         own = places[index]
         sure, covered = own.is_sure, own.under >= 0
@@ -200,7 +201,7 @@ class StackReader:
         ]
         row, sigma_rows, score, cover_sure = (each[own.under, np.arange(len(strips))] for each in cover)
         looked_at = np.where(sure | ~covered, own.row, row)
-        explained = self._explained(strips, looked_at, self._axes[index], places)
+        explained = _explained(strips, drawn, looked_at, self._axes[index])
         read, hidden = sure & explained, ~sure & explained & covered & cover_sure & (score >= CLEAR_SCORE)
         status = np.where(read, np.where(own.visible >= WHOLE_VISIBLE, READ, EDGE), np.where(hidden, HIDDEN, MISSING))
         return Found(
@@ -210,13 +211,14 @@ class StackReader:
             np.where(hidden, score, own.score),
         )
 
-    def _explained(self, strips: Floats, rows: Floats, axis: int, places: dict[int, _Places]) -> Mask:
-        """(F,): whether all needles where they seem to be explain what is seen around these rows."""
-        drawn = self._drawn(strips, self._order[::-1], places)
-        windows = [slice(max(row - axis, 0), row + axis + 1) for row in np.rint(rows).astype(int).tolist()]
-        parts = zip(drawn, strips, windows, strict=True)
-        correlations = [_correlation(one[window], other[window]) for one, other, window in parts]
-        return np.array(correlations) >= CLEAR_SCORE
+
+def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
+    """(F,): whether all needles where they seem to be explain what is seen around these rows."""
+    windows = [slice(max(row - axis, 0), row + axis + 1) for row in np.rint(rows).astype(int).tolist()]
+    parts = zip(drawn, strips, windows, strict=True)
+    correlations = [_correlation(one[window], other[window]) for one, other, window in parts]
+    explained: Mask = np.array(correlations) >= CLEAR_SCORE
+    return explained
 
 
 def _correlation(one: Floats, other: Floats) -> float:
