@@ -18,12 +18,10 @@ from decoder.instruments.thresholds import (
     HUBER_SPREADS,
     MAX_CONDITION,
     MIN_PLACES,
-    MISSING_PX,
-    MISSING_SPREADS,
 )
 from decoder.matching.fitting import PHASE_REACH, phases_of
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.strips import rows_at, rows_of_each
+from decoder.matching.strips import rows_of_each
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.registration.pivot import PRIOR_LIFT, PRIOR_PX, UNKNOWN, Pivot, across
@@ -119,8 +117,6 @@ def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
         lift_sigma=math.sqrt(float(covariances[-1, -1])),
         scatter_px2=scatter_px2 - own_px2,
         tilts=len(left),
-        own_px=dict(zip(names, solution[2:-1].tolist(), strict=True)),
-        alone_px=(float(solution[0]), float(solution[1])),
     )
 
 
@@ -143,27 +139,6 @@ def _scale(spreads: Floats, freedoms: int, *, least: float) -> float:
         fitted = len(spreads) / max(known, 1)  # what is left is the less, the more was fitted
         scale = math.sqrt((CLAIM_COUNTS + known * fitted * scale**2) / (CLAIM_COUNTS + known))
     return max(scale, least)
-
-
-def tilt_of(
-    name: str,
-    strip: UnwrappedGauge,
-    readings: Mapping[str, Reading],
-    gauge: Gauge,
-    grid: PolarGrid,
-    *,
-    face: UnwrappedGauge,
-    templates: Mapping[str, NeedleTemplate],
-) -> Tilt | None:
-    """One needle's in one frame; None where it does not stand alone, or has no direction."""
-    if not _stands_alone(name, gauge, readings, templates):
-        return None
-    angle_deg = readings[name].angle_deg
-    window = _window(angle_deg, grid, templates[name])
-    if window[0] < 0 or window[-1] > grid.rows - 1:
-        return None
-    (tilt,) = _tilts(rows_at(strip, window)[None], window[None], face, grid, templates[name])
-    return None if tilt is None else Tilt(name, angle_deg, *tilt)
 
 
 def _stands_alone(
@@ -224,28 +199,3 @@ def _solved(moments: Floats, total: float, pixels_per_sample: float) -> list[tup
     sigma = np.sqrt(noise * np.maximum(inverse[:, 3, 3], 0.0) / pixels_per_sample) / gain
     found = zip((solution[:, 3] / gain).tolist(), sigma.tolist(), tells.tolist(), strict=True)
     return [(kappa_px, sigma_px) if known else None for kappa_px, sigma_px, known in found]
-
-
-def with_lines_checked(
-    strip: UnwrappedGauge,
-    readings: Mapping[str, Reading],
-    gauge: Gauge,
-    grid: PolarGrid,
-    *,
-    face: UnwrappedGauge,
-    templates: Mapping[str, NeedleTemplate],
-    pivot: Pivot,
-) -> dict[str, Reading]:
-    """Mark a needle whose line misses its pivot by far as `edge`: it was seen in part, or not as it is."""
-    checked = dict(readings)
-    for name, own_px in pivot.own_px.items():
-        tilt = tilt_of(name, strip, readings, gauge, grid, face=face, templates=templates)
-        if tilt is None:
-            continue
-        reading = readings[name]
-        miss_px = abs(tilt.kappa_px - own_px - float(across(np.array([reading.angle_deg]))[0] @ pivot.alone_px))
-        spread_px = math.hypot(tilt.sigma_px, TILT_FLOOR_PX, math.sqrt(max(pivot.scatter_px2, 0.0)))
-        if miss_px > max(MISSING_SPREADS * spread_px, MISSING_PX):
-            sigma_deg = math.hypot(reading.sigma_deg, math.degrees(miss_px / (sum(gauge.radius) / 2)))
-            checked[name] = Reading(Status.EDGE, reading.angle_deg, sigma_deg, reading.score)
-    return checked

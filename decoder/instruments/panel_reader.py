@@ -17,8 +17,6 @@ from decoder.imaging.resampling import inside, part_inside
 from decoder.imaging.thresholds import HALF_SHOWN
 from decoder.imaging.unwrapping import Grid, PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, DrawnInstrument
-from decoder.instruments.kinds.geared import as_finest
-from decoder.instruments.needle_lines import with_lines_checked
 from decoder.instruments.readers import InstrumentReaders, kind_of
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples
@@ -186,22 +184,12 @@ class PanelReader:
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
         """By needle its reading; doubted needles that do not match well are missing."""
         checked = dict(readings)
-        gauges, seen = self.source.panel.gauges, self.appearance
-        # Where dials are found by themselves, each needle's line is held against its pivot.
-        for gauge, grid, face, pivot, strip in zip(
-            gauges, self.grids, seen.faces, self.placement.pivots, frame.gauges, strict=False
-        ):
-            if isinstance(grid, PolarGrid):
-                parts = (strip, checked, gauge, grid)
-                checked |= with_lines_checked(*parts, face=face, templates=seen.templates, pivot=pivot)
-        for gauge in gauges:
-            checked |= as_finest(gauge, checked)
-        for gauge, grid, is_whole in zip(gauges, self.grids, frame.whole, strict=True):
+        for gauge, grid, is_whole in zip(self.source.panel.gauges, self.grids, frame.whole, strict=True):
             if not is_whole and isinstance(grid, PolarGrid) and _may_be_cut(gauge):
                 (needle,) = gauge.turning
                 if not self._needle_in_sight(frame, grid, checked[needle.name]):
                     checked[needle.name] = replace(checked[needle.name], status=Status.MISSING)
-        for name in seen.doubted:
+        for name in self.appearance.doubted:
             if checked[name].score < SURE_SCORE:
                 checked[name] = replace(checked[name], status=Status.MISSING)
         return checked

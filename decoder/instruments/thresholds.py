@@ -12,11 +12,9 @@
 | LIKELY_SCORE | 0.6 | NCC | a needle is taken into account when others are read, a card when it is learned | drawn: altimeters |
 | CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
 | SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
-| MISSING_SPREADS | 5.0 | sigma | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | CERTAIN_SPREADS | 10.0 | sigma | a lamp whose light changed by so much has another state, though no frame taught it | twice what a steady one may |
 | DIMMEST_LEVELS | 25.0 | grey levels | a lamp that no frame taught adds so much light at least | a tenth of white |
 | HALF_LIT | 0.45 | of a segment | a digit with more of another, or less of its own, is none | half, and what noise adds to it |
-| MISSING_PX | 0.5 | pixels | a line that misses its pivot by more than both is no line of that needle | drawn: oblique cockpit |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 | STILL_ROWS | 0.01 | rows | a card that moves less has settled | a tenth of its sigma |
 | FRAMES_TO_LEARN | 5 | frames | so many teach a face, a needle, a card or a pivot, or that a needle is missing | drawn |
@@ -41,11 +39,9 @@ SATURATED_LEVEL = 245.0
 LIKELY_SCORE = 0.6
 CLEAR_SCORE = 0.9
 SURE_SCORE = 0.95
-MISSING_SPREADS = 5.0
 CERTAIN_SPREADS = 10.0
 DIMMEST_LEVELS = 25.0
 HALF_LIT = 0.45
-MISSING_PX = 0.5
 MAX_CONDITION = 1e12
 STILL_ROWS = 0.01
 FRAMES_TO_LEARN = 5

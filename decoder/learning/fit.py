@@ -134,7 +134,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     care = care_px(paths, pivots)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
-        reader=_completed(last, pivots),
+        reader=_completed(last),
         panel=source.panel.model_copy(update={"gauges": seen_from_pivots(gauges, paths, log_odds)}),
         uncertainties=quantity_uncertainties(
             source,
@@ -239,15 +239,12 @@ def _around_pivots(last: _Round, steps: Sequence[Vector | None], drawn: Sequence
     return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 
 
-def _completed(last: _Round, pivots: Sequence[Pivot]) -> PanelReader:
-    """Tell the reader which needles are doubted and, where dials move, where needles turn."""
+def _completed(last: _Round) -> PanelReader:
+    """Tell the reader which needles are doubted."""
     doubted = _doubted(last.found)
-    reader = last.reader
-    if doubted:
-        reader = reader.with_appearance(replace(reader.appearance, doubted=doubted))
-    if reader.placement.dials_move:
-        reader = reader.with_placement(replace(reader.placement, pivots=tuple(pivots)))
-    return reader
+    if not doubted:
+        return last.reader
+    return last.reader.with_appearance(replace(last.reader.appearance, doubted=doubted))
 
 
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,10 +38,6 @@ class Pivot:
     scatter_px2, tilts
         The variance of the needles' tilts beyond their own noise, which may come out below nothing, and how many
         tilts tell it: by so much the dial is not where it was unwrapped, another way in each frame.
-    own_px
-        By needle: its tilt where the dial lies right.
-    alone_px
-        The offset by the gauge's own needles, whatever the others of the panel tell: with `own_px` it explains tilts.
     """
 
     offset_px: tuple[float, float]
@@ -51,8 +46,6 @@ class Pivot:
     lift_sigma: float = PRIOR_LIFT
     scatter_px2: float = 0.0
     tilts: int = 0
-    own_px: Mapping[str, float] = field(default_factory=dict)
-    alone_px: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_certain(self) -> bool:

@@ -13,7 +13,6 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.panel.arrays import Floats
 from decoder.registration.agreement import unseen_px
 from decoder.registration.anchors import middle_of
-from decoder.registration.pivot import Pivot
 from decoder.registration.thresholds import KEPT
 
 
@@ -91,8 +90,6 @@ class Placement:
         Whether anchors lie in one plane, so that all of them tell where dials are to be looked for.
     lifts
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
-    pivots
-        By gauge, where dials move: what its needles' lines are held against.
     rows
         How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
     """
@@ -102,7 +99,6 @@ class Placement:
     dials_move: bool = False
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
-    pivots: tuple[Pivot, ...] = ()
     rows: int | None = None
 
     def searches_as(self, other: Placement) -> bool:

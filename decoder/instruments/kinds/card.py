@@ -147,7 +147,7 @@ class CardReader:
         noise = max(float(left[0] / left[1]), 1.0) / self._grid.pixels_per_sample
         covariance = np.linalg.inv(normal / noise + np.eye(2) / PRIOR_PX**2)
         x, y = (covariance @ product / noise).tolist()
-        return replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance, alone_px=(x, y))
+        return replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
 
     def _told(self, view: Floats, way: Floats) -> tuple[Floats, Floats, Floats]:
         """Set up one frame's least squares for an offset that shows in it, turned back, turned by `way`.

@@ -10,7 +10,7 @@ much better with hands that do not go together, makes the value doubtful.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from itertools import product
 
 import numpy as np
@@ -76,18 +76,6 @@ def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
 def _reading(gearing: Gearing, status: Status, value: float, sigma: float, score: float) -> Reading:
     """Return a value as an angle on the circle that is one turn of the coarsest hand."""
     return Reading(status, gearing.circle_deg(value), sigma * FULL_CIRCLE_DEG / gearing.turn, score)
-
-
-def as_finest(gauge: Gauge, readings: Mapping[str, Reading]) -> dict[str, Reading]:
-    """Return the value that a gauge's hands tell, if they do, no surer than the finest of them was read."""
-    if gauge.combination is None:
-        return {}
-    name, finest = gauge.combination.quantity.name, readings[gauge.combination.parts[0]]
-    value, gearing = readings[name], gearing_of(gauge)
-    if value.status is not Status.READ or finest.status is not Status.EDGE:
-        return {}
-    sigma_deg = max(value.sigma_deg, finest.sigma_deg * gearing.share)
-    return {name: replace(value, status=Status.EDGE, sigma_deg=sigma_deg)}
 
 
 @dataclass(frozen=True, slots=True)

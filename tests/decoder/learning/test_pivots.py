@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.needle_lines import Tilt, pivot_of_tilts, with_lines_checked
+from decoder.instruments.needle_lines import Tilt, pivot_of_tilts
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
@@ -198,25 +198,6 @@ def test_frames_of_another_shape_do_not_end_the_fit() -> None:
 
     assert fitted.reader.placement.usual == reader.placement.usual
     assert not fitted.moved_px
-
-
-@pytest.mark.parametrize(("bent_rows", "status"), [(0, Status.READ), (5, Status.EDGE)])
-def test_needle_whose_line_misses_its_pivot_is_not_called_read(bent_rows: int, status: Status) -> None:
-    """Its inner half is moved along the dial, as where a frame shows a needle in two places at once."""
-    reader = reader_moved(0.0, 0.0)
-    frame = reader.unwrap(draw({**BETWEEN_MARKS_DEG, "speed_kt": 300.0}, noise=2.0, seed=4, ticks=True))
-    gauge, grid, face = reader.source.panel.gauges[0], reader.grids[0], reader.appearance.faces[0]
-    readings = {"speed_kt": reader.read_unwrapped([frame])[0].readings["speed_kt"]}
-    strip = np.array(frame.gauges[0])
-    inner = strip.shape[1] // 2
-    strip[:, :inner] = np.roll(strip[:, :inner], bent_rows, axis=0)
-    pivot = Pivot((0.0, 0.0), 0.01 * np.eye(2), own_px={"speed_kt": 0.0})
-    checked = with_lines_checked(
-        strip, readings, gauge, grid, face=face, templates=reader.appearance.templates, pivot=pivot
-    )["speed_kt"]
-
-    assert checked.status is status
-    assert (checked.sigma_deg > 10 * readings["speed_kt"].sigma_deg) == (status is Status.EDGE)
 
 
 def test_pivot_that_settled_in_small_steps_is_less_certain() -> None:
