@@ -3,8 +3,6 @@
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | CLEARLY_WORSE | 2.0 | of unexplained variance | a place that leaves no more than so many times the best may be the needle's | drawn: bugs, tails |
-| DOUBTFUL_WORSE | 6.0 | of unexplained variance | the same beside the needle or right opposite, where scores say less | drawn: bugs, tails |
-| OPPOSITE_REACH_DEG | 4.0 | degrees | so near to a half turn a place is opposite | drawn |
 | MIN_RIVAL | 0.7 | NCC; of contrast | a place that matches less, or shows less of a hand, is no rival | under `SCORE_THRESHOLD` by what a search loses |
 | RIVAL_REACH_DEG | 3.0 | degrees | so near another needle that matches better takes the place | a needle's width |
 | SLACK_ROWS | 1.5 | rows | so far a covering needle may lie from where the search has it | half of the search's step |
@@ -30,8 +28,6 @@
 from __future__ import annotations
 
 CLEARLY_WORSE = 2.0
-DOUBTFUL_WORSE = 6.0
-OPPOSITE_REACH_DEG = 4.0
 MIN_RIVAL = 0.7
 RIVAL_REACH_DEG = 3.0
 SLACK_ROWS = 1.5

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import median_of
-from decoder.matching.thresholds import LIKE_ENDS_PART, OUTLINE_PART
+from decoder.matching.thresholds import OUTLINE_PART
 from decoder.panel.arrays import Floats
 
 T = TypeVar("T")
@@ -94,14 +94,6 @@ class NeedleTemplate:
     def outline(self) -> NDArray[np.bool_]:
         """(H, C): where the needle itself is, without its surroundings."""
         return self.place(OUTLINE_PART)
-
-    @cached_property
-    def has_like_ends(self) -> bool:
-        """Whether tip and tail of a needle whose columns go across the dial cannot be told apart."""
-        trust = self.trust * self.trust[:, ::-1]
-        mean = float((trust * self.pixels).sum() / max(float(trust.sum()), 1e-9))
-        apart = float((trust * (self.pixels - self.pixels[:, ::-1]) ** 2).sum())
-        return apart < LIKE_ENDS_PART * float((trust * (self.pixels - mean) ** 2).sum())
 
     @cached_property
     def half_width_deg(self) -> float:

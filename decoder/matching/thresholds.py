@@ -13,7 +13,6 @@
 | MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
 | SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
 | HALF | 0.5 | of a needle's contrast | half of it | by its meaning |
-| LIKE_ENDS_PART | 0.01 | of a needle's variance | by less its ends differ by noise alone | a pixel of length makes half more |
 | MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
 | MIN_VIEWS | 3 | frames | so many show a pixel of the face without a needle | least number that has a middle |
 | MIN_VISIBLE | 0.15 | of a needle's contrast | with less in sight a template matches too many things | drawn |
@@ -45,7 +44,6 @@ FADED_PART = 0.06
 MIN_HALF_PART = 0.3
 SHOWN_PART = 0.2
 HALF = 0.5
-LIKE_ENDS_PART = 0.01
 MIN_LIGHT_GAIN = 0.2
 MIN_VIEWS = 3
 MIN_VISIBLE = 0.15

@@ -21,7 +21,6 @@ from decoder.instruments.kinds.stack import all_above, without_dial
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
-    DOUBTFUL_WORSE,
     MIN_RIVAL,
     SURE_SCORE,
 )
@@ -330,8 +329,7 @@ class GearedReader:
         every = rows[self._order]
         drawn = self._thin.drawn(np.vstack([every, np.where(np.eye(len(every), dtype=bool), np.nan, every)]))
         best, *rest = lit_as(seen, drawn)
-        needless = DOUBTFUL_WORSE * times_worse(seen, best, np.array(rest))
-        if needless.min() < 1.0:
+        if times_worse(seen, best, np.array(rest)).min() < MIN_VISIBLE:
             return False
         gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
         return self._left_over((seen - best) / max(gain, 1e-6), rows) < MIN_RIVAL

@@ -14,17 +14,14 @@ from itertools import permutations
 
 import numpy as np
 
-from decoder.imaging.unwrapping import opposite_rows
 from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
 from decoder.instruments.kinds.pairs import TouchingPair
 from decoder.instruments.kinds.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
-    DOUBTFUL_WORSE,
     LIKELY_SCORE,
     MIN_RIVAL,
-    OPPOSITE_REACH_DEG,
     RIVAL_REACH_DEG,
     SATURATED_LEVEL,
     SLACK_ROWS,
@@ -34,9 +31,8 @@ from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
 from decoder.matching.searching import COARSE_STEP, Search, SearchTarget, collected, peaks_of, thinned
 from decoder.matching.strips import blocks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
-from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.panel.vocabulary import Method
 
 # Powers of row and column that a light may follow within one template.
@@ -200,7 +196,6 @@ class NeedleReader:
         for turn in self._turns:
             middle = (found.row + turn)[..., None]
             elsewhere &= ~(np.abs(self._rows - middle) <= reach_rows[:, None])
-        found.status[self._is_other_end(found)] = MISSING
         frame, needle = np.nonzero(elsewhere.any(axis=2) & (found.status == READ))
         if not frame.size:
             return
@@ -212,32 +207,9 @@ class NeedleReader:
                 continue
             at = frame[own], needle[own]
             rival = windows.settle(frames, *at, rows[own])
-            apart_rows = np.abs(np.where(np.isfinite(rival.row), rival.row, rows[own]) - found.row[at])
-            worse = np.where(self._is_doubtful(needle[own], apart_rows), DOUBTFUL_WORSE, CLEARLY_WORSE)
             left = 1.0 - np.maximum(np.nan_to_num(rival.score), 0.0) ** 2
-            is_as_good = left <= worse * (1.0 - found.score[at] ** 2)
+            is_as_good = left <= CLEARLY_WORSE * (1.0 - found.score[at] ** 2)
             found.status[at[0][is_as_good], at[1][is_as_good]] = MISSING
-
-    def _is_other_end(self, found: Found) -> Mask:
-        """(F, K): where a needle may as well point the other way: its ends are alike."""
-        is_other = np.zeros(found.row.shape, bool)
-        for index, needle in enumerate(self._needles):
-            if needle.grid.tail_columns and needle.template.has_like_ends:
-                there = np.rint(np.stack(opposite_rows_of(found.row[:, index], needle)))
-                inside = (there >= 0) & (there < needle.grid.rows)
-                at = limited(np.nan_to_num(there), 0, needle.grid.rows - 1).astype(np.intp)
-                is_other[:, index] = (inside & needle.allowed[at]).any(axis=0)
-        return is_other
-
-    def _is_doubtful(self, needles: Indices, apart_rows: Floats) -> Mask:
-        """(M,): whether two places are so near, or so much opposite, that scores say less of which is the needle's."""
-        own = [self._needles[index] for index in needles.tolist()]
-        beside = np.array([each.axis + each.half_width_rows for each in own])
-        steps_deg = np.array([each.grid.step_deg for each in own])
-        has_tail = np.array([each.grid.tail_columns > 0 for each in own])
-        opposite = np.abs(apart_rows * steps_deg - FULL_CIRCLE_DEG / 2) <= OPPOSITE_REACH_DEG
-        doubtful: Mask = (apart_rows <= beside) | (opposite & ~has_tail)
-        return doubtful
 
     def _look_through_light(self, frames: Sequence[Samples], found: Found) -> None:
         """Fit needles that stand alone and match less well than they should together with the light over them."""
@@ -362,11 +334,6 @@ class _Windows:
             for start, end in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
         ]
         return np.concatenate(runs).astype(np.float32), self._faces[self._first_face[index] + top_rows]
-
-
-def opposite_rows_of(rows: Floats, needle: Needle) -> list[Floats]:
-    """Return the rows at which the needles' other ends lie."""
-    return [rows + off for off in opposite_rows(0.0, needle.grid)]
 
 
 def _lights(height: int, width: int) -> Floats:

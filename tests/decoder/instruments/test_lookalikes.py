@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
@@ -76,22 +74,6 @@ def test_short_tail_does_no_harm_without_the_key(sweep: tuple[float, float]) -> 
 
     assert {reading.status for reading in readings} == {Status.READ}
     assert max(off_deg(reading, angle) for reading, angle in zip(readings, angles_deg, strict=True)) < 0.4
-
-
-@pytest.fixture(scope="module")
-def mirrored() -> PanelReader:
-    """A reader of a needle whose ends are alike."""
-    return reader_with(TIP_PX, SWEEPS["circle"], tail=True)
-
-
-@given(angle_deg=st.floats(0.0, 360.0))
-@example(angle_deg=34.0)  # right where the panel picture has the tail: there the dial behind it is known least
-@settings(max_examples=30)
-def test_ends_that_are_alike_are_not_guessed(mirrored: PanelReader, angle_deg: float) -> None:
-    """Where nothing tells the tip from the tail there is no value, or the right one."""
-    reading = read_picture(mirrored, draw_with(TIP_PX)(angle_deg, 3)).readings["rpm"]
-
-    assert reading.status is Status.MISSING or off_deg(reading, angle_deg) < 0.4
 
 
 FULL_SCALE_DEG = 300.0
