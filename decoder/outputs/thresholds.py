@@ -2,7 +2,7 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| PICTURE_PX | 1600 | px | width to which small frames are enlarged, and large panel pictures shrunk | a screen |
+| PICTURE_PX | 1600 | px | width to which small frames are enlarged, and large pictures shrunk | a screen |
 | CROP_PX | 720 | px | longer side of a gauge drawn alone, at least | a needle can be judged by eye |
 | LETTER_WIDTH | 0.62 | - | of a letter, in its size; names nearer than that overlap | sans-serif letters |
 | DIGITS_OF_FULL_SCALE | 6 | digits | of a value: a millionth of full scale | finer than any reading |

@@ -21,17 +21,14 @@ from numpy.typing import NDArray
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.resampling import levels_at
+from decoder.matching.thresholds import HALF, NOISE_LEVELS
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px, rim_of
 from decoder.setup.thresholds import (
     CLEARLY_NEARER,
-    FAINTEST,
     MAX_FLATNESS,
     MAX_MOVE_PX,
-    MIN_LEVELS,
-    REACH_PART,
-    REACH_PX,
 )
 
 # How far around a mark its outline is looked at, along the rim.
@@ -84,7 +81,7 @@ def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
     contrast = light - np.median(light)
     near = np.exp(-0.5 * (away_px / LIKELY_PX) ** 2)
     best = int((np.abs(contrast) * near).argmax())
-    if abs(contrast[best]) < MIN_LEVELS:
+    if abs(contrast[best]) < 2 * NOISE_LEVELS:
         return math.degrees(clicked) % 360.0
     place = _middle(light * np.sign(contrast[best]), best)
     return math.degrees(float(np.interp(place, np.arange(len(angles)), angles))) % 360.0
@@ -102,7 +99,7 @@ def _middle(light: Floats, place: float) -> float:
             np.percentile(light[: max(middle - reach, 1)], DIAL_PERCENTILE),
             np.percentile(light[min(middle + reach, len(light) - 1) :], DIAL_PERCENTILE),
         )
-        weights = np.maximum((light[part] - dial) / np.maximum(peak - dial, 1e-6) - FAINTEST, 0.0)
+        weights = np.maximum((light[part] - dial) / np.maximum(peak - dial, 1e-6) - HALF, 0.0)
         if not weights.any():  # what is beside it is no darker than it: no outline tells more than the place itself
             return place
         place = float(np.average(places[part], weights=weights))
@@ -202,7 +199,7 @@ def fitted_ring(picture: GreyPicture, drawn: Ring, freedom: Freedom) -> Ring:
     angles = np.arange(ANGLES) * (2 * np.pi / ANGLES)
     design = _design(angles, freedom)
     ring, sign = drawn, 0.0
-    for reach in np.linspace(max(REACH_PX, REACH_PART * drawn.radius_px), LAST_REACH_PX, ROUNDS):
+    for reach in np.linspace(MAX_MOVE_PX, LAST_REACH_PX, ROUNDS):
         offsets = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
         slopes = _slopes(picture, ring, angles, offsets)
         if not sign:

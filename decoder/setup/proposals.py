@@ -19,10 +19,11 @@ from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.unwrapping import PolarGrid, Unwrapper, polar_grid
-from decoder.matching.thresholds import OUTLIER_SPREADS
+from decoder.matching.thresholds import HALF, NOISE_LEVELS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
-from decoder.setup.thresholds import AWAY_PART, MARGIN_DEG, MIN_LEVELS, MIN_PART
+from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+from decoder.setup.thresholds import MIN_PART
 
 REACH_DEG = 7.0
 AXIS_STEP_DEG = 0.1
@@ -64,7 +65,7 @@ def axis_deg(light: Floats, grid: PolarGrid, guess_deg: float) -> float:
         middle = round((guess_deg - grid.start_deg) / grid.step_deg)
         reach = round(REACH_DEG / grid.step_deg)
         rows = np.arange(max(middle - reach, 0), min(middle + reach + 1, len(light)))
-        used = np.flatnonzero(np.abs(light[rows]).max(axis=0) >= MIN_LEVELS) if rows.size else rows
+        used = np.flatnonzero(np.abs(light[rows]).max(axis=0) >= 2 * NOISE_LEVELS) if rows.size else rows
         if not used.size:
             return guess_deg
         used = used[np.unique(np.linspace(0, used.size - 1, MOST_COLUMNS).round().astype(int))]
@@ -161,7 +162,7 @@ class Dial:
     plane: DialPlane | None = None
     raised: Raised | None = None
 
-    def grid(self, margin_deg: float = MARGIN_DEG) -> PolarGrid:
+    def grid(self, margin_deg: float = 2 * BEYOND_SWEEP_DEG) -> PolarGrid:
         """Lay a polar grid over the dial, with a margin at both ends."""
         first, last = self.sweep_deg
         margin_deg = min(margin_deg, (FULL_CIRCLE_DEG - (last - first)) / 2)
@@ -194,7 +195,7 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
     highest = float(profile.max())
     for _ in range(MOST):
         row = int(profile.argmax())
-        if profile[row] < max(MIN_LEVELS, MIN_PART * highest):
+        if profile[row] < max(2 * NOISE_LEVELS, MIN_PART * highest):
             break
         guess_deg = views.grid.angle_deg(row)
         light = views.light(guess_deg)
@@ -202,7 +203,8 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
         reach = round((_width_deg(light, views.grid, guess_deg) + ROUGH_DEG) / views.grid.step_deg)
         profile[max(row - reach, 0) : row + reach + 1] = 0.0
     first, last = dial.sweep_deg
-    return [each for each in found if first - MARGIN_DEG <= each.at_deg <= last + MARGIN_DEG]
+    reach_deg = 2 * BEYOND_SWEEP_DEG  # a hand draws sweeps so well
+    return [each for each in found if first - reach_deg <= each.at_deg <= last + reach_deg]
 
 
 def needle_at(seen: Pictures, dial: Dial, guess_deg: float) -> Proposal:
@@ -232,7 +234,7 @@ class _Views:
         if not len(self.others):
             return plain
         changes = np.abs(self.others[:, window] - self.own[window]).mean(axis=(1, 2))
-        away = changes > AWAY_PART * max(changes.max(), np.abs(plain[window]).mean())
+        away = changes > HALF * max(changes.max(), np.abs(plain[window]).mean())
         light: Floats = self.own - np.median(self.others[away], axis=0) if away.any() else plain
         return light
 

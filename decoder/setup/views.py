@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.pictures import GreyPicture
+from decoder.outputs.thresholds import PICTURE_PX
 from decoder.panel.arrays import Floats
 from decoder.setup.sources import PictureStore
-from decoder.setup.thresholds import VIEW_PX
 
 SHRINKS = (8, 4, 2, 1)
 JPEG_QUALITY = 88
@@ -46,10 +46,10 @@ def data_url(encoded: bytes, kind: str) -> str:
 
 
 def whole_view(store: PictureStore, key: str) -> bytes:
-    """Shrink the whole picture by a whole number to about `VIEW_PX`, as JPEG."""
+    """Shrink the whole picture by a whole number to about `PICTURE_PX`, as JPEG."""
     width_px = store.grey(key).shape[1]
     store.forget_colours(but=key)
-    shrink = next(each for each in SHRINKS if each == 1 or width_px / each >= VIEW_PX * 0.6)
+    shrink = next(each for each in SHRINKS if each == 1 or width_px / each >= PICTURE_PX)
     return jpeg(store.colour(key, shrink))
 
 
@@ -60,7 +60,7 @@ def part_view(store: PictureStore, key: str, part: Part) -> bytes:
     left, top = min(max(part.left, 0), width - 1), min(max(part.top, 0), height - 1)
     right, bottom = min(max(part.left + part.width, left + 1), width), min(max(part.top + part.height, top + 1), height)
     piece = picture[top:bottom, left:right]
-    scale = min(part.wanted_px / piece.shape[1], VIEW_PX / max(piece.shape[:2]), 1.0)
+    scale = min(part.wanted_px / piece.shape[1], PICTURE_PX / max(piece.shape[:2]), 1.0)
     if scale < 1.0:
         piece = np.asarray(cv2.resize(piece, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
     return jpeg(piece)
