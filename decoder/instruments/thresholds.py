@@ -4,12 +4,11 @@
 | --- | --- | --- | --- | --- |
 | CLEARLY_WORSE | 2.0 | of unexplained variance | a place that leaves no more than so many times the best may be the needle's | drawn: bugs, tails |
 | MIN_RIVAL | 0.7 | NCC; of contrast | a place that matches less, or shows less of a hand, is no rival | under `SCORE_THRESHOLD` by what a search loses |
-| RIVAL_REACH_DEG | 3.0 | degrees | so near another needle that matches better takes the place | a needle's width |
-| SLACK_ROWS | 1.5 | rows | so far a covering needle may lie from where the search has it | half of the search's step |
 | SATURATED_LEVEL | 245.0 | grey levels | brighter pixels say nothing of what lies below | JPEG rings by some levels around 255 |
 | LIKELY_SCORE | 0.6 | NCC | a needle is taken into account when others are read, a card when it is learned | drawn: altimeters |
 | CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
 | SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
+| MISSING_SPREADS | 5.0 | sigma | what is further off is something else: a lamp from its states, a value from its neighbours, a clock | beyond any chance |
 | CERTAIN_SPREADS | 10.0 | sigma | a lamp whose light changed by so much has another state, though no frame taught it | twice what a steady one may |
 | DIMMEST_LEVELS | 25.0 | grey levels | a lamp that no frame taught adds so much light at least | a tenth of white |
 | HALF_LIT | 0.45 | of a segment | a digit with more of another, or less of its own, is none | half, and what noise adds to it |
@@ -18,7 +17,7 @@
 | FRAMES_TO_LEARN | 5 | frames | so many teach a face, a needle, a card or a pivot, or that a needle is missing | drawn |
 | MIN_TURN_DEG | 20.0 | degrees | only a card that turned by so much tells itself from what stands still | drawn |
 | HUBER_SPREADS | 2.0 | sigma | tilts that are further off count less | Huber: 1.5 to 2 |
-| APART_DEG | 3.0 | degrees | needles further apart lie over other marks | the spacing of marks |
+| APART_DEG | 3.0 | degrees | needles further apart lie over other marks, and take no place from each other | a needle's width, the spacing of marks |
 | MIN_PLACES | 3 | places | beyond one a needle that a pivot must be told by | two unknowns, one to spare |
 | NEEDLE_PART | 0.015 | pixels | of its window that a needle fills at least | the thinnest of strangers' needles |
 | CLEAR_PART | 0.2 | 1 | of the contrast around a needle that no glint changes it by | by choice |
@@ -29,12 +28,11 @@ from __future__ import annotations
 
 CLEARLY_WORSE = 2.0
 MIN_RIVAL = 0.7
-RIVAL_REACH_DEG = 3.0
-SLACK_ROWS = 1.5
 SATURATED_LEVEL = 245.0
 LIKELY_SCORE = 0.6
 CLEAR_SCORE = 0.9
 SURE_SCORE = 0.95
+MISSING_SPREADS = 5.0
 CERTAIN_SPREADS = 10.0
 DIMMEST_LEVELS = 25.0
 HALF_LIT = 0.45

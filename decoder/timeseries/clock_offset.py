@@ -17,7 +17,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError
 from decoder.panel.vocabulary import WINDOW_S
 from decoder.timeseries.tables import FlightTable, Table
-from decoder.timeseries.thresholds import APART_S, MAX_COARSE_ROWS, MIN_CORRELATION, MIN_OVERLAP, MIN_ROWS, STEP_S
+from decoder.timeseries.thresholds import MAX_COARSE_ROWS, MIN_CORRELATION, MIN_OVERLAP, MIN_ROWS, STEP_S
 
 PASSES = 12
 SEEN = (Status.READ.value, Status.EDGE.value)
@@ -131,7 +131,7 @@ def _best(pairs: Sequence[_Pair], truth: Table, window_s: float) -> tuple[float,
             f"{truth.path}: its curves match best at the end of the window of {window_s:g} s; look further with"
             " --window, or give --offset SECONDS"
         )
-    away = np.abs(offsets - offsets[best]) > APART_S
+    away = np.abs(offsets - offsets[best]) > 10 * STEP_S
     if away.any() and mean[away].max() > mean[best] - (1 - MIN_CORRELATION) / 5:
         other = float(offsets[away][mean[away].argmax()])
         raise AccuracyError(
@@ -145,7 +145,7 @@ def _settled(pair: _Pair, offset_s: float) -> tuple[float, float] | None:
     start_s, sigma_s = offset_s, 0.0
     for _ in range(PASSES):
         step = _step(pair, offset_s)
-        if step is None or abs(offset_s + step[0] - start_s) > APART_S:
+        if step is None or abs(offset_s + step[0] - start_s) > 10 * STEP_S:
             return None
         offset_s, sigma_s = offset_s + step[0], step[1]
         if abs(step[0]) < 1e-4:  # noqa: PLR2004 - far below any frame's own time

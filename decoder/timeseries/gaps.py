@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.instruments.reading import Status
+from decoder.instruments.thresholds import APART_DEG
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.scale import in_turn
 from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.timeseries.thresholds import (
     CONFIDENCE_SIGMAS,
-    COVERED_REACH_DEG,
     MOST_STRETCHED,
     MOST_TRIED,
     SHORTER,
@@ -74,8 +74,7 @@ def _without_doubtful(
             (at[0], end) for at, end in ((seen[seen < first][-1:], first), (seen[seen > last][:1], last)) if at.size
         ]
         doubtful[first : last + 1] = not ends or any(
-            abs(series.angles_apart_deg(at, end)) > COVERED_REACH_DEG + pace_deg * abs(int(at) - end)
-            for at, end in ends
+            abs(series.angles_apart_deg(at, end)) > 2 * APART_DEG + pace_deg * abs(int(at) - end) for at, end in ends
         )
     return replace(
         series,

@@ -7,13 +7,10 @@
 | MIN_ROWS | 12 | rows | that two curves must share to be compared | fewer fit by chance |
 | MIN_OVERLAP | 0.3 | - | part of the flight's rows within the truth | less fits by chance |
 | MIN_CORRELATION | 0.9 | - | of curves that show the same; a fifth of the rest is alike | two needles stay below |
-| APART_S | 5.0 | s | between offsets that are two | ten steps |
 | CONFIDENCE_SIGMAS | 1.96 | sigma | hold 95 % of errors | normal distribution |
 | NEEDED_PART | 0.95 | - | of a needle's values within a recorder's limit | a truth at 1 Hz is interpolated |
-| SPREADS | 5.0 | sigma | from its neighbours to an outlier, or from a clock to a wrong one | beyond any chance |
 | SMALLEST_PART | 0.01 | - | of full scale; leaving the line by less is of no consequence | rendered flights |
 | BACK_PART | 1 / 3 | - | of how far an outlier went, that may be left when it is back | steps stay above |
-| COVERED_REACH_DEG | 6.0 | deg | from where a needle is seen whole to under another | two needles' width |
 | SHORTER | 0.8 | - | so much of a gap's length, to the inverse, counts as its length | a few of each |
 | MOST_STRETCHED | 4.0 | - | times the longest known stretch that a gap may have | strangers' flights |
 | MOST_TRIED | 400 | - | stretches that are looked at for one length | tells a spread to a tenth |
@@ -31,13 +28,10 @@ MAX_COARSE_ROWS = 2000
 MIN_ROWS = 12
 MIN_OVERLAP = 0.3
 MIN_CORRELATION = 0.9
-APART_S = 5.0
 CONFIDENCE_SIGMAS = 1.96
 NEEDED_PART = 0.95
-SPREADS = 5.0
 SMALLEST_PART = 0.01
 BACK_PART = 1 / 3
-COVERED_REACH_DEG = 6.0
 SHORTER = 0.8
 MOST_STRETCHED = 4.0
 MOST_TRIED = 400

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from decoder.instruments.thresholds import MISSING_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError, TableError
 from decoder.panel.units import converted
@@ -21,7 +22,7 @@ from decoder.timeseries.accuracy import Errors, Judged, NeedleAccuracy, compare,
 from decoder.timeseries.clock_offset import ClockOffset, clock_offset
 from decoder.timeseries.engine_sound import EngineSpeed
 from decoder.timeseries.tables import FlightTable, MappedName, Table, read_mapping, read_table, times_ns
-from decoder.timeseries.thresholds import SPREADS, STEP_S
+from decoder.timeseries.thresholds import STEP_S
 from flight_file.frame import NS_PER_S
 
 RPM = "rpm"
@@ -236,7 +237,7 @@ def offset_text(result: Compared) -> str:
     says = f"{told.offset_s:+.3f} s, sigma {told.sigma_s:.3f} s"
     by = f"correlation {told.correlation:.3f}, {len(told.names)} needles"
     off_s = abs(told.offset_s - (applied_s or 0.0))
-    hint = "; to apply it: --offset auto" if off_s > max(SPREADS * told.sigma_s, STEP_S) else ""
+    hint = "; to apply it: --offset auto" if off_s > max(MISSING_SPREADS * told.sigma_s, STEP_S) else ""
     return f"clock: {applied}; the curves tell {says} ({by}){hint}"
 
 
@@ -347,5 +348,5 @@ def _held_against_sound(table: Table, name: str, speed: EngineSpeed, heard_s: Fl
     shown = np.interp(heard_s, known_s, value[seen])[both]
     apart = speed.rpm[both] - shown
     off = np.hypot(speed.sigma, np.nan_to_num(sigma[seen])[nearest])[both]
-    beyond = int((np.abs(apart) > SPREADS * off).sum())
+    beyond = int((np.abs(apart) > MISSING_SPREADS * off).sum())
     return HeldAgainstSound(name, len(apart), float(np.median(apart)), float(np.mean(shown)), beyond)

@@ -19,12 +19,11 @@ from decoder.instruments.kinds.pairs import TouchingPair
 from decoder.instruments.kinds.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.thresholds import (
+    APART_DEG,
     CLEARLY_WORSE,
     LIKELY_SCORE,
     MIN_RIVAL,
-    RIVAL_REACH_DEG,
     SATURATED_LEVEL,
-    SLACK_ROWS,
 )
 from decoder.matching.correlation import xcorr
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
@@ -150,13 +149,13 @@ class NeedleReader:
         is_peak &= self._allowed
         nearby = {}
         for one, other in self._rivals:
-            steps = round(RIVAL_REACH_DEG / self._needles[one].grid.step_deg) // COARSE_STEP
+            steps = round(APART_DEG / self._needles[one].grid.step_deg) // COARSE_STEP
             # On rows between the searched ones a narrower reach leaves out nothing that may be the needle's.
             is_peak[:, one] &= scores[:, one] >= _nearby_best(scores[:, other], steps - 1)
             nearby[one] = scores[:, one] >= _nearby_best(scores[:, other], steps)
         top, place = peaks_of(curve, is_peak)
         for upper, lower in self._pairs:
-            far = self._far_rows(upper, lower) + 1 - SLACK_ROWS
+            far = self._far_rows(upper, lower) + 1 - COARSE_STEP / 2
             upper_row = (place[:, upper] * COARSE_STEP + self._rows[upper, 0])[:, None]
             is_lost = np.take_along_axis(scores[:, upper], top[:, upper, None], axis=1) < SCORE_THRESHOLD
             is_peak[:, lower] &= is_lost | (np.abs(self._rows[lower] - upper_row) > far)
@@ -237,7 +236,7 @@ class NeedleReader:
         above, below = found.part((slice(None), upper)), found.part((slice(None), lower))
         is_above = above.status == READ
         apart = is_above & (below.status == READ) & (np.abs(above.row - below.row) > far)
-        apart &= np.abs(above.row - peaks.place[:, upper]) <= SLACK_ROWS
+        apart &= np.abs(above.row - peaks.place[:, upper]) <= COARSE_STEP / 2
         open_ = np.flatnonzero(~apart)
         if not open_.size:
             return
