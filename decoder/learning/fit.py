@@ -33,9 +33,8 @@ from decoder.learning.pivots import (
     lifts_missing,
 )
 from decoder.learning.seen_faces import with_seen_faces
-from decoder.learning.thresholds import MISSING_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
-from decoder.matching.thresholds import FAR_PART, REACH_PART
+from decoder.matching.thresholds import FAR_PART, HALF, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
@@ -254,7 +253,7 @@ def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
     return frozenset(
         name
         for name in found[0]
-        if sum(readings[name].status is Status.MISSING for readings in found) > MISSING_PART * len(found)
+        if sum(readings[name].status is Status.MISSING for readings in found) > HALF * len(found)
     )
 
 

@@ -17,13 +17,11 @@ from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.thresholds import (
-    FEW,
-    IN_PLACE_PX,
-    LOOKED_AT,
+    DRAWN_PX,
     SAMPLE_FRAMES,
-    SIGHTS,
     STILL_PX,
 )
+from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.errors import PictureError
 from decoder.registration.frame_placer import UnwrappedFrame
 from decoder.registration.placement import Placement
@@ -84,7 +82,7 @@ class FlightSample:
     def _read(self, frames: int, ranks: list[int]) -> Iterator[Taken]:
         """From the file, but for pictures that are kept."""
         given = []
-        often = spread(self._flight.count(), LOOKED_AT)
+        often = spread(self._flight.count(), FRAMES_TO_LEARN)
         for number, (rank, frame) in enumerate(zip(ranks, self._flight.sample_frames(frames), strict=False), start=1):
             self._tell(f"looks at frame {number} of a sample of {len(ranks)}")
             taken = self._kept.get(frame.sequence)
@@ -110,7 +108,7 @@ class FlightSample:
     def _whole(self, frame: Frame) -> FramePicture:
         """All of a frame whose first rows did not do: if they often do not, no more of them are tried."""
         self._too_few += 1
-        if self._too_few > FEW:
+        if self._too_few > MIN_VIEWS:
             self._rows = None
         picture = FramePicture(grey_picture(frame.encoded), frame.exif.lens_mm)
         if frame.sequence in self._kept:
@@ -224,9 +222,9 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
             continue
         shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
         frames += 1
-        if frames == LOOKED_AT:
+        if frames == FRAMES_TO_LEARN:
             break
-    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
+    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > DRAWN_PX
 
 
 def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
@@ -245,7 +243,7 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
         if motion is not None:
             at_panels_zoom = np.linalg.inv(zoom) @ motion
             seen.append(at_panels_zoom / at_panels_zoom[2, 2])
-        if len(seen) == SIGHTS:
+        if len(seen) == MIN_VIEWS:
             break
     if not seen:
         return None

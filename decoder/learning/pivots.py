@@ -26,7 +26,7 @@ from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.pivot_path import PivotPath
-from decoder.learning.thresholds import DRAWN_PX, SETTLED_LIFT
+from decoder.learning.thresholds import DRAWN_PX, SETTLED_PX
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.registration.frame_placer import UnwrappedFrame
@@ -167,4 +167,4 @@ def lifts_missing(lifts: Sequence[float], pivots: Sequence[Pivot]) -> list[float
 
 def any_lift_is_off(missing: Sequence[float]) -> bool:
     """Whether some needle goes another way than it was thought to, by more than lifts settle to."""
-    return any(abs(lift) > SETTLED_LIFT for lift in missing)
+    return any(abs(lift) > SETTLED_PX for lift in missing)

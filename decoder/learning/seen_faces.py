@@ -20,13 +20,13 @@ from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, FRAMES_TO_LEARN, NEEDLE_PART
 from decoder.learning.thresholds import (
     MOSTLY,
-    NOISE_LEVELS,
     NOISE_SPREADS,
     SEEN_PART,
 )
 from decoder.matching.faces import LitViews
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.thresholds import NOISE_LEVELS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
@@ -87,7 +87,7 @@ def _may_be_bared(
     """Tell whether frames mostly show another dial in a needle's window than was thought."""
     windows = [_window(needle, grid, templates[needle.name]) for needle in _cut_needles(gauge)]
     off = (np.abs(face[rows] - median_of(np.stack([view[rows] for view in seen]))) for rows in windows)
-    return any(float((each > NOISE_LEVELS).mean()) > NEEDLE_PART for each in off)
+    return any(float((each > 3 * NOISE_LEVELS).mean()) > NEEDLE_PART for each in off)
 
 
 def _cut_needles(gauge: Gauge) -> list[Pointer]:
@@ -109,7 +109,7 @@ def _bared(
     if not beside.any():
         return []
     noise = MAD_TO_SIGMA * float(np.median(np.abs(dial.drawn - dial.usual)[beside]))
-    least = max(NOISE_SPREADS * noise, NOISE_LEVELS)
+    least = max(NOISE_SPREADS * noise, 3 * NOISE_LEVELS)
     elsewhere = [int((np.abs(view - dial.usual)[beside] > least).sum()) for view in seen]
     bared = []
     for needle, rows in zip(needles, windows, strict=True):

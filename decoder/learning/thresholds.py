@@ -3,38 +3,24 @@
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | SAMPLE_FRAMES | 16 | frames | in a sample; if half are found no place else is sought | more hardly move a face |
-| LOOKED_AT | 6 | frames | tell whether dials move | each costs milliseconds a dial |
-| SIGHTS | 3 | frames | located by SIFT tell where the camera stands | two outvote a wrong one |
-| FEW | 3 | frames | may need more than their first rows; then all are decompressed whole | by choice |
-| MISSING_PART | 0.5 | frames | a needle missing in more is doubted, one read in fewer is named | most of them |
 | STILL_PX | 6.0 | px | a camera that moved less at the corners shows no depth | the simulator's cockpit |
-| IN_PLACE_PX | 0.05 | px | dials nearer to where anchors have them do not move | the simulator's cockpit |
-| DRAWN_PX | 0.1 | px | a pivot that is drawn nearer to where needles turn stays | by hand, enlarged |
+| DRAWN_PX | 0.1 | px | a pivot that is drawn nearer to where needles turn stays, and dials nearer to where anchors have them | by hand, enlarged |
 | HAND_PX | 0.2 | px | how precisely a scale is drawn | strangers' panels |
 | MOST_MARK_PART | 0.01 | of the radius | by which a hand that drew careless centres misses marks | by choice |
 | SEARCHED_PART | 0.01 | of the radius | how precisely a search finds a pivot | its last steps |
-| SETTLED_PX | 0.03 | px | a moved pivot is moved again until it is this near | a third of `DRAWN_PX` |
-| SETTLED_LIFT | 0.01 | 1 | the same for lifts | 0.03 px where a dial moves by 3 |
+| SETTLED_PX | 0.03 | px | a moved pivot is moved again until it is this near, and a lift until a pixel makes no more | a third of `DRAWN_PX` |
 | NOISE_SPREADS | 6.0 | sigma | and these levels two pictures of the same differ by | beyond any chance |
-| NOISE_LEVELS | 12.0 | levels | and so many spreads | noise of JPEG pictures |
 | SEEN_PART | 0.4 | pixels | a needle that is seen elsewhere in a frame | most, but for reflections |
 | MOSTLY | 0.6 | frames | in which it must be seen elsewhere | more than half |
 """
 
 SAMPLE_FRAMES = 16
-LOOKED_AT = 6
-SIGHTS = 3
-FEW = 3
-MISSING_PART = 0.5
 STILL_PX = 6.0
-IN_PLACE_PX = 0.05
 DRAWN_PX = 0.1
 HAND_PX = 0.2
 MOST_MARK_PART = 0.01
 SEARCHED_PART = 0.01
 SETTLED_PX = 0.03
-SETTLED_LIFT = 0.01
 NOISE_SPREADS = 6.0
-NOISE_LEVELS = 12.0
 SEEN_PART = 0.4
 MOSTLY = 0.6

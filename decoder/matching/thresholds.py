@@ -12,9 +12,9 @@
 | FADED_PART | 0.06 | of a needle's contrast | at the end of its blurred edge | drawn |
 | MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
 | SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
-| HALF | 0.5 | of a needle's contrast | half of it | by its meaning |
+| HALF | 0.5 | of a needle's contrast, of frames | half of them | by its meaning |
 | MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
-| MIN_VIEWS | 3 | frames | so many show a pixel of the face without a needle | least number that has a middle |
+| MIN_VIEWS | 3 | frames | so many show a pixel of the face without a needle, or where the camera stands; more may not need more than their first rows | least number that has a middle |
 | MIN_VISIBLE | 0.15 | of a needle's contrast | with less in sight a template matches too many things | drawn |
 | WHOLE_VISIBLE | 0.97 | of a needle's contrast | with more in sight it is whole; of NCC, that touching needles explain all | drawn |
 | MAX_FRACTION_ROWS | 0.75 | rows | a fit that points further lies in another window | half a row, and half of that |

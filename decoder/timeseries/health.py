@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.instruments.reading import Status
-from decoder.learning.thresholds import MISSING_PART
+from decoder.matching.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, shortest
 from decoder.timeseries.flight_data import FlightData, NeedleSeries
@@ -45,7 +45,7 @@ def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
     """Say of one needle whether it is read at all, and whether the flight could teach what it looks like."""
     name, is_seen = series.quantity.name, _is_seen(series)
     seen = int(is_seen.sum())
-    if seen < MISSING_PART * shown:
+    if seen < HALF * shown:
         yield (
             f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it on a"
             " picture in which nothing is printed behind what moves"
