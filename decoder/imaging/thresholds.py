@@ -22,7 +22,7 @@
 | NEARLY_REAL | 0.3 | 1 | imaginary part of a root that is still a guess | a double root split by noise |
 | MAX_SIDE_MISS | 0.05 | 1 | by which a guess may miss the triangle's third side | noise |
 | THINNEST | 0.02 | 1 | breadth over length of points that are no line | marked by hand |
-| HALF_SHOWN | 0.5 | 1 | of a dial's rim that a picture must show for it to be read where its needle shows | half |
+| HALF_SHOWN | 0.5 | 1 | of a feature, of a dial's gradients, or of its rim, that a picture must show | half |
 | SAME_POSE | 1e-5 | 1 | by which two iterations that ended alike differ | they end at 1e-7 |
 """
 

@@ -9,7 +9,6 @@
 | CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
 | SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
 | MISSING_SPREADS | 5.0 | sigma | what is further off is something else: a lamp from its states, a value from its neighbours, a clock | beyond any chance |
-| CERTAIN_SPREADS | 10.0 | sigma | a lamp whose light changed by so much has another state, though no frame taught it | twice what a steady one may |
 | DIMMEST_LEVELS | 25.0 | grey levels | a lamp that no frame taught adds so much light at least | a tenth of white |
 | HALF_LIT | 0.45 | of a segment | a digit with more of another, or less of its own, is none | half, and what noise adds to it |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
@@ -33,7 +32,6 @@ LIKELY_SCORE = 0.6
 CLEAR_SCORE = 0.9
 SURE_SCORE = 0.95
 MISSING_SPREADS = 5.0
-CERTAIN_SPREADS = 10.0
 DIMMEST_LEVELS = 25.0
 HALF_LIT = 0.45
 MAX_CONDITION = 1e12

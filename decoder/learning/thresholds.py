@@ -4,11 +4,11 @@
 | --- | --- | --- | --- | --- |
 | SAMPLE_FRAMES | 16 | frames | in a sample; if half are found no place else is sought | more hardly move a face |
 | STILL_PX | 6.0 | px | a camera that moved less at the corners shows no depth | the simulator's cockpit |
-| DRAWN_PX | 0.1 | px | a pivot that is drawn nearer to where needles turn stays, and dials nearer to where anchors have them | by hand, enlarged |
+| DRAWN_PX | 0.1 | px | drawn this near, a pivot stays; found this near, a dial does not move | by hand, enlarged |
 | HAND_PX | 0.2 | px | how precisely a scale is drawn | strangers' panels |
 | MOST_MARK_PART | 0.01 | of the radius | by which a hand that drew careless centres misses marks | by choice |
 | SEARCHED_PART | 0.01 | of the radius | how precisely a search finds a pivot | its last steps |
-| SETTLED_PX | 0.03 | px | a moved pivot is moved again until it is this near, and a lift until a pixel makes no more | a third of `DRAWN_PX` |
+| SETTLED_PX | 0.03 | px | a moved pivot, or a lift by pixels, is moved until it is this near | a third of `DRAWN_PX` |
 | NOISE_SPREADS | 6.0 | sigma | and these levels two pictures of the same differ by | beyond any chance |
 | SEEN_PART | 0.4 | pixels | a needle that is seen elsewhere in a frame | most, but for reflections |
 | MOSTLY | 0.6 | frames | in which it must be seen elsewhere | more than half |

@@ -18,6 +18,7 @@ import numpy as np
 
 from decoder.imaging.alignment import Matrix, Point
 from decoder.imaging.motion import Frame2D, Model
+from decoder.imaging.thresholds import MIN_PAIRS
 from decoder.panel.arrays import Floats
 from decoder.registration.anchors import AnchorHit
 from decoder.registration.thresholds import (
@@ -25,8 +26,7 @@ from decoder.registration.thresholds import (
     MAX_PROPOSALS,
     MAX_ROLL_DEG,
     MAX_SCALE_CHANGE,
-    MIN_GUESS_SCORE,
-    PERSPECTIVE_ANCHORS,
+    MIN_FIRST_SCORE,
 )
 
 NEAR_PX = 4.0
@@ -56,7 +56,7 @@ def agreements(places_px: Sequence[Point], hits: Sequence[Sequence[AnchorHit]]) 
     hits : for each anchor, where it may have been found
     """
     usable = _best_anchors(hits)
-    found = [(index, hit) for index in usable for hit in hits[index] if hit.score >= MIN_GUESS_SCORE]
+    found = [(index, hit) for index in usable for hit in hits[index] if hit.score >= MIN_FIRST_SCORE]
     if len({index for index, _ in found}) < 2:  # noqa: PLR2004 - two to agree
         return []
     usual = np.array([complex(*place) for place in places_px])
@@ -122,7 +122,7 @@ def all_fitted(usual: Floats, there: Floats, model: Model) -> Floats:
 def consistent(places_px: Sequence[Point], hits: dict[int, AnchorHit]) -> dict[int, AnchorHit]:
     """Of many hits those that one perspective explains: the worst go, one by one, while five or more remain."""
     kept = dict(hits)
-    while len(kept) > PERSPECTIVE_ANCHORS:
+    while len(kept) > MIN_PAIRS:
         motion = fitted(places_px, kept, Model.PERSPECTIVE)
         off_px = {}
         for index, hit in kept.items():

@@ -21,16 +21,16 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.resampling import PointMap
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
+from decoder.imaging.thresholds import HALF_SHOWN
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
+from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import (
     BESIDE_PX,
-    BESIDE_SWEEP_DEG,
-    DIAL_POINTS_ACROSS,
     MAX_BEND_PART,
     MIN_FEATURE_SCORE,
     MIN_FIRST_SCORE,
-    MIN_SEEN_PART,
+    POINTS_ACROSS,
     REACH,
     SEARCH_PX,
     SETTLED_PX,
@@ -50,12 +50,12 @@ BEND_LEVELS = 400.0
 def dial_points(gauge: Gauge, plane: DialPlane | None) -> Floats:
     """(2, N) float32: a grid of points on the dial and around it, without those under the panel picture's needles."""
     inner, outer = gauge.radius[0], max(gauge.radius[1] * REACH, gauge.radius[1] + BESIDE_PX)
-    stride = max(1.0, 2 * outer / DIAL_POINTS_ACROSS)
+    stride = max(1.0, 2 * outer / POINTS_ACROSS)
     steps = np.arange(-outer, outer + stride, stride)
     across, down = (grid.ravel() for grid in np.meshgrid(steps, steps))
     radius, angle = np.hypot(across, down), np.degrees(np.arctan2(down, across))
     start, end = gauge.sweep
-    within = (angle - (start - BESIDE_SWEEP_DEG)) % 360.0 <= end - start + 2 * BESIDE_SWEEP_DEG
+    within = (angle - (start - BEYOND_SWEEP_DEG)) % 360.0 <= end - start + 2 * BEYOND_SWEEP_DEG
     keep = (radius >= inner) & (radius <= outer) & within & ~_under_pointers(across, down, gauge)
     points = np.stack([across[keep], down[keep]])
     if plane is not None:
@@ -242,7 +242,7 @@ class GaugePlacer:
         bend = np.abs(motion[:2, :2] - np.eye(2)).max()
         if (
             score < MIN_FEATURE_SCORE
-            or float(weights @ self._strength) < MIN_SEEN_PART
+            or float(weights @ self._strength) < HALF_SHOWN
             or math.hypot(*shift) > 2 * SEARCH_PX
         ):
             return None

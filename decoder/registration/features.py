@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment, bent
 from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.thresholds import HALF_SHOWN
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.lens import Lens
-from decoder.registration.thresholds import FLAT_LEVELS, LEVEL_STATIONS, MAX_ROLL_DEG, MIN_SEEN_PART, POINTS_ACROSS
+from decoder.registration.thresholds import FLAT_LEVELS, MAX_ROLL_DEG, POINTS_ACROSS
 
 Carry = Callable[[Floats], Floats]
 """Takes (2, N) points from one picture to another."""
@@ -69,7 +70,7 @@ class Feature:
     def score(self, frame: GreyPicture, alignment: Alignment) -> float:
         """NCC of frame and panel picture at the points; 0 where either is flat or half of them not in the frame."""
         within = self.within(frame, alignment)
-        if within.mean() < MIN_SEEN_PART:
+        if within.mean() < HALF_SHOWN:
             return 0.0
         samples = self.sample(frame, alignment)
         return float(correlation_of_rows(samples[None, within], self.pixels[within])[0])
@@ -118,11 +119,11 @@ def level_feature(picture: GreyPicture, edge: tuple[tuple[float, float], tuple[f
     """Take the pixels in a narrow band along the level edge."""
     (x0, y0), (x1, y1) = edge
     length = math.hypot(x1 - x0, y1 - y0)
-    along = np.linspace(0.0, 1.0, min(LEVEL_STATIONS, round(length)))[:, None]
+    along = np.linspace(0.0, 1.0, min(POINTS_ACROSS, round(length)))[:, None]
     across = np.arange(-LEVEL_HALF_WIDTH_PX, LEVEL_HALF_WIDTH_PX + 1)[None, :]
     x = x0 + along * (x1 - x0) - across * (y1 - y0) / length
     y = y0 + along * (y1 - y0) + across * (x1 - x0) / length
-    return _feature("level", picture, x.ravel(), y.ravel(), max(1.0, length / (16 * LEVEL_STATIONS)))
+    return _feature("level", picture, x.ravel(), y.ravel(), max(1.0, length / (16 * POINTS_ACROSS)))
 
 
 def _feature(name: str, picture: GreyPicture, x: NDArray[Any], y: NDArray[Any], apart_px: float) -> Feature:

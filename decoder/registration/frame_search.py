@@ -22,6 +22,7 @@ from decoder.imaging.alignment import Alignment, Matrix, Point, is_rigid
 from decoder.imaging.motion import Model
 from decoder.imaging.motion import carried as all_carried
 from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.thresholds import MIN_PAIRS
 from decoder.panel.errors import AlignmentLost
 from decoder.registration.agreement import NEAR_PART, NEAR_PX, agreements, consistent, fitted
 from decoder.registration.anchors import SEARCH_MARGIN_PX, AnchorHit
@@ -32,9 +33,7 @@ from decoder.registration.thresholds import (
     MAX_FEW_SHIFT_PX,
     MIN_FEATURE_SCORE,
     MIN_FIRST_SCORE,
-    MIN_GUESS_SCORE,
     MIN_HIT_SCORE,
-    PERSPECTIVE_ANCHORS,
     SIGNIFICANT_SIGMAS,
     TURNS_DEG,
 )
@@ -100,9 +99,9 @@ class AlignmentRefiner:
             As `on`.
         """
         features, first = self._seen.features, self.scores(guess)
-        likely = [feature for feature in features if first[feature.name] >= MIN_GUESS_SCORE] or features
+        likely = [feature for feature in features if first[feature.name] >= MIN_FIRST_SCORE] or features
         lost: AlignmentLost | None = None
-        for least in (MIN_GUESS_SCORE, *CLEARER_SCORES):
+        for least in (MIN_FIRST_SCORE, *CLEARER_SCORES):
             clearer = [feature for feature in likely if first[feature.name] >= least] or likely
             if lost is not None and len(clearer) == len(likely):
                 continue
@@ -162,7 +161,7 @@ class AlignmentRefiner:
             raise AlignmentLost(f"level edge not found (score {scores['level']:.2f})", failed)
         if good == 1 and not self._seen.level and len(anchors) > 1:
             raise AlignmentLost(f"only anchor {name} found, and the roll is unknown without another", failed)
-        few = good <= 2 < PERSPECTIVE_ANCHORS < len(anchors)  # noqa: PLR2004
+        few = good <= 2 < MIN_PAIRS < len(anchors)  # noqa: PLR2004
         if few and np.hypot(*moved.motion_at(self._seen.finders[0].centre_px).shift_px) > MAX_FEW_SHIFT_PX:
             raise AlignmentLost(f"only {good} of {len(anchors)} anchors found, far from where they usually are", failed)
 
@@ -306,7 +305,7 @@ class FrameSearch:
                 for index, finder in enumerate(self._seen.finders)
             }
             found = {index: hit for index, hit in hits.items() if hit.score >= MIN_FIRST_SCORE}
-            if len(found) < PERSPECTIVE_ANCHORS - 1:
+            if len(found) < MIN_PAIRS - 1:
                 return motion
             found = consistent(places, found)
             motion = fitted(places, found, self._seen.model([self._seen.anchors[index] for index in found]))

@@ -18,6 +18,7 @@ from decoder.imaging.alignment import Alignment, Matrix, Point
 from decoder.imaging.motion import Model
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.thresholds import MIN_PAIRS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.lens import Lens
@@ -25,7 +26,7 @@ from decoder.panel.panel import Anchor, Panel
 from decoder.registration.anchors import AnchorFinder, middle_of, whole_box
 from decoder.registration.features import Feature, LevelFinder, anchor_feature, level_feature, sample, seen_through
 from decoder.registration.registration import Look, Registration
-from decoder.registration.thresholds import KEPT, MAX_SIGMA_PX, NOISE_LEVELS, PERSPECTIVE_ANCHORS, UNMISTAKABLE_SCORE
+from decoder.registration.thresholds import KEPT, MAX_SIGMA_PX, MIN_CONTRAST_LEVELS, UNMISTAKABLE_SCORE
 
 
 class SeenPanel:
@@ -132,16 +133,16 @@ class SeenPanel:
     def _wanted(self, features: Sequence[Feature]) -> Model:
         """Tell the model that some features would carry if they stood well."""
         anchors = sum(feature.name != "level" for feature in features)
-        if anchors >= PERSPECTIVE_ANCHORS:
+        if anchors >= MIN_PAIRS:
             return Model.PERSPECTIVE
-        if anchors == PERSPECTIVE_ANCHORS - 1 and len(self.anchors) > anchors:
+        if anchors == MIN_PAIRS - 1 and len(self.anchors) > anchors:
             return Model.AFFINE  # one is covered: what is left tells most of a perspective
         if anchors > 1:
             return Model.SIMILARITY
         return Model.RIGID if len(features) > 1 else Model.SHIFT
 
     def _worst_sigma_px(self, registration: Registration) -> float:
-        return float(registration.predicted(NOISE_LEVELS).sigma_px(self.gauges).max())
+        return float(registration.predicted(MIN_CONTRAST_LEVELS).sigma_px(self.gauges).max())
 
     def _seen(self, feature: Feature) -> Feature:
         if self._is_as_drawn:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Matrix
 from decoder.imaging.pictures import GreyPicture
-from decoder.registration.thresholds import KEPT, MAX_SCALE, MAX_SIDE_PX, MIN_AGREEING, RATIO
+from decoder.imaging.thresholds import MAX_ENLARGEMENT
+from decoder.registration.thresholds import KEPT, MAX_SIDE_PX, MIN_AGREEING, RATIO
 
 FEATURES = 3000
 FAST_LEVELS = 8
@@ -104,4 +105,4 @@ def _is_plausible(motion: Matrix, shape: tuple[int, ...]) -> bool:
         return False
     x, y = there[:2] / there[2]
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
-    return area > 0 and 1 / MAX_SCALE < math.sqrt(area / (width * height)) < MAX_SCALE
+    return area > 0 and 1 / MAX_ENLARGEMENT < math.sqrt(area / (width * height)) < MAX_ENLARGEMENT

@@ -17,7 +17,7 @@ from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CERTAIN_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
+from decoder.instruments.thresholds import DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -143,7 +143,7 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     told = learned.told(added)
     learned = replace(learned, sigma=_scatter(told))
     away = np.abs(told)
-    seen = away[away >= CERTAIN_SPREADS * learned.sigmas(added)]
+    seen = away[away >= 2 * MISSING_SPREADS * learned.sigmas(added)]
     return replace(learned, other=float(np.median(seen))) if seen.size else learned
 
 
@@ -189,7 +189,7 @@ class LampReader:
         away, other = -level if lamp.lit else level, picture.other
         far = DIMMEST_LEVELS if other is None else other / 2
         is_same = abs(away) <= MISSING_SPREADS * sigma
-        is_other = away >= (max(CERTAIN_SPREADS * sigma, far) if other is None else far)
+        is_other = away >= (max(2 * MISSING_SPREADS * sigma, far) if other is None else far)
         is_told = MISSING_SPREADS * sigma <= far and is_same != is_other and score >= SCORE_THRESHOLD
         status = Status.READ if is_told else Status.MISSING
         found = {lamp.name: Reading(status, float(is_other != lamp.lit), 0.0, score)}
