@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.calibration.profile import Array, Line
-from decoder.calibration.thresholds import HAND_PART, MIN_TICKS
+from decoder.calibration.thresholds import MIN_TICKS
 from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.thresholds import HAND_PART
 from decoder.panel.errors import CalibrationError
 
 MARKED_PX = 0.3

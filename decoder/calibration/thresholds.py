@@ -2,13 +2,10 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| HAND_PART | 0.1 | - | a ruler's place and a line's length may be off | graduations lie further apart |
 | LEAST_PART | 0.5 | - | of the width for ticks; of the best correlation; of the mean tick | simulated rulers |
 | MIN_TICKS | 5 | ticks | on a line; marks before a tilt is fitted | chance makes fewer |
 | MIN_PERIOD_PX | 2.5 | px | between ticks | the picture's own resolution |
-| MIN_CONTRAST_LEVELS | 3.0 | levels | spread of the light along a line of ticks | noise stays below |
 | PERIODIC | 0.2 | - | autocorrelation of ticks | noise, numerals and edges stay below |
-| ALIKE | 0.85 | - | NCC of a tick with the mean tick | numerals that touch it stay below |
 | PER_PX | 4 | 1/px | samples along a line | finer gains nothing |
 | MIN_PHOTOGRAPHS | 3 | - | of a board at a zoom; zooms for a quadratic | as many unknowns |
 | MIN_CORNERS | 12 | corners | of a ChArUco board in one photograph | fewer lie on a line |
@@ -20,13 +17,10 @@
 
 from __future__ import annotations
 
-HAND_PART = 0.1
 LEAST_PART = 0.5
 MIN_TICKS = 5
 MIN_PERIOD_PX = 2.5
-MIN_CONTRAST_LEVELS = 3.0
 PERIODIC = 0.2
-ALIKE = 0.85
 PER_PX = 4
 MIN_PHOTOGRAPHS = 3
 MIN_CORNERS = 12

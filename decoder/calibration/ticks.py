@@ -14,9 +14,7 @@ import numpy as np
 
 from decoder.calibration.profile import Array, Line, profile
 from decoder.calibration.thresholds import (
-    HAND_PART,
     LEAST_PART,
-    MIN_CONTRAST_LEVELS,
     MIN_PERIOD_PX,
     MIN_TICKS,
     PER_PX,
@@ -24,7 +22,9 @@ from decoder.calibration.thresholds import (
 )
 from decoder.calibration.tick_shape import fitted
 from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.thresholds import HAND_PART
 from decoder.panel.errors import CalibrationError
+from decoder.registration.thresholds import MIN_CONTRAST_LEVELS
 
 INCHES_PER_CM = 1 / 2.54
 GRADUATIONS_INCHES = {

@@ -17,7 +17,7 @@ from decoder.imaging.motion import Undetermined, carried, homography, jacobian
 from decoder.imaging.optics import Optics
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.pose import pose_from_points
-from decoder.imaging.thresholds import LEAST_RIM_PX, MAX_REFERENCE_MISS, MAX_RIM_MISS, MIN_PAIRS, MIN_POINTS
+from decoder.imaging.thresholds import HAND_PART, LEAST_RIM_PX, MAX_REFERENCE_MISS, MIN_PAIRS, MIN_POINTS
 from decoder.panel.description import ReferencePoint
 from decoder.panel.errors import PanelError, PoseError
 from decoder.panel.gauge import Gauge
@@ -181,7 +181,7 @@ def _unit_circle(away: Matrix, size_px: float, path: str) -> tuple[Matrix, Matri
     if np.linalg.eigvalsh(shape)[0] <= 0:
         raise PanelError(f"{path}.rim", "is no circle around the gauge's centre; mark points all round it")
     radius = np.sqrt(np.einsum("in,ij,jn->n", away, shape, away)) / (1 - t @ away)
-    if float(np.abs(radius - 1.0).max()) > MAX_RIM_MISS:
+    if float(np.abs(radius - 1.0).max()) > HAND_PART:
         raise PanelError(f"{path}.rim", "is no circle around the gauge's centre; a point of it stands elsewhere")
     return shape, t
 

@@ -14,7 +14,7 @@
 | LEAST_CONDITION | 2e-3 | 1 | of a map's equations: below it more than one fits | points on one line |
 | RIGID_PART | 1e-9 | 1 | that a shift and a roll may miss by | rounding |
 | LEAST_RIM_PX | 1.0 | px | a rim has: a smaller one is a point | a pixel |
-| MAX_RIM_MISS | 0.1 | radii | a point of a rim may lie off its circle | marked by hand |
+| HAND_PART | 0.1 | 1 | of its size, that what a hand marked may lie off: a rim, a ruler, a line | marked by hand |
 | MAX_REFERENCE_MISS | 0.03 | spans | reference points may lie off one plane | measured by hand |
 | AGREEMENT_INCHES | 1e-7 | inches | in which three points agree, or more stay | the thesis, 3.1.2 |
 | LEAST_DAMPING | 1e-6 | 1 | of Levenberg's steps; below it there is none | by trial |
@@ -38,7 +38,7 @@ MIN_PAIRS = 4
 LEAST_CONDITION = 2e-3
 RIGID_PART = 1e-9
 LEAST_RIM_PX = 1.0
-MAX_RIM_MISS = 0.1
+HAND_PART = 0.1
 MAX_REFERENCE_MISS = 0.03
 AGREEMENT_INCHES = 1e-7
 LEAST_DAMPING = 1e-6

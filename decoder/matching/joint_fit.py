@@ -25,7 +25,7 @@ from decoder.matching.fitting import (
 from decoder.matching.lower_layer import LowerNeedle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import Strips
-from decoder.matching.thresholds import MAX_FRACTION_ROWS, MAX_STEP_ROWS, MIN_CONTRAST_PART, SETTLED_ROWS
+from decoder.matching.thresholds import MAX_FRACTION_ROWS, MAX_PEAK_ROWS, MIN_CONTRAST_PART, SETTLED_ROWS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 
 STEPS = 6
@@ -136,7 +136,7 @@ class JointFitter:
                 break
             open_ = open_[further]
             off = _off(solution[further])
-            moved = np.where(np.isfinite(off), limited(off, -MAX_STEP_ROWS, MAX_STEP_ROWS), 0.0)
+            moved = np.where(np.isfinite(off), limited(off, -MAX_PEAK_ROWS / 2, MAX_PEAK_ROWS / 2), 0.0)
             upper[open_] = at.row[further] + moved[:, 0]
             lower[open_] += moved[:, 1]
             is_near[open_] = (np.abs(moved) <= SETTLED_ROWS).all(axis=1)

@@ -8,9 +8,8 @@
 | NOISE_LEVELS | 4.0 | grey levels | spread of a pixel over the frames that is sensor and JPEG noise | measured on JPEGs of quality 75 to 90 |
 | OUTLIER_SPREADS | 3.5 | standard deviations | what is further off is another thing | 1 in 2,000 of normal noise |
 | MIN_CONTRAST_PART | 0.05 | of a needle's contrast | less is no needle, and covers nothing | drawn |
-| OUTLINE_PART | 0.35 | of a needle's contrast | at its outline | drawn: half widths are right to a tenth of a degree |
 | FADED_PART | 0.06 | of a needle's contrast | at the end of its blurred edge | drawn |
-| MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
+| MIN_HALF_PART | 0.3 | of a needle's contrast, or of its other half's | at its outline; a half with less is the dial beside the needle | drawn: needles with a dark half |
 | SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
 | HALF | 0.5 | of a needle's contrast, of frames | half of them | by its meaning |
 | MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
@@ -25,7 +24,6 @@
 | MUCH_BETTER | 0.8 | of the noise | a pair must leave so much less than its upper needle alone | drawn |
 | SLIVER_THRESHOLD | 0.85 | NCC | a sliver is few pixels: it must match better than a whole needle | drawn |
 | MIN_PAIR_CORRELATION | 0.98 | NCC | two needles are told only where they explain so much: else it may be a glare | drawn |
-| MAX_STEP_ROWS | 1.5 | rows | a step of needles fitted together is cut to | a window's linear reach |
 | REACH_PART | 0.12 | of the radius | pivots are searched for as far from where they are drawn | an ordinary hand |
 | FAR_PART | 0.015 | of the radius | a pivot nearer to where it is drawn is told by tilts alone | half of what these do without |
 | FAR_GAIN | 0.95 | of what is unexplained | so much at most a pivot far off must leave, or the drawn one stays | strangers' pictures, drawn by a careful hand |
@@ -39,7 +37,6 @@ FACE_NOISE_LEVELS = 1.0
 NOISE_LEVELS = 4.0
 OUTLIER_SPREADS = 3.5
 MIN_CONTRAST_PART = 0.05
-OUTLINE_PART = 0.35
 FADED_PART = 0.06
 MIN_HALF_PART = 0.3
 SHOWN_PART = 0.2
@@ -56,7 +53,6 @@ SHOWN_PIXELS = 3.0
 MUCH_BETTER = 0.8
 SLIVER_THRESHOLD = 0.85
 MIN_PAIR_CORRELATION = 0.98
-MAX_STEP_ROWS = 1.5
 REACH_PART = 0.12
 FAR_PART = 0.015
 FAR_GAIN = 0.95

@@ -21,7 +21,7 @@ from decoder.instruments.kinds.stack import all_above, without_dial
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
-    MIN_RIVAL,
+    LIKELY_SCORE,
     SURE_SCORE,
 )
 from decoder.matching.correlation import partial_normxcorr
@@ -332,7 +332,7 @@ class GearedReader:
         if times_worse(seen, best, np.array(rest)).min() < MIN_VISIBLE:
             return False
         gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
-        return self._left_over((seen - best) / max(gain, 1e-6), rows) < MIN_RIVAL
+        return self._left_over((seen - best) / max(gain, 1e-6), rows) < LIKELY_SCORE
 
     def _left_over(self, left: Floats, rows: Floats) -> float:
         """How much of a hand's contrast is left of a dial, (N', C'), where none of the hands is."""
@@ -345,7 +345,7 @@ class GearedReader:
             part, like = left @ axis / size**2, left @ axis / size / spread
             wide = max(1, round(half_width / COARSE_STEP))
             part = np.convolve(np.pad(part, wide, mode="wrap"), np.ones(wide) / wide, "same")[wide:-wide]
-            most = max(most, float(part.max(where=away & (like >= MIN_RIVAL), initial=0.0)))
+            most = max(most, float(part.max(where=away & (like >= LIKELY_SCORE), initial=0.0)))
         return most
 
     def _is_beside_others(self, rows: Floats) -> bool:

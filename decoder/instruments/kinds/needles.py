@@ -22,7 +22,6 @@ from decoder.instruments.thresholds import (
     APART_DEG,
     CLEARLY_WORSE,
     LIKELY_SCORE,
-    MIN_RIVAL,
     SATURATED_LEVEL,
 )
 from decoder.matching.correlation import xcorr
@@ -191,7 +190,7 @@ class NeedleReader:
         A tail as long as the tip, a bug of the needle's form, or a reflection may match as the needle does.
         """
         reach_rows = np.array([needle.half_width_rows + MAX_PEAK_ROWS for needle in self._needles])
-        elsewhere = peaks.is_peak & (peaks.scores >= MIN_RIVAL) & (found.status == READ)[..., None]
+        elsewhere = peaks.is_peak & (peaks.scores >= LIKELY_SCORE) & (found.status == READ)[..., None]
         for turn in self._turns:
             middle = (found.row + turn)[..., None]
             elsewhere &= ~(np.abs(self._rows - middle) <= reach_rows[:, None])

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from decoder.instruments.found import EDGE, HIDDEN, READ, Found, Needle
-from decoder.instruments.thresholds import MIN_RIVAL
+from decoder.instruments.thresholds import LIKELY_SCORE
 from decoder.matching.pair_fit import PairFitter
 from decoder.matching.strips import Strips
 from decoder.matching.thresholds import (
@@ -62,7 +62,7 @@ class TouchingPair:
         far = np.abs(rows - above_rows[:, None]) > self._both_axes + 1
         peaks = far & allowed
         peaks[:, 1:-1] &= (scores[:, 1:-1] >= scores[:, :-2]) & (scores[:, 1:-1] >= scores[:, 2:])
-        beside: Mask = scores.max(axis=1, where=peaks, initial=0.0) < MIN_RIVAL
+        beside: Mask = scores.max(axis=1, where=peaks, initial=0.0) < LIKELY_SCORE
         return beside
 
     def read(self, pixels: Floats, top_rows: Indices, above: Found) -> tuple[Found, Found, Mask]:
