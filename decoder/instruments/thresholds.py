@@ -12,7 +12,7 @@
 | HALF_LIT | 0.45 | of a segment | a digit with more of another, or less of its own, is none | half, and what noise adds to it |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 | STILL_ROWS | 0.01 | rows | a card that moves less has settled | a tenth of its sigma |
-| FRAMES_TO_LEARN | 5 | frames | so many teach a face, a needle, a card or a pivot, or that a needle is missing, or that dials move | drawn |
+| FRAMES_TO_LEARN | 5 | frames | so many teach a face, a needle, a card or a pivot, or that a needle is missing | drawn |
 | MIN_TURN_DEG | 20.0 | degrees | only a card that turned by so much tells itself from what stands still | drawn |
 | HUBER_SPREADS | 2.0 | sigma | tilts that are further off count less | Huber: 1.5 to 2 |
 | APART_DEG | 3.0 | degrees | needles further apart lie over other marks, and take no place from each other | a needle's width, the spacing of marks |

@@ -17,7 +17,8 @@ from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.thresholds import (
-    DRAWN_PX,
+    IN_PLACE_PX,
+    LOOKED_AT,
     SAMPLE_FRAMES,
     STILL_PX,
 )
@@ -82,7 +83,7 @@ class FlightSample:
     def _read(self, frames: int, ranks: list[int]) -> Iterator[Taken]:
         """From the file, but for pictures that are kept."""
         given = []
-        often = spread(self._flight.count(), FRAMES_TO_LEARN)
+        often = spread(self._flight.count(), LOOKED_AT)
         for number, (rank, frame) in enumerate(zip(ranks, self._flight.sample_frames(frames), strict=False), start=1):
             self._tell(f"looks at frame {number} of a sample of {len(ranks)}")
             taken = self._kept.get(frame.sequence)
@@ -222,9 +223,9 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
             continue
         shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
         frames += 1
-        if frames == FRAMES_TO_LEARN:
+        if frames == LOOKED_AT:
             break
-    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > DRAWN_PX
+    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
 
 
 def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:

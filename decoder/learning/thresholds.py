@@ -3,8 +3,10 @@
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | SAMPLE_FRAMES | 16 | frames | in a sample; if half are found no place else is sought | more hardly move a face |
+| LOOKED_AT | 6 | frames | tell whether dials move | each costs milliseconds a dial |
+| IN_PLACE_PX | 0.05 | px | dials nearer to where anchors have them do not move | the simulator's cockpit |
 | STILL_PX | 6.0 | px | a camera that moved less at the corners shows no depth | the simulator's cockpit |
-| DRAWN_PX | 0.1 | px | drawn this near, a pivot stays; found this near, a dial does not move | by hand, enlarged |
+| DRAWN_PX | 0.1 | px | a pivot that is drawn nearer to where needles turn stays | by hand, enlarged |
 | HAND_PX | 0.2 | px | how precisely a scale is drawn | strangers' panels |
 | MOST_MARK_PART | 0.01 | of the radius | by which a hand that drew careless centres misses marks | by choice |
 | SEARCHED_PART | 0.01 | of the radius | how precisely a search finds a pivot | its last steps |
@@ -15,6 +17,8 @@
 """
 
 SAMPLE_FRAMES = 16
+LOOKED_AT = 6
+IN_PLACE_PX = 0.05
 STILL_PX = 6.0
 DRAWN_PX = 0.1
 HAND_PX = 0.2

@@ -26,7 +26,7 @@ from decoder.registration.thresholds import (
     MAX_PROPOSALS,
     MAX_ROLL_DEG,
     MAX_SCALE_CHANGE,
-    MIN_FIRST_SCORE,
+    MIN_GUESS_SCORE,
 )
 
 NEAR_PX = 4.0
@@ -56,7 +56,7 @@ def agreements(places_px: Sequence[Point], hits: Sequence[Sequence[AnchorHit]]) 
     hits : for each anchor, where it may have been found
     """
     usable = _best_anchors(hits)
-    found = [(index, hit) for index in usable for hit in hits[index] if hit.score >= MIN_FIRST_SCORE]
+    found = [(index, hit) for index in usable for hit in hits[index] if hit.score >= MIN_GUESS_SCORE]
     if len({index for index, _ in found}) < 2:  # noqa: PLR2004 - two to agree
         return []
     usual = np.array([complex(*place) for place in places_px])

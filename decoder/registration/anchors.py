@@ -18,7 +18,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Anchor
-from decoder.registration.thresholds import MIN_CONTRAST_LEVELS, MIN_REDUCED_PX
+from decoder.registration.thresholds import MAX_REDUCTION, MIN_CONTRAST_LEVELS, MIN_REDUCED_PX
 
 SEARCH_MARGIN_PX = 16
 # A panel may have several features that look alike; so many places are kept for each anchor.
@@ -87,7 +87,7 @@ class AnchorFinder:
     def anywhere(self, frame: GreyPicture, turned_deg: float = 0.0) -> Sequence[AnchorHit]:
         """Find the best matches in the whole frame, the best first, none on top of another."""
         template = self._template(turned_deg)
-        factor = max(min(template.shape) // MIN_REDUCED_PX, 1)
+        factor = int(np.clip(min(template.shape) // MIN_REDUCED_PX, 1, MAX_REDUCTION))
         small, small_template = _reduced(frame, factor), _reduced(template, factor)
         height, width = small_template.shape
         if small.shape[0] < height or small.shape[1] < width:

@@ -24,13 +24,13 @@ from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.imaging.thresholds import HALF_SHOWN
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import (
     BESIDE_PX,
+    BESIDE_SWEEP_DEG,
+    DIAL_POINTS_ACROSS,
     MAX_BEND_PART,
     MIN_FEATURE_SCORE,
     MIN_FIRST_SCORE,
-    POINTS_ACROSS,
     REACH,
     SEARCH_PX,
     SETTLED_PX,
@@ -50,12 +50,12 @@ BEND_LEVELS = 400.0
 def dial_points(gauge: Gauge, plane: DialPlane | None) -> Floats:
     """(2, N) float32: a grid of points on the dial and around it, without those under the panel picture's needles."""
     inner, outer = gauge.radius[0], max(gauge.radius[1] * REACH, gauge.radius[1] + BESIDE_PX)
-    stride = max(1.0, 2 * outer / POINTS_ACROSS)
+    stride = max(1.0, 2 * outer / DIAL_POINTS_ACROSS)
     steps = np.arange(-outer, outer + stride, stride)
     across, down = (grid.ravel() for grid in np.meshgrid(steps, steps))
     radius, angle = np.hypot(across, down), np.degrees(np.arctan2(down, across))
     start, end = gauge.sweep
-    within = (angle - (start - BEYOND_SWEEP_DEG)) % 360.0 <= end - start + 2 * BEYOND_SWEEP_DEG
+    within = (angle - (start - BESIDE_SWEEP_DEG)) % 360.0 <= end - start + 2 * BESIDE_SWEEP_DEG
     keep = (radius >= inner) & (radius <= outer) & within & ~_under_pointers(across, down, gauge)
     points = np.stack([across[keep], down[keep]])
     if plane is not None:

@@ -33,6 +33,7 @@ from decoder.registration.thresholds import (
     MAX_FEW_SHIFT_PX,
     MIN_FEATURE_SCORE,
     MIN_FIRST_SCORE,
+    MIN_GUESS_SCORE,
     MIN_HIT_SCORE,
     SIGNIFICANT_SIGMAS,
     TURNS_DEG,
@@ -99,9 +100,9 @@ class AlignmentRefiner:
             As `on`.
         """
         features, first = self._seen.features, self.scores(guess)
-        likely = [feature for feature in features if first[feature.name] >= MIN_FIRST_SCORE] or features
+        likely = [feature for feature in features if first[feature.name] >= MIN_GUESS_SCORE] or features
         lost: AlignmentLost | None = None
-        for least in (MIN_FIRST_SCORE, *CLEARER_SCORES):
+        for least in (MIN_GUESS_SCORE, *CLEARER_SCORES):
             clearer = [feature for feature in likely if first[feature.name] >= least] or likely
             if lost is not None and len(clearer) == len(likely):
                 continue

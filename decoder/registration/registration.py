@@ -26,7 +26,7 @@ from decoder.registration.thresholds import (
     FULL_STEPS,
     MAX_SHRINKAGE,
     MAX_STEP_PX,
-    MIN_FIRST_SCORE,
+    MIN_GUESS_SCORE,
     SETTLED_PX,
 )
 
@@ -347,7 +347,7 @@ class Registration:
 
     def _covariances(self, scores: Floats) -> Floats:
         """(F, parameters, parameters): of the motions, from what features that match so leave unexplained."""
-        believed = np.maximum(scores, MIN_FIRST_SCORE)
+        believed = np.maximum(scores, MIN_GUESS_SCORE)
         energies, each = self._spreads
         unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
         covariances: Floats = np.einsum("fk,kpq->fpq", unexplained, each)

@@ -2,7 +2,8 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| MIN_FIRST_SCORE | 0.45 | NCC | a rolled or blurred anchor, or a dial, is found, and may count in a guess | by trial |
+| MIN_GUESS_SCORE | 0.3 | NCC | a feature may count in a guess | before the last pixel is settled |
+| MIN_FIRST_SCORE | 0.45 | NCC | a rolled or blurred anchor, or a dial, is found | by trial |
 | MIN_HIT_SCORE | 0.6 | NCC | an anchor that no other holds in place is found | by trial |
 | MIN_FEATURE_SCORE | 0.8 | NCC | a feature is found at last | the thesis, 3.2.1 |
 | UNMISTAKABLE_SCORE | 0.9 | NCC | all features at their usual place need no search | by trial |
@@ -23,14 +24,17 @@
 | MAX_SIGMA_PX | 0.25 | px | at a gauge, of a motion's model that is used | a quarter of a pixel |
 | FLAT_LEVELS | 0.2 | levels | of spread: less is rounding | whole grey levels |
 | MIN_CONTRAST_LEVELS | 4.0 | levels | of spread that an anchor must have | noise of JPEG pictures |
-| POINTS_ACROSS | 44 | 1 | of an anchor or a dial, or along the level edge | more share their noise |
+| POINTS_ACROSS | 44 | 1 | of an anchor, or along the level edge | more share their noise |
+| DIAL_POINTS_ACROSS | 48 | 1 | of a dial | by trial |
 | MIN_REDUCED_PX | 14 | px | an anchor keeps when the frame is made smaller | by trial |
+| MAX_REDUCTION | 3 | 1 | by which a frame is made smaller | by trial |
 | KEPT | 16 | 1 | zooms, registrations or levers are remembered | memory |
 | MAX_SIDE_PX | 1600 | px | of pictures that SIFT looks at | finer detail only costs |
 | RATIO | 0.75 | 1 | of the best to the second best match | Lowe 2004 |
 | MIN_AGREEING | 16 | 1 | matches that agree on where the camera stands | by trial |
 | REACH | 1.25 | radii | around a dial that hold it in place | its rim and case |
 | BESIDE_PX | 20.0 | px | the same of a tiny one | what is beside it |
+| BESIDE_SWEEP_DEG | 6.0 | degrees | beyond the sweep that belong to a dial | a needle's template |
 | SEARCH_PX | 24 | px | from where the anchors have it a dial is looked for | the simulator's cockpit |
 | SPREADS_LEVELS | (25.0, 15.0, 10.0, 8.0, 6.0, 6.0) | levels | least spread of no outlier, by step | by trial |
 | TUKEY_SPREADS | 4.685 | spreads | of Tukey's biweight | 95 % efficient |
@@ -39,6 +43,7 @@
 | DOUBTED_ROLL_DEG | 5.0 | degrees | from the usual, found with anchors missing, is held against SIFT | marks alike |
 """
 
+MIN_GUESS_SCORE = 0.3
 MIN_FIRST_SCORE = 0.45
 MIN_HIT_SCORE = 0.6
 MIN_FEATURE_SCORE = 0.8
@@ -61,13 +66,16 @@ MAX_SIGMA_PX = 0.25
 FLAT_LEVELS = 0.2
 MIN_CONTRAST_LEVELS = 4.0
 POINTS_ACROSS = 44
+DIAL_POINTS_ACROSS = 48
 MIN_REDUCED_PX = 14
+MAX_REDUCTION = 3
 KEPT = 16
 MAX_SIDE_PX = 1600
 RATIO = 0.75
 MIN_AGREEING = 16
 REACH = 1.25
 BESIDE_PX = 20.0
+BESIDE_SWEEP_DEG = 6.0
 SEARCH_PX = 24
 SPREADS_LEVELS = (25.0, 15.0, 10.0, 8.0, 6.0, 6.0)
 TUKEY_SPREADS = 4.685
