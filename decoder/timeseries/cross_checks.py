@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.instruments.reading import Status
+from decoder.instruments.thresholds import MISSING_SPREADS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.errors import UnitError
 from decoder.panel.parameters import NONE, parameter_of
@@ -26,7 +27,7 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.units import converted
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, spans
 from decoder.timeseries.outliers import Outlier, find_outliers
-from decoder.timeseries.thresholds import LEAST_KT, SMALLEST_PART, SPREADS, WINDOW_S
+from decoder.timeseries.thresholds import LEAST_KT, SMALLEST_PART, WINDOW_S
 
 Rows = NDArray[np.intp]
 """(K,): rows of the flight data."""
@@ -246,7 +247,7 @@ def _of_one_parameter(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossChe
             ranges = np.minimum(
                 *(_ranges_within(time_s, each.values, rows, rows, allowed.lag_s) for each in (one, other))
             )
-            limit = SPREADS * np.hypot(one.sigma, other.sigma) + allowed.sizes(one.values) + ranges
+            limit = MISSING_SPREADS * np.hypot(one.sigma, other.sigma) + allowed.sizes(one.values) + ranges
             yield _of_values(f"{one.name} and {other.name}, two of {parameter}", one, other, limit)
 
 
@@ -256,7 +257,7 @@ def _of_compass(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
         for compass in by_parameter.get("compass", ()):
             rest = _at_rest(time_s, heading) & _at_rest(time_s, compass)
             steady = _Sensed(compass.name, "compass", np.where(rest, compass.values, np.nan), compass.sigma)
-            limit = SPREADS * np.hypot(heading.sigma, compass.sigma) + COMPASS.sizes(heading.values)
+            limit = MISSING_SPREADS * np.hypot(heading.sigma, compass.sigma) + COMPASS.sizes(heading.values)
             yield _of_values(f"{heading.name} and {compass.name} in straight flight", heading, steady, limit)
 
 
@@ -441,7 +442,7 @@ def _of_rates(time_s: Floats, one: _Way, other: _Way, units: tuple[str, str], in
 def _apart(time_s: Floats, gone: Floats, ways: tuple[_Way, _Way], first: Rows, last: Rows) -> tuple[Floats, Floats]:
     """By how much the difference of two ways, (N,), goes on over each of K windows, and what can be explained of it."""
     spans_s = time_s[last] - time_s[first]
-    limit = SPREADS * np.hypot(*(_sigmas_over(way, first, last, spans_s) for way in ways))
+    limit = MISSING_SPREADS * np.hypot(*(_sigmas_over(way, first, last, spans_s) for way in ways))
     for way in ways:
         limit += way.hop
         if way.rate is not None and way.allowed is not None:
