@@ -6,6 +6,7 @@
 | MIN_TICKS | 5 | ticks | on a line; marks before a tilt is fitted | chance makes fewer |
 | MIN_PERIOD_PX | 2.5 | px | between ticks | the picture's own resolution |
 | PERIODIC | 0.2 | - | autocorrelation of ticks | noise, numerals and edges stay below |
+| ALIKE | 0.85 | - | NCC of a tick with the mean tick | numerals that touch it stay below |
 | PER_PX | 4 | 1/px | samples along a line | finer gains nothing |
 | MIN_PHOTOGRAPHS | 3 | - | of a board at a zoom; zooms for a quadratic | as many unknowns |
 | MIN_CORNERS | 12 | corners | of a ChArUco board in one photograph | fewer lie on a line |
@@ -21,6 +22,7 @@ LEAST_PART = 0.5
 MIN_TICKS = 5
 MIN_PERIOD_PX = 2.5
 PERIODIC = 0.2
+ALIKE = 0.85
 PER_PX = 4
 MIN_PHOTOGRAPHS = 3
 MIN_CORNERS = 12
