@@ -42,9 +42,13 @@ LIMITING = {"min", "max", "clip", "minimum", "maximum", "limited"}
 # The rooms that may name a kind of instrument, and where each kind is written there.
 OF_KINDS = {"instruments", "panel"}
 KIND_MODULES = {kind.__module__ for kind in KINDS} | {
-    f"decoder.instruments.kinds.{path.stem}" for path in (DECODER / "instruments" / "kinds").glob("*.py")
+    f"decoder.instruments.kinds.{path.parent.name}.{path.stem}"
+    for path in (DECODER / "instruments" / "kinds").glob("*/*.py")
 }
-ALCOVES = {"instruments": {"kinds"}, "panel": {"kinds"}}  # a room may have a folder for what there are many of
+ALCOVES = {
+    "instruments": {"kinds", "kinds/dials", "kinds/windows"},
+    "panel": {"kinds"},
+}  # a room may have a folder for what there are many of
 OF_FLIGHT_DATA = {"self.description['needles']", "content['needles']"}  # flight.json has such a key: all its columns
 LONGEST_CHAIN = {"camera_drivers": 13, "decoder": 18, "flight_file": 10, "recorder": 16}
 
@@ -84,7 +88,8 @@ def test_rooms_are_few_and_none_is_crowded() -> None:
     """There are few rooms, and few modules in each, so that one look takes them in."""
     modules = Counter(path.parent for room in ROOMS for path in room.rglob("*.py") if path.name != "__init__.py")
 
-    assert {room.name: found for room in ROOMS if (found := {p.parent.name for p in room.glob("*/*.py")})} == ALCOVES
+    folders = {room.name: {str(path.parent.relative_to(room)) for path in room.glob("*/**/*.py")} for room in ROOMS}
+    assert {room: found for room, found in folders.items() if found} == ALCOVES
     assert len(ROOMS) <= MAX_ROOMS
     assert max(modules.values()) <= MAX_MODULES
 
@@ -223,7 +228,7 @@ def _kinds_named(tree: ast.Module) -> Iterator[str]:
         'getattr(gauge, "card")',
         'key == "needles"',
         "from decoder.panel.kinds.card import Card",
-        "import decoder.instruments.kinds.stack",
+        "import decoder.instruments.kinds.dials.stack",
     ],
 )
 def test_whoever_asks_for_a_kind_is_seen(said: str) -> None:

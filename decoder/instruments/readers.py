@@ -14,16 +14,16 @@ import numpy as np
 from decoder.imaging.unwrapping import Unwrapper
 from decoder.instruments.appearance import Appearance, Instrument
 from decoder.instruments.kind import Kind
-from decoder.instruments.kinds.attitude import AttitudeKind
-from decoder.instruments.kinds.ball import BallKind
-from decoder.instruments.kinds.card import CardKind
-from decoder.instruments.kinds.digits import DigitsKind
-from decoder.instruments.kinds.geared import told_together
-from decoder.instruments.kinds.lamp import LampKind
-from decoder.instruments.kinds.linear import LinearKind
-from decoder.instruments.kinds.needle_dials import GearedKind, NeedleKind, StackKind
-from decoder.instruments.kinds.over_card import OverCardKind
-from decoder.instruments.kinds.tape import TapeKind
+from decoder.instruments.kinds.dials.attitude import AttitudeKind
+from decoder.instruments.kinds.dials.ball import BallKind
+from decoder.instruments.kinds.dials.card import CardKind
+from decoder.instruments.kinds.dials.geared import told_together
+from decoder.instruments.kinds.dials.needle_dials import GearedKind, NeedleKind, StackKind
+from decoder.instruments.kinds.dials.over_card import OverCardKind
+from decoder.instruments.kinds.windows.digits import DigitsKind
+from decoder.instruments.kinds.windows.lamp import LampKind
+from decoder.instruments.kinds.windows.linear import LinearKind
+from decoder.instruments.kinds.windows.tape import TapeKind
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples
 from decoder.panel.arrays import Floats

@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.real_pictures import PICTURES
 from decoder.imaging.unwrapping import WindowGrid
-from decoder.instruments.kinds.digits import DigitsReader
-from decoder.instruments.kinds.display import Row, in_picture
+from decoder.instruments.kinds.windows.digits import DigitsReader
+from decoder.instruments.kinds.windows.display import Row, in_picture
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.kinds.digits import Digits

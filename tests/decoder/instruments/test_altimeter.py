@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.kinds.geared import told_together
+from decoder.instruments.kinds.dials.geared import told_together
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.panel.panel import parse_panel

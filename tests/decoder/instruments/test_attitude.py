@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.instruments.kinds.attitude import Attitudes, learn_attitude
+from decoder.instruments.kinds.dials.attitude import Attitudes, learn_attitude
 from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats

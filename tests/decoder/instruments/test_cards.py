@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.appearance import CardPicture
-from decoder.instruments.kinds.card import Learned, clearest
+from decoder.instruments.kinds.dials.card import Learned, clearest
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from decoder.imaging.unwrapping import WindowGrid
-from decoder.instruments.kinds.digits import DigitsReader
-from decoder.instruments.kinds.display import Display, Row, in_picture
+from decoder.instruments.kinds.windows.digits import DigitsReader
+from decoder.instruments.kinds.windows.display import Display, Row, in_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError

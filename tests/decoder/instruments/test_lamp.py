@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.unwrapping import WindowGrid
-from decoder.instruments.kinds.lamp import LampPicture, LampReader, first_lamp, learn_lamp
+from decoder.instruments.kinds.windows.lamp import LampPicture, LampReader, first_lamp, learn_lamp
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decoder.instruments.kinds.linear import LinearPicture, Slide, SlideReader, first_linear, learn_linear
+from decoder.instruments.kinds.windows.linear import LinearPicture, Slide, SlideReader, first_linear, learn_linear
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from decoder.instruments.kinds.tape import DrawnTape, TapePicture, TapeReader, first_tape, learn_tape
+from decoder.instruments.kinds.windows.tape import DrawnTape, TapePicture, TapeReader, first_tape, learn_tape
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError

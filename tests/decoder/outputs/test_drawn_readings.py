@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import IDENTITY, Alignment
-from decoder.instruments.kinds.geared import told_together
+from decoder.instruments.kinds.dials.geared import told_together
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Reading
 from decoder.outputs.drawn_readings import ReadingPlaces

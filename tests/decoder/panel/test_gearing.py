@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from decoder.instruments.kinds.geared import gearing_of
+from decoder.instruments.kinds.dials.geared import gearing_of
 from decoder.panel.gauge import Gauge
 
 ALTIMETER = Gauge.model_validate(

@@ -17,7 +17,7 @@ import numpy as np
 
 from decoder.imaging.unwrapping import PolarGrid
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, STATUSES, Found, Needle
-from decoder.instruments.kinds.stack import all_above, without_dial
+from decoder.instruments.kinds.dials.stack import all_above, without_dial
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,

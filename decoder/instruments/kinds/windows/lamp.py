@@ -15,7 +15,7 @@ import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
-from decoder.instruments.kinds.windows import WindowKind
+from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD

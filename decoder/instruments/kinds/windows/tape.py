@@ -23,10 +23,17 @@ from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
-from decoder.instruments.kinds.tape_shape import ROW_PX, DrawnMarks, TapeShape, Unrolling, rows_in_sight, softened
-from decoder.instruments.kinds.windows import WindowKind
+from decoder.instruments.kinds.windows.tape_shape import (
+    ROW_PX,
+    DrawnMarks,
+    TapeShape,
+    Unrolling,
+    rows_in_sight,
+    softened,
+)
+from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, MIN_RIVAL, STILL_ROWS, SURE_SCORE
+from decoder.instruments.thresholds import CLEARLY_WORSE, LIKELY_SCORE, STILL_ROWS, SURE_SCORE
 from decoder.matching.searching import COARSE_STEP
 from decoder.matching.thresholds import (
     HALF,
@@ -165,7 +172,7 @@ class TapeFinder:
         elsewhere = np.where(self._is_peak(scores) & self._is_apart[best], scores, 0.0)
         rival = elsewhere.argmax(axis=1)
         rivals = limited(elsewhere[every, rival].astype(np.float64), 0.0, 1.0)
-        doubt = np.flatnonzero(found.is_there & (rivals >= MIN_RIVAL))
+        doubt = np.flatnonzero(found.is_there & (rivals >= LIKELY_SCORE))
         if doubt.size:
             other = self.settled(strips[doubt], self._places[rival[doubt]].astype(np.float64))
             rivals[doubt] = np.maximum(rivals[doubt], other.score)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, CardPicture, DrawnInstrument, Instrument, LearnedPicture, Look
-from decoder.instruments.kinds.card import CardReader, first_card, learn_card
+from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, MAX_CONDITION, STILL_ROWS
@@ -218,7 +218,7 @@ class Attitudes:
 
 
 class Turned(Protocol):
-    """How far a ring has turned clockwise, as `decoder.instruments.kinds.card.Turn`."""
+    """How far a ring has turned clockwise, as `decoder.instruments.kinds.dials.card.Turn`."""
 
     @property
     def rows(self) -> float: ...
@@ -231,7 +231,7 @@ class Turned(Protocol):
 
 
 class Ring(Protocol):
-    """Reads a ring of marks, as `decoder.instruments.kinds.card.CardReader`."""
+    """Reads a ring of marks, as `decoder.instruments.kinds.dials.card.CardReader`."""
 
     def turn(self, unwrapped: UnwrappedGauge) -> Turned:
         """Tell how far it has turned from where it lies in the panel picture."""

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from decoder.instruments.kinds.segments import NAMES, Segments
+from decoder.instruments.kinds.windows.segments import NAMES, Segments
 from decoder.panel.arrays import Floats, Indices
 from decoder.panel.thresholds import LEAST_VALUE
 

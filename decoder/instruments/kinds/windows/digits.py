@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
-from decoder.instruments.kinds.display import Display, Row, in_picture
-from decoder.instruments.kinds.windows import WindowKind
+from decoder.instruments.kinds.windows.display import Display, Row, in_picture
+from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from decoder.instruments.kinds.cells import Cells, Seen
-from decoder.instruments.kinds.segments import NAMES, SHAPES, Known, Segments, fitted, found, left_over, lit
+from decoder.instruments.kinds.windows.cells import Cells, Seen
+from decoder.instruments.kinds.windows.segments import NAMES, SHAPES, Known, Segments, fitted, found, left_over, lit
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, HALF_LIT, LIKELY_SCORE
 from decoder.matching.thresholds import HALF, MIN_LIGHT_GAIN, SCORE_THRESHOLD
 from decoder.panel.arrays import Floats, Indices, Mask

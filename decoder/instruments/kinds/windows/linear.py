@@ -15,9 +15,9 @@ import numpy as np
 
 from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
-from decoder.instruments.kinds.windows import WindowKind
+from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_RIVAL, SURE_SCORE
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.faces import bare_face, in_light_of, learn_face
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
@@ -150,7 +150,7 @@ class SlideReader:
         elsewhere = peaks & (np.abs(np.arange(scores.shape[1]) - place[:, None]) > reach)
         top, second = peaks_of(scores, elsewhere)
         rival = scores[np.arange(len(scores)), top]
-        doubt = np.flatnonzero(elsewhere.any(axis=1) & (rival >= MIN_RIVAL))
+        doubt = np.flatnonzero(elsewhere.any(axis=1) & (rival >= LIKELY_SCORE))
         is_alone = np.asarray(peaks.any(axis=1))
         if doubt.size:
             other = np.nan_to_num(self._settled(along[doubt], second[doubt]).score)

@@ -17,9 +17,9 @@ from decoder.instruments.appearance import (
     needles_in_picture,
 )
 from decoder.instruments.found import Found, Needle, readings_of
-from decoder.instruments.kinds.geared import GearedReader
-from decoder.instruments.kinds.needles import NeedleReader, is_simple
-from decoder.instruments.kinds.stack import StackReader
+from decoder.instruments.kinds.dials.geared import GearedReader
+from decoder.instruments.kinds.dials.needles import NeedleReader, is_simple
+from decoder.instruments.kinds.dials.stack import StackReader
 from decoder.instruments.needle_lines import pivot_of_tilts, tilts_of
 from decoder.instruments.reading import Readings
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples, SeenGauge

@@ -36,7 +36,7 @@ from decoder.instruments.appearance import (
     needles_in_picture,
 )
 from decoder.instruments.kind import Kind
-from decoder.instruments.kinds.card import (
+from decoder.instruments.kinds.dials.card import (
     CardReader,
     Turn,
     arc_deg,
@@ -529,8 +529,7 @@ class OverCardKind:
             return reader.pivot(parts)
         still = replace(instrument, gauge=dial.bare_gauge, face=picture.face)
         templates = {**appearance.templates, **picture.templates}
-        own = dial.needle_kind.pivot(still, replace(appearance, templates=templates), frames)
-        return replace(own, own_px={})  # lines are held against pivots on faces that stand still alone
+        return dial.needle_kind.pivot(still, replace(appearance, templates=templates), frames)
 
     def far_pivot(
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]

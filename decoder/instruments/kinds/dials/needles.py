@@ -15,8 +15,8 @@ from itertools import permutations
 import numpy as np
 
 from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
-from decoder.instruments.kinds.pairs import TouchingPair
-from decoder.instruments.kinds.stack import StackReader
+from decoder.instruments.kinds.dials.pairs import TouchingPair
+from decoder.instruments.kinds.dials.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.thresholds import (
     APART_DEG,
