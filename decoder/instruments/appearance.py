@@ -97,6 +97,9 @@ class Appearance:
     doubted
         Needles that were found in few of the sampled frames only. What is found of them may be what lay behind them in
         the panel picture.
+    taught_windows
+        The windows, by their places in the panel, that the flight has taught already: nothing turns in them, so that
+        they look the same wherever pivots are.
     """
 
     templates: Mapping[str, NeedleTemplate]
@@ -104,6 +107,12 @@ class Appearance:
     evenly_lit_score: float
     pictures: Mapping[str, LearnedPicture] = field(default_factory=dict)
     doubted: frozenset[str] = frozenset()
+    taught_windows: frozenset[int] = frozenset()
+
+    def look_of(self, index: int, gauge: Gauge) -> Look:
+        """Return what is known of one gauge that has no needles."""
+        names = [quantity.name for quantity in gauge.quantities if quantity.name in self.pictures]
+        return Look(self.faces[index], pictures={name: self.pictures[name] for name in names})
 
     @classmethod
     def of(cls, looks: Sequence[Look], evenly_lit_score: float) -> Appearance:

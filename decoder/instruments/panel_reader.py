@@ -238,8 +238,8 @@ def _may_be_cut(gauge: Gauge) -> bool:
     return len(gauge.turning) == 1
 
 
-def appearance_from_panel(drawn: UnwrappedPanel) -> Appearance:
-    """Let each instrument's kind look at the panel's own pictures.
+def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None) -> Appearance:
+    """Let each instrument's kind look at the panel's own pictures; of windows it keeps what is `known`.
 
     Raises
     ------
@@ -251,6 +251,10 @@ def appearance_from_panel(drawn: UnwrappedPanel) -> Appearance:
     for index, (gauge, grid, rim, strip) in enumerate(parts):
         check = drawn.source.check_shows_half if _may_be_cut(gauge) else drawn.source.check_shows
         check(rim, f"gauges[{index}]")
-        looks.append(kind_of(gauge).first_look(DrawnInstrument(drawn.source, index, gauge, grid, strip)))
+        if known is not None and not isinstance(grid, PolarGrid):
+            looks.append(known.look_of(index, gauge))
+        else:
+            looks.append(kind_of(gauge).first_look(DrawnInstrument(drawn.source, index, gauge, grid, strip)))
     # a needle cut from one picture need not match others better than any match must, whatever the light
-    return Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
+    seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
+    return seen if known is None else replace(seen, taught_windows=known.taught_windows)

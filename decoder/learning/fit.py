@@ -309,7 +309,9 @@ def around_pivots(
         ),
     )
     unwrapped = UnwrappedPanel(moved)
-    return PanelReader.of(moved, reader.method, appearance_from_panel(unwrapped), placement, unwrapped)
+    return PanelReader.of(
+        moved, reader.method, appearance_from_panel(unwrapped, reader.appearance), placement, unwrapped
+    )
 
 
 def _moved(centre: Point, plane: DialPlane | None, own: Alignment, step_px: Vector) -> Point:

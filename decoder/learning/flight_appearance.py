@@ -55,6 +55,9 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
     }
     pictures: dict[str, LearnedPicture] = {}
     for index, (gauge, grid, face, seen) in enumerate(zip(gauges, reader.grids, before.faces, views, strict=True)):
+        if index in before.taught_windows:
+            pictures |= before.look_of(index, gauge).pictures
+            continue
         strips = [like for like in seen if like is not None]
         pictures |= kind_of(gauge).learned_pictures(Instrument(index, gauge, grid, face), strips, before.pictures)
     templates = dict(before.templates)
@@ -63,5 +66,12 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
         faces[index] = learner.face(found, before.templates)
         templates |= learner.templates(found, templates, faces[index])
     return reader.with_appearance(
-        replace(before, templates=templates, faces=tuple(faces), evenly_lit_score=EVENLY_LIT_SCORE, pictures=pictures)
+        replace(
+            before,
+            templates=templates,
+            faces=tuple(faces),
+            evenly_lit_score=EVENLY_LIT_SCORE,
+            pictures=pictures,
+            taught_windows=frozenset(range(len(gauges))) - learners.keys(),
+        )
     )
