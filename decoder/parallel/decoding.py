@@ -194,7 +194,10 @@ def progress(words: str, frames: int) -> Progress:
 @contextmanager
 def _stages(*, is_shown: bool) -> Iterator[Tell]:
     """Show in words what is done before frames go by, and for how long, on a terminal only."""
-    with tqdm(bar_format="decode: {desc}  {elapsed}", disable=None if is_shown else True, leave=False) as bar:
+    if not is_shown:  # even a hidden bar makes a lock that outlives a process that is killed
+        yield lambda _: None
+        return
+    with tqdm(bar_format="decode: {desc}  {elapsed}", disable=None, leave=False) as bar:
 
         def tell(words: str) -> None:
             if words:

@@ -227,7 +227,7 @@ def test_frames_with_nothing_to_be_seen_are_soon_over(judge: Judge, kind: str) -
     outcomes = [judge(target, {"flight.mcap": content}) for target in (DECODE, FRAMES)]
 
     assert [outcome.faults for outcome in outcomes] == [(), ()]
-    assert "anchor knob not found" in outcomes[0].said
+    assert "anchor knob" in outcomes[0].said
 
 
 @pytest.mark.parametrize("make", [gigapixel_frames, frames_in_a_thousand_scans])
