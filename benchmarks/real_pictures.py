@@ -340,8 +340,8 @@ def _series(flight: Table, quantity: Quantity) -> Series:
         quantity.name,
         quantity.full_scale,
         quantity.wraps,
-        flight.numbers(quantity.name),
-        flight.numbers(f"{quantity.name}_sigma"),
+        flight.numbers(quantity.name, quantity.written),
+        flight.numbers(f"{quantity.name}_sigma") if quantity.is_measured else np.zeros(len(flight.columns["frame"])),
         np.array(flight.columns[f"{quantity.name}_status"]),
     )
 
