@@ -19,6 +19,7 @@ from decoder.matching.thresholds import (
     MIN_LIGHT_GAIN,
     NOISE_LEVELS,
     OUTLIER_SPREADS,
+    OUTLINE_PART,
 )
 from decoder.panel.arrays import Floats, Mask
 
@@ -145,7 +146,7 @@ def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
 
 def _with_edges(transparency: Floats) -> Mask:
     """(H, C): where a needle covers anything of the dial, to the end of its blurred edges."""
-    covered = transparency < 1.0 - MIN_HALF_PART
+    covered = transparency < 1.0 - OUTLINE_PART
     fading = transparency < 1.0 - FADED_PART
     for _ in range(MAX_EDGE_ROWS):
         grown = covered.copy()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import median_of
-from decoder.matching.thresholds import MIN_HALF_PART
+from decoder.matching.thresholds import OUTLINE_PART
 from decoder.panel.arrays import Floats
 
 T = TypeVar("T")
@@ -93,7 +93,7 @@ class NeedleTemplate:
     @cached_property
     def outline(self) -> NDArray[np.bool_]:
         """(H, C): where the needle itself is, without its surroundings."""
-        return self.place(MIN_HALF_PART)
+        return self.place(OUTLINE_PART)
 
     @cached_property
     def half_width_deg(self) -> float:

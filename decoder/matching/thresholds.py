@@ -9,7 +9,8 @@
 | OUTLIER_SPREADS | 3.5 | standard deviations | what is further off is another thing | 1 in 2,000 of normal noise |
 | MIN_CONTRAST_PART | 0.05 | of a needle's contrast | less is no needle, and covers nothing | drawn |
 | FADED_PART | 0.06 | of a needle's contrast | at the end of its blurred edge | drawn |
-| MIN_HALF_PART | 0.3 | of a needle's contrast, or of its other half's | at its outline; a half with less is the dial beside the needle | drawn: needles with a dark half |
+| OUTLINE_PART | 0.35 | of a needle's contrast | at its outline | a strangers' moving cockpit: with 0.3 a third more grossly off |
+| MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
 | SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
 | HALF | 0.5 | of a needle's contrast, of frames | half of them | by its meaning |
 | MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
@@ -38,6 +39,7 @@ NOISE_LEVELS = 4.0
 OUTLIER_SPREADS = 3.5
 MIN_CONTRAST_PART = 0.05
 FADED_PART = 0.06
+OUTLINE_PART = 0.35
 MIN_HALF_PART = 0.3
 SHOWN_PART = 0.2
 HALF = 0.5
