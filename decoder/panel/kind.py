@@ -67,8 +67,11 @@ class Control:
 
     key: str
     label: str
-    reads: Literal["text", "number", "optional", "pairs"] = "text"
+    reads: Literal["text", "optional_text", "number", "optional", "pairs", "place", "places", "check"] = "text"
+    """What it is; a `place` is one number, or x and y, and each of `places` is followed by a value."""
     placeholder: str = ""
+    options: tuple[str, ...] = ()
+    """What there is to choose from, if there are only these."""
     is_angle: bool = False
     """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""
 

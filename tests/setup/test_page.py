@@ -379,6 +379,64 @@ def test_a_window_is_drawn_by_its_corners(start: Start, open_page: OpenPage, tmp
     assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
 
 
+def test_every_kind_in_a_window_is_drawn_in_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """Words, states, choices, blanks and places as numbers or points are typed and ticked, shown again, and saved."""
+    running = start(FIXTURES / "oblique" / "odd_small.mcap", None, tmp_path / "panel.yaml")
+    page = open_page(running)
+    hand = Hand(page)
+    written = yaml.safe_load(running.session.source.flight.attachments["panel.yaml"])
+    first = len(written["gauges"])
+    corners = [[80, 60], [160, 60], [160, 84], [80, 84]]
+    kinds: dict[str, dict[str, Any]] = {
+        "lamp": {"name": "lamp_on", "lit": True},
+        "digits": {"name": "squawk", "pattern": "#000", "shows": " 720", "text": True},
+        "linear": {
+            "name": "trim_pct",
+            "moves": "across",
+            "marks": [[90, 0], [150, 100]],
+            "at": [120.5, 70],
+            "span": 20,
+        },
+        "tape": {
+            "name": "compass_deg",
+            "moves": "across",
+            "index": 120,
+            "marks": [[[place, 72], value] for place, value in ((85, 310), (108, 320), (130, 330), (155, 340))],
+            "turn": 360,
+            "drum": True,
+        },
+    }
+    typed = {
+        "linear.marks": "90 0, 150 100",
+        "linear.at": "120.5 70",
+        "tape.marks": "85 72 310, 108 72 320, 130 72 330, 155 72 340",
+    }
+    for number, (key, content) in enumerate(kinds.items(), first):
+        hand.press("w")
+        for x, y in corners:
+            hand.click((x, y))
+        hand.type_into(f"gauges[{number}].name", key)
+        if key != "lamp":
+            page.locator(f"#what-turns-{number}").select_option(key)
+        for part, value in content.items():
+            path = f"gauges[{number}].{key}.{part}"
+            if value is True:
+                page.locator(f'[id="f:{path}"]').check()
+            elif part == "moves":
+                page.locator(f'[id="f:{path}"]').select_option(value)
+            else:
+                hand.type_into(path, typed.get(f"{key}.{part}", str(value)))
+                expect(page.locator(f'[id="f:{path}"]')).to_have_value(typed.get(f"{key}.{part}", str(value)))
+        for corner, place in enumerate(corners):
+            for axis in (0, 1):
+                hand.type_into(f"gauges[{number}].window[{corner}][{axis}]", f"{place[axis]:g}")
+        expect(page.locator(".problem")).to_have_count(0)
+    hand.save()
+
+    written["gauges"] += [{"name": key, "window": corners, key: content} for key, content in kinds.items()]
+    assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
+
+
 def test_an_attitude_indicator_is_drawn_in_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """A card becomes a horizon with its own fields; pitch marks are typed as pairs, and all of it is saved whole."""
     home = FIXTURES / "borrowed" / "attitude_daylight"

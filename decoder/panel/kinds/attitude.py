@@ -60,6 +60,8 @@ class Attitude(Strict):
             Control("window", "Horizon seen to", "number", "pixels from the centre"),
             Control("ring", "Bank ring from", "optional", "pixels from the centre, if it turns"),
             Control("ladder", "Pitch marks", "pairs", "pixels above the centre, degrees: 0 0, 31 10"),
+            Control("horizon_turn", "Horizon turns", "optional", "degrees for one of the ring; 1"),
+            Control("shift_turn", "Its way turns", "optional", "degrees for one of the ring; 1, or 0 if upright"),
             Control("max_rate", "Fastest change", "optional", "degrees a second, if known"),
         ),
         hint="Click the marks of bank that turn, right bank positive, give them their degrees, and say that a turn is"

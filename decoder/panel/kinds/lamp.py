@@ -29,7 +29,11 @@ class Lamp(Strict):
         "a lamp",
         "a lamp",
         begun={"name": "lamp_on"},
-        controls=(Control("name", "Name"), Control("light", "Name of its light", "text", "none")),
+        controls=(
+            Control("name", "Name"),
+            Control("lit", "lit in this picture", "check"),
+            Control("light", "Name of its light", "optional_text", "if how bright it is counts"),
+        ),
         hint="Click the four corners of the light, clockwise from its top left, close around what shines.",
     )
     in_window: ClassVar[bool] = True

@@ -11,6 +11,7 @@ from pydantic import field_validator
 from decoder.panel.description import Name, Positive, Strict
 from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.kinds.straight import (
+    WAYS,
     Corners,
     Place,
     PlacedMarks,
@@ -48,9 +49,9 @@ class Linear(Strict):
         begun={"moves": "down", "span": 20.0},
         controls=(
             Control("name", "Name"),
-            Control("moves", "It slides", "text", "down or across"),
-            Control("marks", "Marks", "pairs", "pixels down (or across) the picture, value: 400 0, 480 10"),
-            Control("at", "Pointer here at", "number", "pixels down (or across) the picture"),
+            Control("moves", "It slides", options=WAYS),
+            Control("marks", "Marks", "places", "pixels down (or across) the picture, value: 400 0, 480 10"),
+            Control("at", "Pointer here at", "place", "pixels down (or across) the picture"),
             Control("span", "Pixels cut", "number", "two or three times the pointer's width"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Field
@@ -24,6 +24,7 @@ PlacedMarks = Annotated[tuple[tuple[Place, Number], ...], Field(min_length=2, ma
 Way = Literal["down", "across"]
 """Along which sides of its window something moves."""
 ACROSS: Way = "across"
+WAYS: tuple[Way, ...] = get_args(Way)
 
 
 def places_px(way: Way, corners: Corners, place: Place) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from pydantic import field_validator
 from decoder.panel.description import Name, Positive, Strict
 from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.kinds.straight import (
+    WAYS,
     Corners,
     Place,
     PlacedMarks,
@@ -51,10 +52,11 @@ class Tape(Strict):
         begun={"moves": "down"},
         controls=(
             Control("name", "Name"),
-            Control("moves", "It moves", "text", "down or across"),
-            Control("index", "Read at", "number", "pixels down (or across) the picture"),
-            Control("marks", "Marks", "pairs", "pixels down (or across) the picture, value: 400 10, 480 20"),
+            Control("moves", "It moves", options=WAYS),
+            Control("index", "Read at", "place", "pixels down (or across) the picture"),
+            Control("marks", "Marks", "places", "pixels down (or across) the picture, value: 400 10, 480 20"),
             Control("turn", "A turn is worth", "optional", "360 for a compass; empty if it never begins again"),
+            Control("drum", "the rim of a drum or card", "check"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),
         hint="Click the four corners of what is seen of it, clockwise from its top left, without its frame.",

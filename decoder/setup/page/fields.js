@@ -18,7 +18,7 @@ export function setAt(document, path, value) {
 }
 
 const shown = (value) => {
-  if (Array.isArray(value)) return value.map((each) => (Array.isArray(each) ? each.map(shown).join(" ") : each)).join(", ");
+  if (Array.isArray(value)) return value.map((each) => (Array.isArray(each) ? each.flat().map(shown).join(" ") : shown(each))).join(", ");
   return typeof value === "number" ? String(Number(value.toFixed(4))) : (value ?? "");
 };
 
@@ -28,10 +28,18 @@ const READERS = {
   number: (text) => (text.trim() === "" ? null : Number.isFinite(Number(text.replace(",", "."))) ? Number(text.replace(",", ".")) : text),
   optional: (text) => (text.trim() === "" ? undefined : READERS.number(text)),
   pairs: (text) => text.split(",").filter((part) => part.trim()).map((part) => part.trim().split(/\s+/).map((each) => READERS.number(each))),
-  optionalText: (text) => (text.trim() === "" ? undefined : text),
+  // A place is a number, or x and y, as the list that it is written in tells: 400 or 1109 106.
+  place: (text) => {
+    const parts = text.trim().split(/\s+/).map((each) => READERS.number(each));
+    return parts.length === 1 ? parts[0] : parts;
+  },
+  places: (text) => READERS.pairs(text).map((part) => (part.length === 3 ? [part.slice(0, 2), part[2]] : part)),
+  optional_text: (text) => (text.trim() === "" ? undefined : text),
 };
 
 export function input(store, path, { kind = "text", label, placeholder, onenter, width, write } = {}) {
+  const own = valueAt(store.document, path);
+  const written = kind === "place" ? shown([own]) : shown(own);
   const commit = (event) => {
     if (event.target.value === event.target.dataset.shown) return;
     event.target.dataset.shown = event.target.value;
@@ -43,8 +51,8 @@ export function input(store, path, { kind = "text", label, placeholder, onenter,
     id: `f:${path}`,
     "data-path": path,
     "aria-label": label,
-    value: shown(valueAt(store.document, path)),
-    "data-shown": shown(valueAt(store.document, path)),
+    value: written,
+    "data-shown": written,
     placeholder,
     inputmode: kind === "number" || kind === "optional" ? "decimal" : undefined,
     autocomplete: "off",

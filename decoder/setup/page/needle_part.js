@@ -57,7 +57,7 @@ export function needlesPart(store, live) {
       "Rate, own scale, cropped picture",
       isOpen,
       field("Fastest change", input(store, `${path}.max_rate`, { kind: "optional", placeholder: "a second, if known" })),
-      field("Template picture", input(store, `${path}.template.picture`, { kind: "optionalText", placeholder: "the panel picture" })),
+      field("Template picture", input(store, `${path}.template.picture`, { kind: "optional_text", placeholder: "the panel picture" })),
       ...ownScale(needle, index, place, path),
     );
   }

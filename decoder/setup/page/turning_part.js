@@ -1,6 +1,6 @@
 // What turns on a gauge, by its kind; and the one value that several pointers show together.
 import { h } from "./dom.js";
-import { field, input } from "./fields.js";
+import { check, choice as oneOf, field, input } from "./fields.js";
 import { columnName } from "./items.js";
 import { becomes, kindOf } from "./kinds.js";
 
@@ -24,14 +24,18 @@ function choice(store, gauge, index) {
   return [h("h3", {}, title), field(where, h("select", { id: `what-turns-${index}`, onchange: turn }, ...options))];
 }
 
+function control(store, path, { label, reads, placeholder, options }) {
+  if (reads === "check") return check(store, path, label);
+  if (options.length) return field(label, oneOf(store, path, options.map((each) => [each, each])));
+  return field(label, input(store, path, { kind: reads, placeholder: placeholder || undefined }));
+}
+
 // The fields of a kind that has no editor of its own.
 function form(store, { key, controls, hint }, path) {
   if (!controls.length) return [];
   return [
     h("div", { "data-path": `${path}.${key}` }),
-    ...controls.map(({ key: part, label, reads, placeholder }) =>
-      field(label, input(store, `${path}.${key}.${part}`, { kind: reads, placeholder: placeholder || undefined })),
-    ),
+    ...controls.map((each) => control(store, `${path}.${key}.${each.key}`, each)),
     h("p", { class: "quiet small" }, hint),
   ];
 }
