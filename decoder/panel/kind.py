@@ -61,19 +61,25 @@ class Pointer:
     hides_deg: float | None = None
 
 
+Reads = Literal["text", "optional_text", "number", "optional", "pairs", "place", "places", "points", "check"]
+"""A `place` is one number, or x and y; each of `places` is followed by a value; each of `points` is x, y and value."""
+
+
 @dataclass(frozen=True, slots=True)
 class Control:
     """One value that the set-up page lets people type: its key, its label, and what stands there while it is empty."""
 
     key: str
     label: str
-    reads: Literal["text", "optional_text", "number", "optional", "pairs", "place", "places", "check"] = "text"
-    """What it is; a `place` is one number, or x and y, and each of `places` is followed by a value."""
+    reads: Reads = "text"
+    """What it is."""
     placeholder: str = ""
     options: tuple[str, ...] = ()
     """What there is to choose from, if there are only these."""
     is_angle: bool = False
     """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""
+    is_of_moment: bool = False
+    """Whether it tells how the instrument stood in the panel picture, and is to be typed anew for another one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ plane does.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from decoder.imaging.pictures import FramePicture
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import KINDS
+from decoder.panel.kinds.straight import ACROSS
 from decoder.panel.scale import turned
 from decoder.registration.aligner import Aligner
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px
@@ -83,8 +84,10 @@ def _carry(carried: dict[str, Any], before: Planes, places: _Places, angles_deg:
         reference["at"] = places.point(reference["at"])
     after = Planes.of(carried, before.optics.size_px, before.optics.camera)
     for gauge in carried.get("gauges") or []:
+        carry_typed(gauge, places.point)
         if gauge.get("window"):
             gauge["window"] = [places.point(corner) for corner in gauge["window"]]
+        if gauge.get("window") or "centre" not in gauge:  # its points tell all of it
             continue
         here = before.drawn(tuple(gauge["centre"]), gauge.get("rim"))
         gauge["centre"] = places.point(gauge["centre"])
@@ -92,6 +95,36 @@ def _carry(carried: dict[str, Any], before: Planes, places: _Places, angles_deg:
             gauge["rim"] = [places.point(at) for at in gauge["rim"]]
         there = after.drawn(tuple(gauge["centre"]), gauge.get("rim"))
         _carry_dial(gauge, here, there, places, angles_deg)
+
+
+def carry_typed(gauge: dict[str, Any], point: Callable[[Sequence[float]], list[float]]) -> None:
+    """Carry the places that were typed for a gauge's kind; what tells how it stood is to be typed anew."""
+    for form in (kind.form for kind in KINDS if gauge.get(kind.form.key)):
+        for control in form.controls:
+            own = gauge[form.key]
+            if control.key not in own or control.reads not in ("place", "places", "points", "text"):
+                continue
+            if control.is_of_moment:
+                del own[control.key]
+            elif control.reads == "place":
+                own[control.key] = _carried(own[control.key], gauge, point)
+            elif control.reads == "places":
+                own[control.key] = [[_carried(at, gauge, point), value] for at, value in own[control.key]]
+            elif control.reads == "points":
+                own[control.key] = [[*point((x, y)), value] for x, y, value in own[control.key]]
+
+
+def _carried(
+    at: float | Sequence[float], gauge: Mapping[str, Any], point: Callable[[Sequence[float]], list[float]]
+) -> float | list[float]:
+    """Carry a point, or the x or y of one in the middle of its window."""
+    if not isinstance(at, int | float):
+        return point(at)
+    kind = next(gauge[each.form.key] for each in KINDS if gauge.get(each.form.key))
+    axis = 0 if kind.get("moves") == ACROSS else 1
+    middle = [sum(corner[other] for corner in gauge["window"]) / len(gauge["window"]) for other in (0, 1)]
+    middle[axis] = at
+    return point(middle)[axis]
 
 
 class _Places:

@@ -25,8 +25,9 @@ HEAD = (
     "# Pixels are (x, y) in the panel picture, angles degrees clockwise from the right.\n"
 )
 BLOCKS = ("reference_points", "anchors", "gauges")
-ORDER = ("name", "picture", "focal_length_mm", "reference_points", "level", "anchors", "gauges")
-DIAL_ORDER = ("name", "window", "centre", "radius", "sweep", "stops", "unit", "scale", "wraps", "tail", "combined")
+ORDER = ("name", "picture", "focal_length_mm", "reference_points", "level", "anchors", "gauges", "columns")
+WHERE = ("name", "window", "centre", "radius", "rim", "needle_height_inches", "sweep", "stops")
+DIAL_ORDER = (*WHERE, "unit", "scale", "wraps", "tail", "combined")
 GAUGE_ORDER = (*DIAL_ORDER, *(kind.form.key for kind in KINDS))
 
 OTHERS = ("panel.yaml", "camera.yaml", "recorder.yaml")

@@ -437,6 +437,25 @@ def test_every_kind_in_a_window_is_drawn_in_its_fields(start: Start, open_page: 
     assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
 
 
+def test_a_ball_is_drawn_by_its_way(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """A dial that becomes a ball needs no marks: three places of its way are typed, shown again, and saved."""
+    running = start(panel=None, save_as=tmp_path / "panel.yaml")
+    page = open_page(running)
+    hand = Hand(page)
+    page.locator("#outline li button", has_text="n1").click()
+
+    page.locator("#what-turns-0").select_option("ball")
+    hand.type_into("gauges[0].ball.tube", "80 90 -1, 120 96 0, 160 90 1")
+    hand.type_into("gauges[0].ball.width", "12")
+    expect(page.locator('[id="f:gauges[0].ball.tube"]')).to_have_value("80 90 -1, 120 96 0, 160 90 1")
+    expect(page.locator("#inspector .problem")).to_have_count(0)
+    hand.save()
+
+    ball = drawn(running)["gauges"][0]["ball"]
+    assert ball["tube"] == [[80, 90, -1], [120, 96, 0], [160, 90, 1]]
+    assert ball["width"] == 12
+
+
 def test_an_attitude_indicator_is_drawn_in_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """A card becomes a horizon with its own fields; pitch marks are typed as pairs, and all of it is saved whole."""
     home = FIXTURES / "borrowed" / "attitude_daylight"

@@ -40,10 +40,11 @@ class Ball(Strict):
         begun={"width": 20.0},
         controls=(
             Control("name", "Name"),
+            Control("tube", "Its way", "points", "x y value: 80 90 -1, 120 96 0, 160 90 1"),
             Control("width", "Tube's width", "number", "pixels"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),
-        hint="Write its tube into panel.yaml: three places [x, y, value] of the ball's middle along its way.",
+        hint="Its way: x, y and value of the ball's middle at three places or more, from one end to the other.",
     )
     in_window: ClassVar[bool] = False
     margin_part: ClassVar[float] = 0.0

@@ -39,7 +39,7 @@ class Digits(Strict):
         controls=(
             Control("name", "Name"),
             Control("pattern", "Pattern", "text", "000.00; # may be dark"),
-            Control("shows", "Shows here", "text", "118.30; a blank where it is dark"),
+            Control("shows", "Shows here", "text", "118.30; a blank where it is dark", is_of_moment=True),
             Control("text", "a code, whose zeros in front count", "check"),
         ),
         hint="Click four corners close around all digits, the dark ones too, clockwise from the top left.",

@@ -51,7 +51,7 @@ class Linear(Strict):
             Control("name", "Name"),
             Control("moves", "It slides", options=WAYS),
             Control("marks", "Marks", "places", "pixels down (or across) the picture, value: 400 0, 480 10"),
-            Control("at", "Pointer here at", "place", "pixels down (or across) the picture"),
+            Control("at", "Pointer here at", "place", "pixels down (or across) the picture", is_of_moment=True),
             Control("span", "Pixels cut", "number", "two or three times the pointer's width"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),

@@ -54,7 +54,9 @@ class Tape(Strict):
             Control("name", "Name"),
             Control("moves", "It moves", options=WAYS),
             Control("index", "Read at", "place", "pixels down (or across) the picture"),
-            Control("marks", "Marks", "places", "pixels down (or across) the picture, value: 400 10, 480 20"),
+            Control(
+                "marks", "Marks", "places", "pixels down (or across) the picture, value: 400 10", is_of_moment=True
+            ),
             Control("turn", "A turn is worth", "optional", "360 for a compass; empty if it never begins again"),
             Control("drum", "the rim of a drum or card", "check"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),

@@ -33,6 +33,7 @@ const READERS = {
     const parts = text.trim().split(/\s+/).map((each) => READERS.number(each));
     return parts.length === 1 ? parts[0] : parts;
   },
+  points: (text) => READERS.pairs(text),
   places: (text) => READERS.pairs(text).map((part) => (part.length === 3 ? [part.slice(0, 2), part[2]] : part)),
   optional_text: (text) => (text.trim() === "" ? undefined : text),
 };

@@ -1,6 +1,6 @@
 // The filmstrip: the selected gauge in frames spread over the flight, the found needles drawn in, value and score.
 import { byId, h, s } from "./dom.js";
-import { isDrawn, kindOf } from "./kinds.js";
+import { isDrawn, kindOf, needsMarks } from "./kinds.js";
 
 const DOUBTFUL_SCORE = 0.9;
 
@@ -58,7 +58,7 @@ export function showFilm(store, live) {
       const lacks = [
         !store.document.anchors?.length && "an anchor",
         !isDrawn(store, gauge) && kindOf(store, gauge).lacking,
-        !gauge.window && (gauge.scale || []).length < 2 && "two tick marks",
+        needsMarks(store, gauge) && (gauge.scale || []).length < 2 && "two tick marks",
       ].filter(Boolean);
       say(lacks.length ? `To be read it still needs ${lacks.join(", ")}.` : "Reading …");
       return;

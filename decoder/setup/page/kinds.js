@@ -4,6 +4,9 @@ export const kindOf = (store, gauge) => store.session.kinds.find(({ key }) => ga
 // Whether anything of its kind is drawn on a gauge.
 export const isDrawn = (store, gauge) => [gauge[kindOf(store, gauge).key] ?? []].flat().length > 0;
 
+// Whether it is read by tick marks around a dial; a window and places along a line tell all by themselves.
+export const needsMarks = (store, gauge) => !gauge.window && !kindOf(store, gauge).controls.some(({ reads }) => reads === "points");
+
 // What a gauge begins with as one of a kind; `name` is its column's, if it has one alone.
 const begun = (kind, name) => {
   if (!kind.begun) return [];

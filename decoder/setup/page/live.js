@@ -1,5 +1,5 @@
 // Every change is tried at once: the selected gauge first, then the others; answers that come too late are dropped.
-import { isDrawn } from "./kinds.js";
+import { isDrawn, needsMarks } from "./kinds.js";
 import { ask, Lost, TAB } from "./server.js";
 
 const TRIAL_MS = 160;
@@ -21,7 +21,7 @@ export class Live {
     const { document, picture } = this.store.now;
     const gauge = document.gauges?.[index];
     if (!document.anchors?.length || !gauge) return null;
-    if (!isDrawn(this.store, gauge) || (!gauge.window && (gauge.scale || []).length < 2)) return null;
+    if (!isDrawn(this.store, gauge) || (needsMarks(this.store, gauge) && (gauge.scale || []).length < 2)) return null;
     return JSON.stringify([picture, document.anchors, document.level, document.reference_points, document.focal_length_mm, gauge]);
   }
 
