@@ -437,6 +437,23 @@ def test_every_kind_in_a_window_is_drawn_in_its_fields(start: Start, open_page: 
     assert parse_content(drawn(running)) == parse_content(yaml.safe_load(panel_text(written)))
 
 
+def test_a_card_under_needles_has_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+    """A gauge with both shows the needles and the fields of the card below them."""
+    home = tmp_path / "drawn"
+    home.mkdir()
+    written = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    written["gauges"][0] |= {"card": {"name": "heading_deg", "index": 270}, "wraps": 360, "sweep": [90, 450]}
+    written["gauges"][0]["scale"] = [[90, 0], [180, 90], [270, 180]]
+    shutil.copyfile(FIXTURES / written["picture"], home / written["picture"])
+    (home / "panel.yaml").write_text(yaml.safe_dump(written), encoding="utf-8")
+    page = open_page(start(panel=home / "panel.yaml", save_as=tmp_path / "panel.yaml"), quiet=False)
+    page.locator("#outline li button", has_text="n1").click()
+
+    expect(page.locator('[id="f:gauges[0].card.index"]')).to_have_value("270")
+    expect(page.locator('[id="f:gauges[0].card.ring"]')).to_be_visible()
+    expect(page.locator('[id="f:gauges[0].needles[0].name"]')).to_be_visible()
+
+
 def test_a_ball_is_drawn_by_its_way(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """A dial that becomes a ball needs no marks: three places of its way are typed, shown again, and saved."""
     running = start(panel=None, save_as=tmp_path / "panel.yaml")

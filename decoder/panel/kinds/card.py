@@ -37,6 +37,7 @@ class Card(Strict):
         controls=(
             Control("name", "Name"),
             Control("index", "Index at", "number", "degrees; 270 is up", is_angle=True),
+            Control("ring", "Its marks from", "optional", "pixels from the centre, under needles"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),
         hint="Click its marks wherever the card is turned in this picture, and say what a turn is worth.",

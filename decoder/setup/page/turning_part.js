@@ -8,7 +8,10 @@ export function turningPart(store, gauge, index) {
   const path = `gauges[${index}]`;
   const kind = kindOf(store, gauge);
   const together = kind.along.includes("combined") ? combined(store, gauge, index, path) : [];
-  return [...choice(store, gauge, index), ...form(store, kind, path), ...together];
+  // What else lies on the dial with a form of its own: the card under needles.
+  const others = store.session.kinds.filter((each) => each !== kind && gauge[each.key]);
+  const forms = [kind, ...others].flatMap((each) => form(store, each, path));
+  return [...choice(store, gauge, index), ...forms, ...together];
 }
 
 function choice(store, gauge, index) {
