@@ -14,6 +14,7 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from hashlib import sha256
 from importlib.resources import files
@@ -131,7 +132,9 @@ def _needle(series: NeedleSeries, order: Order, *, is_signed: bool) -> dict[str,
         "decimals": label_decimals(series),
         "wraps": quantity.wraps,
         "full_scale": quantity.full_scale,
-        "value": packed(value, "f4"),
+        # Of a display every digit counts.
+        "value": packed(value, "f4" if quantity.written is None else "f8"),
+        "written": None if quantity.written is None else asdict(quantity.written),
         "sigma": packed(series.sigma[order], "f4"),
         "score": packed(series.score[order], "f4"),
         "status": packed(series.status[order], "u1"),

@@ -14,9 +14,11 @@ from playwright.sync_api import Page, expect
 
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.instruments.reading import Status
+from decoder.outputs.csv_output import write_csv
 from decoder.outputs.outputs import Decoded
 from decoder.panel.gauge import Gauge
 from decoder.panel.parameters import Column
+from decoder.panel.written import BOOLEAN, ValueType, Written
 from decoder.timeseries.flight_data import FlightData
 from flight_file.session import Session
 from tests.decoder.timeseries.test_cross_checks import flown, off_from
@@ -25,6 +27,7 @@ from tests.report.test_page import OpenReport, until
 
 MARKS = {("n1_pct", 10): Status.INTERPOLATED, ("n2_pct", 0): Status.MISSING}
 STEP_AT = 30
+DISPLAY = Written(ValueType.NUMBER, "0000000.00")
 
 
 def flight_with_events() -> Decoded:
@@ -153,6 +156,31 @@ def test_shown_part_is_given_as_a_table(page: Page) -> None:
             if row[name]:
                 assert float(row[name]) == pytest.approx(series.value[at], rel=1e-6)
     page.keyboard.press("0")
+
+
+def test_states_and_texts_are_shown_and_given_as_flight_csv_has_them(open_report: OpenReport) -> None:
+    """A lamp is true or false, a long code keeps its zeros and every digit, and neither has a spread."""
+    shown = {"n1_pct": BOOLEAN, "n2_pct": Written(ValueType.TEXT, "0,000:000 000"), "ftit_c": DISPLAY}
+    values = {"n1_pct": [0.0, 1.0, np.nan], "n2_pct": [1234567891.0, 42.0, np.nan], "ftit_c": [4321987.65, 0.1, np.nan]}
+    report = make_report(3, {(name, 2): Status.MISSING for name in shown})
+    series = tuple(
+        replace(one, quantity=replace(one.quantity, written=shown[name], wraps=None), value=np.array(values[name]))
+        if (name := one.quantity.name) in shown
+        else one
+        for one in report.data.series
+    )
+    data = replace(report.data, series=series)
+    page = open_report(written(replace(report, data=data)), accept_downloads=True)
+    with page.expect_download() as download:
+        page.locator("#download").click()
+    given = list(csv.DictReader(io.StringIO(Path(download.value.path()).read_text(encoding="utf-8"))))
+    table = io.StringIO()
+    write_csv(data, table)
+    table.seek(0)
+
+    for row, own in zip(given, csv.DictReader(table), strict=True):
+        assert [row[name] for name in shown] == [own[name] for name in shown]
+        assert (row["n1_pct_sigma"], row["n2_pct_sigma"]) == ("", "")
 
 
 def test_notes_and_a_sign_off_carry_the_hash_of_what_they_are_about(

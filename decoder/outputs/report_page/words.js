@@ -5,12 +5,23 @@ export const spreadOf = (needle, row) => CONFIDENCE_SIGMAS * needle.sigma[row];
 
 export function valueText(needle, row) {
   const value = needle.value[row];
-  return Number.isFinite(value) ? `${value.toFixed(needle.decimals)} ${needle.unit}`.trim() : "missing";
+  if (!Number.isFinite(value)) return "missing";
+  return `${needle.written ? writtenText(needle, value) : value.toFixed(needle.decimals)} ${needle.unit}`.trim();
 }
+
+// A state, a text or a display's number, as flight.csv has it.
+export function writtenText({ written, decimals }, value) {
+  if (written.type === "boolean") return value ? "true" : "false";
+  if (written.type === "number") return value.toFixed(decimals);
+  const digits = [...String(value).padStart([...written.pattern].filter((sign) => sign === "0").length, "0")];
+  return [...written.pattern].map((sign) => (sign === "0" ? digits.shift() : sign)).join("");
+}
+
+export const isMeasured = (needle) => !needle.written || needle.written.type === "number";
 
 export function spreadText(needle, row) {
   const spread = spreadOf(needle, row);
-  return Number.isFinite(spread) ? `± ${spread.toFixed(needle.decimals)}` : "";
+  return isMeasured(needle) && Number.isFinite(spread) ? `± ${spread.toFixed(needle.decimals)}` : "";
 }
 
 export function utcText(flight, row) {
