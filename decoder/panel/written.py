@@ -77,9 +77,10 @@ class Written:
         if not text:
             return math.nan
         if self.type is ValueType.BOOLEAN:
-            if text not in STATES:
+            state = text.strip().lower()  # others write True and FALSE
+            if state not in STATES:
                 raise ValueError(f"{text!r} is neither true nor false")
-            return float(STATES.index(text))
+            return float(STATES.index(state))
         if self.type is ValueType.NUMBER:
             return float(text)
         wanted = "".join("[0-9]" if sign == DIGIT else re.escape(sign) for sign in self.pattern)

@@ -159,6 +159,12 @@ def test_what_is_no_lamp_is_said(gauge: str, problem: str) -> None:
         parse_panel(PANEL.format(gauge=gauge).encode(), source="panel.yaml")
 
 
+@pytest.mark.parametrize(("text", "value"), [("True", 1.0), ("FALSE", 0.0), (" true ", 1.0), ("", np.nan)])
+def test_states_are_known_as_others_write_them(text: str, value: float) -> None:
+    """A truth that a spreadsheet or a Python program wrote has capitals."""
+    assert BOOLEAN.value_of(text) == pytest.approx(value, nan_ok=True)
+
+
 @given(
     written=st.sampled_from(
         [
