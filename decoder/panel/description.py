@@ -135,6 +135,8 @@ def _telling(found: ValidationError) -> list[ErrorDetails]:
 def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[str, str]:
     path = ""
     for part in problem["loc"]:
+        if isinstance(part, str) and part.startswith(("function-", "tuple[")):
+            continue  # not a key, but which of several types a value was tried as
         key = part if isinstance(part, int) else printable(part[:LONGEST_KEY])
         path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
     message = problem["msg"].removeprefix("Value error, ")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from decoder.panel.arrays import Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
@@ -98,9 +98,10 @@ def tube_gauge(ball: Mapping[str, Any]) -> dict[str, object]:
         If its places are no line. What else is wrong is said of the parts of the ball; then the gauge is a stand-in.
     """
     try:
-        places, width = np.array(ball["tube"], np.float64).reshape(-1, 3), float(ball["width"])
-    except (KeyError, TypeError, ValueError):
+        own = Ball.model_validate(ball)
+    except ValidationError:  # which its own field will say
         return {"centre": [0, 0], "radius": [1, 9], "sweep": [0, 90], "scale": [[0, 0], [90, 1]]}
+    places, width = np.array(own.tube, np.float64).reshape(-1, 3), own.width
     if len(places) < 3:  # noqa: PLR2004 - a circle
         raise ValueError(
             "`ball` needs a `tube` of three places [x, y, value] or more: both ends of the ball's way, and its middle"

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
+from string import digits
 from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from decoder.panel.description import Name, Strict
+from decoder.panel.description import Name, Strict, Text
 from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
 from decoder.panel.scale import Quantity
 from decoder.panel.written import DIGIT, ValueType, Written
+from flight_file.untrusted import to_cell
 
 DIGIT_OR_BLANK = "#"
 CELLS = DIGIT + DIGIT_OR_BLANK
@@ -23,9 +26,9 @@ class Digits(Strict):
 
     name: Name
     """Column of the flight data."""
-    pattern: Annotated[str, Field(max_length=MOST_SIGNS)]
+    pattern: Annotated[Text, Field(max_length=MOST_SIGNS)]
     """`0` for each digit, `#` where there may be none, and whatever stands between them: `000.00`, `##0`, `00:00`."""
-    shows: Annotated[str, Field(max_length=MOST_SIGNS)]
+    shows: Annotated[Text, Field(max_length=MOST_SIGNS)]
     """What the panel picture shows there, sign by sign as the pattern has them; a blank for a dark digit."""
     text: bool = False
     """Whether it is text, whose zeros in front count, as a transponder's code, and no number."""
@@ -52,9 +55,16 @@ class Digits(Strict):
     def _pattern_has_digits(self) -> Self:
         if not any(sign in CELLS for sign in self.pattern) or self.pattern.count(POINT) > 1:
             raise ValueError("needs a `pattern` of digits, such as 000.00, with one point at most")
+        if any(sign in digits.replace(DIGIT, "") for sign in self.pattern):
+            raise ValueError("needs `0` or `#` in its `pattern` for each digit; what it shows belongs into `shows`")
+        exact = sys.float_info.dig
+        if len(self.before) > exact:
+            raise ValueError(f"has more digits in its `pattern` than the {exact} that numbers hold exactly")
+        if to_cell(self.pattern) != self.pattern:
+            raise ValueError(f"has a `pattern` that begins with {self.pattern[0]}: signs are not read, leave it out")
         if len(self.shows) != len(self.pattern) or not all(map(_fits, self.shows, self.pattern)):
             raise ValueError(f"`shows` is not written as {self.pattern}: give a sign for each of the pattern's")
-        if not any(sign.isdigit() for sign in self.shows):
+        if not any(sign in digits for sign in self.shows):
             raise ValueError("`shows` needs digits: draw it on a picture in which the display is on")
         return self
 
@@ -121,5 +131,5 @@ class Digits(Strict):
 def _fits(own: str, sign: str) -> bool:
     """Whether a sign that is shown may stand where the pattern has one."""
     if sign in CELLS:
-        return own.isdigit() or (own == " " and sign == DIGIT_OR_BLANK)
+        return own in digits or (own == " " and sign == DIGIT_OR_BLANK)
     return own == sign

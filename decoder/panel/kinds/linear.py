@@ -79,7 +79,10 @@ class Linear(Strict):
     def check(self, dial: Dial) -> None:
         """ValueError where its marks or its pointer do not go with its window."""
         corners = corners_of(dial.window)
-        self.along(corners)
+        try:
+            self.along(corners)
+        except ValueError as error:
+            raise ValueError(f"`marks` of a `linear` scale: {error}") from error
         long_px = length_px(self.moves, corners)
         if not 0.0 <= self.at_px(corners) <= long_px or self.span > long_px:
             raise ValueError("needs its pointer, `at` and `span`, within its `window`")

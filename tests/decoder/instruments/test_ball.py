@@ -143,6 +143,7 @@ def test_tube_tells_the_dial() -> None:
         ({"tube": [[1, 2, 3], [4, 5, 6]]}, "three places"),
         ({"tube": [[1, 2, 3]] * 3}, "elsewhere"),
         ({"width": "x"}, "ball.width"),
+        ({"tube": [[float("nan"), 2, 3], [4, 5, 6], [7, 8, 9]]}, r"ball.tube\[0\]\[0\]"),
     ],
 )
 def test_tube_that_is_no_line_is_an_error(change: dict[str, Any], said: str) -> None:

@@ -174,6 +174,15 @@ def test_a_window_drawn_beside_it_gives_nothing() -> None:
         ("pattern: '000.00', shows: '1 8.30'", "is not written as 000.00"),
         ("pattern: '...', shows: '...'", "needs a `pattern` of digits"),
         ("pattern: '##', shows: '  '", "draw it on a picture in which the display is on"),
+        ("pattern: '118.00', shows: '118.30'", "needs `0` or `#` in its `pattern` for each digit"),
+        ("pattern: '000', shows: '1²3'", "is not written as 000"),
+        (
+            "pattern: '0000000000000000', shows: '1234567890123456'",
+            "more digits .* than the 15 that",
+        ),
+        ("pattern: '-00', shows: '-11'", "begins with -: signs are not read"),
+        ("pattern: \"=cmd|'/c calc'!A0\", shows: \"=cmd|'/c calc'!A1\", text: true", "begins with ="),
+        ('pattern: "0\\n0", shows: "1\\n1"', "not printable"),
     ],
 )
 def test_what_is_shown_must_fit_the_pattern(given: str, sentence: str) -> None:
