@@ -82,7 +82,7 @@ class PanelPictures:
         """PanelError unless the panel picture shows all that lies within a rim, as `PolarGrid.rim`."""
         height, width = self.picture.shape
         if not inside(rim, self.optics.own, width, height):
-            raise PanelError(path, f"lies outside the {width} x {height} picture; check the gauge's centre and radius")
+            raise PanelError(path, f"lies outside the {width} x {height} picture; check where it is drawn")
 
     def check_shows_half(self, rim: Floats, path: str) -> None:
         """PanelError unless the panel picture shows half of a dial's rim, as `PolarGrid.rim`."""
@@ -90,7 +90,7 @@ class PanelPictures:
         if part_inside(rim, self.optics.own, width, height) < HALF_SHOWN:
             raise PanelError(
                 path,
-                f"lies outside the {width} x {height} picture for more than half; check the gauge's centre and radius",
+                f"lies outside the {width} x {height} picture for more than half; check where it is drawn",
             )
 
     def _raised(self, index: int) -> Raised:

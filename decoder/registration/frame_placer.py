@@ -15,7 +15,7 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import ROWS_OF_BLOCKS, TopOfFrame
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.resampling import as_places, each_inside, inside
-from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
+from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, WindowGrid
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AlignmentLost, PanelError, PictureError
 from decoder.registration.aligner import Aligner
@@ -42,13 +42,20 @@ class UnwrappedPanel:
     Raises
     ------
     PanelError
-        If reference points or a rim tell no plane, or a needle's height nothing; or gauges have too many pixels.
+        If reference points or a rim tell no plane, or a needle's height nothing; or gauges have too many
+        pixels, together or a window by itself.
     """
 
     def __init__(self, source: PanelPictures) -> None:
         self.source = source.with_planes()
         self.grids = [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
         samples = sum(grid.rows * grid.columns for grid in self.grids)
+        # The whole of a window is looked at, in all frames of a sample at once: one may take a part of all samples.
+        for index, grid in enumerate(self.grids):
+            if isinstance(grid, WindowGrid) and grid.rows * grid.columns > MOST_SAMPLES // 8:
+                million = grid.rows * grid.columns / 1e6
+                problem = f"covers {million:.1f} million pixels with what is around it, more than a window may"
+                raise PanelError(f"gauges[{index}].window", f"{problem}; draw it close around what is read")
         if samples > MOST_SAMPLES:
             problem = (
                 f"cover {samples / 1e6:.0f} million pixels unwrapped, more than {MOST_SAMPLES // 10**6} million;"

@@ -122,8 +122,8 @@ def tube_gauge(ball: Mapping[str, Any]) -> dict[str, object]:
     centre = middle + away_px * across
     outward = points - centre
     radius_px = float(np.hypot(*outward.T).mean())
-    if not 0 < width < 2 * radius_px:
-        raise ValueError("a `ball` needs the `width` of its tube, which is less than twice as far as its centre")
+    if not 0 < width < radius_px:
+        raise ValueError("a `ball` needs the `width` of its tube, which is less than the radius of its bend")
     middle_deg = math.degrees(math.atan2(*(middle - centre)[::-1]))
     angles = np.degrees(np.arctan2(outward[:, 1], outward[:, 0]))
     angles = middle_deg + (angles - middle_deg + FULL_CIRCLE_DEG / 2) % FULL_CIRCLE_DEG - FULL_CIRCLE_DEG / 2

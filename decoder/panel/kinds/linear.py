@@ -23,6 +23,7 @@ from decoder.panel.kinds.straight import (
     to_polar,
 )
 from decoder.panel.scale import Marks, Quantity, Scale, monotone
+from decoder.panel.thresholds import LEAST_WINDOW_PX
 
 
 class Linear(Strict):
@@ -86,6 +87,8 @@ class Linear(Strict):
         long_px = length_px(self.moves, corners)
         if not 0.0 <= self.at_px(corners) <= long_px or self.span > long_px:
             raise ValueError("needs its pointer, `at` and `span`, within its `window`")
+        if self.span < LEAST_WINDOW_PX:
+            raise ValueError(f"needs a `span` of {LEAST_WINDOW_PX:g} pixels or more: fewer show no pointer")
 
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return its value, by pixels along its window."""

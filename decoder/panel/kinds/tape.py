@@ -100,6 +100,12 @@ class Tape(Strict):
             raise ValueError("needs `marks` at different places, values only rising or only falling along the window")
         if self.drum and (self.turn is None or len(marks) < 4):  # noqa: PLR2004 - of three unknowns
             raise ValueError("that is a `drum` needs its `turn`, and four `marks` or more")
+        shown = abs(marks[-1][2] - marks[0][2]) / (marks[-1][0] - marks[0][0]) * length_px(self.moves, corners)
+        if self.turn is not None and self.turn > 50 * shown:  # a compass card shows more than 7 degrees
+            raise ValueError(
+                "has a `turn` more than 50 times as long as its window: check it and the `marks`, or"
+                " leave it out where values never begin again"
+            )
         if not 0.0 <= self.index_px(corners) <= length_px(self.moves, corners):
             raise ValueError("needs its `index` within its `window`")
 

@@ -142,6 +142,7 @@ def test_tube_tells_the_dial() -> None:
     [
         ({"tube": [[1, 2, 3], [4, 5, 6]]}, "three places"),
         ({"tube": [[1, 2, 3]] * 3}, "elsewhere"),
+        ({"width": 1000.0}, "radius of its bend"),
         ({"width": "x"}, "ball.width"),
         ({"tube": [[float("nan"), 2, 3], [4, 5, 6], [7, 8, 9]]}, r"ball.tube\[0\]\[0\]"),
     ],

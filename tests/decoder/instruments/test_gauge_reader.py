@@ -322,6 +322,12 @@ UNFIT: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "left": (lambda content: content["gauges"][0].update(centre=[20, 110]), OUTSIDE),
     "top": (lambda content: content["gauges"][0].update(centre=[85, 10]), OUTSIDE),
     "right": (lambda content: content["gauges"][0].update(centre=[370, 110]), OUTSIDE),
+    "huge": (
+        lambda content: content["gauges"].append(
+            {"name": "lamp", "window": [[0, 0], [3000, 0], [3000, 3000], [0, 3000]], "lamp": {"name": "lit"}}
+        ),
+        r"gauges\[2\]\.window: covers 36.0 million pixels",
+    ),
 }
 
 

@@ -101,6 +101,7 @@ def test_its_value_is_drawn_across_its_window() -> None:
     [
         ("{name: a, at: 30, span: 4, marks: [[2, 0], [8, 1]]}", "within its `window`"),
         ("{name: a, at: 5, span: 40, marks: [[2, 0], [8, 1]]}", "within its `window`"),
+        ("{name: a, at: 5, span: 0.5, marks: [[2, 0], [8, 1]]}", "`span` of 4 pixels or more"),
         ("{name: a, at: 5, span: 4, marks: [[2, 0], [[5, 5], 1]]}", "not both"),
         ("{name: a, at: 5, span: 4, marks: [[2, 0], [4, 1], [8, 0.5]]}", "`marks` .* monotone"),
         ("{name: a, at: 5, span: 4, marks: [[true, 0], [8, 1]]}", r"linear.marks\[0\]\[0\]: is true or false"),

@@ -171,6 +171,7 @@ def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
         ("{name: a, index: 30, marks: [[2, 0], [8, 10]]}", "`index` within"),
         ("{name: a, index: 5, marks: [[2, 0], [4, 10], [8, 5]]}", "only rising or only falling"),
         ("{name: a, index: 5, marks: [[2, 0], [[4, 4], 10]]}", "not both"),
+        ("{name: a, index: 5, marks: [[2, 0], [8, 0.1]], turn: 360}", "more than 50 times as long as its window"),
     ],
 )
 def test_what_is_no_tape_is_said(tape: str, problem: str) -> None:
