@@ -14,9 +14,9 @@ export const inSweep = (angle, [first, last]) => nearest(angle, (first + last) /
 
 export const rounded = (value, places = 2) => Number(value.toFixed(places));
 
-// A circle around a gauge, whatever it is: its middle, and how far it reaches.
+// A circle around a gauge, whatever it is: its middle, and how far it reaches; nothing where its place follows from others.
 export function around({ centre, radius, window }) {
-  if (!window) return [centre, radius[1]];
+  if (!window) return centre && radius ? [centre, radius[1]] : null;
   const middle = [0, 1].map((axis) => window.reduce((sum, point) => sum + point[axis] / window.length, 0));
   return [middle, Math.max(...window.map((point) => distance(middle, point)))];
 }

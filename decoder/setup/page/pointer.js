@@ -51,7 +51,8 @@ export function followPointer(store, view, overlay) {
   });
 
   svg.addEventListener("dblclick", (event) => {
-    if (store.tool === "select" && store.gauge) view.closeUp(...around(store.gauge));
+    const place = store.tool === "select" && store.gauge ? around(store.gauge) : null;
+    if (place) view.closeUp(...place);
     event.preventDefault();
   });
 }
