@@ -36,8 +36,7 @@ export function closeUp(store, view) {
   if (kind === "gauge") {
     const place = around(item);
     if (place) view.closeUp(...place);
-  }
-  else if (kind === "anchor") view.closeUp([item.box[0] + item.box[2] / 2, item.box[1] + item.box[3] / 2], item.box[2]);
+  } else if (kind === "anchor") view.closeUp([item.box[0] + item.box[2] / 2, item.box[1] + item.box[3] / 2], item.box[2]);
   else if (kind === "reference") view.closeUp(item.at, 60);
   else if (kind === "level") view.closeUp(item[0].map((value, axis) => (value + item[1][axis]) / 2), Math.abs(item[1][1] - item[0][1]) / 2);
 }
