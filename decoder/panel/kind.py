@@ -188,3 +188,36 @@ class DescribedKind(Protocol):
         By how much its scale is turned there besides.
         """
         ...
+
+
+class Unturned:
+    """What kinds have in common of which nothing turns: no pointer, no angle, no picture besides the panel picture."""
+
+    in_window: ClassVar[bool] = True
+    margin_part: ClassVar[float] = 0.0
+    has_still_face: ClassVar[bool] = False
+
+    def pointers(self) -> tuple[Pointer, ...]:
+        """Return none."""
+        return ()
+
+    def lines(self, _dial: Dial, _values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
+        """Return none."""
+        return {}
+
+    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
+        """Return those of the circle around it."""
+        return dial.sweep
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return none."""
+        return {}
+
+    def at_angles(self, _true_deg: Callable[[float], float]) -> Mapping[str, object]:
+        """Return nothing."""
+        return {}
+
+    @staticmethod
+    def carry(_gauge: Drawn, _turn_deg: float, _size: float, _angles_deg: Mapping[str, float]) -> float:
+        """Carry nothing: its places are points, which are carried as such."""
+        return 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from decoder.panel.arrays import Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Form, Polar, Unturned
 from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Marks, Quantity, Scale
 
 # A straighter tube is bent so much: its middle then lies a hundredth of its length beside where it is drawn.
@@ -20,7 +20,7 @@ STRAIGHTEST_RADII = 12.0
 Tube = Annotated[tuple[tuple[Pixels, Pixels, Number], ...], Field(max_length=MOST_POINTS)]
 
 
-class Ball(Strict):
+class Ball(Unturned, Strict):
     """What moves along a curved tube, a slip ball: the gauge's circle, sweep and scale follow from the tube."""
 
     name: Name
@@ -47,8 +47,6 @@ class Ball(Strict):
         hint="Its way: x, y and value of the ball's middle at three places or more, from one end to the other.",
     )
     in_window: ClassVar[bool] = False
-    margin_part: ClassVar[float] = 0.0
-    has_still_face: ClassVar[bool] = False
 
     def check(self, dial: Dial) -> None:
         """ValueError where the dial is more than the tube."""
@@ -58,10 +56,6 @@ class Ball(Strict):
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return where the ball is."""
         return (Quantity(self.name, dial.name, dial.unit, dial.scale, None, None, self.max_rate),)
-
-    def pointers(self) -> tuple[Pointer, ...]:
-        """Return none: a line across the tube shows it."""
-        return ()
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
         """Return a line across the tube through the ball's middle."""
@@ -74,19 +68,6 @@ class Ball(Strict):
         first_deg, last_deg = dial.reach
         margin_deg = dial.beyond_deg + math.degrees(1.5 * self.width / dial.radius[1]) + 1.0
         return first_deg - margin_deg, last_deg + margin_deg
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is learned from the flight."""
-        return {}
-
-    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
-        """Return it as it is: its places are points."""
-        return {}
-
-    @staticmethod
-    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
-        """Carry nothing: the tube is carried as points."""
-        return 0.0
 
 
 def tube_gauge(ball: Mapping[str, Any]) -> dict[str, object]:

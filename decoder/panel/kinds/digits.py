@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
 from string import digits
 from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from decoder.panel.description import Name, Strict, Text
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Form, Unturned
 from decoder.panel.scale import Quantity
 from decoder.panel.written import DIGIT, ValueType, Written
 from flight_file.untrusted import to_cell
@@ -21,7 +20,7 @@ POINT = "."
 MOST_SIGNS = 20
 
 
-class Digits(Strict):
+class Digits(Unturned, Strict):
     """A row of digits made of seven segments, with points or gaps between them."""
 
     name: Name
@@ -47,9 +46,7 @@ class Digits(Strict):
         ),
         hint="Click four corners close around all digits, the dark ones too, clockwise from the top left.",
     )
-    in_window: ClassVar[bool] = True
     margin_part: ClassVar[float] = 0.25
-    has_still_face: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _pattern_has_digits(self) -> Self:
@@ -101,31 +98,6 @@ class Digits(Strict):
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return what it shows."""
         return (Quantity.stepped(self.name, dial.name, dial.unit, self.written),)
-
-    def pointers(self) -> tuple[Pointer, ...]:
-        """Return none."""
-        return ()
-
-    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
-        """Return none."""
-        return {}
-
-    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return those of the circle around it."""
-        return dial.sweep
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is in the panel picture."""
-        return {}
-
-    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
-        """Return nothing: it has no angles."""
-        return {}
-
-    @staticmethod
-    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
-        """Leave it as it is: its window is carried."""
-        return 0.0
 
 
 def _fits(own: str, sign: str) -> bool:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from decoder.panel.description import Name, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Form, Unturned
 from decoder.panel.scale import Quantity
 from decoder.panel.written import BOOLEAN
 
 PERCENT = 0.0, 100.0
 
 
-class Lamp(Strict):
+class Lamp(Unturned, Strict):
     """A light that is on or off."""
 
     name: Name
@@ -36,9 +35,7 @@ class Lamp(Strict):
         ),
         hint="Click the four corners of the light, clockwise from its top left, close around what shines.",
     )
-    in_window: ClassVar[bool] = True
     margin_part: ClassVar[float] = 0.5
-    has_still_face: ClassVar[bool] = False
 
     def check(self, _: Dial) -> None:
         """ValueError where both columns have one name."""
@@ -54,28 +51,3 @@ class Lamp(Strict):
             return (state,)
         marks = ((0.0, 0.0), (100.0, 100.0))
         return state, Quantity(self.light, dial.name, "%", marks, None, None, None, limits=PERCENT)
-
-    def pointers(self) -> tuple[Pointer, ...]:
-        """Return none."""
-        return ()
-
-    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
-        """Return none."""
-        return {}
-
-    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return those of the circle around it."""
-        return dial.sweep
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is in the panel picture."""
-        return {}
-
-    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
-        """Return nothing: it has no angles."""
-        return {}
-
-    @staticmethod
-    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
-        """Leave it as it is: its window is carried."""
-        return 0.0

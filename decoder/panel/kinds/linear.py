@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import field_validator
 
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Form, Polar, Unturned
 from decoder.panel.kinds.straight import (
     WAYS,
     Corners,
@@ -26,7 +26,7 @@ from decoder.panel.scale import Marks, Quantity, Scale, monotone
 from decoder.panel.thresholds import LEAST_WINDOW_PX
 
 
-class Linear(Strict):
+class Linear(Unturned, Strict):
     """A pointer that slides along a straight scale in a window: a flap indicator, an edgewise instrument."""
 
     name: Name
@@ -58,9 +58,7 @@ class Linear(Strict):
         ),
         hint="Click the four corners around the way of the pointer, clockwise from its top left, no wider than that.",
     )
-    in_window: ClassVar[bool] = True
     margin_part: ClassVar[float] = 0.5
-    has_still_face: ClassVar[bool] = False
 
     @field_validator("marks")
     @classmethod
@@ -95,10 +93,6 @@ class Linear(Strict):
         marks = self.along(corners_of(dial.window))
         return (Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate),)
 
-    def pointers(self) -> tuple[Pointer, ...]:
-        """Return none that turns."""
-        return ()
-
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
         """Return the line across its window at which it shows its value."""
         if not np.isfinite(values[self.name]):
@@ -108,20 +102,3 @@ class Linear(Strict):
         part = along_px / length_px(self.moves, corners)
         one, other = (to_polar(corners, dial.centre, end) for end in line_at(self.moves, part))
         return {self.name: (one, other)}
-
-    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return those of the circle around it."""
-        return dial.sweep
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is in the panel picture."""
-        return {}
-
-    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
-        """Return nothing: it has no angles."""
-        return {}
-
-    @staticmethod
-    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
-        """Leave it as it is: its window is carried, and its marks are drawn anew."""
-        return 0.0

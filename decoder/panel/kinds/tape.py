@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import ClassVar
 
 from pydantic import field_validator
 
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Form, Polar, Unturned
 from decoder.panel.kinds.straight import (
     WAYS,
     Corners,
@@ -26,7 +26,7 @@ from decoder.panel.kinds.straight import (
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 
 
-class Tape(Strict):
+class Tape(Unturned, Strict):
     """A tape or a drum behind a fixed index: a compass card seen from its rim, an altitude tape."""
 
     name: Name
@@ -63,9 +63,6 @@ class Tape(Strict):
         ),
         hint="Click the four corners of what is seen of it, clockwise from its top left, without its frame.",
     )
-    in_window: ClassVar[bool] = True
-    margin_part: ClassVar[float] = 0.0
-    has_still_face: ClassVar[bool] = False
 
     @field_validator("marks")
     @classmethod
@@ -118,10 +115,6 @@ class Tape(Strict):
         ends = (values[0], values[0]), (values[-1], values[-1])
         return (Quantity(self.name, dial.name, dial.unit, ends, None, None, self.max_rate),)
 
-    def pointers(self) -> tuple[Pointer, ...]:
-        """Return none that turns."""
-        return ()
-
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
         """Return the index across its window, where there is a value."""
         if not math.isfinite(values[self.name]):
@@ -130,20 +123,3 @@ class Tape(Strict):
         part = self.index_px(corners) / length_px(self.moves, corners)
         one, other = (to_polar(corners, dial.centre, end) for end in line_at(self.moves, part))
         return {self.name: (one, other)}
-
-    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return those of the circle around it."""
-        return dial.sweep
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is in the panel picture."""
-        return {}
-
-    def at_angles(self, _: Callable[[float], float]) -> Mapping[str, object]:
-        """Return nothing: it has no angles."""
-        return {}
-
-    @staticmethod
-    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
-        """Leave it as it is: its window is carried, and its marks are drawn anew."""
-        return 0.0
