@@ -94,6 +94,18 @@ def test_a_lamp_drawn_lit_goes_out() -> None:
     assert (on.status, on.angle_deg, off.status, off.angle_deg) == (Status.READ, 1.0, Status.READ, 0.0)
 
 
+@pytest.mark.parametrize("lit", [False, True])
+def test_a_panel_that_has_its_state_wrong_tells_nothing(*, lit: bool) -> None:
+    """Where a flight shows it darker than what is called off, or brighter than what is called lit, nothing is read."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+    shown, other = (0.0, 90.0) if lit else (90.0, 0.0)
+    taught = learn_lamp(lamp, GRID, sample(*[shown] * 8, *[other] * 4), first_lamp(GRID, drawn(shown)))
+
+    assert {found["low_fuel_on"].status for found in read(taught, drawn(0.0), drawn(90.0), lamp=lamp)} == {
+        Status.MISSING
+    }
+
+
 def test_what_lies_over_it_makes_it_missing() -> None:
     """A hand over window and surroundings, and the edge of a shadow across it, are no lamp."""
     hand = drawn(0.0)

@@ -54,6 +54,8 @@ class LampPicture:
         that is lit in the panel picture does not shine more in the sun.
     other
         How many grey levels away its other state is, if the sample shows it.
+    is_contradicted
+        Whether the sample shows it darker than off, or brighter than lit: then the panel has its state wrong.
     """
 
     drawn: UnwrappedGauge
@@ -62,6 +64,7 @@ class LampPicture:
     left: float = NOISE_LEVELS**2
     response: Floats | float = 0.0
     other: float | None = None
+    is_contradicted: bool = False
 
     def told(self, added: Added) -> Floats:
         """(F,): how much light the window adds, grey levels."""
@@ -142,9 +145,11 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     learned = LampPicture(known.drawn, weights / weights.sum(), 0.0, float(np.median(added.left)), response)
     told = learned.told(added)
     learned = replace(learned, sigma=_scatter(told))
-    away = np.abs(told)
+    away = -told if lamp.lit else told
     seen = away[away >= 2 * MISSING_SPREADS * learned.sigmas(added)]
-    return replace(learned, other=float(np.median(seen))) if seen.size else learned
+    whole = added.levels.mean(axis=(1, 2))  # of a wrong state the pixels that tell most are wrong, too
+    is_contradicted = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
+    return replace(learned, other=float(np.median(seen)) if seen.size else None, is_contradicted=is_contradicted)
 
 
 def _response(gains: Floats, levels: Floats) -> Floats:
@@ -190,7 +195,12 @@ class LampReader:
         far = DIMMEST_LEVELS if other is None else other / 2
         is_same = abs(away) <= MISSING_SPREADS * sigma
         is_other = away >= (max(2 * MISSING_SPREADS * sigma, far) if other is None else far)
-        is_told = MISSING_SPREADS * sigma <= far and is_same != is_other and score >= SCORE_THRESHOLD
+        is_told = (
+            not picture.is_contradicted
+            and MISSING_SPREADS * sigma <= far
+            and is_same != is_other
+            and score >= SCORE_THRESHOLD
+        )
         status = Status.READ if is_told else Status.MISSING
         found = {lamp.name: Reading(status, float(is_other != lamp.lit), 0.0, score)}
         if lamp.light is not None:
