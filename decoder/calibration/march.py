@@ -14,10 +14,10 @@ import numpy as np
 
 from decoder.calibration.profile import Array, Line, sampled
 from decoder.calibration.ruler_fit import refuse_off_centre
-from decoder.calibration.thresholds import LEAST_PART
 from decoder.calibration.ticks import GRADUATIONS_INCHES, INCHES_PER_CM, Ticks, find_ticks
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.thresholds import HALF
 from decoder.panel.errors import CalibrationError
 
 BLOCK_WIDTH_PX = 240
@@ -79,7 +79,7 @@ def march(picture: GreyPicture, line: Line, inches: float) -> March:
     refuse_off_centre(line, (width, height))
     ticks = find_ticks(picture, line, inches)
     span = float(ticks.along_px[-1] - ticks.along_px[0])
-    if span < LEAST_PART * width:
+    if span < HALF * width:
         raise CalibrationError(
             f"the ruler covers {span / width:.0%} of the picture's width; distortion shows at the edges,"
             " so let it cover all of it"

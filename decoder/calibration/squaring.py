@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from decoder.calibration.thresholds import MAX_SIDE_PX
 from decoder.imaging.camera_pose import Matrix, Pose
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.errors import CalibrationError
 from decoder.panel.lens import Lens
+from flight_file.thresholds import MAX_PIXELS
 
 LARGEST_GROWTH = 4.0  # of the picture's sides; the far end of a very oblique picture would grow without bound
 
@@ -53,7 +54,7 @@ def square_of(pose: Pose, lens: Lens, points_inches: Matrix) -> Square:
         raise CalibrationError("the picture looks past the panel's horizon; it is too oblique to be squared up")
     low = np.maximum(inches.min(axis=0), middle - reach[0])
     high = np.minimum(inches.max(axis=0), middle + reach[0])
-    per_inch = min(per_inch, MAX_SIDE_PX / float((high - low).max()))
+    per_inch = min(per_inch, math.sqrt(MAX_PIXELS) / float((high - low).max()))
     size = np.ceil((high - low) * per_inch).astype(int)
     flip = -1.0 if pose.y_up else 1.0
     top = high[1] if pose.y_up else low[1]

@@ -2,7 +2,6 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| LEAST_PART | 0.5 | - | of the width for ticks; of the best correlation; of the mean tick | simulated rulers |
 | MIN_TICKS | 5 | ticks | on a line; marks before a tilt is fitted | chance makes fewer |
 | MIN_PERIOD_PX | 2.5 | px | between ticks | the picture's own resolution |
 | PERIODIC | 0.2 | - | autocorrelation of ticks | noise, numerals and edges stay below |
@@ -13,12 +12,10 @@
 | LEAST_TILT_DEG | 5.0 | deg | of the most tilted board | distance and focal length look alike below |
 | SEARCHED_SIDE_PX | 2048 | px | longer side, to look for a chessboard in | 18 MP took 3 GB, so 0.6 |
 | MOST_PIXELS | 2^25 | px | of a photograph | more than hand-held cameras make |
-| MAX_SIDE_PX | 8192 | px | of a picture squared up | memory |
 """
 
 from __future__ import annotations
 
-LEAST_PART = 0.5
 MIN_TICKS = 5
 MIN_PERIOD_PX = 2.5
 PERIODIC = 0.2
@@ -29,4 +26,3 @@ MIN_CORNERS = 12
 LEAST_TILT_DEG = 5.0
 SEARCHED_SIDE_PX = 2048
 MOST_PIXELS = 2**25
-MAX_SIDE_PX = 8192

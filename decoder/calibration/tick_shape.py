@@ -13,8 +13,9 @@ from functools import cache
 import numpy as np
 
 from decoder.calibration.profile import Array, Line
-from decoder.calibration.thresholds import ALIKE, LEAST_PART, PER_PX
+from decoder.calibration.thresholds import ALIKE, PER_PX
 from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Mask
 
 _BESIDE = (-1, 0, 1)
@@ -49,7 +50,7 @@ def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, M
         shape = _mean_tick(away[good], ((levels - base) / gain)[good], period)
         shift, gain, base, alike = _fit(away, levels, shape)
         centres = centres + np.clip(shift, -0.1 * period, 0.1 * period)
-        good = (alike > ALIKE) & (gain[:, 0] > LEAST_PART)  # of the mean tick
+        good = (alike > ALIKE) & (gain[:, 0] > HALF)  # of the mean tick
         if np.count_nonzero(good) < 2:  # noqa: PLR2004 - nothing to take a mean of
             break
     return centres, good

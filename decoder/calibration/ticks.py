@@ -13,18 +13,12 @@ from fractions import Fraction
 import numpy as np
 
 from decoder.calibration.profile import Array, Line, profile
-from decoder.calibration.thresholds import (
-    LEAST_PART,
-    MIN_PERIOD_PX,
-    MIN_TICKS,
-    PER_PX,
-    PERIODIC,
-)
+from decoder.calibration.thresholds import MIN_PERIOD_PX, MIN_TICKS, PER_PX, PERIODIC
 from decoder.calibration.tick_shape import fitted
 from decoder.imaging.pictures import GreyPicture
-from decoder.imaging.thresholds import HAND_PART
+from decoder.imaging.thresholds import HALF, HAND_PART
 from decoder.panel.errors import CalibrationError
-from decoder.registration.thresholds import MIN_CONTRAST_LEVELS
+from decoder.registration.thresholds import NOISE_LEVELS
 
 INCHES_PER_CM = 1 / 2.54
 GRADUATIONS_INCHES = {
@@ -114,7 +108,7 @@ def _none_found() -> CalibrationError:
 def _period(levels: Array, px_per_inch: float) -> tuple[str, float]:
     """Recognize the graduation by the shortest period that a ruler may have; its name, and the period in samples."""
     smooth = levels - _moving_mean(levels, max(len(levels) // 6, 8 * PER_PX))
-    if np.std(smooth) < MIN_CONTRAST_LEVELS:
+    if np.std(smooth) < NOISE_LEVELS:
         raise _none_found()
     correlation = _autocorrelation(smooth)
     inner = correlation[1:-1]
@@ -122,7 +116,7 @@ def _period(levels: Array, px_per_inch: float) -> tuple[str, float]:
     peaks = peaks[peaks >= MIN_PERIOD_PX * PER_PX]
     if not peaks.size or correlation[peaks].max() < PERIODIC:
         raise _none_found()
-    shortest = peaks[correlation[peaks] >= LEAST_PART * correlation[peaks].max()][0]
+    shortest = peaks[correlation[peaks] >= HALF * correlation[peaks].max()][0]
     period = _parabola(correlation, int(shortest))
     apart = period / PER_PX / px_per_inch
     name, size = min(GRADUATIONS_INCHES.items(), key=lambda item: abs(np.log(item[1] / apart)))

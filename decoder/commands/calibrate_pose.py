@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from decoder.calibration.squaring import off_axes_deg, square_of, squared_up
-from decoder.commands.thresholds import STRAIGHT_DEG, WORST_PX
+from decoder.commands.thresholds import WORST_PX
 from decoder.imaging.camera_pose import PARAMETERS, Matrix, Pose, PoseSolution
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.imaging.pictures import GreyPicture
@@ -22,6 +22,7 @@ from decoder.panel.camera import camera_from_file
 from decoder.panel.errors import PanelError
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
+from decoder.registration.thresholds import MAX_ROLL_DEG
 from flight_file.untrusted import say, say_json
 
 EPILOG = """\b
@@ -90,7 +91,7 @@ def _straight_lines(panel: Panel, pose: Pose, lens: Lens, inches: Matrix, pixels
     for first in range(len(inches)):
         for second in range(first + 1, len(inches)):
             meant = off_axes_deg(inches * flip, first, second)
-            if abs(meant) < STRAIGHT_DEG:
+            if abs(meant) < MAX_ROLL_DEG:
                 after = off_axes_deg(on_panel(pixels), first, second)
                 name = f"reference points {first} and {second}"
                 before = off_axes_deg(pixels, first, second) - meant

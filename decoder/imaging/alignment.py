@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.motion import MotionCovariance
-from decoder.imaging.thresholds import RIGID_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.lens import Lens
+from decoder.panel.thresholds import LEAST_VALUE
 
 Point = tuple[float, float]
 Matrix = NDArray[np.float64]
@@ -147,7 +147,7 @@ class Alignment:
 def is_rigid(matrix: Matrix) -> bool:
     """Whether a (3, 3) matrix is a mere shift and roll, but for rounding."""
     turn = matrix[:2, :2] @ matrix[:2, :2].T
-    return bool(np.abs(turn - np.eye(2)).max() < RIGID_PART and np.abs(matrix[2, :2]).max() == 0.0)
+    return bool(np.abs(turn - np.eye(2)).max() < LEAST_VALUE and np.abs(matrix[2, :2]).max() == 0.0)
 
 
 def upright(points: Floats) -> Floats:

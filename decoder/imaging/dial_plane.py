@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from decoder.imaging.motion import Undetermined, carried, homography, jacobian
 from decoder.imaging.optics import Optics
-from decoder.imaging.planes import DialPlane
+from decoder.imaging.planes import MIN_PAIRS, MIN_POINTS, DialPlane
 from decoder.imaging.pose import pose_from_points
-from decoder.imaging.thresholds import HAND_PART, LEAST_RIM_PX, MAX_REFERENCE_MISS, MIN_PAIRS, MIN_POINTS
+from decoder.imaging.thresholds import HAND_PART, MAX_REFERENCE_MISS
 from decoder.panel.description import ReferencePoint
 from decoder.panel.errors import PanelError, PoseError
 from decoder.panel.gauge import Gauge
+from decoder.panel.thresholds import LEAST_WINDOW_PX
 
 Matrix = NDArray[np.float64]
 Point = tuple[float, float]
@@ -144,7 +145,7 @@ def _from_rim(rim: Matrix, centre: Point, right: Matrix, path: str) -> DialPlane
     """
     away = rim - np.array(centre)[:, None]
     size = float(np.hypot(*away).mean())
-    if size < LEAST_RIM_PX:
+    if size < LEAST_WINDOW_PX:
         raise PanelError(f"{path}.rim", "is a point; mark points all round a circle about the gauge's centre")
     shape, nearer = _unit_circle(away / size, size, path)
     # Any turn of the dial about its pivot explains the rim: the one that has 0 degrees to the right is taken.

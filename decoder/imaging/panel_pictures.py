@@ -12,7 +12,7 @@ from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture, grey_picture
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.resampling import inside, part_inside
-from decoder.imaging.thresholds import HALF_SHOWN
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Grid, PolarGrid, grid_of
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera
@@ -87,7 +87,7 @@ class PanelPictures:
     def check_shows_half(self, rim: Floats, path: str) -> None:
         """PanelError unless the panel picture shows half of a dial's rim, as `PolarGrid.rim`."""
         height, width = self.picture.shape
-        if part_inside(rim, self.optics.own, width, height) < HALF_SHOWN:
+        if part_inside(rim, self.optics.own, width, height) < HALF:
             raise PanelError(
                 path,
                 f"lies outside the {width} x {height} picture for more than half; check where it is drawn",

@@ -17,6 +17,9 @@ from decoder.imaging.motion import carried, jacobian
 from decoder.panel.arrays import Floats
 
 Matrix = NDArray[np.float64]
+# Each place of a point in a picture is two equations.
+MIN_POINTS = 3  # of the panel tell a camera position, which has six unknowns
+MIN_PAIRS = 4  # of points tell a plane-to-plane map, which has eight
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,8 @@ from decoder.imaging.camera_pose import (
     solution_of,
     variance_px2,
 )
-from decoder.imaging.thresholds import MAX_SIDE_MISS, MIN_POINTS, NEARLY_REAL, SAME_POSE, THINNEST, TRUSTED_SIGMAS
+from decoder.imaging.planes import MIN_POINTS
+from decoder.imaging.thresholds import MAX_SIDE_MISS, NEARLY_REAL, SAME_POSE, THINNEST, TRUSTED_SIGMAS
 from decoder.panel.errors import DegeneratePoints, PoseError
 from decoder.panel.lens import Lens
 

@@ -9,11 +9,7 @@
 | MAX_ENLARGEMENT | 30.0 | 1 | of frames against the panel picture, by their size or zoom | the longest zoom lenses |
 | MAX_BATCH_FRAMES | 40 | frames | in a batch | the cache |
 | MAX_BATCH_PIXELS | 4 * 4896 * 3672 | px | in a batch, a byte each | four of the camera's largest pictures |
-| MIN_POINTS | 3 | 1 | reference points tell a camera position | six unknowns |
-| MIN_PAIRS | 4 | 1 | pairs of points tell a plane-to-plane map | eight unknowns |
 | LEAST_CONDITION | 2e-3 | 1 | of a map's equations: below it more than one fits | points on one line |
-| RIGID_PART | 1e-9 | 1 | that a shift and a roll may miss by | rounding |
-| LEAST_RIM_PX | 1.0 | px | a rim has: a smaller one is a point | a pixel |
 | HAND_PART | 0.1 | 1 | of its size, that what a hand marked may lie off: a rim, a ruler, a line | marked by hand |
 | MAX_REFERENCE_MISS | 0.03 | spans | reference points may lie off one plane | measured by hand |
 | AGREEMENT_INCHES | 1e-7 | inches | in which three points agree, or more stay | the thesis, 3.1.2 |
@@ -22,7 +18,7 @@
 | NEARLY_REAL | 0.3 | 1 | imaginary part of a root that is still a guess | a double root split by noise |
 | MAX_SIDE_MISS | 0.05 | 1 | by which a guess may miss the triangle's third side | noise |
 | THINNEST | 0.02 | 1 | breadth over length of points that are no line | marked by hand |
-| HALF_SHOWN | 0.5 | 1 | of a feature, of a dial's gradients, or of its rim, that a picture must show | half |
+| HALF | 0.5 | 1 | of a feature, a rim, a needle's contrast, of frames or ticks: half of them | by its meaning |
 | SAME_POSE | 1e-5 | 1 | by which two iterations that ended alike differ | they end at 1e-7 |
 """
 
@@ -33,11 +29,7 @@ MAX_COLUMNS = 64
 MAX_ENLARGEMENT = 30.0
 MAX_BATCH_FRAMES = 40
 MAX_BATCH_PIXELS = 4 * 4896 * 3672
-MIN_POINTS = 3
-MIN_PAIRS = 4
 LEAST_CONDITION = 2e-3
-RIGID_PART = 1e-9
-LEAST_RIM_PX = 1.0
 HAND_PART = 0.1
 MAX_REFERENCE_MISS = 0.03
 AGREEMENT_INCHES = 1e-7
@@ -46,5 +38,5 @@ TRUSTED_SIGMAS = 4.0
 NEARLY_REAL = 0.3
 MAX_SIDE_MISS = 0.05
 THINNEST = 0.02
-HALF_SHOWN = 0.5
+HALF = 0.5
 SAME_POSE = 1e-5

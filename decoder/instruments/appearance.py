@@ -35,12 +35,11 @@ from decoder.matching.faces import bare_face
 from decoder.matching.needle_layer import cut_over, first_layer
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.needles import Needle as DescribedNeedle
-from decoder.registration.thresholds import MIN_CONTRAST_LEVELS
+from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +238,7 @@ def _template_picture(
         window = grid.at(template.at, rows)
         source.check_shows(window.rim(), path)
         pixels = Unwrapper([window]).unwrap(picture, source.optics.own)[0]
-    if float(pixels.std()) < MIN_CONTRAST_LEVELS:
+    if float(pixels.std()) < NOISE_LEVELS:
         raise PanelError(
             path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"
         )

@@ -14,20 +14,20 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.resampling import inside, part_inside
-from decoder.imaging.thresholds import HALF_SHOWN
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Grid, PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, DrawnInstrument
 from decoder.instruments.readers import InstrumentReaders, kind_of
 from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.instruments.sampling import Samples
 from decoder.instruments.thresholds import SURE_SCORE
-from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.panel.errors import PictureError
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import FramePlacer, Taken, UnwrappedFrame, UnwrappedPanel
 from decoder.registration.placement import Placement, PlaceUncertainty
+from decoder.registration.thresholds import SCORE_THRESHOLD
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class PanelReader:
         if all(frame.whole) or frame.size_px is None or frame.dial_shifts_px:
             return list(frame.whole)
         return [
-            is_whole or (_may_be_cut(gauge) and part_inside(rim, frame.alignment, *frame.size_px) >= HALF_SHOWN)
+            is_whole or (_may_be_cut(gauge) and part_inside(rim, frame.alignment, *frame.size_px) >= HALF)
             for is_whole, gauge, rim in zip(frame.whole, self.source.panel.gauges, self.drawn.rims, strict=True)
         ]
 

@@ -4,8 +4,6 @@
 | --- | --- | --- | --- | --- |
 | CLEARLY_WORSE | 2.0 | of unexplained variance | a place that leaves no more than so many times the best may be the needle's | drawn: bugs, tails |
 | SATURATED_LEVEL | 245.0 | grey levels | brighter pixels say nothing of what lies below | JPEG rings by some levels around 255 |
-| LIKELY_SCORE | 0.6 | NCC | a needle is taken into account when others are read, a card when it is learned, and another place as a rival | drawn: altimeters |
-| CLEAR_SCORE | 0.9 | NCC | so well a covering needle must match to hide another, and all together what is seen | drawn: altimeters |
 | SURE_SCORE | 0.95 | NCC | so well a sliver in a stack must match, and a needle that few frames show | drawn: altimeters |
 | MISSING_SPREADS | 5.0 | sigma | what is further off is something else: a lamp from its states, a value from its neighbours, a clock | beyond any chance |
 | DIMMEST_LEVELS | 25.0 | grey levels | a lamp that no frame taught adds so much light at least | a tenth of white |
@@ -26,8 +24,6 @@ from __future__ import annotations
 
 CLEARLY_WORSE = 2.0
 SATURATED_LEVEL = 245.0
-LIKELY_SCORE = 0.6
-CLEAR_SCORE = 0.9
 SURE_SCORE = 0.95
 MISSING_SPREADS = 5.0
 DIMMEST_LEVELS = 25.0

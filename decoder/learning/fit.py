@@ -16,6 +16,7 @@ from decoder.imaging.alignment import Alignment, Point
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.planes import DialPlane
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, unwrapped
@@ -34,7 +35,7 @@ from decoder.learning.pivots import (
 )
 from decoder.learning.seen_faces import with_seen_faces
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
-from decoder.matching.thresholds import FAR_PART, HALF, REACH_PART
+from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel

@@ -26,11 +26,11 @@ from decoder.learning.thresholds import (
 from decoder.matching.faces import LitViews
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import NOISE_LEVELS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.registration.thresholds import NOISE_LEVELS
 
 
 def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mapping[str, Reading]]) -> PanelReader:

@@ -21,8 +21,9 @@ import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_SPREAD_LEVELS, NOISE_LEVELS, OUTLIER_SPREADS
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, limited
+from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
 EVERY = 4  # pixels: so many tell a median as well
 ROUNDING = np.finfo(np.float32).eps  # keeps a division by the weight of no pixels finite

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from decoder.imaging.sorting import median, middle_views
-from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_VIEWS, NOISE_LEVELS
+from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_VIEWS
 from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.registration.thresholds import NOISE_LEVELS
 
 LIGHT_STRIDE = 3
 LIGHT_PASSES = 2

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import MIN_LIGHT_GAIN, NOISE_LEVELS
+from decoder.matching.thresholds import MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats, Indices
+from decoder.registration.thresholds import NOISE_LEVELS
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.thresholds import HALF
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import (
     FADED_PART,
-    HALF,
     MIN_CONTRAST_PART,
     MIN_HALF_PART,
     MIN_LIGHT_GAIN,
-    NOISE_LEVELS,
     OUTLIER_SPREADS,
     OUTLINE_PART,
 )
 from decoder.panel.arrays import Floats, Mask
+from decoder.registration.thresholds import NOISE_LEVELS
 
 PRIOR_SPREAD = 0.2
 MAX_EDGE_ROWS = 6

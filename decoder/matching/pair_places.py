@@ -24,8 +24,9 @@ from decoder.matching.fitting import (
 from decoder.matching.lower_layer import LowerNeedle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import Strips
-from decoder.matching.thresholds import MAX_FRACTION_ROWS, SCORE_THRESHOLD
+from decoder.matching.thresholds import MAX_FRACTION_ROWS
 from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.registration.thresholds import SCORE_THRESHOLD
 
 
 @dataclass(frozen=True, slots=True)

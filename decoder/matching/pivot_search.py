@@ -21,10 +21,11 @@ from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.matching.correlation import sliding_sums
 from decoder.matching.needle_template import odd_rows
-from decoder.matching.thresholds import FAR_GAIN, FAR_PART, NOISE_LEVELS, REACH_PART
+from decoder.matching.thresholds import FAR_GAIN, FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.pivot import across
+from decoder.registration.thresholds import NOISE_LEVELS
 
 Vector = tuple[float, float]
 Score = Callable[[Floats], Floats]

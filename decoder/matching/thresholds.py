@@ -2,17 +2,13 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| SCORE_THRESHOLD | 0.8 | NCC | a needle that matches less is not read | thesis 3.2.3, by trial; others for infrared targets |
-| MIN_SPREAD_LEVELS | 0.2 | grey levels | below it there is nothing but rounding to correlate with | rounding of 8 bits has 0.29 |
 | FACE_NOISE_LEVELS | 1.0 | grey levels | a face with less spread explains nothing but noise | a quiet sensor's noise |
-| NOISE_LEVELS | 4.0 | grey levels | spread of a pixel over the frames that is sensor and JPEG noise | measured on JPEGs of quality 75 to 90 |
 | OUTLIER_SPREADS | 3.5 | standard deviations | what is further off is another thing | 1 in 2,000 of normal noise |
 | MIN_CONTRAST_PART | 0.05 | of a needle's contrast | less is no needle, and covers nothing | drawn |
 | FADED_PART | 0.06 | of a needle's contrast | at the end of its blurred edge | drawn |
 | OUTLINE_PART | 0.35 | of a needle's contrast | at its outline | a strangers' moving cockpit: with 0.3 a third more grossly off |
 | MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
 | SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
-| HALF | 0.5 | of a needle's contrast, of frames | half of them | by its meaning |
 | MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
 | MIN_VIEWS | 3 | frames | so many show a pixel of the face without a needle, or where the camera stands; more may not need more than their first rows | least number that has a middle |
 | MIN_VISIBLE | 0.15 | of a needle's contrast | with less in sight a template matches too many things | drawn |
@@ -32,17 +28,13 @@
 
 from __future__ import annotations
 
-SCORE_THRESHOLD = 0.8
-MIN_SPREAD_LEVELS = 0.2
 FACE_NOISE_LEVELS = 1.0
-NOISE_LEVELS = 4.0
 OUTLIER_SPREADS = 3.5
 MIN_CONTRAST_PART = 0.05
 FADED_PART = 0.06
 OUTLINE_PART = 0.35
 MIN_HALF_PART = 0.3
 SHOWN_PART = 0.2
-HALF = 0.5
 MIN_LIGHT_GAIN = 0.2
 MIN_VIEWS = 3
 MIN_VISIBLE = 0.15

@@ -15,8 +15,9 @@ from decoder.matching.fitting import Fits, WindowFitter, settle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.searching import COARSE_STEP, peaks_of, thinned
 from decoder.matching.strips import Strips, UncoveredPixels
-from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.registration.thresholds import SCORE_THRESHOLD
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,6 @@ import numpy as np
 
 from decoder.imaging.alignment import Alignment
 from decoder.instruments.reading import Status
-from decoder.outputs.thresholds import DIGITS_OF_FULL_SCALE
 from decoder.panel.errors import TableError
 from decoder.panel.lens import Lens
 from decoder.panel.panel import LEADING_COLUMNS, NEEDLE_SUFFIXES, Panel
@@ -32,6 +31,7 @@ from flight_file.thresholds import MAX_SIDE_PX
 from flight_file.untrusted import printable, to_cell
 
 SCORE_DECIMALS = 4
+DIGITS_OF_FULL_SCALE = 6  # a millionth of it, finer than any reading
 TIME_DECIMALS = 6
 
 COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shift_y_px", "roll_deg", "scale", "matrix")

@@ -15,7 +15,7 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.unwrapping import PolarGrid, gauge_grid
 from decoder.outputs.report_flags import jpeg_text
-from decoder.outputs.thresholds import LETTER_WIDTH, PICTURE_PX
+from decoder.outputs.thresholds import PICTURE_PX
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera
 from decoder.panel.errors import CameraError
@@ -27,6 +27,7 @@ JPEG_QUALITY = 78
 ARC_STEP_DEG = 4.0
 TICK_PART = 0.14  # of the radius, inward from the perimeter
 LINE_HEIGHT = 1.15  # of a text, in its size
+LETTER_WIDTH = 0.62  # of a letter without serifs, in its size
 VALUE_AT = 1.17  # outside the rim, where the dial's own numerals stay in sight
 
 STEPS = 61

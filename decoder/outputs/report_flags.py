@@ -23,9 +23,9 @@ from PIL import Image
 
 from decoder.imaging.pictures import ColourPicture
 from decoder.instruments.reading import Status
-from decoder.matching.thresholds import SCORE_THRESHOLD
 from decoder.outputs.drawn_readings import DrawnGauge, Point
 from decoder.panel.scale import shortest
+from decoder.registration.thresholds import SCORE_THRESHOLD
 from decoder.timeseries.cross_checks import CrossCheck, Disagreement, cross_checks
 from decoder.timeseries.events import What, find_events
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans

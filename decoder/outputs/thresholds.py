@@ -4,8 +4,6 @@
 | --- | --- | --- | --- | --- |
 | PICTURE_PX | 1600 | px | width to which small frames are enlarged, and large pictures shrunk | a screen |
 | CROP_PX | 720 | px | longer side of a gauge drawn alone, at least | a needle can be judged by eye |
-| LETTER_WIDTH | 0.62 | - | of a letter, in its size; names nearer than that overlap | sans-serif letters |
-| DIGITS_OF_FULL_SCALE | 6 | digits | of a value: a millionth of full scale | finer than any reading |
 | LARGEST_BYTES | 24 M | bytes | of a report; half may be pictures | a mail takes it |
 | MOST_FLAGS | 2000 | rows | of flags in a report | a browser scrolls them |
 | MOST_LISTED | 10 | lines | of one kind that are told one by one | a terminal |
@@ -15,8 +13,6 @@ from __future__ import annotations
 
 PICTURE_PX = 1600
 CROP_PX = 720
-LETTER_WIDTH = 0.62
-DIGITS_OF_FULL_SCALE = 6
 LARGEST_BYTES = 24_000_000
 MOST_FLAGS = 2000
 MOST_LISTED = 10

@@ -18,7 +18,7 @@ import numpy as np
 
 from decoder.imaging.alignment import Matrix, Point
 from decoder.imaging.motion import Frame2D, Model
-from decoder.imaging.thresholds import MIN_PAIRS
+from decoder.imaging.planes import MIN_PAIRS
 from decoder.panel.arrays import Floats
 from decoder.registration.anchors import AnchorHit
 from decoder.registration.thresholds import (

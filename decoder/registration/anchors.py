@@ -18,7 +18,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Anchor
-from decoder.registration.thresholds import MAX_REDUCTION, MIN_CONTRAST_LEVELS, MIN_REDUCED_PX
+from decoder.registration.thresholds import MAX_REDUCTION, MIN_REDUCED_PX, NOISE_LEVELS
 
 SEARCH_MARGIN_PX = 16
 # A panel may have several features that look alike; so many places are kept for each anchor.
@@ -132,7 +132,7 @@ def check_anchor(anchor: Anchor, picture: GreyPicture, *, path: str) -> None:
     left, top, width, height = whole_box(anchor)
     if left < 0 or top < 0 or left + width > picture.shape[1] or top + height > picture.shape[0]:
         raise PanelError(f"{path}.box", f"lies outside the {picture.shape[1]} x {picture.shape[0]} panel picture")
-    if float(picture[top : top + height, left : left + width].std()) < MIN_CONTRAST_LEVELS:
+    if float(picture[top : top + height, left : left + width].std()) < NOISE_LEVELS:
         raise PanelError(f"{path}.box", "holds nothing that could be found again; box a feature with contrast")
 
 

@@ -21,7 +21,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.resampling import PointMap
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
-from decoder.imaging.thresholds import HALF_SHOWN
+from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.registration.thresholds import (
@@ -29,9 +29,9 @@ from decoder.registration.thresholds import (
     BESIDE_SWEEP_DEG,
     DIAL_POINTS_ACROSS,
     MAX_BEND_PART,
-    MIN_FEATURE_SCORE,
     MIN_FIRST_SCORE,
     REACH,
+    SCORE_THRESHOLD,
     SEARCH_PX,
     SETTLED_PX,
     SPREADS_LEVELS,
@@ -240,11 +240,7 @@ class GaugePlacer:
         there = motion @ (x, y, 1.0)
         shift = (float(there[0] / there[2]) - x, float(there[1] / there[2]) - y)
         bend = np.abs(motion[:2, :2] - np.eye(2)).max()
-        if (
-            score < MIN_FEATURE_SCORE
-            or float(weights @ self._strength) < HALF_SHOWN
-            or math.hypot(*shift) > 2 * SEARCH_PX
-        ):
+        if score < SCORE_THRESHOLD or float(weights @ self._strength) < HALF or math.hypot(*shift) > 2 * SEARCH_PX:
             return None
         if bend > MAX_BEND_PART:
             return None

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment, bent
 from decoder.imaging.pictures import GreyPicture
-from decoder.imaging.thresholds import HALF_SHOWN
+from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.lens import Lens
-from decoder.registration.thresholds import FLAT_LEVELS, MAX_ROLL_DEG, POINTS_ACROSS
+from decoder.registration.thresholds import MAX_ROLL_DEG, MIN_SPREAD_LEVELS, POINTS_ACROSS
 
 Carry = Callable[[Floats], Floats]
 """Takes (2, N) points from one picture to another."""
@@ -70,7 +70,7 @@ class Feature:
     def score(self, frame: GreyPicture, alignment: Alignment) -> float:
         """NCC of frame and panel picture at the points; 0 where either is flat or half of them not in the frame."""
         within = self.within(frame, alignment)
-        if within.mean() < HALF_SHOWN:
+        if within.mean() < HALF:
             return 0.0
         samples = self.sample(frame, alignment)
         return float(correlation_of_rows(samples[None, within], self.pixels[within])[0])
@@ -89,7 +89,7 @@ def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
     rows = rows - rows.mean(axis=1, keepdims=True)
     pixels = pixels - pixels.mean()
     norms = np.sqrt((rows * rows).sum(axis=1) * float((pixels * pixels).sum()))
-    scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * FLAT_LEVELS**2)
+    scores = np.divide(rows @ pixels, norms, out=np.zeros_like(norms), where=norms > len(pixels) * MIN_SPREAD_LEVELS**2)
     clipped: Floats = np.clip(scores, -1.0, 1.0)
     return clipped
 

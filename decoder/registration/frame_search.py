@@ -22,7 +22,7 @@ from decoder.imaging.alignment import Alignment, Matrix, Point, is_rigid
 from decoder.imaging.motion import Model
 from decoder.imaging.motion import carried as all_carried
 from decoder.imaging.pictures import GreyPicture
-from decoder.imaging.thresholds import MIN_PAIRS
+from decoder.imaging.planes import MIN_PAIRS
 from decoder.panel.errors import AlignmentLost
 from decoder.registration.agreement import NEAR_PART, NEAR_PX, agreements, consistent, fitted
 from decoder.registration.anchors import SEARCH_MARGIN_PX, AnchorHit
@@ -30,11 +30,11 @@ from decoder.registration.features import Feature
 from decoder.registration.registration import Registered, Registration
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.thresholds import (
+    LIKELY_SCORE,
     MAX_FEW_SHIFT_PX,
-    MIN_FEATURE_SCORE,
     MIN_FIRST_SCORE,
     MIN_GUESS_SCORE,
-    MIN_HIT_SCORE,
+    SCORE_THRESHOLD,
     SIGNIFICANT_SIGMAS,
     TURNS_DEG,
 )
@@ -153,12 +153,12 @@ class AlignmentRefiner:
             If not; it names what was not found, and its score.
         """
         anchors = {name: score for name, score in scores.items() if name != "level"}
-        good = sum(score >= MIN_FEATURE_SCORE for score in anchors.values())
+        good = sum(score >= SCORE_THRESHOLD for score in anchors.values())
         name, best = max(anchors.items(), key=lambda item: item[1])
         failed = failing(scores)
-        if best < MIN_FEATURE_SCORE:
+        if best < SCORE_THRESHOLD:
             raise AlignmentLost(f"anchor {name} not found (score {best:.2f})", failed)
-        if good == 1 and self._seen.level and scores["level"] < MIN_FEATURE_SCORE:
+        if good == 1 and self._seen.level and scores["level"] < SCORE_THRESHOLD:
             raise AlignmentLost(f"level edge not found (score {scores['level']:.2f})", failed)
         if good == 1 and not self._seen.level and len(anchors) > 1:
             raise AlignmentLost(f"only anchor {name} found, and the roll is unknown without another", failed)
@@ -218,7 +218,7 @@ def carried(matrix: Matrix, point_px: Point) -> Point:
 
 def failing(scores: Scores) -> tuple[str, ...]:
     """Names of the features that do not match."""
-    return tuple(name for name, score in scores.items() if score < MIN_FEATURE_SCORE)
+    return tuple(name for name, score in scores.items() if score < SCORE_THRESHOLD)
 
 
 def _names(features: Sequence[Feature]) -> list[str]:
@@ -255,7 +255,7 @@ class FrameSearch:
     def rough_alignment(self) -> Alignment | None:
         """Return what most anchors agree on, each found by itself; None if fewer than two are found well."""
         finders = self._seen.finders
-        hits = [[hit for hit in finder.anywhere(self._frame) if hit.score >= MIN_HIT_SCORE] for finder in finders]
+        hits = [[hit for hit in finder.anywhere(self._frame) if hit.score >= LIKELY_SCORE] for finder in finders]
         for agreement in agreements([finder.centre_px for finder in finders], hits):
             failed = tuple(
                 anchor.name for index, anchor in enumerate(self._seen.anchors) if index not in agreement.hits
@@ -337,7 +337,7 @@ class FrameSearch:
         for index, finder in enumerate(finders):
             if finder.name in there.failed:
                 hit = finder.seen_through(self._frame, there.alignment, margin_px)
-                if hit.score >= MIN_HIT_SCORE:
+                if hit.score >= LIKELY_SCORE:
                     again[index] = hit
             else:
                 centre_px = carried(there.alignment.matrix, finder.centre_px)
@@ -351,5 +351,5 @@ class FrameSearch:
     def _checked(self, there: RefinedAlignment) -> Alignment:
         """Accept the alignment of the panel picture, if its features match well enough."""
         self._settling.check(there.alignment, there.scores)
-        score = min(score for score in there.scores.values() if score >= MIN_FEATURE_SCORE)
+        score = min(score for score in there.scores.values() if score >= SCORE_THRESHOLD)
         return replace(there.alignment.after(self._seen.usual), score=score, failed=there.failed)

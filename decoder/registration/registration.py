@@ -22,11 +22,11 @@ from decoder.imaging.resampling import Patch, PointMap, levels_at, put_levels
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.registration.features import Feature
 from decoder.registration.thresholds import (
-    FLAT_LEVELS,
     FULL_STEPS,
     MAX_SHRINKAGE,
     MAX_STEP_PX,
     MIN_GUESS_SCORE,
+    MIN_SPREAD_LEVELS,
     SETTLED_PX,
 )
 
@@ -72,7 +72,7 @@ class FeatureSolver:
     @property
     def flat_energy(self) -> float:
         """What pixels have at most that show next to nothing."""
-        return float(FLAT_LEVELS**2 * self.rows.shape[1])
+        return float(MIN_SPREAD_LEVELS**2 * self.rows.shape[1])
 
     def seen_in_each(self, values: Floats) -> tuple[Floats, Floats]:
         """In F frames, (F, N) float32 or a few more: the sums (F, parameters + 1) and the energies (F,)."""

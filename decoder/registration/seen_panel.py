@@ -18,7 +18,7 @@ from decoder.imaging.alignment import Alignment, Matrix, Point
 from decoder.imaging.motion import Model
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture
-from decoder.imaging.thresholds import MIN_PAIRS
+from decoder.imaging.planes import MIN_PAIRS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.lens import Lens
@@ -26,7 +26,7 @@ from decoder.panel.panel import Anchor, Panel
 from decoder.registration.anchors import AnchorFinder, middle_of, whole_box
 from decoder.registration.features import Feature, LevelFinder, anchor_feature, level_feature, sample, seen_through
 from decoder.registration.registration import Look, Registration
-from decoder.registration.thresholds import KEPT, MAX_SIGMA_PX, MIN_CONTRAST_LEVELS, UNMISTAKABLE_SCORE
+from decoder.registration.thresholds import CLEAR_SCORE, KEPT, MAX_SIGMA_PX, NOISE_LEVELS
 
 
 class SeenPanel:
@@ -74,7 +74,7 @@ class SeenPanel:
         found = self.registration(self.features).refine(looks)
         lowest = [0.0 if one is None else min(one.scores.values()) for one in found]
         return [
-            None if one is None or score < UNMISTAKABLE_SCORE else replace(one.alignment.after(self.usual), score=score)
+            None if one is None or score < CLEAR_SCORE else replace(one.alignment.after(self.usual), score=score)
             for one, score in zip(found, lowest, strict=True)
         ]
 
@@ -142,7 +142,7 @@ class SeenPanel:
         return Model.RIGID if len(features) > 1 else Model.SHIFT
 
     def _worst_sigma_px(self, registration: Registration) -> float:
-        return float(registration.predicted(MIN_CONTRAST_LEVELS).sigma_px(self.gauges).max())
+        return float(registration.predicted(NOISE_LEVELS).sigma_px(self.gauges).max())
 
     def _seen(self, feature: Feature) -> Feature:
         if self._is_as_drawn:

@@ -4,9 +4,9 @@
 | --- | --- | --- | --- | --- |
 | MIN_GUESS_SCORE | 0.3 | NCC | a feature may count in a guess | before the last pixel is settled |
 | MIN_FIRST_SCORE | 0.45 | NCC | a rolled or blurred anchor, or a dial, is found | by trial |
-| MIN_HIT_SCORE | 0.6 | NCC | an anchor that no other holds in place is found | by trial |
-| MIN_FEATURE_SCORE | 0.8 | NCC | a feature is found at last | the thesis, 3.2.1 |
-| UNMISTAKABLE_SCORE | 0.9 | NCC | all features at their usual place need no search | by trial |
+| LIKELY_SCORE | 0.6 | NCC | an anchor that no other holds, a needle below others, a card, a rival | by trial |
+| SCORE_THRESHOLD | 0.8 | NCC | what matches less is not found, or not read | the thesis, 3.2.1 and 3.2.3 |
+| CLEAR_SCORE | 0.9 | NCC | what needs no search, hides another, or shows the same over time | by trial |
 | MAX_SCALE_CHANGE | 0.15 | 1 | against the usual scale, of two anchors' proposal | a camera that is held |
 | MAX_ROLL_DEG | 14.0 | degrees | against the usual roll, of a proposal or the level | a camera that is held |
 | MAX_PROPOSALS | 3 | 1 | motions that anchors agree on are tried | each costs a registration |
@@ -22,8 +22,8 @@
 | MAX_STEP_PX | 6.0 | px | a longer step says that the frame is lost | half a patch's margin more |
 | MAX_SHRINKAGE | 0.9 | 1 | steps that shrink by less are noise | by trial |
 | MAX_SIGMA_PX | 0.25 | px | at a gauge, of a motion's model that is used | a quarter of a pixel |
-| FLAT_LEVELS | 0.2 | levels | of spread: less is rounding | whole grey levels |
-| MIN_CONTRAST_LEVELS | 4.0 | levels | of spread that an anchor must have | noise of JPEG pictures |
+| MIN_SPREAD_LEVELS | 0.2 | levels | of spread: less is rounding | whole grey levels have 0.29 |
+| NOISE_LEVELS | 4.0 | levels | of spread are a sensor's and a JPEG's noise | measured at quality 75 to 90 |
 | POINTS_ACROSS | 44 | 1 | of an anchor, or along the level edge | more share their noise |
 | DIAL_POINTS_ACROSS | 48 | 1 | of a dial | by trial |
 | MIN_REDUCED_PX | 14 | px | an anchor keeps when the frame is made smaller | by trial |
@@ -45,9 +45,9 @@
 
 MIN_GUESS_SCORE = 0.3
 MIN_FIRST_SCORE = 0.45
-MIN_HIT_SCORE = 0.6
-MIN_FEATURE_SCORE = 0.8
-UNMISTAKABLE_SCORE = 0.9
+LIKELY_SCORE = 0.6
+SCORE_THRESHOLD = 0.8
+CLEAR_SCORE = 0.9
 MAX_SCALE_CHANGE = 0.15
 MAX_ROLL_DEG = 14.0
 MAX_PROPOSALS = 3
@@ -63,8 +63,8 @@ SETTLED_PX = 0.01
 MAX_STEP_PX = 6.0
 MAX_SHRINKAGE = 0.9
 MAX_SIGMA_PX = 0.25
-FLAT_LEVELS = 0.2
-MIN_CONTRAST_LEVELS = 4.0
+MIN_SPREAD_LEVELS = 0.2
+NOISE_LEVELS = 4.0
 POINTS_ACROSS = 44
 DIAL_POINTS_ACROSS = 48
 MIN_REDUCED_PX = 14

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.resampling import levels_at
-from decoder.matching.thresholds import HALF, NOISE_LEVELS
+from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
+from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px, rim_of
 from decoder.setup.thresholds import (
     CLEARLY_NEARER,

@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from decoder.panel.errors import DecoderError
-from decoder.setup.thresholds import MAX_BODY_BYTES
+from flight_file.thresholds import MAX_YAML_BYTES
 
 OWN_SITES = (None, "same-origin", "none")
 HEADERS = {
@@ -31,10 +31,10 @@ HEADERS = {
 
 
 class BodyTooLarge(DecoderError):
-    """A request's body is larger than `MAX_BODY_BYTES`, or goes on after them."""
+    """A request's body is larger than `MAX_YAML_BYTES`, or goes on after them."""
 
     def __init__(self) -> None:
-        super().__init__(f"the request is larger than {MAX_BODY_BYTES // 2**20} MiB")
+        super().__init__(f"the request is larger than {MAX_YAML_BYTES // 2**20} MiB")
 
 
 class Guard:
@@ -85,7 +85,7 @@ class Guard:
         if not secrets.compare_digest(first.encode(errors="replace"), self._token.encode()):
             return HTTPStatus.FORBIDDEN, "the token is missing or wrong; open the address that `decode setup` printed"
         length = headers.get("content-length", "0")
-        if not length.isdecimal() or len(length) > len(str(MAX_BODY_BYTES)) or int(length) > MAX_BODY_BYTES:
+        if not length.isdecimal() or len(length) > len(str(MAX_YAML_BYTES)) or int(length) > MAX_YAML_BYTES:
             return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, str(BodyTooLarge())
         return None
 
@@ -97,7 +97,7 @@ def _counted(receive: Receive) -> Receive:
         nonlocal taken
         message = await receive()
         taken += len(message.get("body", b""))
-        if taken > MAX_BODY_BYTES:
+        if taken > MAX_YAML_BYTES:
             raise BodyTooLarge
         return message
 

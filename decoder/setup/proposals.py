@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane, Raised
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, Unwrapper, polar_grid
-from decoder.matching.thresholds import HALF, NOISE_LEVELS, OUTLIER_SPREADS
+from decoder.matching.thresholds import OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.thresholds import MIN_PART
 
 REACH_DEG = 7.0

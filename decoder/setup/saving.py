@@ -16,7 +16,7 @@ import yaml
 
 from decoder.panel.errors import OutputError, PanelError
 from decoder.panel.gauge import KINDS
-from decoder.setup.thresholds import MAX_BODY_BYTES
+from flight_file.thresholds import MAX_YAML_BYTES
 from flight_file.untrusted import file_name, name_key, read_beside, read_regular
 
 PLACES = 4
@@ -147,7 +147,7 @@ class DraftFile:
     def read(self) -> Draft | None:
         """Return what was kept; None where nothing is, or nothing that can be gone on with."""
         try:
-            kept = json.loads(read_regular(self._path, limit_bytes=MAX_BODY_BYTES, through_links=False))
+            kept = json.loads(read_regular(self._path, limit_bytes=MAX_YAML_BYTES, through_links=False))
             document, picture = kept["document"], kept["picture"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None

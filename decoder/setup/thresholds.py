@@ -8,7 +8,6 @@
 | CLEARLY_NEARER | 0.75 | - | of a circle's miss, that an ellipse misses by | five numbers fit better than three |
 | MOST_LEFT | 0.35 | - | of a pivot's displacement that a height may leave | else it is a badly drawn centre |
 | KEPT_BYTES | 450 Mi | bytes | of pictures in memory | twenty of 18 MP in grey, one in colour |
-| MAX_BODY_BYTES | 2 Mi | bytes | of a request | a large panel takes a tenth |
 """
 
 from __future__ import annotations
@@ -19,4 +18,3 @@ MAX_FLATNESS = 0.66
 CLEARLY_NEARER = 0.75
 MOST_LEFT = 0.35
 KEPT_BYTES = 450 * 2**20
-MAX_BODY_BYTES = 2 * 2**20

@@ -16,8 +16,9 @@ from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError
 from decoder.panel.vocabulary import WINDOW_S
+from decoder.registration.thresholds import CLEAR_SCORE
 from decoder.timeseries.tables import FlightTable, Table
-from decoder.timeseries.thresholds import MAX_COARSE_ROWS, MIN_CORRELATION, MIN_OVERLAP, MIN_ROWS, STEP_S
+from decoder.timeseries.thresholds import MAX_COARSE_ROWS, MIN_OVERLAP, MIN_ROWS, STEP_S
 
 PASSES = 12
 SEEN = (Status.READ.value, Status.EDGE.value)
@@ -121,7 +122,7 @@ def _best(pairs: Sequence[_Pair], truth: Table, window_s: float) -> tuple[float,
     enough = np.isfinite(table).sum(axis=0) >= max(1, np.isfinite(table).sum(axis=0).max() // 2)
     mean = np.where(enough, np.nanmean(np.where(enough, table, 0.0), axis=0), -1.0)
     best = int(mean.argmax())
-    if mean[best] < MIN_CORRELATION:
+    if mean[best] < CLEAR_SCORE:
         raise AccuracyError(
             f"{truth.path}: its curves are nowhere like the flight's within {window_s:g} s (best correlation"
             f" {mean[best]:.2f}); check --map, or give --offset SECONDS"
@@ -132,7 +133,7 @@ def _best(pairs: Sequence[_Pair], truth: Table, window_s: float) -> tuple[float,
             " --window, or give --offset SECONDS"
         )
     away = np.abs(offsets - offsets[best]) > 10 * STEP_S
-    if away.any() and mean[away].max() > mean[best] - (1 - MIN_CORRELATION) / 5:
+    if away.any() and mean[away].max() > mean[best] - (1 - CLEAR_SCORE) / 5:
         other = float(offsets[away][mean[away].argmax()])
         raise AccuracyError(
             f"{truth.path}: offsets of {offsets[best]:+.1f} s and {other:+.1f} s match alike; give --offset SECONDS"

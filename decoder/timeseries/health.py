@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
-from decoder.matching.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, shortest
 from decoder.timeseries.flight_data import FlightData, NeedleSeries

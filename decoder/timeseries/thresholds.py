@@ -6,7 +6,6 @@
 | MAX_COARSE_ROWS | 2000 | rows | of a flight that are looked at while offsets are tried | tells the offset to a step |
 | MIN_ROWS | 12 | rows | that two curves must share to be compared | fewer fit by chance |
 | MIN_OVERLAP | 0.3 | - | part of the flight's rows within the truth | less fits by chance |
-| MIN_CORRELATION | 0.9 | - | of curves that show the same; a fifth of the rest is alike | two needles stay below |
 | CONFIDENCE_SIGMAS | 1.96 | sigma | hold 95 % of errors | normal distribution |
 | NEEDED_PART | 0.95 | - | of a needle's values within a recorder's limit | a truth at 1 Hz is interpolated |
 | SMALLEST_PART | 0.01 | - | of full scale; leaving the line by less is of no consequence | rendered flights |
@@ -27,7 +26,6 @@ STEP_S = 0.5
 MAX_COARSE_ROWS = 2000
 MIN_ROWS = 12
 MIN_OVERLAP = 0.3
-MIN_CORRELATION = 0.9
 CONFIDENCE_SIGMAS = 1.96
 NEEDED_PART = 0.95
 SMALLEST_PART = 0.01

@@ -26,9 +26,7 @@ RAISED = (
 )
 OFF_AXIS = "a card that is seen from further aside than sigma allows for where a dial is drawn as square on"
 COARSE = "the 10,000 ft pointer moves by 11 degrees over the printed ALT, so the face behind it is never seen bare"
-UNPLACED = (
-    "the dim dial's own marks score 0.73 to 0.80, under MIN_FEATURE_SCORE, so registration does not place the dial"
-)
+UNPLACED = "the dim dial's own marks score 0.73 to 0.80, under SCORE_THRESHOLD, so registration does not place the dial"
 STEM = "the stem of the half-learned 10,000 ft pointer looks like the 100 ft one, which explains the dial as well there"
 DIM = "in the dim altimeter the value is read, but not each pointer: they score under SCORE_THRESHOLD or are doubted"
 DIM_SIGMA = "the dim pointer is read 2 degrees off on average, by more than its fit tells; why is not known"

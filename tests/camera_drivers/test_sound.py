@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from camera_drivers.replay.sound import BAND_HZ, MOST_PEAKS, RATE_HZ, STEP, WINDOW, spectral_peaks
 from camera_drivers.replay.video_clocks import Believed
-from flight_file.frame import Frame, SoundPacket, SoundPeaks
+from flight_file.frame import Frame, SoundPeaks
 from tests.sounds import RATE_HZ as SOUND_RATE_HZ
 from tests.sounds import recorded, times_s
 from tests.videos import film, played
@@ -79,23 +79,6 @@ def test_windows_are_on_the_clock_of_the_frames(tmp_path: Path, codec: str) -> N
         if abs(time_ns - 2e9) > half_ns / 2:
             assert hertz == pytest.approx(200 if time_ns < 2e9 else 300, abs=0.1)
     assert all(abs(each.time_ns - frame.captured_ns) <= 1.1e9 for frame in frames for each in frame.sound)
-
-
-def test_sound_itself_is_kept_only_where_somebody_asks(tmp_path: Path) -> None:
-    """Then byte for byte; without it no packet is there."""
-    path = film(tmp_path / "a.mp4", ticks=LONG, sound=recorded(tones((200, 0), seconds=4, rate_hz=SOUND_RATE_HZ)))
-    with av.open(str(path)) as container:
-        wanted = [bytes(packet) for packet in container.demux(container.streams.audio[0]) if packet.size]
-    kept = [each for frame in played(path, keep_sound=True) for each in frame.sound if isinstance(each, SoundPacket)]
-
-    assert [each.encoded for each in kept] == wanted
-    assert {(each.codec, each.sample_rate_hz, each.channels) for each in kept} == {("aac", SOUND_RATE_HZ, 1)}
-    assert {type(each) for frame in played(path) for each in frame.sound} == {SoundPeaks}
-
-
-def test_film_without_sound_has_none(tmp_path: Path) -> None:
-    """And says so of itself: see tests/recorder/test_sound_flights.py."""
-    assert all(frame.sound == () for frame in played(film(tmp_path / "a.mp4")))
 
 
 def test_lost_packets_leave_a_gap_that_no_window_reaches_across(tmp_path: Path) -> None:

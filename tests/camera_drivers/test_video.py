@@ -330,10 +330,3 @@ def test_a_damaged_film_gives_pictures_or_a_sentence(seed: int) -> None:
         path.write_bytes(data)
         with suppress(ReplayError):
             assert all(frame.captured_ns >= 0 for frame in played(path))
-
-
-def test_a_steady_film_is_as_long_as_it_was_filmed(tmp_path: Path) -> None:
-    """Thirty pictures a second, no drift."""
-    frames = played(film(tmp_path / "a.mp4"))
-
-    assert [frame.captured_ns for frame in frames] == pytest.approx(times_ns(STEADY), abs=1)

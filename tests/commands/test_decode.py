@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet
 import pytest
 
 from flight_file.reader import open_flight
@@ -34,17 +33,6 @@ def test_flight_gives_flight_data_by_its_name(decoded_a1: Decoded) -> None:
     assert str(decoded_a1.csv_file) in done.stdout
 
 
-def test_description_names_what_went_in(decoded_a1: Decoded) -> None:
-    """The JSON holds units, hashes, version and the counts of each status."""
-    described = decoded_a1.described
-
-    assert described["needles"]["fuel_flow_pph"]["unit"] == "pph"
-    assert described["needles"]["n1_pct"]["frames"]["read"] == 20
-    assert len(described["flight_files"][0]["sha256"]) == len(described["panel"]["sha256"]) == 64
-    assert described["software"].startswith("image-flight-recorder ")
-    assert described["losses"] == described["gaps"] == described["missing_frames"] == []
-
-
 def test_same_flight_gives_the_same_bytes(decode: Decode, decoded_a1: Decoded) -> None:
     """Two decodes of one flight differ in nothing."""
     assert contents(decode(A1).folder) == contents(decoded_a1.folder)
@@ -62,15 +50,6 @@ def test_both_methods_beat_the_thesis(run: Run, decode: Decode, decoded_a1: Deco
     assert {row["needle"]: row["by_status"]["all"]["mean_abs_pct"] <= wanted[row["needle"]] for row in table} == (
         dict.fromkeys(NEEDLES, True)
     )
-
-
-def test_accuracy_is_a_table_for_people(run: Run, decoded_a1: Decoded) -> None:
-    """Without --json the accuracy of each needle and status is a line of text."""
-    done = run("decode", "accuracy", decoded_a1.csv_file, TRUTH)
-
-    assert done.returncode == 0
-    assert done.stdout.splitlines()[0].split()[:3] == ["needle", "status", "frames"]
-    assert sum(line.startswith("n1_pct") for line in done.stdout.splitlines()) == 2
 
 
 def test_segments_are_one_flight(run: Run, decode: Decode, decoded_a1: Decoded, tmp_path: Path) -> None:
@@ -111,18 +90,6 @@ def test_panel_on_the_command_line_goes_first(
     assert "n1_pct" not in found.rows[0]
     if not carries_panel:
         says(run("decode", flight, "-o", tmp_path / "none"), "flight.mcap", "--panel")
-
-
-def test_parquet_holds_what_the_csv_does(decode: Decode) -> None:
-    """`--format csv,parquet` writes both, with the same columns and values."""
-    found = decode(A1, "--format", "csv,parquet")
-    table = pyarrow.parquet.read_table(found.csv_file.with_suffix(".parquet")).to_pydict()
-
-    assert found.done.returncode == 0
-    assert list(table) == list(found.rows[0])
-    assert table["ftit_c_status"] == [row["ftit_c_status"] for row in found.rows]
-    assert table["ftit_c"] == pytest.approx([float(row["ftit_c"]) for row in found.rows], abs=0.01)
-    assert table["time_utc"][0].isoformat() == "2018-05-04T12:00:00+00:00"
 
 
 def test_flight_for_viewers(run: Run, decode: Decode, tmp_path: Path) -> None:

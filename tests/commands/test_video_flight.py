@@ -38,15 +38,6 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_part_of_a_flight_of_unknown_time_is_refused_without_a_time_of_day(tmp_path: Path) -> None:
-    """Only how long it lasts is said."""
-    animation_film(A1, tmp_path / "cockpit.mp4")
-    ran("recorder", "replay", tmp_path / "cockpit.mp4", "-o", tmp_path / "cockpit.mcap", "--panel", PANEL)
-    done = ran("decode", tmp_path / "cockpit.mcap", "-o", tmp_path / "out", "--from", "60")
-
-    assert "no frame lies between --from and --to; the flight lasts 4.75 s" in done.stderr
-
-
 @pytest.fixture(scope="module")
 def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
     """What is read of all of it by one process."""
@@ -73,19 +64,14 @@ def test_a_film_is_read_as_its_frames_are(whole: list[dict[str, str]], tmp_path:
             assert float(film[name]) == pytest.approx(float(photograph[name]), abs=10)
 
 
-def test_processes_share_a_film_and_read_the_same(flight: Path, whole: list[dict[str, str]], tmp_path: Path) -> None:
-    """To the last digit."""
-    done = ran("decode", flight, "-o", tmp_path, "--jobs", 2)
-
-    assert done.returncode == 0, done.stderr
-    assert rows(tmp_path / "cockpit.csv") == whole
-
-
-@pytest.mark.parametrize(("words", "wanted"), [(["--from", "2.5"], range(10, 20)), (["--every", "3"], range(0, 20, 3))])
-def test_a_part_of_a_film_is_read_the_same(
-    flight: Path, whole: list[dict[str, str]], tmp_path: Path, words: list[str], wanted: range
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [(["--jobs", 2], range(20)), (["--from", "2.5"], range(10, 20)), (["--every", "3"], range(0, 20, 3))],
+)
+def test_processes_share_a_film_and_a_part_of_it_is_read_the_same(
+    flight: Path, whole: list[dict[str, str]], tmp_path: Path, words: list[object], wanted: range
 ) -> None:
-    """From a picture in the middle of a group on, or every third."""
+    """Of two processes, from a picture in the middle of a group on, or every third."""
     done = ran("decode", flight, "-o", tmp_path, *words)
 
     assert done.returncode == 0, done.stderr
@@ -94,14 +80,6 @@ def test_a_part_of_a_film_is_read_the_same(
         assert (row["frame"], row["time_utc"]) == (other["frame"], other["time_utc"])
         for name in NEEDLES:
             assert row[name] == other[name]
-
-
-def test_frames_of_a_film_are_drawn(flight: Path, tmp_path: Path) -> None:
-    """As pictures with their readings."""
-    done = ran("decode", "frames", flight, "-o", tmp_path, "--at", "1.5", "--at", "3")
-
-    assert done.returncode == 0, done.stderr
-    assert [path.name.split("_")[1] for path in sorted(tmp_path.iterdir())] == ["000006", "000012"]
 
 
 def test_the_set_up_page_gets_jpegs_of_a_film(flight: Path) -> None:
@@ -162,14 +140,6 @@ def test_a_flight_of_unknown_time_says_so_in_each_output(timeless: Path, whole: 
     assert "1970-01-01" not in page
 
 
-def test_flight_data_of_unknown_time_are_held_against_a_truth(timeless: Path) -> None:
-    """By the time since the first frame."""
-    done = ran("decode", "accuracy", timeless / "cockpit.csv", FIXTURES / "thesis_a1_truth.csv", "--json")
-
-    assert done.returncode == 0, done.stderr
-    assert "fuel_al_lb" in done.stdout
-
-
 def test_frames_of_unknown_time_are_named_by_their_seconds(timeless: Path) -> None:
     """The first frame's is 0."""
     done = ran("decode", "frames", timeless / "cockpit.mcap", "-o", timeless / "drawn", "--at", "1.5")
@@ -178,12 +148,19 @@ def test_frames_of_unknown_time_are_named_by_their_seconds(timeless: Path) -> No
     assert [path.name for path in (timeless / "drawn").iterdir()] == ["cockpit_000006_00001.500s.jpg"]
 
 
-def test_a_part_by_a_time_of_day_that_nobody_knows_is_refused(timeless: Path) -> None:
-    """With what to type in its place."""
-    done = ran("decode", timeless / "cockpit.mcap", "-o", timeless / "part", "--from", "12:00:01Z")
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--from", "12:00:01Z"], "in seconds from its first frame"),
+        (["--from", "60"], "no frame lies between --from and --to; the flight lasts 4.75 s"),
+    ],
+)
+def test_a_part_by_a_time_that_it_has_not_is_refused(timeless: Path, words: list[str], says: str) -> None:
+    """With what to type in its place, and no time of day that nobody knows."""
+    done = ran("decode", timeless / "cockpit.mcap", "-o", timeless / "part", *words)
 
     assert done.returncode == 1
-    assert "in seconds from its first frame" in done.stderr
+    assert says in done.stderr
 
 
 def test_a_g1000_log_needs_a_time_of_day(timeless: Path) -> None:
@@ -191,13 +168,4 @@ def test_a_g1000_log_needs_a_time_of_day(timeless: Path) -> None:
     done = ran("decode", "export", timeless / "cockpit.csv", "-o", timeless / "log.csv")
 
     assert done.returncode == 1
-    assert "--start or --clock" in done.stderr or "no needle's name" in done.stderr
-
-
-@pytest.mark.parametrize("words", [["setup"], ["frames"], []], ids=lambda words: " ".join(words) or "decode")
-def test_a_video_file_is_answered_with_the_command_to_run_first(flight: Path, tmp_path: Path, words: list[str]) -> None:
-    """Whatever was asked of it."""
-    done = ran("decode", *words, flight.with_name("cockpit.mp4"), *(["-o", tmp_path] if words != ["setup"] else []))
-
-    assert done.returncode == 1
-    assert "first make one of it: recorder replay cockpit.mp4 -o cockpit.mcap" in done.stderr
+    assert "--start or --clock" in done.stderr

@@ -9,9 +9,7 @@ import click
 import pytest
 
 from decoder.commands.cli import cli as decode
-from decoder.panel.description import Strict
 from docs_pages.commands import command_names, command_pages
-from docs_pages.fields import UndescribedError, field_sections
 from docs_pages.reference import pages
 from recorder.cli import main as recorder
 
@@ -33,15 +31,3 @@ def test_every_command_has_its_place_and_shows_how_it_is_used(name: str, program
 
     assert list(sections) == command_names(name, program)
     assert [command for command, section in sections.items() if "  Examples:\n" not in section] == []
-
-
-class Undescribed(Strict):
-    """Somebody forgot."""
-
-    count: int
-
-
-def test_a_field_without_description_is_an_error() -> None:
-    """One sentence says which it is."""
-    with pytest.raises(UndescribedError, match=r"Undescribed\.count: write below it what it is for"):
-        field_sections(Undescribed)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.samples import DOCUMENTS, agree, fresh, has_samples, printed, renew
+from tests.docs.samples import DOCUMENTS, agree, fresh, has_samples, printed
 
 TABLE = "needle  read  score\n------  ----  -----\nn1_pct    20  0.995\n"
 SHOWN = [document for document in DOCUMENTS if has_samples(document)]
@@ -41,27 +41,3 @@ def test_commands_print_what_the_document_shows(document: Path, tmp_path: Path) 
 def test_only_rounding_is_forgiven(printed_now: str, *, same: bool) -> None:
     """One in a number's last decimal and a column's width, and nothing else."""
     assert agree(TABLE, fresh(TABLE, printed_now)) is same
-
-
-def test_an_excerpt_is_renewed_as_an_excerpt() -> None:
-    """What three dots stand for stays left out; where not even the words are there, everything is shown."""
-    output = "recording\n" + TABLE.replace("0.995", "0.871") + "flight.csv\n"
-
-    assert fresh("...\nn1_pct 19 0.9\n...\n", output) == "...\nn1_pct    20  0.871\n...\n"
-    assert fresh("...\nn2_pct 19 0.9\n", output) == output
-
-
-def test_a_stale_document_is_renewed(tmp_path: Path) -> None:
-    """Below a command, below a fence of commands, from a file that the reader saves; then nothing moves any more."""
-    document = tmp_path / "page.md"
-    document.write_text(
-        "```text saved.txt\n3 m\n```\n```console\n$ cat saved.txt\n2 m\n$ ls fixtures/panel.yaml\n```\n"
-        "```\ncat saved.txt\necho 7\n```\nprints\n\n```output\n6\n```\n"
-    )
-
-    assert renew(document)
-    assert document.read_text() == (
-        "```text saved.txt\n3 m\n```\n```console\n$ cat saved.txt\n3 m\n$ ls fixtures/panel.yaml\nfixtures/panel.yaml\n"
-        "```\n```\ncat saved.txt\necho 7\n```\nprints\n\n```output\n7\n```\n"
-    )
-    assert not renew(document)

@@ -17,7 +17,7 @@ from decoder.panel.errors import PanelError, VersionMismatch
 from decoder.parallel.decoding import decode_one
 from decoder.parallel.flights import FleetFlight, flight_files, grouped
 from decoder.parallel.index import Outcome, State
-from decoder.parallel.order import LIBRARIES_OF_FORMATS, Order, _digest_of_code, installed, make_order
+from decoder.parallel.order import Order, _digest_of_code, make_order
 from flight_file.frame import Frame
 from tests.fleet.flights import write_flight
 from tests.programs import FIXTURES
@@ -85,16 +85,6 @@ def test_finished_flights_are_kept(order: MakeOrder, few: Path, frames: list[Fra
     assert list(map(status, second)) == [State.KEPT, State.KEPT, State.DECODED]
     assert [name for name in before if before[name] == after[name]] == ["flight0.csv", "flight1.csv"]
     assert second[:2] == [replace(outcome, status=State.KEPT) for outcome in first[:2]]
-
-
-def test_new_date_is_looked_behind_once(order: MakeOrder, flight: FleetFlight, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A flight that has only another date is opened once more; then its new date is known."""
-    decode_one(flight, order())
-    os.utime(flight.addresses[0], ns=(1, 1))
-    decode_one(flight, order())
-    monkeypatch.setattr("decoder.parallel.decoding.open_flight", None)
-
-    assert status(decode_one(flight, order())) is State.KEPT
 
 
 @pytest.mark.parametrize("other", [{"method": "xcorr"}, {"formats": ("csv", "mcap")}])
@@ -215,13 +205,6 @@ def test_results_of_other_versions_are_not_kept(
     monkeypatch.setattr("decoder.parallel.decoding.installed", lambda _formats: other)
 
     assert status(decode_one(flight, replace(order(), versions=other))) is State.DECODED
-
-
-def test_library_that_is_missing_is_a_mismatch(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker without what writes a format is told from one that has it."""
-    monkeypatch.setitem(LIBRARIES_OF_FORMATS, "mcap", ("no-such-library",))
-
-    assert installed(("mcap",)).libraries[-1] == "no no-such-library"
 
 
 @pytest.mark.parametrize("file", ["outputs/report_page/main.js", "outputs/report_page/style.css", "start.py"])

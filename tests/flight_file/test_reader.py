@@ -19,8 +19,6 @@ from flight_file.reader import open_flight, spread
 from flight_file.records import FileSource
 from flight_file.scan import scan_file
 from flight_file.segment import opened
-from flight_file.session import free_recording_name, parse_segment_name, segment_path
-from tests.flight_file.forging import flip
 
 WriteFlight = Callable[..., list[Path]]
 MAGIC_BYTES = 8
@@ -101,31 +99,6 @@ def test_sample_is_spread_from_the_first_frame_to_the_last(
     assert len(sample) == min(count, len(frames))
     assert count < 2 or (sample[0], sample[-1]) == (frames[0], frames[-1])
     assert list(flight.sample_frames(count)) == sample
-
-
-def test_sample_leaves_out_a_damaged_frame(flight: Path, frames: list[Frame]) -> None:
-    """A chosen frame whose chunk is damaged is missing from the sample, and nothing is raised."""
-    flip(flight, frames[2].encoded)
-
-    assert [frame.sequence for frame in open_flight([flight]).sample_frames(6)] == [0, 1, 3, 4, 5]
-
-
-def test_segment_names_can_be_read_back(tmp_path: Path) -> None:
-    """The name of a segment tells recording and number, finished or not; other names tell nothing."""
-    path = segment_path(tmp_path, "2018_a", 12)
-
-    assert parse_segment_name(path) == ("2018_a", 12)
-    assert parse_segment_name(path.with_name(path.name + ".part")) == ("2018_a", 12)
-    assert parse_segment_name(tmp_path / "notes.txt") is None
-
-
-def test_taken_names_get_a_number(tmp_path: Path) -> None:
-    """A recording never shares its name with another, whether that is finished or not."""
-    (tmp_path / "R_0003.mcap.part").touch()
-    (tmp_path / "R-2_0000.mcap").touch()
-
-    assert free_recording_name(tmp_path, "R") == "R-3"
-    assert free_recording_name(tmp_path, "S") == "S"
 
 
 def write_foreign(path: Path, frames: list[Frame], *, image_first: bool = False, **options: object) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 
 from flight_file.errors import FlightNotWrittenError
 from flight_file.flight_writer import FlightWriter, Plan
@@ -129,19 +128,6 @@ def test_frame_is_on_the_disk_a_second_later(tmp_path: Path, make_frame: MakeFra
     assert synced == [make_frame(0)]
     assert open_flight([part]).count() == 2
     writer.abandon()
-
-
-def test_log_time_follows_the_monotonic_clock(tmp_path: Path, make_frame: MakeFrame) -> None:
-    """Setting the wall clock back by years moves no log time: it never runs backwards."""
-    writer = start(tmp_path / "R_0000.mcap")
-    writer.write_frame(make_frame(0), later(1))
-    writer.write_frame(make_frame(1), ClockReading(realtime_ns=5, monotonic_ns=later(2).monotonic_ns))
-    path = writer.finish("stopped", dropped=0, at=later(3))
-    with path.open("rb") as file:
-        times = [message.log_time for _, _, message in make_reader(file).iter_messages(log_time_order=False)]
-
-    assert times == sorted(times)
-    assert times[-1] == START.realtime_ns + 2 * 10**9
 
 
 def test_name_that_is_taken_is_never_overwritten(tmp_path: Path) -> None:

@@ -80,27 +80,6 @@ attach: {panel: p/panel.yaml}
     assert load_config(path)[0].storage.directory == tmp_path / "2018-13-45"
 
 
-def test_qx10_settings_are_taken() -> None:
-    """Also a number where the camera wants a word."""
-    config = parse_config(
-        {
-            "camera": {
-                "driver": "qx10",
-                "zoom": 12.5,
-                "iso_speed_rate": 400,
-                "still_size": ["4:3", "18M"],
-                "limits": {"shot_s": 120},
-            },
-            "storage": {"directory": "/var/lib/recorder"},
-        }
-    )
-
-    assert isinstance(config.camera, Qx10Settings)
-    assert config.camera.iso_speed_rate == "400"
-    assert config.camera.still_size == ("4:3", "18M")
-    assert (config.camera.limits.shot_s, config.camera.limits.call_s) == (120, 10)
-
-
 def test_limits_of_the_configuration_are_those_of_the_driver() -> None:
     """What a person can write and what the driver does without it never differ."""
     own = Qx10Limits().model_dump()

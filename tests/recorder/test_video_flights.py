@@ -40,16 +40,6 @@ def flight(tmp_path: Path, video: Path) -> Path:
     return tmp_path / "flight.mcap"
 
 
-def test_what_a_video_says_of_itself_is_said_when_it_becomes_a_flight(tmp_path: Path, video: Path) -> None:
-    """Its clocks, its oddities, and that nobody knows the time of day."""
-    made = recorder("replay", video, "-o", tmp_path / "flight.mcap")
-
-    assert "40 pictures" in made.stdout
-    assert "creation time: 2026-05-04T11:30:00" in made.stdout
-    assert "B-frames: stored in decoding order, which Foxglove does not play" in made.stdout
-    assert "time of day unknown" in made.stdout
-
-
 def test_the_same_video_gives_the_same_bytes(tmp_path: Path, video: Path) -> None:
     """Nothing of the moment gets into the flight."""
     made = []
@@ -164,17 +154,6 @@ def test_positions_go_wherever_the_pictures_go(tmp_path: Path, video: Path) -> N
     kept = list(recovered.fixes())
     assert 0 < len(kept) <= 20
     assert kept == fixes[: len(kept)]
-
-
-def test_a_flight_of_a_video_can_be_replayed_with_a_panel(tmp_path: Path, flight: Path) -> None:
-    """Frames, originals and what is known of the time go along."""
-    done = recorder("replay", flight, "-o", tmp_path / "again.mcap")
-    again, first = open_flight([tmp_path / "again.mcap"]), open_flight([flight])
-
-    assert done.returncode == 0
-    assert list(again.frames()) == list(first.frames())
-    assert again.session.originals == first.session.originals
-    assert not again.session.knows_time_of_day
 
 
 def test_a_broken_copy_is_done_with_loss(tmp_path: Path) -> None:

@@ -16,15 +16,14 @@ from hypothesis import strategies as st
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.instruments.reading import Status
 from decoder.outputs.outputs import Decoded
-from decoder.outputs.report import PLOTLY, plotly, script, write_report
+from decoder.outputs.report import PLOTLY, plotly, write_report
 from decoder.outputs.report_drawings import panel_drawing
 from decoder.outputs.report_facts import checked
-from decoder.outputs.report_flags import Kind, find_flags, planned, scattered_order
+from decoder.outputs.report_flags import Kind, find_flags, scattered_order
 from decoder.outputs.report_truth import truth_section
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.vocabulary import TruthRequest
 from decoder.parallel.decoding import decoded_flight
-from decoder.timeseries.flight_data import FlightData
 from decoder.timeseries.truth_comparison import read_truth
 from flight_file.errors import Finding, FindingKind
 from flight_file.reader import open_flight
@@ -117,18 +116,6 @@ def test_flags_come_with_their_reasons() -> None:
     assert flags[2].reason == "under fuel_fr_lb; it takes that needle's place"
 
 
-def test_flags_extremes_and_steps_are_planned() -> None:
-    """The gravest flag comes first; the highest value, the largest step and both ends are among the planned."""
-    data: FlightData = make_report(400, {("n1_pct", 77): Status.EDGE}, {150: "knob not found"}).data
-    wanted = planned(data, find_flags(data))
-    values = data.series[0].value
-    step = int(np.nanargmax(np.abs(np.diff(values))))
-
-    assert wanted[:2] == [150, 77]
-    assert {0, 399, int(np.nanargmax(values)), step, step + 1} <= set(wanted)
-    assert len(wanted) == len(set(wanted))
-
-
 def test_drawing_has_marks_where_the_panel_says() -> None:
     """A mark ends on the perimeter at its angle, and a needle's tip, too."""
     gauge = source().panel.gauges[0]
@@ -209,14 +196,6 @@ def test_integrity_is_said_as_it_was_found(
     assert "not checked" in lines["times"].says
     for finding in recordings[0].findings:
         assert finding.reason in lines[finding.kind.value].says
-
-
-def test_script_is_in_one_piece() -> None:
-    """No module is left that would have to be fetched."""
-    text = script()
-
-    assert not re.search(r"^\s*(import|export) ", text, re.MULTILINE)
-    assert text.count("class TimePlot") == 1
 
 
 def test_others_script_is_as_they_published_it() -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from decoder.setup.app import page_files
 from decoder.setup.session import SetupSession
-from decoder.setup.thresholds import MAX_BODY_BYTES
+from flight_file.thresholds import MAX_YAML_BYTES
 from tests.programs import FIXTURES, spoilt
 
 Answer = tuple[int, Any, Mapping[str, str]]
@@ -78,8 +78,8 @@ def test_nothing_but_the_pages_files_is_served(send: Send, path: str) -> None:
 @pytest.mark.parametrize("says_so", [True, False])
 def test_large_body_is_refused(send: Send, says_so: bool) -> None:  # noqa: FBT001
     """A body beyond the limit is refused before it is read, and one that does not say how long it is while it is."""
-    pieces = (b" " * 2**16 for _ in range(MAX_BODY_BYTES // 2**16 + 2))  # sent in chunks
-    headers = {"Content_Length": str(MAX_BODY_BYTES + 1)} if says_so else {}
+    pieces = (b" " * 2**16 for _ in range(MAX_YAML_BYTES // 2**16 + 2))  # sent in chunks
+    headers = {"Content_Length": str(MAX_YAML_BYTES + 1)} if says_so else {}
     refused(send("PUT", "/api/panel", b"" if says_so else pieces, **headers), 413, words="larger than")
 
 

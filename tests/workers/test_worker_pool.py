@@ -17,9 +17,7 @@ from typing import Any
 import pytest
 
 from decoder.instruments.frame_batch import Batch, LeftOut, read_here
-from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import WorkersLost
-from decoder.panel.vocabulary import Method
 from decoder.parallel.fork_server import WorkerProcess, _begin_worker, _leave, begin, interrupts_held
 from decoder.parallel.thresholds import BATCHES_HELD
 from decoder.parallel.worker_pool import WorkerPool
@@ -164,22 +162,6 @@ def test_nobody_is_left_when_the_reading_is_broken_off(fitted: Fitted, stop: typ
     with pytest.raises(stop):
         broken_off()
     assert multiprocessing.active_children() == []
-
-
-def test_pool_reads_with_the_reader_it_is_given(fitted: Fitted) -> None:
-    """One flight after the other, each with its own reader."""
-    other = reader_from_panel(fitted.reader.source, Method.XCORR)
-    with WorkerPool(1) as pool:
-        for reader in (fitted.reader, other, fitted.reader):
-            assert list(pool.read(reader, fitted.batches[:1])) == list(read_here(reader, fitted.batches[:1]))
-        assert pool.deaths == []
-
-
-def test_no_frames_need_no_process(fitted: Fitted) -> None:
-    """A flight without frames starts nobody."""
-    with WorkerPool(2) as pool:
-        assert list(pool.read(fitted.reader, ())) == []
-        assert multiprocessing.active_children() == []
 
 
 def test_interrupt_waits_even_if_another_thread_takes_it() -> None:

@@ -17,14 +17,6 @@ LENS = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN)
 tilts = st.floats(-80, 80)
 
 
-def test_square_on_is_a_scale() -> None:
-    """Inches over distance times pixels per radian, about the principal point."""
-    pose = pose_at((0, 0, 20), (0, 0, 0))
-
-    assert pose.pixels(np.array([[2.0, 1.0]]), LENS)[0] == pytest.approx([807.5 + 170, 605.5 + 85])
-    assert pose.tilt_deg == 0
-
-
 @pytest.mark.parametrize(
     ("position", "attitude", "point", "moves"),
     [
@@ -95,11 +87,3 @@ def test_pinned_point_goes_where_it_is_pinned(
 
     assert alignment.to_frame(panel) == pytest.approx(frame, abs=1e-3)
     assert (alignment.roll_deg, alignment.score) == pytest.approx((roll_deg, 0.9))
-
-
-def test_positive_roll_turns_clockwise_on_the_screen() -> None:
-    """With y down, a quarter turn carries right to down and down to left."""
-    quarter = Alignment.pinned((100.0, 100.0), (100.0, 100.0), 90.0, 1.0)
-
-    assert quarter.to_frame((110.0, 100.0)) == pytest.approx((100.0, 110.0), abs=1e-4)
-    assert quarter.to_frame((100.0, 110.0)) == pytest.approx((90.0, 100.0), abs=1e-4)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from decoder.imaging.camera_pose import Measured, Pose, PoseSolution, difference_of, iterate
+from decoder.imaging.camera_pose import Pose, PoseSolution, difference_of
 from decoder.imaging.pose import pose_from_points
 from decoder.imaging.thresholds import AGREEMENT_INCHES
 from decoder.panel.errors import PoseError
@@ -98,16 +98,6 @@ def test_the_claimed_covariance_holds(count: int) -> None:
     assert len(squared) > 160
     assert np.mean(squared) == pytest.approx(6, abs=0.9)  # five standard errors of the mean of 160
     assert np.mean(np.array(squared) < 12.59) == pytest.approx(0.95, abs=0.05)
-
-
-def test_the_thesis_s_guess_leads_to_the_same_place() -> None:
-    """From square on, two feet away, the Jacobian iteration arrives at an oblique view in a few steps."""
-    measured = Measured(np.column_stack([TRIANGLE, np.zeros(3)]), OBLIQUE.pixels(TRIANGLE, LENS), LENS)
-    arrived = iterate(measured, pose_at((3.0, 3.0, 24.0), (0.0, 0.0, 0.0)))
-
-    assert arrived.settled
-    assert arrived.iterations < 12
-    assert arrived.pose.position_inches == pytest.approx(OBLIQUE.position_inches, abs=1e-5)
 
 
 def test_points_through_a_distorting_lens_are_straightened() -> None:

@@ -58,16 +58,6 @@ def test_samples_outside_the_frame_repeat_its_border() -> None:
     assert not inside(grid.rim(), IDENTITY, 120, 100)
 
 
-@pytest.mark.parametrize(
-    ("shift", "expected"), [((0.0, 0.0), True), ((-20.2, 0.0), True), ((-20.3, 0.0), False), ((18.8, 0.0), False)]
-)
-def test_inside_counts_the_outermost_pixel_centres(shift: tuple[float, float], *, expected: bool) -> None:
-    """A gauge is inside as long as all samples lie between the centres of the first and the last pixels."""
-    grid = polar_grid(CENTRE, (5.0, 40.0), 0.0, 360.0)
-
-    assert inside(grid.rim(), Alignment.rigid(0.0, shift, 1.0), 120, 100) is expected
-
-
 @given(start_deg=ANGLES, sweep_deg=st.floats(10.0, 360.0), inner=st.floats(1.0, 60.0), depth=st.floats(2.0, 300.0))
 def test_grid_covers_sweep_and_radius(start_deg: float, sweep_deg: float, inner: float, depth: float) -> None:
     """The first row and column lie on the start, the last on the end, to half a step."""

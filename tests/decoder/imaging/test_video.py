@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -160,10 +159,3 @@ def test_pictures_larger_than_may_be_are_refused_before_memory_is_taken(
 
     with pytest.raises(PictureError):
         grey_picture(encoded_of(frames[0][0]))
-
-
-def test_no_picture_is_taken_for_a_file(frames: tuple[list[Frame], Path]) -> None:
-    """OpenCV is never asked about a packet."""
-    frame = frames[0][0]
-
-    assert cv2.imdecode(np.frombuffer(frame.encoded, np.uint8), cv2.IMREAD_GRAYSCALE) is None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.instruments.kinds.dials.attitude import Attitudes, learn_attitude
-from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
+from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
@@ -263,16 +261,6 @@ def test_what_never_moves_teaches_nothing_wrong() -> None:
             assert read.readings[name].status is Status.MISSING or abs(found[name] - truth_deg) < 1.0
 
 
-def test_a_window_in_which_nothing_is_to_be_seen_stays_as_it_was_drawn(reader: PanelReader) -> None:
-    """Where no place of the window shows what moves, frames teach nothing."""
-    own = Attitudes.of(reader.source.panel.gauges[0], reader.grids[0])
-    known = reader.appearance.pictures["roll_deg"]
-    blind = replace(known, ring=None, weights=np.full_like(known.weights, 0.1))
-    strips = [frame.gauges[0] for frame in unwrapped(reader, flight(ring=True))]
-
-    assert learn_attitude(own, strips, blind, None) is blind
-
-
 def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
     """One frame is a batch of one."""
     frames = [draw(roll, 3.0, 200 + roll, ring=ring) for roll in (-30, 0, 45)]
@@ -342,15 +330,3 @@ def test_what_cannot_be_is_said_in_a_sentence(wrong: dict[str, Any], said: str) 
 
     with pytest.raises(PanelError, match=said):
         reader_for([gauge], draw(0, 0))
-
-
-def test_pitch_lies_on_its_ladder_as_on_a_scale() -> None:
-    """A ladder need not be even: between its marks pitch is on the line between them."""
-    described_so = described(ring=False)
-    described_so["attitude"]["ladder"] = [[-20, -10], [0, 0], [14, 10]]
-    gauge = Gauge.model_validate({"centre": CENTRE, **described_so})
-    pitch = gauge.quantities[1]
-    scale = Scale.of(pitch.marks)
-
-    angles = np.degrees(np.array([-10.0, 7.0]) / (sum(gauge.radius) / 2))
-    assert scale.values_at(angles) == pytest.approx([-5.0, 5.0])

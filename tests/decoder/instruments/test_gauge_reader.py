@@ -240,12 +240,6 @@ def test_statuses_come_in_order(kind: str) -> None:
         assert set(seen) == set(order)
 
 
-@pytest.mark.parametrize("kind", LEVELS)
-def test_needle_right_under_its_cover_is_hidden(kind: str) -> None:
-    """It takes that needle's place."""
-    assert pairs_of(kind)[30].lower.status is Status.HIDDEN
-
-
 @pytest.mark.parametrize("cover_deg", [140.0, 233.3, 300.0, 411.7])
 def test_covering_needle_alone_shows_no_other(reader: PanelReader, cover_deg: float) -> None:
     """With no other needle on the dial, the covering one's own edges are not taken for it."""

@@ -18,7 +18,6 @@ from decoder.panel.written import BOOLEAN, ValueType, Written
 
 GRID = WindowGrid.of(((20.0, 20.0), (44.0, 20.0), (44.0, 40.0), (20.0, 40.0)), Lamp.margin_part)
 LAMP = Lamp(name="low_fuel_on", light="low_fuel_light_pct")
-PLACES = np.zeros(1)
 
 
 def drawn(light: float, *, sun: float = 1.0, slope: float = 0.0, seed: int = 0, legend: bool = False) -> Floats:
@@ -124,22 +123,6 @@ def test_frames_beside_it_change_nothing() -> None:
     frames = sample(0.0, 80.0, 20.0, 0.0)
 
     assert [read(TAUGHT, frame)[0] for frame in frames] == read(TAUGHT, *frames)
-
-
-def test_a_window_is_sampled_where_its_corners_have_it() -> None:
-    """Samples lie in the middles of cells, corner to corner, also of a window that is seen from the side."""
-    flat = WindowGrid.of(((10.0, 5.0), (18.0, 5.0), (18.0, 9.0), (10.0, 9.0)))
-    oblique = WindowGrid.of(((10.0, 5.0), (30.0, 8.0), (30.0, 20.0), (10.0, 25.0)), 0.5)
-    x, y = oblique.points()
-
-    assert flat.points()[:, 0, 0].tolist() == [10.5, 5.5]
-    assert flat.points()[:, -1, -1].tolist() == [17.5, 8.5]
-    assert oblique.points_at(np.array([0.0, 1.0]), np.array([0.0, 1.0]))[:, 1, 1].tolist() == pytest.approx(
-        [30.0, 20.0]
-    )
-    assert x[oblique.within].min() > 10.0
-    assert x.min() < 10.0
-    assert y[oblique.within].max() < 25.0
 
 
 PANEL = """

@@ -17,7 +17,7 @@ from PIL import Image
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, batch_frames
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
-from decoder.instruments.frame_batch import Outcome, RawFrame, Unread, batches, read_batch
+from decoder.instruments.frame_batch import Outcome, Unread, batches, read_batch
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import FrameReadings
 from decoder.learning.fit import reader_from_panel, tune
@@ -98,21 +98,6 @@ def test_lost_and_damaged_frames_leave_their_batch_alone(
     assert "not found" in outcomes[3].reason
     assert outcomes[4].reason.startswith("the picture is damaged, cut short or empty")
     assert [as_text(read) for read in outcomes[:3] + outcomes[5:]] == together[:3] + together[5:]
-
-
-def test_empty_batch_is_no_batch(reader: PanelReader) -> None:
-    """No frames give no readings."""
-    assert read_batch(reader, ()) == []
-    assert list(batches([], 16)) == []
-    assert read_batch(reader, [RawFrame(0, 0, b"")]) == [Unread("the picture is empty")]
-
-
-def test_batches_are_the_frames_in_order(flight: Flight) -> None:
-    """All frames, so many at a time, the rest in the last batch."""
-    cut = list(batches(flight.frames(), 8))
-
-    assert [len(batch) for batch in cut] == [8, 8, 5]
-    assert [frame.sequence for batch in cut for frame in batch] == list(range(21))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import blocks_of, rows_at
@@ -118,16 +117,3 @@ def test_a_light_that_changes_over_the_window_is_taken_out(needle: NeedleTemplat
 
     assert abs(lit.fraction[0]) < 0.02 < abs(plain.fraction[0])
     assert lit.score[0] > 0.99 > plain.score[0]
-
-
-def test_bare_face_scores_nothing(needle: NeedleTemplate, face: UnwrappedGauge) -> None:
-    """The dial without a needle is explained by itself: no row scores."""
-    assert np.abs(partial_normxcorr(face, face, needle)[0]).max() < 0.5
-
-
-@pytest.mark.parametrize("grey", [0.0, 128.0, 255.0])
-def test_flat_gauge_scores_zero(needle: NeedleTemplate, face: UnwrappedGauge, grey: float) -> None:
-    """A flat gauge scores 0 on every row and gives no NaN."""
-    scores, _ = partial_normxcorr(np.full_like(face, grey), face, needle)
-
-    assert scores.tolist() == [0.0] * len(scores)

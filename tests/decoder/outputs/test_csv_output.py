@@ -71,11 +71,6 @@ def test_rows_are_the_contract(flight: FlightData) -> None:
     )
 
 
-def test_flight_without_frames_is_a_header() -> None:
-    """Nothing recorded gives the header alone."""
-    assert text_of(fly([])) == HEADER + "\n"
-
-
 @given(
     rows=st.lists(st.tuples(st.floats(100.0, 440.0), STATUSES, st.floats(0.0, 5.0), st.floats(-1.0, 1.0)), max_size=8)
 )

@@ -31,17 +31,6 @@ def fails(error: BaseException) -> Callable[[IO[bytes]], None]:
     return write
 
 
-def test_files_stand_under_their_names(tmp_path: Path) -> None:
-    """The directory is made, every file is complete, and nothing else is left in it."""
-    paths = write_all(tmp_path / "new" / "out", {"a.csv": says("1\n"), "a.json": says("{}\n")})
-
-    assert paths == [tmp_path / "new/out/a.csv", tmp_path / "new/out/a.json"]
-    assert {path.name: path.read_bytes() for path in (tmp_path / "new/out").iterdir()} == {
-        "a.csv": b"1\n",
-        "a.json": b"{}\n",
-    }
-
-
 @pytest.mark.parametrize(
     "error", [KeyboardInterrupt(), RuntimeError("a bug"), SystemExit(1)], ids=lambda e: type(e).__name__
 )
@@ -92,11 +81,3 @@ def test_folder_that_cannot_be_made_is_an_output_error(tmp_path: Path, folder: s
         refuse_unwritable(tmp_path / folder, "a.csv")
 
     assert (tmp_path / "out").read_text() == "a file\n"
-
-
-@pytest.mark.parametrize("folder", ["", "new", "new/deeper"])
-def test_trying_whether_a_folder_can_be_written_leaves_nothing(tmp_path: Path, folder: str) -> None:
-    """Neither a file nor a folder."""
-    refuse_unwritable(tmp_path / folder, "a.csv")
-
-    assert list(tmp_path.iterdir()) == []

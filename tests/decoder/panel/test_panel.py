@@ -170,27 +170,6 @@ def test_pointers_that_do_not_combine_are_refused(
     refused(document, path, problem)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "panel.yaml: holds no panel"),
-        ("- one\n- two\n", "panel.yaml: holds no panel"),
-        ("just words", "panel.yaml: holds no panel"),
-        ("name: [unfinished\n", "panel.yaml: line 2: is not YAML"),
-        ("name: \tx: y: z\n", "panel.yaml: line 1: is not YAML"),
-        (b"\xff\xfe\x00\xd8", "is not YAML"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00", "is not YAML"),
-    ],
-    ids=["empty", "list", "text", "cut short", "not YAML", "not text", "a picture"],
-)
-def test_file_that_is_no_panel_is_refused(text: str | bytes, message: str) -> None:
-    """Whatever else somebody gives as a panel is refused in a sentence."""
-    with pytest.raises(PanelError) as refused:
-        parse_panel(text)
-
-    assert message in str(refused.value)
-
-
 def test_number_of_further_mistakes_is_told(document: dict[str, Any]) -> None:
     """The first wrong value is named, the others are counted."""
     document["gauges"][0]["sweep"] = [1, 1]

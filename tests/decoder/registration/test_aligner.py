@@ -11,7 +11,6 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.errors import AlignmentLost, PanelError
 from decoder.registration.aligner import Aligner
-from decoder.registration.features import level_feature
 from tests.decoder.cockpit import PANEL_ANGLES_DEG as HANDS
 from tests.decoder.cockpit import draw, parse
 
@@ -164,12 +163,3 @@ def test_anchor_that_cannot_be_found_again_is_refused(document: dict[str, Any], 
 
     with pytest.raises(PanelError, match=says):
         Aligner(parse(document), draw(HANDS))
-
-
-def test_edge_of_any_direction_can_be_level() -> None:
-    """The edge's samples lie along it and across it, in whichever direction it runs."""
-    x, y = level_feature(draw(HANDS), ((40.0, 20.0), (120.0, 80.0))).points
-    along, across = ((x - 40) * 80 + (y - 20) * 60) / 100, ((y - 20) * 80 - (x - 40) * 60) / 100
-
-    assert (along.min(), along.max()) == pytest.approx((0.0, 100.0), abs=1e-3)
-    assert (across.min(), across.max()) == pytest.approx((-6.0, 6.0), abs=1e-3)

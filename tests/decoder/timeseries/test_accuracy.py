@@ -78,15 +78,6 @@ def test_percent_of_reading(
     )
 
 
-def test_frames_without_value_do_not_count() -> None:
-    """Missing readings are compared frames without an error."""
-    flight = FLIGHT | {"n1": ["", 20.0, 29.7, 40.8], "n1_status": ["missing", "read", "edge", "interpolated"]}
-    result = compared(flight, TRUTH)
-
-    assert (result.frames_compared, result.by_status["all"].frames) == (4, 3)
-    assert "missing" not in result.by_status
-
-
 @pytest.mark.parametrize(
     ("truth", "frames", "mean_abs"),
     [
@@ -117,28 +108,6 @@ def test_errors_go_the_short_way_round_a_turn(tmp_path: Path) -> None:
     assert result.by_status["all"].mean_signed == pytest.approx((-2.0 + 2.0 + 0.5 + 98.0) / 4)
     assert result.by_status["read"].max_abs == pytest.approx(2.0)
     assert result.by_status["read"].max_abs_pct_fs == pytest.approx(2.0 / 3.6)
-
-
-def test_full_scale_comes_from_the_json_beside(tmp_path: Path) -> None:
-    """With the JSON of the flight data beside it, errors are told in percent of full scale too."""
-    needle = {"unit": "%", "scale_min": -10.0, "scale_max": 110.0}
-    (tmp_path / "flight.json").write_text(json.dumps({"needles": {"n1": needle}}))
-    (result,) = compare(flight_table(table(FLIGHT, tmp_path / "flight.csv")), table(TRUTH))
-
-    assert (result.unit, result.full_scale) == ("%", 120.0)
-    assert result.by_status["all"].mean_abs_pct_fs == pytest.approx(0.25)
-    assert result.by_status["all"].max_abs_pct_fs == pytest.approx(0.8 / 1.2)
-
-
-@pytest.mark.parametrize(
-    "text", ["", "[]", "null", '{"needles": []}', '{"needles": {"n1": {}}}', '{"needles": {"n1": 7}}']
-)
-def test_json_that_is_something_else_is_left_aside(tmp_path: Path, text: str) -> None:
-    """A JSON beside the flight data that is not its description only costs the percentages of full scale."""
-    (tmp_path / "flight.json").write_text(text)
-    (result,) = compare(flight_table(table(FLIGHT, tmp_path / "flight.csv")), table(TRUTH))
-
-    assert (result.full_scale, result.by_status["all"].mean_abs_pct_fs) == (None, None)
 
 
 def test_table_is_read_by_column(tmp_path: Path) -> None:

@@ -139,16 +139,6 @@ def test_bank_may_be_counted_from_0_to_360() -> None:
     )
 
 
-def test_a_step_is_said_to_be_where_it_is() -> None:
-    """To the frame, and as large as it is."""
-    (check,) = disagreeing(flown({"altitude_ft": off_from(200, 1000.0)})).values()
-
-    (step,) = check.disagreements
-    assert (step.first, step.last) == (199, 200)
-    assert step.apart == pytest.approx(1000.0, abs=20.0)
-    assert check.apart_unit == "ft"
-
-
 def test_a_change_of_the_altimeters_setting_is_no_disagreement_where_a_column_has_it() -> None:
     """Without that column it is pointed out, with the words that it may be no more than that."""
     setting_inhg = np.where(np.arange(480) < 200, 29.92, 30.42)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from decoder.instruments.reading import Reading, Status
-from decoder.timeseries.flight_data import STATUSES, FlightData, MissingFrame, spans
+from decoder.timeseries.flight_data import STATUSES, FlightData, spans
 from decoder.timeseries.gaps import fill_gaps
 from tests.decoder.cockpit import fly, reading
 
@@ -32,14 +32,6 @@ def test_spans_are_the_runs(where: list[bool]) -> None:
     assert all(after[0] > before[1] + 1 for before, after in pairwise(runs))
 
 
-def test_angles_become_values_of_the_scale() -> None:
-    """Each needle's value is what its scale says at the angle, beyond the last mark too."""
-    data = fly([{"speed_kt": reading(195.0)}, {"speed_kt": reading(270.0)}, {"speed_kt": reading(423.0)}])
-
-    assert data.series[0].value.tolist() == [200.0, 400.0, 1012.0]
-    assert data.series[0].angle_deg.tolist() == [195.0, 270.0, 423.0]
-
-
 def test_sigma_is_in_units_of_the_value(document: dict[str, Any]) -> None:
     """The spread times the slope of the scale there, also of a falling one; what all may be off by adds in squares."""
     data = fly([{"speed_kt": reading(200.0, sigma_deg=0.3)}, {"speed_kt": reading(300.0, sigma_deg=0.3)}])
@@ -50,34 +42,6 @@ def test_sigma_is_in_units_of_the_value(document: dict[str, Any]) -> None:
     assert data.series[0].sigma == pytest.approx([0.8, 1.2])
     assert falling.series[0].sigma == pytest.approx([1.0])
     assert both.series[1].sigma == pytest.approx([5.0])
-
-
-def test_refused_match_has_no_value() -> None:
-    """A reading that is missing keeps its score and the place of its best match, but has neither value nor sigma."""
-    data = fly([{"speed_kt": reading(200.0, Status.MISSING, score=0.6)}])
-    series = data.series[0]
-
-    assert np.isnan([series.value[0], series.sigma[0]]).all()
-    assert (series.score[0], series.angle_deg[0]) == (0.6, 200.0)
-
-
-def test_missing_frame_is_missing_for_every_needle() -> None:
-    """A frame without the panel is a row of nothing, and its reason is kept."""
-    data = fly([{}, "anchor knob not found (score 0.12)", {}])
-
-    assert data.frame.tolist() == [0, 1, 2]
-    assert data.time_s.tolist() == [0.0, 0.5, 1.0]
-    assert data.missing_frames == (MissingFrame(1, "anchor knob not found (score 0.12)"),)
-    for series in data.series:
-        assert series.has(Status.MISSING).tolist() == [False, True, False]
-        assert np.isnan([series.value[1], series.sigma[1], series.score[1], series.angle_deg[1]]).all()
-
-
-def test_time_keeps_its_nanoseconds() -> None:
-    """Times are integers inside: an hour into the flight the microsecond is still right."""
-    data = fly([{}, {}], times_s=[0.0, 3600.000001])
-
-    assert data.time_s[1] == 3600.000001
 
 
 BAD = Reading(Status.MISSING, 333.0, 0.5, 0.4)
@@ -156,18 +120,6 @@ def test_frames_without_panel_stay_missing() -> None:
     assert statuses(data) == "rimir"
     assert np.isnan(data.series[0].value[2])
     assert data.series[0].value[[1, 3]] == pytest.approx([100.0, 300.0])
-
-
-def test_readings_that_stand_are_not_touched() -> None:
-    """Filling gaps changes nothing but the gaps."""
-    before = fly([{"speed_kt": seen(120.0)}, {"speed_kt": BAD}, {"speed_kt": seen(270.0)}])
-    after = fill_gaps(before)
-
-    for old, new in zip(before.series, after.series, strict=True):
-        stand = old.has(Status.READ)
-        assert np.array_equal(old.value[stand], new.value[stand])
-        assert np.array_equal(old.sigma[stand], new.sigma[stand])
-        assert np.array_equal(old.score, new.score, equal_nan=True)
 
 
 def test_sigma_grows_into_the_gap() -> None:

@@ -14,7 +14,7 @@ from decoder.instruments.reading import Status
 from decoder.panel.scale import Combination, Quantity
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries
 from decoder.timeseries.flight_decoder import decode_flight
-from decoder.timeseries.health import gauge_health, health_line
+from decoder.timeseries.health import gauge_health
 from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
 from tests.decoder.cockpit import DOCUMENT, PANEL_ANGLES_DEG, angles_of, draw, reader_of
@@ -86,11 +86,3 @@ def test_pointers_that_contradict_each_other_are_named() -> None:
     (findings,) = gauge_health(flight_of(*parts, both, combinations=(combination,)), {}).values()
 
     assert findings == ("its pointers contradict each other in 2 frames, where both is not read",)
-
-
-def test_gauge_of_which_nothing_is_to_be_said_is_drawn_well() -> None:
-    """What the fit found stands first."""
-    data = flight_of(series_of([1, 2, 3]))
-
-    assert health_line(gauge_health(data, {})["dial"]) == "drawn well"
-    assert health_line(gauge_health(data, {"dial": ("turns elsewhere",)})["dial"]) == "turns elsewhere"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from decoder.instruments.reading import Reading, Status
 from decoder.timeseries.flight_data import FlightData
 from decoder.timeseries.gaps import fill_gaps
-from decoder.timeseries.outliers import Outlier, Reason, find_outliers
+from decoder.timeseries.outliers import Reason, find_outliers
 from tests.decoder.cockpit import fly
 
 Rows = list[Mapping[str, Reading] | str]
@@ -93,9 +93,3 @@ def test_doubt_about_a_value_is_room_for_it() -> None:
     rows[20] = {"speed_kt": Reading(Status.EDGE, float(angles[20]), 3.0, 0.85)}
 
     assert of_speed(fly(rows)) == []
-
-
-def test_short_flights_have_no_outliers() -> None:
-    """Three frames tell nothing of a fourth."""
-    assert find_outliers(fly(course(np.array([200.0, 250.0, 200.0])))) == []
-    assert Outlier("a", 1, 1, Reason.TOO_FAST).reason.value == "changes faster than max_rate"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitError
-from decoder.timeseries.accuracy import EASA, FAA, RECORDING, Judged, Verdict, judged, kind_of
+from decoder.timeseries.accuracy import EASA, FAA, RECORDING, Judged, Verdict, judged
 from decoder.timeseries.tables import FlightTable, MappedName, Table, flight_table, read_mapping
 from decoder.timeseries.truth_comparison import recorder_truth
 
@@ -115,17 +115,6 @@ def test_what_cannot_be_matched_says_why(
         recorder_truth(flight(tmp_path, {"n1_pct": [1.0]}), table(columns), mapping, "T")
 
 
-def test_mapping_file_is_read(tmp_path: Path) -> None:
-    """A name alone, or a name with unit and factor."""
-    path = tmp_path / "names.yaml"
-    path.write_text("ias_kt: IAS\nrpm: {name: ENG, unit: rpm, factor: 100}\n")
-
-    assert read_mapping(path) == {
-        "ias_kt": MappedName(name="IAS"),
-        "rpm": MappedName(name="ENG", unit="rpm", factor=100),
-    }
-
-
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -146,16 +135,6 @@ def test_wrong_mapping_file_says_where(tmp_path: Path, text: str | None, says: s
         read_mapping(path)
 
     assert str(path) in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [("ias_kt", "airspeed"), ("airspeed_kt", "airspeed"), ("altitude_ft", "altitude"), ("n1_2_pct", "power"),
-     ("n1_pct", "power"), ("roll_deg", "attitude"), ("altitude_100s_ft", None), ("oil_temp_c", None)],
-)  # fmt: skip
-def test_name_tells_the_kind(name: str, kind: str | None) -> None:
-    """Only parameters that the tables name are judged."""
-    assert kind_of(name) == kind
 
 
 def judge(tmp_path: Path, name: str, truth: Sequence[float], shown: Sequence[float]) -> dict[str, Judged]:

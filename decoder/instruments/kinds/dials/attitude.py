@@ -23,27 +23,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, CardPicture, DrawnInstrument, Instrument, LearnedPicture, Look
 from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, MAX_CONDITION, STILL_ROWS
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MAX_CONDITION, STILL_ROWS
 from decoder.matching.correlation import explained, weighted_correlation
-from decoder.matching.thresholds import (
-    HALF,
-    MAX_PEAK_ROWS,
-    MIN_LIGHT_GAIN,
-    MIN_SPREAD_LEVELS,
-    NOISE_LEVELS,
-    SCORE_THRESHOLD,
-)
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import UNKNOWN, Pivot
+from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
 SEARCH_STEP_DEG = 2.0

@@ -23,13 +23,14 @@ from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
 from decoder.matching.strips import rows_of_each
-from decoder.matching.thresholds import NOISE_LEVELS, OUTLIER_SPREADS, SCORE_THRESHOLD
+from decoder.matching.thresholds import OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
 from decoder.panel.kinds.needles import Needle, Template
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import UNKNOWN, Pivot
+from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 2
 PASSES = 4

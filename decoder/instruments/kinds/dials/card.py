@@ -37,7 +37,6 @@ from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import (
     CLEARLY_WORSE,
     FRAMES_TO_LEARN,
-    LIKELY_SCORE,
     MAX_CONDITION,
     MIN_TURN_DEG,
     STILL_ROWS,
@@ -46,17 +45,13 @@ from decoder.instruments.thresholds import (
 from decoder.matching.correlation import explained, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import (
-    MAX_PEAK_ROWS,
-    MIN_SPREAD_LEVELS,
-    NOISE_LEVELS,
-    SCORE_THRESHOLD,
-)
+from decoder.matching.thresholds import MAX_PEAK_ROWS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
+from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 FIT_STEPS = 3
 # Another place is one this far away; nearer, it is the same peak.

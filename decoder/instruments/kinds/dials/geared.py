@@ -15,24 +15,22 @@ from itertools import product
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, STATUSES, Found, Needle
 from decoder.instruments.kinds.dials.stack import all_above, without_dial
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import (
-    CLEARLY_WORSE,
-    LIKELY_SCORE,
-    SURE_SCORE,
-)
+from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.fitting import Fits, WindowFitter, settle
 from decoder.matching.layered_dial import LayeredDial, lit_as, times_worse, unexplained
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.searching import COARSE_STEP, thinned
-from decoder.matching.thresholds import HALF, MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Gearing, shortest
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 # So many directions of the finest hand are tried, each with so many numbers of turns, and with the others anywhere.
 DIRECTIONS, TURNS, ANYWHERE = 6, 8, 2

@@ -18,20 +18,16 @@ from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
 from decoder.instruments.kinds.dials.pairs import TouchingPair
 from decoder.instruments.kinds.dials.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
-from decoder.instruments.thresholds import (
-    APART_DEG,
-    CLEARLY_WORSE,
-    LIKELY_SCORE,
-    SATURATED_LEVEL,
-)
+from decoder.instruments.thresholds import APART_DEG, CLEARLY_WORSE, SATURATED_LEVEL
 from decoder.matching.correlation import xcorr
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
 from decoder.matching.searching import COARSE_STEP, Search, SearchTarget, collected, peaks_of, thinned
 from decoder.matching.strips import blocks_of
-from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 # Powers of row and column that a light may follow within one template.
 LIGHT_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import (
     PolarGrid,
     UnwrappedGauge,
@@ -52,7 +53,6 @@ from decoder.instruments.thresholds import (
     CLEAR_PART,
     CLEARLY_WORSE,
     FRAMES_TO_LEARN,
-    LIKELY_SCORE,
     MIN_TURN_DEG,
     NEEDLE_PART,
     SURE_SCORE,
@@ -62,19 +62,13 @@ from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import (
-    HALF,
-    MIN_CONTRAST_PART,
-    NOISE_LEVELS,
-    OUTLIER_SPREADS,
-    SCORE_THRESHOLD,
-    WHOLE_VISIBLE,
-)
+from decoder.matching.thresholds import MIN_CONTRAST_PART, OUTLIER_SPREADS, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import Pivot
+from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 3
 # Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.

@@ -11,18 +11,12 @@ import math
 import numpy as np
 
 from decoder.instruments.found import EDGE, HIDDEN, READ, Found, Needle
-from decoder.instruments.thresholds import LIKELY_SCORE
 from decoder.matching.pair_fit import PairFitter
 from decoder.matching.strips import Strips
-from decoder.matching.thresholds import (
-    MAX_PEAK_ROWS,
-    MIN_PAIR_CORRELATION,
-    SCORE_THRESHOLD,
-    SLIVER_THRESHOLD,
-    WHOLE_VISIBLE,
-)
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_PAIR_CORRELATION, SLIVER_THRESHOLD, WHOLE_VISIBLE
 from decoder.matching.uncovered_search import Candidate, Uncovered, UncoveredSearch
 from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 # So many rows more than the windows need: where a fit starts is not quite where it ends.
 SPARE_ROWS = 6

@@ -14,22 +14,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, needle_places, opposite_rows, same_rows
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
-from decoder.instruments.thresholds import (
-    CLEAR_SCORE,
-    CLEARLY_WORSE,
-    LIKELY_SCORE,
-    SURE_SCORE,
-)
+from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
 from decoder.matching.fitting import Fits, WindowFitter, settle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.searching import COARSE_STEP, thinned
 from decoder.matching.strips import blocks_of, rows_at
-from decoder.matching.thresholds import HALF, MAX_PEAK_ROWS, MIN_VISIBLE, SCORE_THRESHOLD, WHOLE_VISIBLE
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.scale import shortest
+from decoder.registration.thresholds import CLEAR_SCORE, LIKELY_SCORE, SCORE_THRESHOLD
 
 ROUNDS = 3
 

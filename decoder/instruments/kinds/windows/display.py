@@ -9,11 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.instruments.kinds.windows.cells import Cells, Seen
 from decoder.instruments.kinds.windows.segments import NAMES, SHAPES, Known, Segments, fitted, found, left_over, lit
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, HALF_LIT, LIKELY_SCORE
-from decoder.matching.thresholds import HALF, MIN_LIGHT_GAIN, SCORE_THRESHOLD
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, HALF_LIT
+from decoder.matching.thresholds import MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 DIGITS = "0123456789"
 LEARNING_ROUNDS = 2

@@ -18,10 +18,11 @@ from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
-from decoder.matching.thresholds import FACE_NOISE_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
+from decoder.matching.thresholds import FACE_NOISE_LEVELS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.lamp import Lamp
+from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 WHITE = 255.0
 PERCENT = 100.0

@@ -17,7 +17,7 @@ from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, LIKELY_SCORE, SURE_SCORE
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.faces import bare_face, in_light_of, learn_face
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
@@ -25,12 +25,13 @@ from decoder.matching.needle_layer import cut_over, first_layer, in_local_light,
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
 from decoder.matching.searching import peaks_of
 from decoder.matching.strips import blocks_of, rows_at, rows_of_each
-from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, NOISE_LEVELS, OUTLIER_SPREADS, SCORE_THRESHOLD
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.linear import Linear
 from decoder.panel.kinds.straight import ACROSS
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 3
 # A mark is drawn so well on a scale, and the place where the pointer is in the panel picture.

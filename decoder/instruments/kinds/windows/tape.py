@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.tape_shape import (
     ROW_PX,
@@ -33,22 +34,14 @@ from decoder.instruments.kinds.windows.tape_shape import (
 )
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, LIKELY_SCORE, STILL_ROWS, SURE_SCORE
+from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS, SURE_SCORE
 from decoder.matching.searching import COARSE_STEP
-from decoder.matching.thresholds import (
-    HALF,
-    MAX_PEAK_ROWS,
-    MIN_CONTRAST_PART,
-    MIN_SPREAD_LEVELS,
-    MUCH_BETTER,
-    NOISE_LEVELS,
-    OUTLIER_SPREADS,
-    SCORE_THRESHOLD,
-)
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.straight import ACROSS
 from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 FIT_STEPS = 6
 # Light that falls off along a window leaves so much of it at least.
