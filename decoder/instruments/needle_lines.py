@@ -12,13 +12,8 @@ from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.sampling import SeenGauge
-from decoder.instruments.thresholds import (
-    APART_DEG,
-    FRAMES_TO_LEARN,
-    HUBER_SPREADS,
-    MAX_CONDITION,
-    MIN_PLACES,
-)
+from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN, HUBER_SPREADS, MIN_PLACES
+from decoder.matching.correlation import is_singular
 from decoder.matching.fitting import PHASE_REACH, phases_of
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_of_each
@@ -189,7 +184,7 @@ def _tilts(
 def _solved(moments: Floats, total: float, pixels_per_sample: float) -> list[tuple[float, float] | None]:
     """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (M, 5, 5)."""
     normal, right = moments[:, :4, :4], moments[:, :4, 4]
-    tells = np.linalg.cond(normal) <= MAX_CONDITION
+    tells = ~is_singular(normal)
     inverse = np.linalg.inv(np.where(tells[:, None, None], normal, np.eye(4)))
     solution = (inverse @ right[..., None])[..., 0]
     gain = solution[:, 0]

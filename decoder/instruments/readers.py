@@ -7,7 +7,9 @@ a line in `KINDS`, and its part of the schema in `decoder.panel.gauge`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -81,6 +83,10 @@ class InstrumentReaders:
         ]
         return [kind.reader(own, self.appearance, self.sampler, self.method) for kind, own in of_kinds if own]
 
+    @cached_property
+    def _columns(self) -> list[_Columns]:
+        return [_Columns.of(gauge) for gauge in self._gauges]
+
     def with_appearance(self, appearance: Appearance) -> InstrumentReaders:
         """Return readers of the same panel that have learned something else."""
         readers = InstrumentReaders(self._gauges, self._unwrapper, appearance, self.method)
@@ -108,21 +114,34 @@ class InstrumentReaders:
         return [
             {
                 name: reading
-                for gauge, is_whole in zip(self._gauges, there, strict=True)
-                for name, reading in _told(gauge, own, is_whole=is_whole).items()
+                for columns, is_whole in zip(self._columns, there, strict=True)
+                for name, reading in columns.told(own, is_whole=is_whole).items()
             }
             for own, there in zip(found, whole, strict=True)
         ]
 
 
-def _told(gauge: Gauge, found: Mapping[str, Reading], *, is_whole: bool) -> dict[str, Reading]:
-    """By name what one gauge tells in one frame: its quantities, and what several of them show together."""
-    names = [quantity.name for quantity in gauge.quantities]
-    together = None if gauge.combination is None else gauge.combination.quantity.name
-    if not is_whole:
-        unread = Reading(Status.MISSING, np.nan, np.inf, 0.0)
-        return dict.fromkeys([*names, *([] if together is None else [together])], unread)
-    own = {name: found[name] for name in names}
-    if together is None:
-        return own
-    return own | {together: found[together] if together in found else told_together(gauge, own)}
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """What is read of one gauge: the names of its quantities, and of what several of them show together."""
+
+    gauge: Gauge
+    names: tuple[str, ...]
+    together: str | None
+
+    @classmethod
+    def of(cls, gauge: Gauge) -> Self:
+        """Name them once: frames are many."""
+        together = None if gauge.combination is None else gauge.combination.quantity.name
+        return cls(gauge, tuple(quantity.name for quantity in gauge.quantities), together)
+
+    def told(self, found: Mapping[str, Reading], *, is_whole: bool) -> dict[str, Reading]:
+        """Return by name what the gauge tells in one frame."""
+        if not is_whole:
+            unread = Reading(Status.MISSING, np.nan, np.inf, 0.0)
+            return dict.fromkeys([*self.names, *([] if self.together is None else [self.together])], unread)
+        own = {name: found[name] for name in self.names}
+        if self.together is None:
+            return own
+        value = found[self.together] if self.together in found else told_together(self.gauge, own)
+        return own | {self.together: value}

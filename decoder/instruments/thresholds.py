@@ -8,7 +8,6 @@
 | MISSING_SPREADS | 5.0 | sigma | what is further off is something else: a lamp from its states, a value from its neighbours, a clock | beyond any chance |
 | DIMMEST_LEVELS | 25.0 | grey levels | a lamp that no frame taught adds so much light at least | a tenth of white |
 | HALF_LIT | 0.45 | of a segment | a digit with more of another, or less of its own, is none | half, and what noise adds to it |
-| MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 | STILL_ROWS | 0.01 | rows | a card that moves less has settled | a tenth of its sigma |
 | FRAMES_TO_LEARN | 5 | frames | so many teach a face, a needle, a card or a pivot, or that a needle is missing | drawn |
 | MIN_TURN_DEG | 20.0 | degrees | only a card that turned by so much tells itself from what stands still | drawn |
@@ -28,7 +27,6 @@ SURE_SCORE = 0.95
 MISSING_SPREADS = 5.0
 DIMMEST_LEVELS = 25.0
 HALF_LIT = 0.45
-MAX_CONDITION = 1e12
 STILL_ROWS = 0.01
 FRAMES_TO_LEARN = 5
 MIN_TURN_DEG = 20.0

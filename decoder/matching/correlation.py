@@ -21,8 +21,8 @@ import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import FACE_NOISE_LEVELS, OUTLIER_SPREADS
-from decoder.panel.arrays import Floats, limited
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, MAX_CONDITION, OUTLIER_SPREADS
+from decoder.panel.arrays import Floats, Mask, limited
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
 EVERY = 4  # pixels: so many tell a median as well
@@ -213,6 +213,22 @@ def _sums_over(kernels: list[list[Floats]], *images: Floats) -> Floats:
     """Slide several kernels, of three parts each, along as many images side by side."""
     blocks = np.stack([np.concatenate(parts, axis=1) for parts in kernels]).astype(np.float32)
     return sliding_sums(np.concatenate(images, axis=-1), blocks)
+
+
+def products(left: Floats, right: Floats) -> Floats:
+    """(..., K, L): the inner products of few long rows, (..., K, N), with as few others, (..., L, N).
+
+    A matrix product of such shapes takes ten times as long: its blocks are made for square ones.
+    """
+    inner: Floats = np.vecdot(left[..., :, None, :], right[..., None, :, :])
+    return inner
+
+
+def is_singular(normals: Floats) -> Mask:
+    """(...): whether symmetric matrices, (..., K, K), have no inverse in double precision."""
+    spread = np.linalg.eigvalsh(normals)
+    singular: Mask = ~(spread[..., 0] * MAX_CONDITION > spread[..., -1])
+    return singular
 
 
 def explained(left: Floats, weights: Floats) -> Floats:

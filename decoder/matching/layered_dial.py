@@ -97,9 +97,9 @@ def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> l
 
 
 def lit_as(seen: Floats, drawn: Floats) -> Floats:
-    """Bring drawings (M, N, C) into the light of what is seen, (N, C): gain and offset, by least squares."""
-    light = _Light.of(seen, drawn)
-    lit: Floats = (light.off * light.gain[:, None].astype(np.float32) + seen.mean()).reshape(drawn.shape)
+    """Bring drawings (..., M, N, C) into the light of what is seen, (..., N, C): gain and offset, by least squares."""
+    light, mean = _Light.of(seen, drawn), seen.mean(axis=(-2, -1))[..., None, None]
+    lit: Floats = (light.off * light.gain[..., None].astype(np.float32) + mean).reshape(drawn.shape)
     return lit
 
 
@@ -112,7 +112,7 @@ def unexplained(seen: Floats, drawn: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Light:
-    """Drawings (M, N * C) about their means, their squares and products with what is seen, and the gain of each."""
+    """Drawings (..., M, N * C) about their means, their squares and products with what is seen, and their gains."""
 
     off: Floats
     power: Floats
@@ -121,27 +121,27 @@ class _Light:
 
     @classmethod
     def of(cls, seen: Floats, drawn: Floats) -> _Light:
-        flat = drawn.reshape(len(drawn), -1)
-        off = flat - flat.mean(axis=1, keepdims=True)
-        shared = off @ (seen.ravel() - np.float32(seen.mean()))
-        power = np.einsum("mx,mx->m", off, off)
+        flat, levels = (each.reshape(*each.shape[:-2], -1) for each in (drawn, seen))
+        off = flat - flat.mean(axis=-1, keepdims=True)
+        shared = np.vecdot(off, (levels - levels.mean(axis=-1, keepdims=True))[..., None, :])
+        power = np.vecdot(off, off)
         return cls(off, power, shared, np.maximum(shared / np.maximum(power, 1.0), MIN_LIGHT_GAIN))
 
 
 def times_worse(seen: Floats, best: Floats, others: Floats) -> Floats:
-    """Tell how many times as much as the best drawing others leave unexplained where they differ: (M,).
+    """Tell how many times as much as the best drawing others leave unexplained where they differ: (..., M).
 
     What sensors and JPEG do to a pixel is left by all of them: so 1 where two hardly differ.
 
     Parameters
     ----------
-    seen, best : (N, C)
-    others : (M, N, C)
+    seen, best : (..., N, C)
+    others : (..., M, N, C)
     """
-    differ = ((others - best) ** 2).reshape(len(others), -1)
-    noise = NOISE_LEVELS**2 * np.maximum(differ.sum(axis=1), 1.0)
-    off = ((others - seen) ** 2).reshape(differ.shape)
-    left = np.einsum("mx,mx->m", differ, off)
-    least = np.einsum("mx,x->m", differ, ((best - seen) ** 2).ravel())
+    seen, best, others = (each.reshape(*each.shape[:-2], -1) for each in (seen, best, others))
+    differ = (others - best[..., None, :]) ** 2
+    noise = NOISE_LEVELS**2 * np.maximum(differ.sum(axis=-1), 1.0)
+    left = np.vecdot(differ, (others - seen[..., None, :]) ** 2)
+    least = np.vecdot(differ, ((best - seen) ** 2)[..., None, :])
     worse: Floats = (left + noise) / (least + noise)
     return worse

@@ -24,6 +24,7 @@
 | REACH_PART | 0.12 | of the radius | pivots are searched for as far from where they are drawn | an ordinary hand |
 | FAR_PART | 0.015 | of the radius | a pivot nearer to where it is drawn is told by tilts alone | half of what these do without |
 | FAR_GAIN | 0.95 | of what is unexplained | so much at most a pivot far off must leave, or the drawn one stays | strangers' pictures, drawn by a careful hand |
+| MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 """  # noqa: E501 - a table
 
 from __future__ import annotations
@@ -50,3 +51,4 @@ MIN_PAIR_CORRELATION = 0.98
 REACH_PART = 0.12
 FAR_PART = 0.015
 FAR_GAIN = 0.95
+MAX_CONDITION = 1e12

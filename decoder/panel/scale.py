@@ -262,8 +262,8 @@ class Gearing:
         return self.turns[-1]
 
     def values(self, finest_deg: Floats) -> Floats:
-        """(D, T): all values at which the finest hand points in some directions, (D,)."""
-        within = self.within(0, finest_deg)[:, None] + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
+        """(..., T): all values at which the finest hand points in some directions, (...)."""
+        within = self.within(0, finest_deg)[..., None] + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
         return in_turn(within, self.turn, self._quantity.lowest)
 
     def within(self, hand: int, angles_deg: Floats) -> Floats:
@@ -278,31 +278,36 @@ class Gearing:
         """How far a hand may be from where the next finer one puts it."""
         return self._tolerance * FULL_CIRCLE_DEG * self.turns[max(hand - 1, 0)] / self.turns[hand]
 
-    def counted(self, angles_deg: Floats) -> float:
-        """Return the value that all hands tell, (K,): the coarsest roughly and in full, each finer one better."""
-        value = float(self.within(len(angles_deg) - 1, angles_deg[-1:])[0])
-        for hand in range(len(angles_deg) - 2, -1, -1):
-            value = self.measured(hand, angles_deg, value)
-        return value
+    def counted(self, angles_deg: Floats) -> Floats:
+        """(...): values that all hands tell, (..., K): the coarsest roughly and in full, each finer one better."""
+        hands = angles_deg.shape[-1]
+        values = self.within(hands - 1, angles_deg[..., -1])
+        for hand in range(hands - 2, -1, -1):
+            values = self.measured(hand, angles_deg, values)
+        return values
 
-    def measured(self, hand: int, angles_deg: Floats, value: float) -> float:
-        """Return the value nearest to one at which a hand points where it does."""
-        off = float(shortest(self.within(hand, angles_deg[[hand]])[0] - value, self.turns[hand]))
-        return float(in_turn(np.array(value + off), self.turn, self._quantity.lowest))
+    def measured(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
+        """(...): the values nearest to some, (...), at which a hand points where it does, of (..., K)."""
+        return in_turn(values + self._off(hand, angles_deg, values), self.turn, self._quantity.lowest)
 
-    def agrees(self, value: float, angles_deg: Floats, sigmas_deg: Floats, seen: Mask) -> bool:
-        """Tell whether all hands that are seen, (K,), point where the value has them, and tell turns apart."""
-        for hand in range(1, len(seen)):
+    def agrees(self, values: Floats, angles_deg: Floats, sigmas_deg: Floats, seen: Mask) -> Mask:
+        """(...): whether all hands that are seen, (..., K), point where values have them, and tell turns apart."""
+        agrees = np.ones(np.shape(values), bool)
+        for hand in range(1, seen.shape[-1]):
             finer = self.turns[hand - 1]
-            off = abs(float(shortest(self.within(hand, angles_deg[[hand]])[0] - value, self.turns[hand])))
+            off = np.abs(self._off(hand, angles_deg, values))
             doubt = off + SURE_SIGMAS * self.sigma(hand, angles_deg, sigmas_deg)
-            if seen[hand] and (off > self._tolerance * finer or doubt > finer / 2):
-                return False
-        return True
+            agrees &= ~(seen[..., hand] & ((off > self._tolerance * finer) | (doubt > finer / 2)))
+        return agrees
 
-    def sigma(self, hand: int, angles_deg: Floats, sigmas_deg: Floats) -> float:
-        """How uncertain what a hand says by itself is."""
-        return float(np.abs(self._scales[hand].slopes_at(angles_deg[[hand]])[0]) * sigmas_deg[hand])
+    def _off(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
+        """(...): how far values are from what a hand says by itself, the short way round."""
+        return shortest(self.within(hand, angles_deg[..., hand]) - values, self.turns[hand])
+
+    def sigma(self, hand: int, angles_deg: Floats, sigmas_deg: Floats) -> Floats:
+        """(...): how uncertain what a hand says by itself is, of (..., K)."""
+        sigmas: Floats = np.abs(self._scales[hand].slopes_at(angles_deg[..., hand])) * sigmas_deg[..., hand]
+        return sigmas
 
     def circle_deg(self, value: float) -> float:
         """Return a value as an angle, from the lowest on, on the circle that is one turn of the coarsest hand."""

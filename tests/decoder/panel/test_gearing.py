@@ -42,7 +42,7 @@ def test_value_is_told_by_where_its_hands_point(value: float, off_deg: float) ->
 
     assert told == pytest.approx(value, abs=1e-6) or told == pytest.approx(value + 10_000.0, abs=1e-6)
     assert gearing.agrees(told, angles_deg, np.zeros(2), np.ones(2, bool))
-    assert gearing.circle_deg(told) == pytest.approx((told + 500.0) / 10_000.0 * 360.0)
+    assert gearing.circle_deg(float(told)) == pytest.approx((told + 500.0) / 10_000.0 * 360.0)
 
 
 @given(direction_deg=st.floats(270.0, 629.0))
@@ -62,4 +62,4 @@ def test_hand_beyond_its_tolerance_contradicts_where_it_is_seen(off_deg: float, 
     angles_deg = np.array([float(gearing.angles_deg(hand, np.array([2345.0]))[0]) for hand in (0, 1)])
     angles_deg[1] += off_deg
 
-    assert gearing.agrees(2345.0, angles_deg, np.zeros(2), np.array([True, seen])) is agrees
+    assert bool(gearing.agrees(np.array(2345.0), angles_deg, np.zeros(2), np.array([True, seen]))) is agrees

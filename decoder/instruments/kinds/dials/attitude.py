@@ -29,8 +29,8 @@ from decoder.instruments.appearance import Appearance, CardPicture, DrawnInstrum
 from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MAX_CONDITION, STILL_ROWS
-from decoder.matching.correlation import explained, weighted_correlation
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, STILL_ROWS
+from decoder.matching.correlation import explained, is_singular, weighted_correlation
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -298,7 +298,8 @@ class _HorizonReader:
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
-        self._slopes = [np.gradient(picture.horizon, grid.column_px, axis=axis) for axis in (1, 0)]
+        down, right = np.gradient(picture.horizon, grid.column_px)
+        self._levels = np.dstack([picture.horizon, down, right]).astype(np.float32)
         self._patches = _patches(self._thinned.shape)
         self._search = _Search(own, picture.horizon, self._weights)
 
@@ -331,7 +332,7 @@ class _HorizonReader:
         return math.cos(back) * x + math.sin(back) * y, math.cos(back) * y - math.sin(back) * x
 
     def _shown(self, levels: Floats, x_px: Floats, y_px: Floats, place: Place) -> Floats:
-        """Levels of a picture at a place, in the window at its places along the upright."""
+        """Levels of a picture, or of several, (P, C, K), at a place, in the window at its places along the upright."""
         x_px, y_px = x_px - self._own.aside_px(place), y_px - place.down_px
         return _sampled(levels, x_px, y_px, self._own.grid.column_px)
 
@@ -345,7 +346,7 @@ class _HorizonReader:
             columns = self._columns(place, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
             normal = weighted @ columns.T
-            if np.linalg.cond(normal) > MAX_CONDITION:
+            if is_singular(normal):
                 return NOT_SEEN
             inverse = np.linalg.inv(normal)
             solution = inverse @ (weighted @ seen.ravel())
@@ -367,7 +368,7 @@ class _HorizonReader:
     def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
         """(3 or 4, N): what gain, offset, shift and turn change."""
         x, y = self._turned(place, self._stride)
-        levels, right, down = (self._shown(each, x, y, place) for each in (self._picture.horizon, *self._slopes))
+        levels, down, right = np.moveaxis(self._shown(self._levels, x, y, place), -1, 0)
         columns = [levels, np.ones_like(levels), -down]
         if not is_turn_known:
             columns.append(right * y - down * x)
@@ -537,8 +538,8 @@ def _around(angles: Floats, radii_px: Floats) -> tuple[Floats, Floats]:
 
 
 def _sampled(levels: Floats, x_px: Floats, y_px: Floats, cell_px: float) -> Floats:
-    """Levels of a picture at places of it, counted from its middle."""
-    height, width = levels.shape
+    """Levels of a picture, or of several as (P, C, K), at places of it, counted from its middle."""
+    height, width = levels.shape[:2]
     return _at(levels, x_px / cell_px + (width - 1) / 2, y_px / cell_px + (height - 1) / 2)
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain
 from typing import Any
 
@@ -34,15 +35,8 @@ from decoder.instruments.appearance import (
 )
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import (
-    CLEARLY_WORSE,
-    FRAMES_TO_LEARN,
-    MAX_CONDITION,
-    MIN_TURN_DEG,
-    STILL_ROWS,
-    SURE_SCORE,
-)
-from decoder.matching.correlation import explained, weighted_correlation
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_TURN_DEG, STILL_ROWS, SURE_SCORE
+from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MAX_PEAK_ROWS
@@ -216,32 +210,32 @@ class CardReader:
 
         Outliers have no weight in the row, but all the weight in the score: few pixels match many places.
         """
-        start, weights, sigma_rows, score = row, shown_there, math.inf, 0.0
+        start, trusted = row, shown_there
         columns = np.ones((3, seen.size), np.float32)
         shown, slope = columns[:2].reshape(2, *seen.shape)
         for _ in range(FIT_STEPS):
+            weights = trusted
             card = turned(self._picture.card, row, beyond=1)
             np.subtract(card[1:-1], self._middle, out=shown)
             np.subtract(card[:-2], card[2:], out=slope)
             slope /= 2
             weighted = columns * weights.ravel()
-            normal = (weighted @ columns.T).astype(np.float64)
-            if np.linalg.cond(normal) > MAX_CONDITION:  # a card without marks has no direction
+            normal = products(weighted, columns).astype(np.float64)
+            if is_singular(normal):  # a card without marks has no direction
                 return start, math.inf, 0.0
             inverse = np.linalg.inv(normal)
             gain, shift, _offset = solution = inverse @ (weighted @ seen.ravel())
             step_rows = float(shift / gain) if gain > 0 else math.inf
-            if not abs(row + step_rows - start) <= MAX_PEAK_ROWS:
+            row += step_rows
+            if not abs(row - start) <= MAX_PEAK_ROWS:
                 return start, math.inf, 0.0
             left = seen - (solution.astype(np.float32) @ columns).reshape(seen.shape)
-            noise = float((weights * left**2).sum() / weights.sum())
-            sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
-            score = weighted_correlation(seen, left, shown_there)
-            row += step_rows
-            weights = shown_there * explained(left, shown_there)
             if abs(step_rows) < STILL_ROWS:
                 break
-        return row, sigma_rows, score
+            trusted = shown_there * explained(left, shown_there)
+        noise = float((weights * left**2).sum() / weights.sum())
+        sigma_rows = math.sqrt(noise * float(inverse[1, 1]) / self._grid.pixels_per_sample) / float(gain)
+        return row, sigma_rows, weighted_correlation(seen, left, shown_there)
 
 
 def _turned_back(turn: float) -> Floats:
@@ -265,9 +259,16 @@ def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
 def evenly_lit(strip: UnwrappedGauge, grid: PolarGrid) -> UnwrappedGauge:
     """Return one turn of a dial (P, C) without what changes slowly around it, but for its mean."""
     turn = strip[: card_rows(grid)]
-    waves = np.fft.rfft(turn, axis=0)
-    waves[1 : SHADING_WAVES + 1] = 0
-    return np.fft.irfft(waves, len(turn), axis=0).astype(np.float32)
+    waves = _slow_waves(len(turn))
+    lit: UnwrappedGauge = turn - waves @ (waves.T @ turn)
+    return lit
+
+
+@cache
+def _slow_waves(rows: int) -> Floats:
+    """(P, 2 * SHADING_WAVES) float32: what light does around a dial, of length one each."""
+    turns = np.arange(1, SHADING_WAVES + 1) * (2 * np.pi / rows * np.arange(rows)[:, None])
+    return (math.sqrt(2 / rows) * np.concatenate([np.cos(turns), np.sin(turns)], axis=1)).astype(np.float32)
 
 
 def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], given: CardPicture) -> CardPicture:

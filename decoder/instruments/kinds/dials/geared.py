@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from itertools import product
 
 import numpy as np
 
@@ -67,7 +66,7 @@ def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
     value = gearing.counted(angles_deg)
     if not gearing.agrees(value, angles_deg, sigmas_deg, np.ones(len(hands), bool)):
         return unread
-    return _reading(gearing, hands[0].status, value, gearing.sigma(0, angles_deg, sigmas_deg), score)
+    return _reading(gearing, hands[0].status, float(value), float(gearing.sigma(0, angles_deg, sigmas_deg)), score)
 
 
 def _reading(gearing: Gearing, status: Status, value: float, sigma: float, score: float) -> Reading:
@@ -77,17 +76,12 @@ def _reading(gearing: Gearing, status: Status, value: float, sigma: float, score
 
 @dataclass(frozen=True, slots=True)
 class _Guesses:
-    """M ways to explain one frame: the hands' rows, (M, K), and values, (M,), NaN where these do not go together."""
+    """M ways to explain each frame: the hands' rows, (..., M, K), and values, (..., M), NaN where these disagree."""
 
     rows: Floats
     values: Floats
 
-    @property
-    def is_geared(self) -> Mask:
-        """(M,): whether they go together."""
-        return np.isfinite(self.values)
-
-    def part(self, which: Indices) -> _Guesses:
+    def part(self, which: Indices | int) -> _Guesses:
         """Return some of them."""
         return _Guesses(self.rows[which], self.values[which])
 
@@ -114,10 +108,6 @@ class _Placed:
         """Whether it matches as well as it can over another hand that is much like it."""
         may: Mask = self.is_settled & (self.visible >= HALF) & (self.score >= HALF)
         return may
-
-    def part(self, which: Indices | int) -> _Placed:
-        """Return those of some frames."""
-        return _Placed(*(getattr(self, each.name)[which] for each in fields(self)))
 
 
 class GearedReader:
@@ -155,20 +145,12 @@ class GearedReader:
 
     def read(self, strips: Floats) -> Together:
         """Find the hands on a gauge in F frames, (F, R, C) float32, in the panel's order, and their value."""
-        scores = [self._scores(strips, template) for template in self._coarse]
+        tried = self._tried([self._scores(strips, template) for template in self._coarse])
         dials = self._once_around(strips)
-        tried = [self._tried([own[frame] for own in scores]) for frame in range(len(strips))]
-        likely = [self._likely(dial, guesses) for dial, guesses in zip(dials, tried, strict=True)]
-        guessed = np.array([guesses.rows[0] for guesses in likely])
-        placed = self._settled(dials, guessed)
-        hands = Found.missing((len(strips), len(self._columns)))
-        values = []
-        for frame, own in enumerate(zip(dials, likely, strict=True)):
-            found, value = self._judged(*own, placed.part(frame))
-            for which, column in enumerate(self._columns):
-                hands.put((np.array([frame]), column), found.part(np.array([which])))
-            values.append(value)
-        return Together(hands, values)
+        thin = self._thin.thinned(dials)
+        likely = [self._likely(dial, tried.part(frame)) for frame, dial in enumerate(thin)]
+        guesses = _Guesses(*(np.stack([getattr(own, each.name) for own in likely]) for each in fields(_Guesses)))
+        return self._judged(thin, guesses, self._settled(dials, guesses.rows[:, 0]))
 
     def _once_around(self, strips: Floats) -> Floats:
         """(..., N, C'): gauges (..., R, C) once around, from the centre outwards."""
@@ -192,52 +174,62 @@ class GearedReader:
         return scores
 
     def _tried(self, scores: Sequence[Floats]) -> _Guesses:
-        """Return the ways to explain one frame that the hands' scores, (N',) each, suggest."""
+        """Return the ways to explain F frames that the hands' scores, (F, N') each, suggest."""
         finest, *others = scores
-        directions = _refined(finest, _peaks(finest)[:DIRECTIONS])
+        directions = _refined(finest, _peaks(finest, DIRECTIONS))
         values = self.gearing.values(self._angles_deg(directions))
-        places, total = [np.repeat(directions[:, None], values.shape[1], axis=1)], np.zeros(values.shape)
-        for hand, own in enumerate(others, 1):
-            place, score = self._near(own, self._rows(self.gearing.angles_deg(hand, values.ravel())), hand)
-            places.append(place.reshape(values.shape))
-            total += np.maximum(score, 0.0).reshape(values.shape) ** 2
-        top = np.argsort(-total, axis=1, kind="stable")[:, :TURNS]
-        geared = np.stack([np.take_along_axis(place, top, axis=1).ravel() for place in places], axis=1)
-        anywhere = [_refined(own, _peaks(own)[:ANYWHERE]) for own in others]
-        free = np.array(list(product(directions, *anywhere)))
-        told = np.take_along_axis(values, top, axis=1).ravel()
-        return _Guesses(np.concatenate([geared, free]), np.concatenate([told, np.full(len(free), np.nan)]))
+        middles = [self._rows(self.gearing.angles_deg(hand, values)) / COARSE_STEP for hand in range(1, len(scores))]
+        near = [self._near(own, hand) for hand, own in enumerate(others, 1)]
+        total = np.zeros(values.shape)
+        for middle, (score, _) in zip(middles, near, strict=True):
+            total += np.maximum(_at(score, middle), 0.0) ** 2
+        top = np.argsort(-total, axis=-1, kind="stable")[..., :TURNS]
+        values = np.take_along_axis(values, top, axis=-1)
+        middles = [np.take_along_axis(each, top, axis=-1) for each in middles]
+        geared = [np.broadcast_to(directions[..., None], top.shape)]
+        for hand, (middle, (_, place)) in enumerate(zip(middles, near, strict=True), 1):
+            slack = self._slack(hand)
+            stray = np.clip(shortest(_at(place, middle) - middle, place.shape[-1]), -slack, slack)
+            geared.append(COARSE_STEP * (middle + stray))
+        anywhere = [directions, *(_refined(own, _peaks(own, ANYWHERE)) for own in others)]
+        frames = len(directions)
+        free = np.stack([own.reshape(frames, -1) for own in np.broadcast_arrays(*_each_with_each(anywhere))], axis=-1)
+        rows = np.concatenate([np.stack(geared, axis=-1).reshape(frames, -1, len(scores)), free], axis=1)
+        told = np.concatenate([values.reshape(frames, -1), np.full(free.shape[:2], np.nan)], axis=1)
+        return _Guesses(rows, told)
 
-    def _near(self, scores: Floats, rows: Floats, hand: int) -> tuple[Floats, Floats]:
-        """Where a hand matches best near rows (T,), and how well, less what it strays; (T,) each."""
-        slack = self.gearing.tolerance_deg(hand) / self._grid.step_deg / COARSE_STEP
+    def _slack(self, hand: int) -> float:
+        """How many coarse rows a hand may be from where the next finer one puts it."""
+        return self.gearing.tolerance_deg(hand) / self._grid.step_deg / COARSE_STEP
+
+    def _near(self, scores: Floats, hand: int) -> tuple[Floats, Floats]:
+        """How well a hand matches near each coarse row, less what it strays, and where: (F, N') each."""
+        slack = self._slack(hand)
         off = np.arange(-np.ceil(slack), np.ceil(slack) + 1).astype(np.intp)
-        middle = rows / COARSE_STEP
-        around = np.rint(middle).astype(np.intp)[:, None] + off
-        there = scores[around % len(scores)] - STRAY_COST * np.minimum((around - middle[:, None]) / slack, 1.0) ** 2
-        best = there.argmax(axis=1)
-        every = np.arange(len(rows))
-        place = _refined(scores, _climbed(scores, around[every, best] % len(scores))) / COARSE_STEP
-        stray = np.clip(shortest(place - middle, len(scores)), -slack, slack)
-        return COARSE_STEP * (middle + stray), there[every, best]
+        around = (np.arange(scores.shape[1])[:, None] + off) % scores.shape[1]
+        there = scores[:, around] - STRAY_COST * np.minimum(off / slack, 1.0) ** 2
+        best = there.argmax(axis=-1)
+        at = np.take_along_axis(around[None], best[..., None], axis=-1)[..., 0]
+        return np.take_along_axis(there, best[..., None], axis=-1)[..., 0], _refined(
+            scores, _climbed(scores, at)
+        ) / COARSE_STEP
 
-    def _likely(self, dial: Floats, guesses: _Guesses) -> _Guesses:
-        """Return the guesses that explain a frame best, first the best, and of those that go together and not.
+    def _likely(self, seen: Floats, guesses: _Guesses) -> _Guesses:
+        """Return the guesses that explain a thinned dial best, first the best, and of those that go together and not.
 
         Hands that do not go together must explain it clearly better to be the best.
         """
-        seen = self._thin.thinned(dial)
-        pictures = self._thin.drawn(guesses.rows[:, self._order])
-        left = unexplained(seen, pictures)
-        geared = int(np.where(guesses.is_geared, left, np.inf).argmin())
-        free = int(np.where(guesses.is_geared, np.inf, left).argmin())
-        best, *rest = lit_as(seen, pictures[[free, geared]])
-        worse = float(times_worse(seen, best, np.array(rest))[0])
+        pictures = self._drawn(guesses.rows)
+        left, is_geared = unexplained(seen, pictures), np.isfinite(guesses.values)
+        geared = int(np.where(is_geared, left, np.inf).argmin())
+        free = int(np.where(is_geared, np.inf, left).argmin())
+        lit = lit_as(seen, pictures[[free, geared]])
+        worse = float(times_worse(seen, lit[0], lit[1:])[0])
         apart = np.abs(shortest(guesses.rows[free] - guesses.rows[geared], self._turn)) > self._reach_rows
         best = free if apart.any() and worse > CLEARLY_WORSE else geared
         left[best] = -1.0
         order = np.argsort(left, kind="stable")
-        is_geared = guesses.is_geared[order]
+        is_geared = is_geared[order]
         return guesses.part(
             np.concatenate([order[is_geared == first][:LIKELY] for first in (is_geared[0], not is_geared[0])])
         )
@@ -285,78 +277,89 @@ class GearedReader:
         windows: Floats = seen.reshape(len(which), -1)
         return windows
 
-    def _judged(self, dial: Floats, guesses: _Guesses, placed: _Placed) -> tuple[Found, Reading]:
-        """Judge one frame's hands, the first guess, and their value, by what else would explain the dial."""
-        guessed, value = guesses.rows[0], float(guesses.values[0])
-        off_rows = np.abs(shortest(guesses.rows - guessed, self._turn))
-        others = np.where(off_rows <= MAX_PEAK_ROWS, placed.row, guesses.rows)
-        seen_dial = self._thin.thinned(dial)
-        is_rival = self._rivals(seen_dial, placed.row, others)
-        shows = placed.shows & ~(is_rival[:, None] & (off_rows > self._reach_rows)).any(axis=0)
+    def _judged(self, seen: Floats, guesses: _Guesses, placed: _Placed) -> Together:
+        """Judge the hands of F thinned dials, (F, N', C'), and their values, by what else would explain the dials.
+
+        The first guess of each is what was placed.
+        """
+        off_rows = np.abs(shortest(guesses.rows - guesses.rows[:, :1], self._turn))
+        others = np.where(off_rows <= MAX_PEAK_ROWS, placed.row[:, None], guesses.rows)
+        is_rival = self._rivals(seen, placed.row, others)
+        shows = placed.shows & ~(is_rival[..., None] & (off_rows > self._reach_rows)).any(axis=1)
         # The finest hand over another that is much like it: it is there, but not to the fraction of a row.
-        merged = not shows[0] and bool(placed.may_show[0]) and self._is_beside_others(placed.row)
+        merged = ~shows[:, 0] & placed.may_show[:, 0] & self._is_beside_others(placed.row)
         sigma_rows = placed.sigma_rows.copy()
-        sigma_rows[0] = np.hypot(sigma_rows[0], self._half_widths_rows[0] * merged)
-        angles_deg, sigmas_deg = self._angles_deg(placed.row), sigma_rows * self._grid.step_deg
-        reach = self._reach_rows[0] / self._turn * self.gearing.turns[0]
-        other = is_rival & (np.abs(shortest(guesses.values - value, self.gearing.turn)) > reach)
-        is_sure = bool(np.isfinite(value)) and bool(shows[0] or merged) and not other.any()
-        if is_sure:
-            value = self.gearing.measured(0, angles_deg, value)
-            is_sure = self.gearing.agrees(value, angles_deg, sigmas_deg, shows)
+        sigma_rows[merged, 0] = np.hypot(sigma_rows[merged, 0], self._half_widths_rows[0])
         status = np.where(shows, np.where(placed.visible >= WHOLE_VISIBLE, READ, EDGE), MISSING)
-        status[0], seen = EDGE if merged else status[0], shows | np.array([merged, *shows[1:]])
+        status[merged, 0], shows[merged, 0] = EDGE, True
+        angles_deg, sigmas_deg = self._angles_deg(placed.row), sigma_rows * self._grid.step_deg
+
+        reach = self._reach_rows[0] / self._turn * self.gearing.turns[0]
+        is_other = is_rival & (np.abs(shortest(guesses.values - guesses.values[:, :1], self.gearing.turn)) > reach)
+        values = self.gearing.measured(0, angles_deg, guesses.values[:, 0])
+        is_sure = np.isfinite(values) & shows[:, 0] & ~is_other.any(axis=1)
+        is_sure &= self.gearing.agrees(values, angles_deg, sigmas_deg, shows)
         found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
-        if is_sure:
-            found = found.instead(~seen, self._hidden(value, placed.score))
-            if self._adds_up(seen_dial, found.row - self._first):
-                sigma, score = (
-                    self.gearing.sigma(0, angles_deg, sigmas_deg),
-                    float(placed.score[seen].min()),
-                )
-                return found, _reading(self.gearing, STATUSES[status[0]], value, sigma, score)
-        return found, Reading(Status.MISSING, np.nan, np.inf, float(placed.score.min()))
+        found = found.instead(is_sure[:, None] & ~shows, self._hidden(values, placed.score))
+        is_sure &= self._adds_up(seen, found.row - self._first)
+
+        values = np.where(is_sure, values, np.nan)
+        sigmas = np.where(is_sure, self.gearing.sigma(0, angles_deg, sigmas_deg), np.inf)
+        scores = np.where(shows | ~is_sure[:, None], placed.score, np.inf).min(axis=1)
+        told = zip(np.where(is_sure, status[:, 0], MISSING), *_lists(values, sigmas, scores), strict=True)
+        hands = found.part((slice(None), np.argsort(self._columns)))
+        return Together(hands, [_reading(self.gearing, STATUSES[own], *rest) for own, *rest in told])
+
+    def _drawn(self, rows: Floats) -> Floats:
+        """(..., N', C'): the thinned dial with its hands on rows (..., K); NaN draws none."""
+        drawn = self._thin.drawn(rows.reshape(-1, rows.shape[-1])[:, self._order])
+        return drawn.reshape(*rows.shape[:-1], *drawn.shape[1:])
 
     def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
-        """(M,): which other rows, (M, K), explain a thinned dial nearly as well as its own, (K,)."""
-        best, *rest = lit_as(seen, self._thin.drawn(np.vstack([rows, others])[:, self._order]))
-        return times_worse(seen, best, np.array(rest)) <= CLEARLY_WORSE
+        """(F, M): which other rows, (F, M, K), explain thinned dials nearly as well as their own, (F, K)."""
+        lit = lit_as(seen, self._drawn(np.concatenate([rows[:, None], others], axis=1)))
+        return times_worse(seen, lit[:, 0], lit[:, 1:]) <= CLEARLY_WORSE
 
-    def _adds_up(self, seen: Floats, rows: Floats) -> bool:
-        """Whether no hand on these rows, (K,), is clearly better left out, and nothing like a hand is left."""
-        every = rows[self._order]
-        drawn = self._thin.drawn(np.vstack([every, np.where(np.eye(len(every), dtype=bool), np.nan, every)]))
-        best, *rest = lit_as(seen, drawn)
-        if times_worse(seen, best, np.array(rest)).min() < MIN_VISIBLE:
-            return False
-        gain = float(best.std()) / max(float(drawn[0].std()), 1e-6)
-        return self._left_over((seen - best) / max(gain, 1e-6), rows) < LIKELY_SCORE
+    def _adds_up(self, seen: Floats, rows: Floats) -> Mask:
+        """(F,): whether no hand on these rows, (F, K), is clearly better left out, and nothing like a hand is left."""
+        without = np.where(np.eye(rows.shape[1], dtype=bool), np.nan, rows[:, None])
+        drawn = self._drawn(np.concatenate([rows[:, None], without], axis=1))
+        lit = lit_as(seen, drawn)
+        is_needed = times_worse(seen, lit[:, 0], lit[:, 1:]).min(axis=1) >= MIN_VISIBLE
+        gain = lit[:, 0].std(axis=(1, 2)) / np.maximum(drawn[:, 0].std(axis=(1, 2)), 1e-6)
+        left = (seen - lit[:, 0]) / np.maximum(gain, 1e-6)[:, None, None]
+        adds_up: Mask = is_needed & (self._left_over(left, rows) < LIKELY_SCORE)
+        return adds_up
 
-    def _left_over(self, left: Floats, rows: Floats) -> float:
-        """How much of a hand's contrast is left of a dial, (N', C'), where none of the hands is."""
-        there = COARSE_STEP * np.arange(len(left))
-        away = (np.abs(shortest(there[:, None] - rows, self._turn)) > self._reach_rows).all(axis=1)
-        spread = np.maximum(np.sqrt((left * left).sum(axis=1)), 1e-6)
-        most = 0.0
+    def _left_over(self, left: Floats, rows: Floats) -> Floats:
+        """(F,): how much of a hand's contrast is left of dials, (F, N', C'), where none of the hands is, (F, K)."""
+        there = COARSE_STEP * np.arange(left.shape[1])
+        away = (np.abs(shortest(there[:, None] - rows[:, None], self._turn)) > self._reach_rows).all(axis=-1)
+        spread = np.maximum(np.sqrt(np.vecdot(left, left)), 1e-6)
+        most = np.zeros(len(left))
         for axis, half_width in zip(self._axes, self._half_widths_rows, strict=True):
-            size = max(float(np.sqrt(axis @ axis)), 1e-6)
-            part, like = left @ axis / size**2, left @ axis / size / spread
+            size, own = max(float(np.sqrt(axis @ axis)), 1e-6), np.vecdot(left, axis)
             wide = max(1, round(half_width / COARSE_STEP))
-            part = np.convolve(np.pad(part, wide, mode="wrap"), np.ones(wide) / wide, "same")[wide:-wide]
-            most = max(most, float(part.max(where=away & (like >= LIKELY_SCORE), initial=0.0)))
+            part = (
+                np.mean([np.roll(own, step, axis=1) for step in range(-(wide // 2), (wide + 1) // 2)], axis=0) / size**2
+            )
+            like = own / size / spread
+            most = np.maximum(most, part.max(axis=1, where=away & (like >= LIKELY_SCORE), initial=0.0))
         return most
 
-    def _is_beside_others(self, rows: Floats) -> bool:
-        """Whether the finest hand lies over, under or right beside another one."""
-        apart = np.abs(shortest(rows[1:] - rows[0], self._turn))
-        return bool((apart <= self._half_widths_rows[0] + self._reach_rows[1:]).any())
+    def _is_beside_others(self, rows: Floats) -> Mask:
+        """(F,): whether the finest hand lies over, under or right beside another one."""
+        apart = np.abs(shortest(rows[:, 1:] - rows[:, :1], self._turn))
+        beside: Mask = (apart <= self._half_widths_rows[0] + self._reach_rows[1:]).any(axis=1)
+        return beside
 
-    def _hidden(self, value: float, score: Floats) -> Found:
-        """Return the hands where the value has them, give or take what the panel allows."""
-        hands = range(len(score))
-        rows = [float(self._rows(self.gearing.angles_deg(hand, np.array([value])))[0]) for hand in hands]
+    def _hidden(self, values: Floats, scores: Floats) -> Found:
+        """Return the hands where values, (F,), have them, give or take what the panel allows."""
+        hands = range(scores.shape[1])
+        rows = np.stack([self._rows(self.gearing.angles_deg(hand, values)) for hand in hands], axis=1)
         slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in hands]) / self._grid.step_deg
-        return Found(np.full(len(score), HIDDEN), np.array(rows) + self._first, slack_rows / np.sqrt(3.0), score)
+        sigmas_rows = np.broadcast_to(slack_rows / np.sqrt(3.0), scores.shape)
+        return Found(np.full(scores.shape, HIDDEN), rows + self._first, sigmas_rows, scores)
 
 
 def _axis(template: NeedleTemplate, face: Floats) -> Floats:
@@ -367,25 +370,45 @@ def _axis(template: NeedleTemplate, face: Floats) -> Floats:
     return added
 
 
-def _peaks(scores: Floats) -> Indices:
-    """Where scores around a dial, (N,), are higher than beside it, the highest first; at least one."""
-    peaks = np.flatnonzero((scores >= np.roll(scores, 1)) & (scores > np.roll(scores, -1)))
-    peaks = peaks if peaks.size else np.zeros(1, np.intp)
-    ordered: Indices = peaks[np.argsort(-scores[peaks], kind="stable")]
-    return ordered
+def _peaks(scores: Floats, count: int) -> Indices:
+    """(F, count): where scores around dials, (F, N), are higher than beside it, the highest first; again if too few."""
+    is_peak = (scores >= np.roll(scores, 1, axis=1)) & (scores > np.roll(scores, -1, axis=1))
+    ordered = np.argsort(np.where(is_peak, -scores, np.inf), axis=1, kind="stable")[:, :count]
+    peaks: Indices = np.where(np.take_along_axis(is_peak, ordered, axis=1), ordered, ordered[:, :1])
+    return peaks
 
 
 def _climbed(scores: Floats, at: Indices) -> Indices:
-    """Go from some rows to the highest of their own scores and those beside them."""
-    around = (at[:, None] + np.array([0, -1, 1])) % len(scores)
-    climbed: Indices = around[np.arange(len(at)), scores[around].argmax(axis=1)]
+    """Go from some rows, (F, P), to the highest of their own scores, (F, N), and those beside them."""
+    around = (at[..., None] + np.array([0, -1, 1])) % scores.shape[1]
+    there = _at(scores, around)
+    climbed: Indices = np.take_along_axis(around, there.argmax(axis=-1)[..., None], axis=-1)[..., 0]
     return climbed
 
 
 def _refined(scores: Floats, at: Indices) -> Floats:
-    """Rows of the dial at which parabolas through scores around some have their peaks."""
-    before, here, after = (scores[(at + step) % len(scores)].astype(np.float64) for step in (-1, 0, 1))
+    """(F, P): rows of dials at which parabolas through scores, (F, N), around some have their peaks."""
+    before, here, after = (
+        np.take_along_axis(scores, (at + step) % scores.shape[1], axis=1).astype(np.float64) for step in (-1, 0, 1)
+    )
     bend = before - 2 * here + after
     off = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0)
     rows: Floats = COARSE_STEP * (at + np.clip(off, -0.5, 0.5))
     return rows
+
+
+def _at(every: Floats, rows: Floats) -> Floats:
+    """(F, ...): what stands on the rows, (F, N), of dials that are nearest to some, (F, ...)."""
+    nearest = np.rint(rows).astype(np.intp) % every.shape[1]
+    there: Floats = np.take_along_axis(every, nearest.reshape(len(every), -1), axis=1).reshape(rows.shape)
+    return there
+
+
+def _each_with_each(parts: Sequence[Floats]) -> list[Floats]:
+    """Give each of some, (F, P) each, an axis of its own, so that together they broadcast to all combinations."""
+    axes = range(len(parts))
+    return [np.expand_dims(part, tuple(1 + axis for axis in axes if axis != own)) for own, part in enumerate(parts)]
+
+
+def _lists(*columns: Floats) -> list[list[float]]:
+    return [column.tolist() for column in columns]

@@ -294,9 +294,12 @@ class OverCardReader:
     def _with_card(self, seen: UnwrappedGauge, turn: Turn, instead: Mask) -> UnwrappedGauge:
         """(P, C): one turn of a dial with the card in the place of some of it, in the light of the rest."""
         face = turned(self._dial.part(self._picture.face), turn.rows)
-        rest = np.stack([face[~instead], np.ones(int((~instead).sum()), np.float32)])
-        gain, offset = np.linalg.lstsq(rest.T, seen[~instead], rcond=None)[0].tolist()
-        return np.where(instead, gain * face + offset, seen).astype(np.float32)
+        rest = (~instead).astype(np.float32).ravel()
+        face_mean, seen_mean = ((rest @ each.ravel()) / rest.sum() for each in (face, seen))
+        shown = face - face_mean
+        own = rest * shown.ravel()
+        gain = (own @ seen.ravel()) / max(own @ shown.ravel(), np.float32(1.0))
+        return np.where(instead, gain * shown + seen_mean, seen)
 
     def _readings(self, seen: _Seen, place_sigma_deg: float) -> dict[str, Reading]:
         """Tell all quantities."""

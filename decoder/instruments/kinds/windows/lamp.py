@@ -18,6 +18,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
+from decoder.matching.correlation import products
 from decoder.matching.thresholds import FACE_NOISE_LEVELS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -117,11 +118,12 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Adde
     terms = np.stack([drawn / WHITE, np.ones_like(drawn), across, down], axis=-1).astype(np.float64)
     known, seen = terms[around], strips[:, around].astype(np.float64)
     weights = np.ones_like(seen)
+    outer = (known[:, :, None] * known[:, None, :]).reshape(len(known), -1)
     for _ in range(PASSES):
-        normal = np.einsum("fm,mi,mj->fij", weights, known, known)
+        normal = products(weights, outer.T).reshape(-1, *(known.shape[1:] * 2))
         normal += HAZE_PRIOR * weights.sum(axis=1)[:, None, None] * np.diag([0.0, 1.0, 1.0, 1.0])
-        light = np.linalg.solve(normal, np.einsum("fm,fm,mi->fi", weights, seen, known)[..., None])[..., 0]
-        left = seen - light @ known.T
+        light = np.linalg.solve(normal, products(weights * seen, known.T)[..., None])[..., 0]
+        left = seen - (light[:, None] @ known.T)[:, 0]
         spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(left), axis=1, keepdims=True), FACE_NOISE_LEVELS)
         weights = 1.0 / (1.0 + np.square(left / (2.0 * spread)))
     beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
@@ -180,18 +182,18 @@ class LampReader:
 
     def read(self, strips: Floats, _: Floats) -> list[dict[str, Reading]]:
         """Read F frames of the window with what is around it, (F, R, C)."""
-        return [self._read(strip) for strip in strips]
+        picture = self._picture
+        added = added_light(self._grid, picture.drawn, strips)
+        told = (picture.told(added), picture.sigmas(added), picture.scores(added))
+        return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
 
-    def _read(self, strip: UnwrappedGauge) -> dict[str, Reading]:
-        """Read one frame.
+    def _reading(self, level: float, sigma: float, score: float) -> dict[str, Reading]:
+        """Tell what a window with so much light beyond the panel picture's, in grey levels, shows.
 
         The other state than the panel picture's is told only where the light is further off than a reflection's foot
         or an uneven shade would bring it, or nearer to how the flight showed it; in between nothing is told.
         """
         lamp, picture = self._lamp, self._picture
-        added = added_light(self._grid, picture.drawn, strip[None])
-        level, score = float(picture.told(added)[0]), float(picture.scores(added)[0])
-        sigma = float(picture.sigmas(added)[0])
         away, other = -level if lamp.lit else level, picture.other
         far = DIMMEST_LEVELS if other is None else other / 2
         is_same = abs(away) <= MISSING_SPREADS * sigma

@@ -35,6 +35,7 @@ from decoder.instruments.kinds.windows.tape_shape import (
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS, SURE_SCORE
+from decoder.matching.correlation import products
 from decoder.matching.searching import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
@@ -266,7 +267,7 @@ class TapeFinder:
             columns = np.concatenate([own.reshape(len(here), 3, size), lights], axis=1)
             flat = (weights * trusted[open_]).reshape(len(here), 1, size)
             weighed = columns * flat
-            normal = (weighed @ columns.swapaxes(1, 2)).astype(np.float64)
+            normal = products(weighed, columns).astype(np.float64)
             hold = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-9
             inverse = np.linalg.inv(normal + hold * np.eye(len(columns[0])))
             sides = (weighed @ seen.reshape(len(here), size, 1)).astype(np.float64)
@@ -330,7 +331,7 @@ class TapeFinder:
         """(F,): the NCC of windows with their fits, by what these leave, given the light over both."""
         flat = weights.reshape(len(seen), 1, -1)
         lights = self._lights * flat
-        normal = (lights @ self._lights.T).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
+        normal = products(lights, self._lights).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
         middle = seen.reshape(len(seen), -1, 1) - seen.mean(axis=(1, 2))[:, None, None]
         part = np.linalg.solve(normal, (lights @ middle).astype(np.float64)).astype(np.float32)
         plain = (flat * (middle[..., 0] - (part.swapaxes(1, 2) @ self._lights)[:, 0])[:, None] ** 2).sum(axis=(1, 2))
