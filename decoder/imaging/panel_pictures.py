@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
 from decoder.imaging.dial_plane import dial_plane, inches_to_picture
 from decoder.imaging.optics import Optics
-from decoder.imaging.pictures import GreyPicture, grey_picture
+from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture, colour_picture, grey_picture, without_colour
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.resampling import inside, part_inside
 from decoder.imaging.thresholds import HALF
@@ -32,6 +32,10 @@ class PanelPictures:
         That took the pictures, if known.
     planes
         Of the dials, in the panel's order, where they are known better than from the panel alone.
+    encoded
+        The pictures as they are in their files; without them there are no colours.
+    mixtures
+        In which grey each gauge is read, in the panel's order; None in luma.
     """
 
     panel: Panel
@@ -39,6 +43,17 @@ class PanelPictures:
     sha256: str
     camera: Camera | None = None
     planes: tuple[DialPlane | None, ...] | None = None
+    encoded: Mapping[str, bytes] = field(default_factory=dict)
+    mixtures: tuple[Mixture | None, ...] = ()
+
+    @property
+    def has_colour(self) -> bool:
+        """Whether a gauge is read in more than luma."""
+        return any(self.mixtures)
+
+    def in_colour(self, name: str) -> ColourPicture:
+        """(H, W, 3) uint8, red, green, blue: one of its pictures."""
+        return colour_picture(self.encoded[name]) if name in self.encoded else without_colour(self.pictures[name])
 
     @property
     def picture(self) -> GreyPicture:
@@ -74,6 +89,8 @@ class PanelPictures:
         """Lay out the sample points of the gauge at this place in the panel."""
         planes, gauge = self.with_planes().planes, self.panel.gauges[index]
         grid = grid_of(gauge, None if planes is None else planes[index])
+        if self.mixtures:
+            grid = replace(grid, mixture=self.mixtures[index])
         if isinstance(grid, PolarGrid) and gauge.needle_height_inches:
             return replace(grid, raised=self._raised(index))
         return grid
@@ -151,12 +168,14 @@ def panel_from_attachments(attachments: Mapping[str, bytes], *, flight: str) -> 
 def _load(text: bytes, read: Callable[[str], bytes], source: str) -> PanelPictures:
     panel = parse_panel(text, source=source)
     pictures: dict[str, GreyPicture] = {}
+    encoded: dict[str, bytes] = {}
     for name in panel.pictures:
         key = "picture" if name == panel.picture else "template.picture"
         try:
-            pictures[name] = grey_picture(read(name))
+            encoded[name] = read(name)
+            pictures[name] = grey_picture(encoded[name])
         except OSError as error:
             raise PanelError(key, f"{name} cannot be read: {error.strerror}", source=source) from error
         except PictureError as error:
             raise PanelError(key, f"{name}: {error}", source=source) from error
-    return PanelPictures(panel, pictures, sha256(text).hexdigest())
+    return PanelPictures(panel, pictures, sha256(text).hexdigest(), encoded=encoded)

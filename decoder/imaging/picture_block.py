@@ -7,12 +7,21 @@ not be decompressed.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import simplejpeg
 
-from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.imaging.pictures import (
+    Coloured,
+    ColourPicture,
+    FramePicture,
+    GreyPicture,
+    colour_picture,
+    grey_picture,
+    without_colour,
+)
 from decoder.imaging.thresholds import MAX_BATCH_FRAMES, MAX_BATCH_PIXELS
 from decoder.imaging.video import Encoded, GroupDecoder, GroupPicture
 from flight_file.documents import picture_header
@@ -28,6 +37,11 @@ class TopOfFrame:
     height_px: int
     focal_length_mm: float | None
     whole: Callable[[], FramePicture]
+    coloured: Coloured | None = None
+
+    def in_colour(self) -> ColourPicture:
+        """See its first rows in colour, or more of them."""
+        return self.coloured() if self.coloured else without_colour(self.pixels)
 
 
 def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture | TopOfFrame:
@@ -42,10 +56,26 @@ def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture
     if isinstance(picture, TopOfFrame):
         if wanted > len(picture.pixels):
             return picture.whole()
-        return TopOfFrame(picture.pixels[:wanted], picture.height_px, picture.focal_length_mm, picture.whole)
+        return replace(picture, pixels=picture.pixels[:wanted])
     if wanted >= picture.height_px:
         return picture
-    return TopOfFrame(picture.pixels[:wanted], picture.height_px, picture.focal_length_mm, lambda: picture)
+    top = picture.pixels[:wanted]
+    return TopOfFrame(top, picture.height_px, picture.focal_length_mm, lambda: picture, picture.coloured)
+
+
+def coloured_by(encoded: Encoded, video: GroupDecoder) -> Coloured:
+    """Tell how a picture is seen in colour, as `PictureBlock` has it, in memory of its own.
+
+    A picture of a video is the one that was decoded last.
+
+    Raises
+    ------
+    PictureError
+        As `GroupDecoder.picture`.
+    """
+    if isinstance(encoded, GroupPicture):
+        return video.coloured(encoded)
+    return lambda: PictureBlock().colour_picture(encoded)
 
 
 class PictureBlock:
@@ -56,6 +86,7 @@ class PictureBlock:
 
     def __init__(self) -> None:
         self._memory = np.empty((1, 0), np.uint8)
+        self._colours = np.empty(0, np.uint8)
         self._jpeg = bytearray()
         self._video = GroupDecoder()
 
@@ -85,10 +116,34 @@ class PictureBlock:
             return grey_picture(encoded)
         return np.asarray(picture[..., 0], np.uint8)
 
+    def colour_picture(self, encoded: bytes, rows: int | None = None) -> ColourPicture:
+        """As `pictures.colour_picture`, of so many first rows; in memory that the next one takes.
+
+        Raises
+        ------
+        PictureError
+            As `grey_picture`.
+        """
+        header = picture_header(encoded)
+        if header is None or header.objection(len(encoded)):
+            return colour_picture(encoded)  # the judge of what is odd
+        is_top = rows is not None and header.is_sequential and rows < header.height_px
+        told = self._with_height(encoded, header.height_at, rows) if rows is not None and is_top else encoded
+        size = 3 * (rows if rows is not None and is_top else header.height_px) * header.width_px
+        if size > len(self._colours):
+            self._colours = np.empty(size, np.uint8)
+        try:
+            picture = simplejpeg.decode_jpeg(told, "RGB", buffer=self._colours[:size], strict=not is_top)
+        except ValueError:  # whatever is odd about it, there is one judge
+            return colour_picture(encoded)
+        return np.asarray(picture, np.uint8)
+
     def frame(
-        self, encoded: Encoded, slot: int, focal_length_mm: float | None, rows: int | None
+        self, encoded: Encoded, slot: int, focal_length_mm: float | None, rows: int | None, *, has_colour: bool = False
     ) -> FramePicture | TopOfFrame:
         """Return a frame, or as many of its first rows as are wanted, if that spares anything.
+
+        With `has_colour` it can be seen in colour too.
 
         Raises
         ------
@@ -97,7 +152,8 @@ class PictureBlock:
         """
 
         def whole() -> FramePicture:
-            return FramePicture(self.grey_picture(encoded, slot), focal_length_mm)
+            pixels = self.grey_picture(encoded, slot)
+            return FramePicture(pixels, focal_length_mm, self._coloured(encoded) if has_colour else None)
 
         if isinstance(encoded, GroupPicture):
             return whole()  # a video's picture is decoded whole or not at all
@@ -113,7 +169,14 @@ class PictureBlock:
             top = simplejpeg.decode_jpeg(cut, "GRAY", buffer=buffer, strict=False)
         except ValueError:
             return whole()
-        return TopOfFrame(np.asarray(top[..., 0], np.uint8), header.height_px, focal_length_mm, whole)
+        coloured = partial(self.colour_picture, encoded, rows) if has_colour else None
+        return TopOfFrame(np.asarray(top[..., 0], np.uint8), header.height_px, focal_length_mm, whole, coloured)
+
+    def _coloured(self, encoded: Encoded) -> Coloured:
+        """Tell how a picture that was decompressed last is seen in colour."""
+        if isinstance(encoded, GroupPicture):
+            return self._video.coloured(encoded)
+        return partial(self.colour_picture, encoded)
 
     def _with_height(self, encoded: bytes, at: int, rows: int) -> memoryview:
         """Return a JPEG with another height in its header, in memory that is used again."""

@@ -1,5 +1,8 @@
 """Pictures as grey arrays: the one place where pictures are decompressed, always the same way.
 
+A gauge whose needle shows in its colour alone is read in another grey, a mixture of the colours around it; the colours
+of a frame are decompressed for that only if somebody asks for them.
+
 Grey is the JPEG's own luma plane, which saves the colour conversion; it differs by up to five levels from the grey of
 the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is never
 obeyed: a camera that senses it would turn its frames in flight.
@@ -7,6 +10,7 @@ obeyed: a camera that senses it would turn its frames in flight.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -19,19 +23,61 @@ from flight_file.documents import is_heif, picture_header
 
 GreyPicture = NDArray[np.uint8]
 ColourPicture = NDArray[np.uint8]
+Coloured = Callable[[], ColourPicture]
+"""Gives a picture in colour, (H, W, 3), red, green, blue; it may lie in memory that the next one takes."""
+
+WHITE = 255
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FramePicture:
-    """A frame's grey levels, and the focal length at which it was taken, if it tells."""
+    """A frame's grey levels, the focal length at which it was taken, if it tells, and how to see it in colour."""
 
     pixels: GreyPicture
     focal_length_mm: float | None = None
+    coloured: Coloured | None = None
+
+    def in_colour(self) -> ColourPicture:
+        """See it in colour; a frame that has none in all of its greys."""
+        return self.coloured() if self.coloured else without_colour(self.pixels)
 
     @property
     def height_px(self) -> int:
         """How many rows it has."""
         return len(self.pixels)
+
+
+def without_colour(pixels: GreyPicture) -> ColourPicture:
+    """(H, W, 3): a grey picture as one in colour."""
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB), np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """A grey that is made of a picture's colours, of which each counts once, less once, or not at all."""
+
+    red: int
+    green: int
+    blue: int
+
+    @property
+    def parts(self) -> NDArray[np.float64]:
+        """(3,): how much each colour counts, so that no picture leaves the levels that a grey has."""
+        counts = np.array([self.red, self.green, self.blue], np.float64)
+        parts: NDArray[np.float64] = counts / np.abs(counts).sum()
+        return parts
+
+    def of(self, colour: ColourPicture) -> GreyPicture:
+        """(H, W) uint8: the grey of a picture (H, W, 3)."""
+        parts = self.parts
+        lowest = WHITE * float(parts[parts < 0.0].sum())
+        return np.asarray(cv2.transform(colour, np.array([[*parts, -lowest]])), np.uint8)
+
+    def __str__(self) -> str:
+        """Say what counts: red and green minus blue."""
+        counts = {"red": self.red, "green": self.green, "blue": self.blue}
+        added, taken = (" and ".join(name for name, count in counts.items() if count == sign) for sign in (1, -1))
+        return f"{added} minus {taken}" if taken else added
 
 
 def grey_picture(encoded: Encoded, video: GroupDecoder | None = None) -> GreyPicture:
@@ -84,7 +130,7 @@ def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
 
 
 def colour_picture(encoded: Encoded, video: GroupDecoder | None = None) -> ColourPicture:
-    """Decompress a picture in colour, for people to look at; nothing is ever read from it.
+    """Decompress a picture in colour, for people to look at, and for gauges whose needles show in colour alone.
 
     Parameters
     ----------

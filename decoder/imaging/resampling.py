@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment, carried_by, upright
-from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture
 from decoder.panel.arrays import Floats
 
 _NO_SECOND_MAP: Any = None  # the first holds x and y; OpenCV's type hints ask for both, its code does not
@@ -66,6 +66,11 @@ class PointMap:
         """Sample as `sample` does, in whole grey levels, (N,) uint8."""
         return levels_at(frame, alignment.places(self.folded))[: self.slices[-1].stop]
 
+    def colours(self, frame: ColourPicture, alignment: Alignment) -> Floats:
+        """(N, 3) float32: `sample` in red, green and blue."""
+        levels = levels_at(frame, alignment.places(self.folded)).reshape(-1, 3)
+        return levels[: self.slices[-1].stop].astype(np.float32)
+
     def places(self, alignment: Alignment, origin: tuple[float, float] = (0.0, 0.0)) -> Floats:
         """(rows, columns, 2) float32: where the points lie in a frame, as `levels_at` samples them; some twice.
 
@@ -82,6 +87,27 @@ class PointMap:
         if left < 0 or top < 0 or right > frame.shape[1] or bottom > frame.shape[0]:
             return None
         return Patch(frame[top:bottom, left:right].astype(np.float32), left, top)
+
+
+@dataclass(frozen=True, slots=True)
+class MixedPart:
+    """The part of a frame around some points in a grey of its own, and the frame's pixel that is its first."""
+
+    pixels: GreyPicture
+    origin: tuple[float, float]
+
+    @classmethod
+    def of(cls, colour: ColourPicture, mixture: Mixture, places: Floats) -> MixedPart:
+        """Mix the colours (H, W, 3) around places (rows, columns, 2), as far as the frame goes."""
+        height, width = colour.shape[:2]
+        x, y = places[..., 0], places[..., 1]
+        left, right = (_limited(math.floor(at), width - 1) for at in (x.min(), x.max()))
+        top, bottom = (_limited(math.floor(at), height - 1) for at in (y.min(), y.max()))
+        return cls(mixture.of(colour[top : bottom + 2, left : right + 2]), (float(left), float(top)))
+
+
+def _limited(at: int, last: int) -> int:
+    return min(max(at, 0), last)
 
 
 def inside(points: Floats, alignment: Alignment, width_px: int, height_px: int) -> bool:

@@ -16,15 +16,10 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried, homography
-from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.pictures import Coloured, ColourPicture, GreyPicture, Mixture
 from decoder.imaging.planes import DialPlane, Raised
-from decoder.imaging.resampling import PointMap
-from decoder.imaging.thresholds import (
-    COLUMN_PX,
-    MAX_COLUMNS,
-    MIN_COLUMNS,
-    MIN_ROWS_PER_DEG,
-)
+from decoder.imaging.resampling import MixedPart, PointMap, levels_at
+from decoder.imaging.thresholds import COLUMN_PX, MAX_COLUMNS, MIN_COLUMNS, MIN_ROWS_PER_DEG
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.straight import size_px
@@ -44,7 +39,7 @@ class PolarGrid:
     picture pixels. With `tail_columns` as many columns stand before these: what lies opposite, across the centre, from
     the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row. With
     a `plane` angles and radii are those of the dial seen square on; it tells where they lie in the panel picture. What
-    is `raised` above the panel is looked up where the camera sees it.
+    is `raised` above the panel is looked up where the camera sees it. With a `mixture` it is sampled in that grey.
     """
 
     centre: tuple[float, float]
@@ -57,6 +52,7 @@ class PolarGrid:
     tail_columns: int = 0
     plane: DialPlane | None = None
     raised: Raised | None = None
+    mixture: Mixture | None = None
 
     @property
     def radii_px(self) -> Floats:
@@ -117,6 +113,7 @@ class WindowGrid:
     margin: int = 0
     plane: DialPlane | None = None
     raised: Raised | None = None
+    mixture: Mixture | None = None
 
     @classmethod
     def of(cls, corners: Corners, margin_part: float = 0.0) -> WindowGrid:
@@ -229,21 +226,54 @@ class Unwrapper:
         slices = [None if grid.raised is not None else next(parts) for grid in self.grids]
         return np.concatenate([pairs[slices[index]] for index in flat])
 
-    def unwrap(self, frame: GreyPicture, alignment: Alignment) -> list[UnwrappedGauge]:
+    @cached_property
+    def mixed(self) -> dict[int, tuple[Mixture, PointMap]]:
+        """By place in their order, those grids that are not sampled in luma: in which grey, and their points."""
+        return {
+            index: (grid.mixture, PointMap.of([grid.points().reshape(2, -1)]))
+            for index, grid in enumerate(self.grids)
+            if grid.mixture is not None
+        }
+
+    def mixed_parts(self, colour: ColourPicture, alignment: Alignment) -> dict[int, MixedPart]:
+        """Mix the colours of a frame around those grids; none of them is raised."""
+        return {
+            index: MixedPart.of(colour, mixture, points.places(alignment))
+            for index, (mixture, points) in self.mixed.items()
+        }
+
+    def unwrap(
+        self, frame: GreyPicture, alignment: Alignment, in_colour: Coloured | None = None
+    ) -> list[UnwrappedGauge]:
         """One (rows, columns) float32 array for each grid, in their order.
 
-        Samples outside the frame repeat its border; `inside` tells whether there are any.
+        Samples outside the frame repeat its border; `inside` tells whether there are any. Without its colours a frame
+        is all grey.
         """
         parts = iter(self._flat_parts(frame, alignment))
+        colour = None if in_colour is None or not self.mixed else in_colour()
         unwrapped = []
         for index, grid in enumerate(self.grids):
+            there = alignment
             if index in self._raised:
                 raised, points = self._raised[index]
-                part = points.sample(frame, alignment.after(raised.seen_in(alignment)))
+                there = alignment.after(raised.seen_in(alignment))
+                part = points.sample(frame, there)
             else:
                 part = next(parts)
+            if colour is not None and index in self.mixed:
+                part = _mixed_levels(colour, there, *self.mixed[index])
             unwrapped.append(part.reshape(grid.rows, grid.columns))
         return unwrapped
+
+    def colours(self, frame: ColourPicture, alignment: Alignment) -> list[Floats]:
+        """(rows, columns, 3) float32 for each grid: as `unwrap`, in red, green and blue."""
+        seen = []
+        for grid in self.grids:
+            there = alignment if grid.raised is None else alignment.after(grid.raised.seen_in(alignment))
+            points = PointMap.of([grid.points().reshape(2, -1)])
+            seen.append(points.colours(frame, there).reshape(grid.rows, grid.columns, 3))
+        return seen
 
     def _flat_parts(self, frame: GreyPicture, alignment: Alignment) -> list[Floats]:
         """Sample the grids that lie in the panel's own plane."""
@@ -251,6 +281,13 @@ class Unwrapper:
             return []
         flat = self._map.sample(frame, alignment)
         return [flat[part] for part in self._map.slices]
+
+
+def _mixed_levels(colour: ColourPicture, alignment: Alignment, mixture: Mixture, points: PointMap) -> Floats:
+    """(N,) float32: a grid's samples in a grey of its own."""
+    part = MixedPart.of(colour, mixture, points.places(alignment))
+    levels = levels_at(part.pixels, points.places(alignment, part.origin))[: points.slices[-1].stop]
+    return levels.astype(np.float32)
 
 
 def grid_of(gauge: Gauge, plane: DialPlane | None = None) -> Grid:

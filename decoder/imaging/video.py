@@ -9,10 +9,10 @@ One thread decodes, so that the same packets give the same bytes however many pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -124,8 +124,17 @@ class GroupDecoder:
         PictureError
             As `picture`.
         """
-        pixels = np.asarray(self.picture(wanted).to_ndarray(format="rgb24"), np.uint8)
-        return _turned(pixels, wanted.group.rotation_deg)
+        return self.coloured(wanted)()
+
+    def coloured(self, wanted: GroupPicture) -> Callable[[], NDArray[np.uint8]]:
+        """Hold a picture, to be seen in colour when others have been decoded.
+
+        Raises
+        ------
+        PictureError
+            As `picture`.
+        """
+        return partial(_in_colour, self.picture(wanted), wanted.group.rotation_deg)
 
     def jpeg(self, wanted: GroupPicture) -> bytes:
         """Encode a picture as a JPEG whose luma is what `grey` gives, but for the loss of that.
@@ -144,6 +153,11 @@ class GroupDecoder:
             plane = _plane(frame, number)
             planes.append(_turned(_carried(plane, levels, np.empty(plane.shape, np.uint8)), wanted.group.rotation_deg))
         return bytes(simplejpeg.encode_jpeg_yuv_planes(*planes, JPEG_QUALITY))
+
+
+def _in_colour(frame: VideoFrame, rotation_deg: int) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8, red, green, blue."""
+    return _turned(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), rotation_deg)
 
 
 def _decoded(group: Group) -> Iterator[VideoFrame]:

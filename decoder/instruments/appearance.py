@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import cv2
@@ -237,7 +238,8 @@ def _template_picture(
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
         source.check_shows(window.rim(), path)
-        pixels = Unwrapper([window]).unwrap(picture, source.optics.own)[0]
+        in_colour = partial(source.in_colour, template.picture or source.panel.picture)
+        pixels = Unwrapper([window]).unwrap(picture, source.optics.own, in_colour)[0]
     if float(pixels.std()) < NOISE_LEVELS:
         raise PanelError(
             path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"

@@ -114,7 +114,8 @@ def _picture(reader: PanelReader, frame: RawFrame, slot: int) -> FramePicture | 
     try:
         if frame.picture is not None:
             return top_of(frame.picture, reader.placement.rows)
-        return reader.block.frame(frame.encoded, slot, frame.focal_length_mm, reader.placement.rows)
+        rows, has_colour = reader.placement.rows, reader.source.has_colour
+        return reader.block.frame(frame.encoded, slot, frame.focal_length_mm, rows, has_colour=has_colour)
     except PictureError as error:
         return error
 

@@ -142,7 +142,9 @@ class PanelReader:
         there = [one for one in placed if not isinstance(one, PictureError)]
         sampler = self.instruments.sampler
         samples = [
-            sampler.of_unwrapped(frame.gauges) if frame.gauges else sampler.of_frame(picture, frame.alignment)
+            sampler.of_unwrapped(frame.gauges)
+            if frame.gauges
+            else sampler.of_frame(picture.pixels, frame.alignment, picture.in_colour)
             for picture, frame in there
         ]
         read = iter(self._readings([frame for _, frame in there], samples))
@@ -204,6 +206,17 @@ class PanelReader:
 
 
 def read_picture(reader: PanelReader, picture: GreyPicture, focal_length_mm: float | None = None) -> FrameReadings:
+    """Read one frame of which there is no more than its greys, as `read_frame`.
+
+    Raises
+    ------
+    PictureError
+        As `PanelReader.unwrap`.
+    """
+    return read_frame(reader, FramePicture(picture, focal_length_mm))
+
+
+def read_frame(reader: PanelReader, frame: FramePicture) -> FrameReadings:
     """Read one frame: a batch of one.
 
     Raises
@@ -211,7 +224,7 @@ def read_picture(reader: PanelReader, picture: GreyPicture, focal_length_mm: flo
     PictureError
         As `PanelReader.unwrap`.
     """
-    (read,) = reader.read([FramePicture(picture, focal_length_mm)])
+    (read,) = reader.read([frame])
     if isinstance(read, PictureError):
         raise read
     return read

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment
-from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.pictures import Coloured, GreyPicture
 from decoder.imaging.resampling import PointMap, levels_at
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
 from decoder.instruments.reading import Reading, Readings
@@ -60,18 +60,32 @@ class GaugeSampler:
         self.shapes = [(grid.rows, grid.columns) for grid in unwrapper.grids]
         self.first: list[int] = np.cumsum([0, *(rows * columns for rows, columns in self.shapes)]).tolist()
         self._is_flat = all(grid.raised is None for grid in unwrapper.grids)
-        parts = [interleave_rows(self._numbers(index)) for index in self.searched]
+        parts = [self._searched_numbers(index) for index in self.searched]
         self.searched_shapes = [own.shape for own in parts]
         ends = np.cumsum([0, *(own.size for own in parts)]).tolist()
         self.searched_parts = [slice(first, end) for first, end in pairwise(ends)]
 
-    def _numbers(self, index: int) -> Indices:
-        return np.arange(self.first[index], self.first[index + 1]).reshape(self.shapes[index])
+    def _searched_numbers(self, index: int) -> Indices:
+        """List the numbers of what is searched of a gauge, as `Samples.searched` has it."""
+        return interleave_rows(np.arange(self.first[index], self.first[index + 1]).reshape(self.shapes[index]))
 
-    def of_frame(self, frame: GreyPicture, alignment: Alignment) -> Samples:
+    def of_frame(self, frame: GreyPicture, alignment: Alignment, in_colour: Coloured | None = None) -> Samples:
         """Sample a frame where the panel lies in it; needles that stand above their dials move with the camera."""
         if not self._is_flat:
-            return self.of_unwrapped(self._unwrapper.unwrap(frame, alignment))
+            return self.of_unwrapped(self._unwrapper.unwrap(frame, alignment, in_colour))
+        plain = self._of_luma(frame, alignment)
+        if in_colour is None or not self._unwrapper.mixed:
+            return plain
+        mixed = {
+            index: _FrameSamples(self._points, part.pixels, alignment, plain.searched, part.origin)
+            for index, part in self._unwrapper.mixed_parts(in_colour(), alignment).items()
+        }
+        for place, index in enumerate(self.searched):
+            if index in mixed:
+                plain.searched[self.searched_parts[place]] = mixed[index].at(self._mixed_maps[index])
+        return _MixedSamples(self.first, plain, mixed)
+
+    def _of_luma(self, frame: GreyPicture, alignment: Alignment) -> _FrameSamples:
         if not self.searched:
             return _FrameSamples(self._points, frame, alignment, np.empty(0, np.uint8))
         places = self._map.places(alignment)
@@ -97,7 +111,13 @@ class GaugeSampler:
 
     @cached_property
     def _map(self) -> PointMap:
-        return PointMap.of([self._points[interleave_rows(self._numbers(index)).ravel()].T for index in self.searched])
+        return PointMap.of([self._points[self._searched_numbers(index).ravel()].T for index in self.searched])
+
+    @cached_property
+    def _mixed_maps(self) -> dict[int, PointMap]:
+        """By gauge that is not sampled in luma: what is searched of it."""
+        numbers = {index: self._searched_numbers(index) for index in self.searched if index in self._unwrapper.mixed}
+        return {index: PointMap.of([self._points[its.ravel()].T]) for index, its in numbers.items()}
 
     @cached_property
     def _ends(self) -> Indices:
@@ -105,17 +125,51 @@ class GaugeSampler:
 
 
 class _FrameSamples:
-    def __init__(self, points: Floats, frame: GreyPicture, alignment: Alignment, searched: Levels) -> None:
+    """`origin` is the pixel of a frame at which that part of it begins which is sampled."""
+
+    def __init__(
+        self,
+        points: Floats,
+        frame: GreyPicture,
+        alignment: Alignment,
+        searched: Levels,
+        origin: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         self._points, self._frame, self._alignment = points, frame, alignment
         self.searched = searched
+        self._origin = origin
+
+    def at(self, points: PointMap) -> Levels:
+        """(N,): sample the frame at other points of the panel."""
+        return levels_at(self._frame, points.places(self._alignment, self._origin))[: points.slices[-1].stop]
 
     def runs(self, first: Indices, size: int) -> Levels:
-        places = self._alignment.places(_runs(self._points, size)[first])
+        places = self._alignment.places(_runs(self._points, size)[first], self._origin)
         return levels_at(self._frame, places).reshape(-1, size)
 
     def strip(self, first: int, shape: tuple[int, int]) -> Levels:
         rows, columns = shape
         return self.runs(first + columns * np.arange(rows), columns)
+
+
+class _MixedSamples:
+    """Samples of a frame of which some gauges are looked at in a grey of their own; `first` as of `GaugeSampler`."""
+
+    def __init__(self, first: Sequence[int], plain: _FrameSamples, mixed: Mapping[int, _FrameSamples]) -> None:
+        self._first, self._plain, self._mixed = first, plain, mixed
+        self.searched = plain.searched
+
+    def runs(self, first: Indices, size: int) -> Levels:
+        runs = self._plain.runs(first, size)
+        gauges = np.searchsorted(self._first, first, "right") - 1
+        for index, samples in self._mixed.items():
+            its = gauges == index
+            if its.any():
+                runs[its] = samples.runs(first[its], size)
+        return runs
+
+    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
+        return self._mixed.get(self._first.index(first), self._plain).strip(first, shape)
 
 
 class _UnwrappedSamples:

@@ -19,12 +19,14 @@ from decoder.imaging.planes import DialPlane
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
+from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, unwrapped
 from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
 from decoder.learning.flight_appearance import learn_appearance, lit_views
+from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
@@ -86,6 +88,9 @@ class FittedReader:
 
     def _found(self, gauge: Gauge) -> Iterator[str]:
         x, y = self.moved_px.get(gauge.name, (0.0, 0.0))
+        mixture = self.reader.grids[self.panel.gauges.index(gauge)].mixture
+        if mixture is not None:
+            yield f"read in {mixture}, where its needles show better than in grey"
         if gauge.name in self.unsettled:
             yield (
                 "turns beside the drawn centre, and where was not found surely: sigma allows for that; is the gauge"
@@ -115,7 +120,7 @@ class _Round:
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
     source, gauges = reader.source, reader.source.panel.gauges
-    aligned = _around_far_pivots(*align_sample(reader, sample), sample)
+    aligned = _around_far_pivots(*_in_best_colours(*align_sample(reader, sample), sample), sample)
     reader, samples, paths, log_odds = aligned.reader, aligned.samples, aligned.paths, aligned.log_odds
     del aligned  # what it holds need not lie in memory beside what is unwrapped later
     tell(f"learns from {len(samples)} frames what the instruments look like")
@@ -152,6 +157,16 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         has_points=log_odds > 0.0,
         sampled=len(samples),
     )
+
+
+def _in_best_colours(
+    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample
+) -> tuple[PanelReader, list[UnwrappedFrame]]:
+    """Let each gauge be read in the grey that tells its needles best; mostly that is luma."""
+    coloured = in_best_colours(reader, sample)
+    if coloured is reader:
+        return reader, samples
+    return coloured, unwrapped(coloured, sample(frames_wanted(coloured.placement)))
 
 
 def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> PanelReader:
@@ -266,7 +281,7 @@ def reader_from_panel(source: PanelPictures, method: Method) -> PanelReader:
     PanelError
         If a template, an anchor or the level edge does not fit the panel picture.
     """
-    drawn = UnwrappedPanel(source)
+    drawn = UnwrappedPanel(in_panels_colours(source))
     return PanelReader.of(source, method, appearance_from_panel(drawn), Placement(), drawn)
 
 

@@ -10,18 +10,13 @@ from functools import partial
 import numpy as np
 
 from decoder.imaging.alignment import Alignment, Matrix, is_rigid
-from decoder.imaging.picture_block import PictureBlock, TopOfFrame
+from decoder.imaging.picture_block import PictureBlock, TopOfFrame, coloured_by
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.imaging.sorting import median, median_of
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.instruments.panel_reader import PanelReader, taken, unwrapped
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
-from decoder.learning.thresholds import (
-    IN_PLACE_PX,
-    LOOKED_AT,
-    SAMPLE_FRAMES,
-    STILL_PX,
-)
+from decoder.learning.thresholds import IN_PLACE_PX, LOOKED_AT, SAMPLE_FRAMES, STILL_PX
 from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.errors import PictureError
 from decoder.registration.frame_placer import UnwrappedFrame
@@ -102,8 +97,9 @@ class FlightSample:
     def _decompressed(self, frame: Frame) -> Taken:
         focal_length_mm = frame.exif.lens_mm
         if self._rows is None or frame.group is not None:
-            return FramePicture(grey_picture(encoded_of(frame), self._video), focal_length_mm)
-        taken = PictureBlock().frame(frame.encoded, 0, focal_length_mm, self._rows)
+            encoded = encoded_of(frame)
+            return FramePicture(grey_picture(encoded, self._video), focal_length_mm, coloured_by(encoded, self._video))
+        taken = PictureBlock().frame(frame.encoded, 0, focal_length_mm, self._rows, has_colour=True)
         return replace(taken, whole=partial(self._whole, frame)) if isinstance(taken, TopOfFrame) else taken
 
     def _whole(self, frame: Frame) -> FramePicture:
@@ -111,7 +107,8 @@ class FlightSample:
         self._too_few += 1
         if self._too_few > MIN_VIEWS:
             self._rows = None
-        picture = FramePicture(grey_picture(frame.encoded), frame.exif.lens_mm)
+        coloured = coloured_by(frame.encoded, self._video)
+        picture = FramePicture(grey_picture(frame.encoded), frame.exif.lens_mm, coloured)
         if frame.sequence in self._kept:
             self._room += _size(frame, self._kept[frame.sequence]) - _size(frame, picture)
             self._kept[frame.sequence] = picture
@@ -126,8 +123,8 @@ class FlightSample:
 
 
 def _size(frame: Frame, taken: Taken) -> int:
-    """Bytes that a picture keeps in memory: if it is not whole, its JPEG too."""
-    return taken.pixels.nbytes + (len(frame.encoded) if isinstance(taken, TopOfFrame) else 0)
+    """Bytes that a picture keeps in memory: its JPEG too, or what a video's decoder holds of it, for its colours."""
+    return taken.pixels.nbytes + (len(frame.encoded) if frame.group is None else 3 * taken.pixels.nbytes // 2)
 
 
 def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list[UnwrappedFrame]]:

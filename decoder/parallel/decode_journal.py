@@ -77,7 +77,7 @@ def identity_of(flight: Flight, part: FlightPart | None, reader: PanelReader) ->
     source, versions = reader.source, installed()
     return {
         "flight file": list(flight.sha256_of_files().values()),
-        "panel": [source.sha256, _digest(source.pictures)],
+        "panel": [source.sha256, _digest(source.pictures), [str(each) for each in source.mixtures]],
         "camera": sha256(repr(source.camera).encode()).hexdigest(),
         "method": reader.method.value,
         "part": None if part is None else [part.ranks.start, part.ranks.stop, part.ranks.step],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -83,7 +83,8 @@ class UnwrappedPanel:
     @cached_property
     def gauges(self) -> list[UnwrappedGauge]:
         """As the panel picture shows them."""
-        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own)
+        in_colour = partial(self.source.in_colour, self.source.panel.picture)
+        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own, in_colour)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +105,8 @@ class UnwrappedFrame:
     dial_sigmas_px: Sequence[float] = ()
 
 
-Placed = tuple[GreyPicture, UnwrappedFrame]
-"""A frame's grey levels, and where the panel lies in them."""
+Placed = tuple[FramePicture | TopOfFrame, UnwrappedFrame]
+"""A frame, and where the panel lies in it."""
 
 
 class _Kind(NamedTuple):
@@ -146,10 +147,10 @@ class FramePlacer:
         """Each frame aligned and unwrapped, or why it is not."""
         return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in self.placed(frames)]
 
-    def _with_gauges(self, picture: GreyPicture, frame: UnwrappedFrame) -> UnwrappedFrame:
+    def _with_gauges(self, picture: FramePicture | TopOfFrame, frame: UnwrappedFrame) -> UnwrappedFrame:
         if frame.gauges:
             return frame
-        return replace(frame, gauges=self.unwrapper.unwrap(picture, frame.alignment))
+        return replace(frame, gauges=self.unwrapper.unwrap(picture.pixels, frame.alignment, picture.in_colour))
 
     def placed(self, frames: Iterable[Taken]) -> list[Placed | PictureError]:
         """Each frame aligned, and unwrapped where each dial is found by itself; or why it is not."""
@@ -174,7 +175,7 @@ class FramePlacer:
                 known = {number: there for number, there in found.items() if there is not None}
                 inside_all |= self._all_inside(kind, known)
         return [
-            (frame.pixels, inside_all[number])
+            (frame, inside_all[number])
             if not isinstance(frame, PictureError) and number in inside_all
             else self._placed(frame, [alignments[number]] if number in alignments else [])
             for number, frame in enumerate(taken)
@@ -210,14 +211,14 @@ class FramePlacer:
                 return frame
             whole = frame.whole() if isinstance(frame, TopOfFrame) else frame
             if self._placement.dials_move:
-                return whole.pixels, self._unwrap_one_by_one(whole.pixels, whole.focal_length_mm)
+                return whole, self._unwrap_one_by_one(whole)
             align = self.aligner.search if looked else self.aligner.align
             alignment = next(filter(None, looked), None) or align(whole.pixels, whole.focal_length_mm)
         except PictureError as error:
             return error
         height, width = whole.pixels.shape
         are_inside = [inside(rim, alignment, width, height) for rim in self._rims]
-        return whole.pixels, UnwrappedFrame(alignment, (), are_inside, whole.focal_length_mm, (width, height))
+        return whole, UnwrappedFrame(alignment, (), are_inside, whole.focal_length_mm, (width, height))
 
     def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
         """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
@@ -242,16 +243,18 @@ class FramePlacer:
                 return alignment
         return self.aligner.align_roughly(frame, focal_length_mm)
 
-    def _unwrap_one_by_one(self, frame: GreyPicture, focal_length_mm: float | None) -> UnwrappedFrame:
+    def _unwrap_one_by_one(self, picture: FramePicture) -> UnwrappedFrame:
         """Each gauge where its own marks are; one whose marks are not found is not read."""
+        frame, focal_length_mm = picture.pixels, picture.focal_length_mm
         alignment = self._near(frame, focal_length_mm)
         height, width = frame.shape
+        in_colour = cache(picture.in_colour)
         lifts = self._placement.lifts or (0.0,) * len(self._grids)
         gauges, whole, shifts, sigmas = [], [], [], []
         places = place_all(self._placers, frame, alignment)
         for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
             there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
-            gauges += unwrapper.unwrap(frame, there)
+            gauges += unwrapper.unwrap(frame, there, in_colour)
             whole.append(place is not None and inside(rim, there, width, height))
             shifts.append((0.0, 0.0) if place is None else place.shift_px)
             sigmas.append(0.0 if place is None else place.sigma_px)

@@ -14,7 +14,7 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper
-from decoder.instruments.panel_reader import read_picture
+from decoder.instruments.panel_reader import read_frame
 from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import PanelError, PictureError
@@ -164,7 +164,8 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     frames = session.frames()
     try:
         pictures = session.pictures(asked.document, asked.picture)
-        source = panel_of_gauge(asked.document, asked.gauge, pictures, session.camera)
+        encoded = session.encoded(asked.document, asked.picture)
+        source = panel_of_gauge(asked.document, asked.gauge, pictures, session.camera, encoded)
         trial = tried(session.remembered(source, asked.document, asked.picture), frames, stale)
     except PanelError as error:  # a gauge half drawn is no failure: this is what there is to say of it
         return {"frames": [], "error": error.problem, "problems": [{"path": error.path, "problem": error.problem}]}
@@ -216,13 +217,14 @@ def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
 def _angles(session: SetupSession, asked: PasteQuestion, target: FramePicture) -> dict[str, float]:
     """Where needles point in the picture to which a draft is carried, of those gauges that are whole."""
     pictures = session.pictures(asked.document, asked.picture)
+    encoded = session.encoded(asked.document, asked.picture)
     angles: dict[str, float] = {}
     gauges = asked.document.get("gauges")
     for index in range(len(gauges) if isinstance(gauges, list) else 0):
         try:
-            source = panel_of_gauge(asked.document, index, pictures, session.camera)
+            source = panel_of_gauge(asked.document, index, pictures, session.camera, encoded)
             reader = reader_from_panel(source, Method.NORMXCORR)
-            read = read_picture(reader, target.pixels, target.focal_length_mm)
+            read = read_frame(reader, target)
         except (PanelError, PictureError):
             continue  # it keeps the angle it has
         angles |= {name: each.angle_deg for name, each in read.readings.items() if each.status is Status.READ}

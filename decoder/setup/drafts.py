@@ -10,13 +10,15 @@ import re
 import threading
 import weakref
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.optics import Optics
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.panel_reader import appearance_from_panel
 from decoder.panel.camera import Camera
 from decoder.panel.description import problems_in
@@ -99,22 +101,28 @@ class Problem:
     problem: str
 
 
-def problems_of(document: Document, pictures: Mapping[str, GreyPicture], camera: Camera | None = None) -> list[Problem]:
+def problems_of(
+    document: Document,
+    pictures: Mapping[str, GreyPicture],
+    camera: Camera | None = None,
+    encoded: Mapping[str, bytes] = MappingProxyType({}),
+) -> list[Problem]:
     """Everything that keeps a draft from being a panel; none if it can be saved.
 
     Parameters
     ----------
     document : the content of `panel.yaml`
-    pictures : by the names that the draft gives them
+    pictures, encoded : by the names that the draft gives them
     """
     found = problems_in(Panel, document, thing="panel")
     if found:
         return [Problem(field_of(path, problem, document), problem) for path, problem in found]
-    return _misfits(parse_content(document), pictures, camera)
+    return _misfits(PanelPictures(parse_content(document), pictures, "", camera, encoded=encoded))
 
 
-def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera | None) -> list[Problem]:
+def _misfits(source: PanelPictures) -> list[Problem]:
     """Check against the pictures part by part, so that one fault does not hide another."""
+    panel, pictures = source.panel, source.pictures
     missing = [
         Problem(f"gauges[{number}].{path}", f"{name} is not there")
         for number, gauge in enumerate(panel.gauges)
@@ -131,14 +139,18 @@ def _misfits(panel: Panel, pictures: Mapping[str, GreyPicture], camera: Camera |
     for index, gauge in enumerate(panel.gauges):
         one = panel.model_copy(update={"gauges": (gauge,)})
         try:
-            appearance_from_panel(UnwrappedPanel(PanelPictures(one, pictures, "", camera)))
+            appearance_from_panel(UnwrappedPanel(in_panels_colours(replace(source, panel=one))))
         except PanelError as error:
             found.append(Problem(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem))
     return found
 
 
 def panel_of_gauge(
-    document: Document, index: int, pictures: Mapping[str, GreyPicture], camera: Camera | None = None
+    document: Document,
+    index: int,
+    pictures: Mapping[str, GreyPicture],
+    camera: Camera | None = None,
+    encoded: Mapping[str, bytes] = MappingProxyType({}),
 ) -> PanelPictures:
     """One gauge of a draft with all that finds the panel, whatever is wrong with the other gauges.
 
@@ -152,7 +164,7 @@ def panel_of_gauge(
         raise PanelError("gauges", "has no such gauge")
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **document, "gauges": [gauges[index]]}
     try:
-        source = PanelPictures(parse_content(content), pictures, "", camera)
+        source = PanelPictures(parse_content(content), pictures, "", camera, encoded=encoded)
     except PanelError as error:
         raise PanelError(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem) from error
     missing = [name for name in source.panel.pictures if name not in pictures]

@@ -13,7 +13,7 @@ from typing import Any
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
-from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
+from decoder.imaging.pictures import FramePicture, GreyPicture, colour_picture, grey_picture
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.description import LONGEST_TEXT
 from decoder.panel.errors import DecoderError, PanelError, PictureError
@@ -103,9 +103,14 @@ class SetupSession:
         named = {name: grey_picture(encoded) for name, encoded in self._template_pictures(document).items()}
         return {**named, str(document.get("picture", "panel.jpg")): self.store.grey(key)}
 
+    def encoded(self, document: Document, key: str) -> dict[str, bytes]:
+        """Gather the same pictures as they are in their files."""
+        return {**self._template_pictures(document), str(document.get("picture", "panel.jpg")): self.store.encoded(key)}
+
     def problems(self, document: Document, key: str) -> list[Problem]:
         """List what keeps a draft from being saved."""
-        found = problems_of(document, self.pictures(document, key), self.camera)
+        pictures, encoded = self.pictures(document, key), self.encoded(document, key)
+        found = problems_of(document, pictures, self.camera, encoded)
         try:
             plain_name(str(document.get("picture", "")), "picture", target=self.target.name)
         except PanelError as error:
@@ -234,7 +239,16 @@ class SetupSession:
     def remembered(self, source: PanelPictures, document: Document, key: str) -> RememberedPanel:
         """Give a draft's panel what was found in frames by the same anchors before."""
         memory = self._memory(_finding(document, key))
-        return RememberedPanel(source.panel, source.pictures, source.sha256, source.camera, source.planes, memory)
+        return RememberedPanel(
+            source.panel,
+            source.pictures,
+            source.sha256,
+            source.camera,
+            source.planes,
+            source.encoded,
+            source.mixtures,
+            memory,
+        )
 
     def frames(self) -> list[tuple[int, FramePicture]]:
         """Open the sample's frames that can be decompressed, with their numbers."""
@@ -250,7 +264,8 @@ class SetupSession:
         """Open the picture under a key, with its zoom if it is one of the flight's."""
         grey = self.store.grey(key)
         number = key.removeprefix("frame-")
-        return FramePicture(grey, self.source.focal_length_mm(int(number)) if number != key else None)
+        focal_length_mm = self.source.focal_length_mm(int(number)) if number != key else None
+        return FramePicture(grey, focal_length_mm, lambda: colour_picture(self.store.encoded(key)))
 
     def _template_pictures(self, document: Document) -> Mapping[str, bytes]:
         """Gather the pictures besides the panel picture that a draft names, as far as they are there."""

@@ -12,7 +12,7 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import PolarGrid
-from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.panel_reader import PanelReader, read_frame
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.errors import PictureError
@@ -119,7 +119,7 @@ def _axes_deg(reader: PanelReader) -> dict[str, float]:
 
 def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: Mapping[str, Meaning]) -> FrameTrial:
     try:
-        read = read_picture(reader, frame.pixels, frame.focal_length_mm)
+        read = read_frame(reader, frame)
     except PictureError as error:
         return FrameTrial(index, None, str(error), ())
     readings = tuple(_needle(name, reading, *scales[name]) for name, reading in read.readings.items() if name in scales)

@@ -1,0 +1,115 @@
+"""In which grey a gauge is read: in luma, or in the mixture of colours that tells its needles from the dial.
+
+A red needle on a teal dial may be as bright as what lies behind it: luma, which is all that frames carry until somebody
+asks for more, does not show it. Red alone does. A mixture is made of a frame's pixels around the gauge before they are
+resampled, so that whoever learns and reads sees one grey picture in either case.
+
+Of a JPEG's or a video's colours there is one for each two by two pixels. A mixture must tell a needle twice as clearly
+as luma, to be better wherever it is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.pictures import Mixture
+from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper, row_of_angle
+from decoder.instruments.thresholds import CLEARLY_WORSE
+from decoder.matching.faces import in_light_of
+from decoder.matching.thresholds import MIN_VIEWS
+from decoder.panel.arrays import Floats, Mask
+from decoder.panel.gauge import Gauge
+from decoder.registration.thresholds import NOISE_LEVELS
+
+LUMA = np.array([0.299, 0.587, 0.114])  # what a JPEG's luma is made of. Source: JFIF
+
+MIXTURES = tuple(
+    Mixture(*counts)
+    for counts in product((1, 0, -1), repeat=3)
+    if next(filter(None, counts), 0) > 0 and counts != (1, 1, 1)  # that is no other than luma
+)
+
+
+def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
+    """By needle that the panel picture shows, (R,): the rows of its dial on which it lies there; none of a window."""
+    if not isinstance(grid, PolarGrid):
+        return []
+    return [
+        np.abs(np.arange(grid.rows) - row_of_angle(grid, needle.at_deg)) * grid.step_deg <= needle.hides_deg / 2
+        for needle in gauge.over_face
+        if needle.at_deg is not None and needle.hides_deg is not None
+    ]
+
+
+def in_panels_colours(source: PanelPictures) -> PanelPictures:
+    """Let those gauges be read in colour whose needles the panel picture shows in colour alone.
+
+    Raises
+    ------
+    PanelError
+        As `PanelPictures.grid`.
+    """
+    source = source.with_planes()
+    if source.mixtures or not source.encoded:
+        return source
+    mixtures = tuple(_seen_in(source, gauge, index) for index, gauge in enumerate(source.panel.gauges))
+    return replace(source, mixtures=mixtures) if any(mixtures) else source
+
+
+def _seen_in(source: PanelPictures, gauge: Gauge, index: int) -> Mixture | None:
+    """Which mixture shows needles that luma does not; None if luma does, or nothing."""
+    grid = source.grid(index)
+    rows = needle_rows(gauge, grid)
+    if not rows:
+        return None
+    (grey,) = Unwrapper([grid]).unwrap(source.picture, source.optics.own)
+    if all(grey[its].std() >= NOISE_LEVELS for its in rows):
+        return None
+    (colours,) = Unwrapper([grid]).colours(source.in_colour(source.panel.picture), source.optics.own)
+    best = max(MIXTURES, key=lambda mixture: _least_spread(colours @ mixture.parts, rows))
+    return best if _least_spread(colours @ best.parts, rows) >= CLEARLY_WORSE * NOISE_LEVELS else None
+
+
+def _least_spread(drawn: Floats, rows: Sequence[Mask]) -> float:
+    return min(float(drawn[its].std()) for its in rows)
+
+
+def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) -> Mixture | None:
+    """Choose the mixture that tells a gauge's needles clearly better than luma; None if there is none.
+
+    Parameters
+    ----------
+    drawn
+        (R, C, 3): the unwrapped gauge in the panel picture, in colour.
+    seen
+        The same of some frames.
+    rows
+        As `needle_rows`.
+    """
+    luma = _clearness(drawn, seen, rows, LUMA)
+    told = {mixture: _clearness(drawn, seen, rows, mixture.parts) for mixture in MIXTURES}
+    best = max(told, key=lambda mixture: told[mixture])
+    return best if told[best] > CLEARLY_WORSE * max(luma, CLEARLY_WORSE) else None
+
+
+def _clearness(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask], parts: NDArray[np.float64]) -> float:
+    """How far the least clear needle of the panel picture stands out of the usual dial, in spreads of its noise.
+
+    Each colour has the noise that sensors and JPEGs have at least; more of it where frames differ by more.
+    """
+    weights = parts.astype(np.float32)
+    own = drawn @ weights
+    views = [view for view in in_light_of(own, (each @ weights for each in seen)) if view is not None]
+    if len(views) < MIN_VIEWS:
+        return 0.0
+    usual = median_of(np.stack(views))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(np.stack(views) - usual)))
+    noise = np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts))
+    return min(float(np.sqrt(np.mean((own - usual)[its] ** 2))) for its in rows) / float(noise)

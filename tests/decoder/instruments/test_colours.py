@@ -1,0 +1,199 @@
+"""Needles that show in their colour: read in the mixture of colours that tells them, and in luma where that does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache, partial
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.picture_block import PictureBlock
+from decoder.imaging.pictures import ColourPicture, FramePicture, Mixture, colour_picture, grey_picture
+from decoder.instruments.frame_batch import RawFrame, read_batch
+from decoder.instruments.reading import FrameReadings, Status
+from decoder.learning.fit import FittedReader, fit_to_flight, reader_from_panel
+from decoder.panel.panel import parse_panel
+from decoder.panel.vocabulary import Method
+from decoder.setup.drafts import problems_of
+from flight_file.reader import spread
+from tests.decoder.instruments.dials import CENTRE, WIDTH_PX, Canvas, Hand, finished
+
+Colour = tuple[float, float, float]
+TEAL: Colour = (20.0, 90.0, 95.0)
+RED: Colour = (200.0, 12.0, 22.0)  # as bright as the teal: 69 levels of luma each
+GREY: Colour = (70.0, 70.0, 70.0)
+WHITE: Colour = (230.0, 230.0, 230.0)
+AT_DEG = 214.0
+ANGLES_DEG = np.linspace(130.0, 410.0, 24)
+CONTENT = {
+    "name": "dials",
+    "picture": "panel.jpg",
+    "anchors": [{"name": "texture", "box": [196, 22, 36, 36]}],
+    "gauges": [
+        {
+            "name": "tach",
+            "centre": list(CENTRE),
+            "radius": [20, 60],
+            "sweep": [120, 420],
+            "scale": [[120, 0], [420, 300]],
+            "needles": [{"name": "rpm", "template": {"at": AT_DEG, "span": 16}}],
+        },
+        {
+            "name": "small",
+            "centre": [214.0, 130.0],
+            "radius": [5, 19],
+            "sweep": [120, 420],
+            "scale": [[120, 0], [420, 300]],
+            "needles": [{"name": "oil", "template": {"at": AT_DEG, "span": 30}}],
+        },
+    ],
+}
+
+
+def draw(angle_deg: float, needle: Colour, face: Colour, seed: int) -> bytes:
+    """A JPEG of a dial with such a needle, and of a small one with a white needle, with noise of its own each colour.
+
+    Between the marks, every 30 degrees, lie rings of the same grey: by them the light is told.
+    """
+
+    def plane(place: int) -> np.ndarray:
+        canvas = Canvas()
+        canvas.disc(CENTRE, 76.0, face[place])
+        for ring_px in (54.0, 34.0):
+            canvas.disc(CENTRE, ring_px + 1.5, 130.0)
+            canvas.disc(CENTRE, ring_px - 1.5, face[place])
+        for mark_deg in range(0, 360, 30):
+            canvas.bar(mark_deg, (56.0, 73.0), (1.2, 1.2), 190.0)
+        canvas.hand(Hand(level=needle[place]), angle_deg)
+        canvas.disc((214.0, 130.0), 22.0, 35.0)
+        for mark_deg in range(0, 360, 45):
+            canvas.bar(mark_deg, (15.0, 20.0), (0.8, 0.8), 150.0, (214.0, 130.0))
+        canvas.bar(angle_deg, (0.0, 17.0), (1.4, 1.0), 230.0, (214.0, 130.0))
+        return finished(canvas, noise=3.0, blur=0.7, quality=98, seed=3 * seed + place)
+
+    picture = np.stack([plane(place) for place in (2, 1, 0)], axis=-1)
+    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    return jpeg.tobytes()
+
+
+def panel_of(picture: bytes) -> PanelPictures:
+    """The panel on a picture."""
+    panel = parse_panel(yaml.safe_dump(CONTENT))
+    return PanelPictures(panel, {"panel.jpg": grey_picture(picture)}, "0" * 64, encoded={"panel.jpg": picture})
+
+
+@cache
+def flight_of(needle: Colour, face: Colour) -> tuple[bytes, ...]:
+    """A flight's frames."""
+    return tuple(draw(angle_deg, needle, face, number) for number, angle_deg in enumerate(ANGLES_DEG, start=1))
+
+
+@cache
+def fitted_to(needle: Colour, face: Colour) -> FittedReader:
+    """A reader fitted to such a flight."""
+    frames = [PictureBlock().frame(each, 0, None, None, has_colour=True) for each in flight_of(needle, face)]
+
+    def sample(count: int) -> Iterator[FramePicture]:
+        return (frames[place] for place in sorted(spread(len(frames), count)))  # type: ignore[misc]
+
+    return fit_to_flight(reader_from_panel(panel_of(draw(AT_DEG, needle, face, 0)), Method.NORMXCORR), sample)
+
+
+def read_of(fitted: FittedReader, frames: Sequence[bytes]) -> list[FrameReadings]:
+    """What is read of frames, as of a flight's."""
+    raw = [RawFrame(number, number, encoded) for number, encoded in enumerate(frames)]
+    read = [each for each in read_batch(fitted.reader, raw) if isinstance(each, FrameReadings)]
+    assert len(read) == len(frames)
+    return read
+
+
+def test_red_needle_as_bright_as_its_dial_is_read_in_its_colour() -> None:
+    """As well as any other; what it is read in is said. The dial beside it is read in luma."""
+    fitted = fitted_to(RED, TEAL)
+    read = [each.readings for each in read_of(fitted, flight_of(RED, TEAL))]
+
+    off_deg = [each["rpm"].angle_deg - truth for each, truth in zip(read, ANGLES_DEG, strict=True)]
+    assert all(each["rpm"].status is Status.READ for each in read)
+    assert float(np.abs(off_deg).max()) < 0.3
+    assert [grid.mixture is None for grid in fitted.reader.grids] == [False, True]
+    (said,) = fitted.findings["tach"]
+    assert said.startswith("read in red")
+    assert fitted.findings["small"] == ()
+
+
+def test_a_dial_beside_it_is_read_as_if_there_were_no_colour() -> None:
+    """Whoever reads one gauge in colour reads the others in the same luma as ever."""
+    coloured, plain = fitted_to(RED, TEAL), fitted_to(WHITE, TEAL)
+    frame = flight_of(WHITE, TEAL)[7]
+
+    assert not plain.reader.source.has_colour
+    one, other = (read_of(fitted, [frame])[0].readings["oil"] for fitted in (coloured, plain))
+    assert one.angle_deg == pytest.approx(other.angle_deg, abs=0.05)
+
+
+@pytest.mark.parametrize("face", [TEAL, GREY], ids=["teal", "grey"])
+def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
+    """Of a white needle colours tell no more, and nothing is decompressed for them."""
+    fitted = fitted_to(WHITE, face)
+    block = fitted.reader.block
+
+    assert not fitted.reader.source.has_colour
+    assert all(grid.mixture is None for grid in fitted.reader.grids)
+    assert block.frame(flight_of(WHITE, face)[0], 0, None, None, has_colour=False).coloured is None
+
+
+def test_needle_that_luma_does_not_show_at_all_is_no_fault_of_the_panel() -> None:
+    """The page says nothing against it, though its template is flat in luma; without its colours it does."""
+    document = {**CONTENT, "gauges": [{**CONTENT["gauges"][0], "radius": [39, 49]}]}  # type: ignore[dict-item]
+    picture = draw(AT_DEG, RED, TEAL, 0)
+    grey = {"panel.jpg": grey_picture(picture)}
+
+    assert problems_of(document, grey, None, {"panel.jpg": picture}) == []
+    assert [each.path for each in problems_of(document, grey)] == ["gauges[0].needles[0].template"]
+
+
+def test_first_rows_are_as_those_of_the_whole_picture() -> None:
+    """A decoder that stops early gives the same colours, and the same as for people to look at."""
+    (jpeg,) = [draw(AT_DEG, RED, TEAL, 1)]
+    whole, top = PictureBlock().colour_picture(jpeg), PictureBlock().colour_picture(jpeg, 96)
+
+    assert (whole == colour_picture(jpeg)).all()
+    assert top.shape == (96, WIDTH_PX, 3)
+    assert (top[:95] == whole[:95]).all()
+
+
+def test_company_and_batches_change_no_bit() -> None:
+    """A frame that was opened before, and one that is opened now, alone or among others, are read the same."""
+    fitted, frames = fitted_to(RED, TEAL), flight_of(RED, TEAL)
+    together = read_of(fitted, frames)
+    alone = [read_of(fitted, [frame])[0] for frame in frames[::5]]
+    opened = [FramePicture(grey_picture(frame), None, partial(colour_picture, frame)) for frame in frames[::5]]
+    handed = read_batch(fitted.reader, [RawFrame(0, 0, b"", None, picture) for picture in opened])
+
+    told = [repr(each.readings) for each in together[::5]]
+    assert [repr(each.readings) for each in alone] == told
+    assert [repr(each.readings) for each in handed if isinstance(each, FrameReadings)] == told
+
+
+@pytest.mark.parametrize(
+    ("mixture", "words", "grey"),
+    [
+        (Mixture(1, 0, 0), "red", 200),
+        (Mixture(1, -1, 0), "red minus green", (200 + 255 - 10) / 2),
+        (Mixture(1, -1, 1), "red and blue minus green", (200 + 255 - 10 + 40) / 3),
+    ],
+)
+def test_mixture_says_what_it_is_and_never_leaves_the_levels(mixture: Mixture, words: str, grey: float) -> None:
+    """In words; black and white stay within what a grey can be."""
+    picture: ColourPicture = np.array([[[200, 10, 40], [0, 0, 0], [255, 255, 255]]], np.uint8)
+
+    assert str(mixture) == words
+    assert mixture.of(picture)[0, 0] == round(grey)
+    assert (
+        mixture.of(np.array([[[255 * (count > 0) for count in (mixture.red, mixture.green, mixture.blue)]]], np.uint8))
+        == 255
+    )
