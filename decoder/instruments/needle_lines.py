@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +100,8 @@ def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
     covariances = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)
     covariance = covariances[:2, :2]
-    if _places(tilts) < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
+    places = sum(places_of(tilt.angle_deg for tilt in tilts if tilt.needle == name) for name in names)
+    if places < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
         covariance = covariance + np.outer(solution[:2], solution[:2])
     left = seen - rows @ solution
     scatter_px2 = (MAD_TO_SIGMA * float(median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
@@ -115,14 +116,12 @@ def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
     )
 
 
-def _places(tilts: Sequence[Tilt]) -> int:
-    """In how many places, well apart, the needles stood."""
-    count = 0
-    last = ("", -math.inf)
-    for needle, angle_deg in sorted((tilt.needle, tilt.angle_deg) for tilt in tilts):
-        if needle != last[0] or angle_deg - last[1] > APART_DEG:
-            count += 1
-            last = (needle, angle_deg)
+def places_of(angles_deg: Iterable[float]) -> int:
+    """In how many places, well apart, something stood."""
+    count, last_deg = 0, -math.inf
+    for angle_deg in sorted(angles_deg):
+        if angle_deg - last_deg > APART_DEG:
+            count, last_deg = count + 1, angle_deg
     return count
 
 

@@ -2,23 +2,25 @@
 
 Somebody who clicks on a mark, and on a wrong centre, gives the mark's direction from that centre: around the right one
 it lies elsewhere, by up to half a degree for each hundredth of the radius. Somebody who reads angles off the dial gives
-them right. A panel does not say which; its needles do. Each is drawn where the panel picture shows it, as seen from
-one centre or the other, and one hand drew them all.
+them right. A panel does not say which; its needles and its scales do. Each needle is drawn where the panel picture
+shows it, as seen from one centre or the other; and most scales are even around one of them only, as a circle's marks
+seen from beside its centre lie closer on one side. One hand drew them all.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
 from decoder.learning.pivot_path import PivotPath, Vector
+from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
 
-# How precisely needles are drawn by an ordinary hand, and seen in the panel picture.
+# How precisely needles and marks are drawn by an ordinary hand, and needles seen in the panel picture.
 ANGLE_DEG = 1.5
 # Angles are likelier before needles tell: those of a needle above its dial are right, too, and it turns elsewhere.
 PRIOR_LOG_ODDS = -3.0
@@ -28,22 +30,60 @@ Seen = Sequence[tuple[float, float]]
 
 
 def log_odds_of_points(gauges: Sequence[Gauge], paths: Sequence[PivotPath], seen: Sequence[Seen]) -> float:
-    """Tell how likely a panel's marks are points that were seen from its centres, and not angles, by its needles.
-
-    Needles of gauges whose centres are right tell how precisely all of them are drawn and seen.
-    """
-    beside_deg = [
-        (path, _short_way(seen_deg - drawn_deg), seen_from(path.far_px, gauge.radius[1], drawn_deg) - drawn_deg)
-        for gauge, path, own in zip(gauges, paths, seen, strict=True)
-        for drawn_deg, seen_deg in own
-    ]
-    right_deg = [abs(off_deg) for path, off_deg, _ in beside_deg if not path.is_far]
-    spread_deg = math.hypot(ANGLE_DEG, float(np.median(right_deg)) if right_deg else 0.0)
+    """Tell how likely a panel's angles are points that were seen from its centres, by its needles and its scales."""
     return PRIOR_LOG_ODDS + sum(
-        log_odds_of_point(off_deg / spread_deg, moved_deg / spread_deg)
-        for path, off_deg, moved_deg in beside_deg
-        if path.is_far
+        _of_needles(gauge, path, own) + log_odds_of_scales(gauge, path)
+        for gauge, path, own in zip(gauges, paths, seen, strict=True)
+        if path.was_moved
     )
+
+
+def _of_needles(gauge: Gauge, path: PivotPath, seen: Seen) -> float:
+    return sum(
+        log_odds_of_point(
+            _short_way(seen_deg - drawn_deg) / ANGLE_DEG,
+            (seen_from(path.beside_px, gauge.radius[1], drawn_deg) - drawn_deg) / ANGLE_DEG,
+        )
+        for drawn_deg, seen_deg in seen
+    )
+
+
+def log_odds_of_scales(gauge: Gauge, path: PivotPath) -> float:
+    """Tell the same by the scales of a gauge as it is drawn whose pivot was moved."""
+    return sum(
+        log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
+        for angles_deg, values, turn in _scales(gauge)
+        for carried_deg in ([seen_from(path.beside_px, gauge.radius[1], angle_deg) for angle_deg in angles_deg],)
+    )
+
+
+def _scales(gauge: Gauge) -> Iterator[tuple[Sequence[float], Sequence[float], float | None]]:
+    """Give each scale's angles, its values, and the value of a turn."""
+    for marks, turn in dict.fromkeys((each.marks, each.wraps) for each in gauge.quantities if each.is_measured):
+        angles_deg, values = zip(*marks, strict=True)
+        yield angles_deg, values, turn
+
+
+def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Floats:
+    """(N - 2,) or (N - 1,): how far marks are from an even scale; one that goes all the way round has a known pace."""
+    angles, steps = np.array(angles_deg, np.float64), np.array(values, np.float64)
+    columns = np.stack([np.ones_like(steps), steps], axis=1)
+    if turn is not None:
+        angles = angles - math.copysign(FULL_CIRCLE_DEG / turn, steps[-1] - steps[0]) * steps
+        columns = columns[:, :1]
+    across, _ = np.linalg.qr(columns, mode="complete")
+    beside: Floats = across[:, columns.shape[1] :].T @ angles
+    return beside
+
+
+def log_odds_of_even(drawn_deg: Floats, carried_deg: Floats) -> float:
+    """Weigh how far from even a scale is as it was drawn, and if its marks were points.
+
+    What is left has a normal distribution of unknown spread, of `ANGLE_DEG` or more: a scale that is uneven either way
+    tells little.
+    """
+    drawn, carried = (ANGLE_DEG**2 + float(beside @ beside) for beside in (drawn_deg, carried_deg))
+    return len(drawn_deg) / 2 * math.log(drawn / carried)
 
 
 def log_odds_of_point(off: float, moved: float) -> float:

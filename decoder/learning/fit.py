@@ -24,14 +24,14 @@ from decoder.instruments.panel_reader import PanelReader, appearance_from_panel,
 from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
-from decoder.learning.drawn_points import log_odds_of_points, seen_from_pivots
+from decoder.learning.drawn_points import PRIOR_LOG_ODDS, log_odds_of_points, seen_from_pivots
 from decoder.learning.flight_appearance import learn_appearance, lit_views
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
     any_lift_is_off,
-    care_px,
+    care_part,
     estimate_pivots,
     lifts_missing,
 )
@@ -49,8 +49,6 @@ from decoder.registration.placement import Placement
 ROUNDS = 8
 # The nearer a needle is cut to its pivot, the more surely that is found.
 FAR_ROUNDS = 3
-# The odds of what nothing speaks for.
-NO_POINTS = -math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +105,10 @@ class FittedReader:
         """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
         return self.uncertainties[name].sigma_deg(angles_deg)
 
+    def drawn_sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
+        """(N,): what of that the panel's drawing leaves in doubt."""
+        return self.uncertainties[name].drawn_sigma_deg(angles_deg)
+
 
 @dataclass(frozen=True, slots=True)
 class _Round:
@@ -127,8 +129,11 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     last = _learned(reader, samples, paths)
     first = last.pivots
     for round_ in range(1, rounds):
+        before, log_odds = log_odds, _log_odds(reader, samples, gauges, paths)
         paths = [path.next(pivot) for path, pivot in zip(paths, last.pivots, strict=True)]
-        around = _around_pivots(last, [path.step_px for path in paths], seen_from_pivots(gauges, paths, log_odds))
+        told = seen_from_pivots(gauges, paths, log_odds)
+        is_retold = (before > 0.0) != (log_odds > 0.0)
+        around = _around_pivots(last, [path.step_px for path in paths], told, is_retold=is_retold)
         if around is None:
             break
         tell(f"learns where needles turn, round {round_}")
@@ -136,7 +141,6 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
-    care = care_px(paths, pivots)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
         reader=_completed(last),
@@ -144,9 +148,11 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         uncertainties=quantity_uncertainties(
             source,
             pivots,
-            marks_px=[path.marks_px(log_odds, care) for path in paths],
-            care_px=care,
+            paths=paths,
+            log_odds=log_odds,
+            care_part=care_part(paths, pivots, gauges),
             dials_move=last.reader.placement.dials_move,
+            found=last.found,
         ),
         moved_px={
             gauge.name: (gauge.centre[0] - drawn.centre[0], gauge.centre[1] - drawn.centre[1])
@@ -213,7 +219,7 @@ def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sampl
     drawn = reader.source.panel.gauges
     paths = [PivotPath()] * len(drawn)
     if len(samples) < FRAMES_TO_LEARN:
-        return _Recentred(reader, samples, paths, NO_POINTS)
+        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS)
     for _ in range(FAR_ROUNDS):
         paths = [
             path if path.is_found else path.from_afar(kind_of(gauge).far_pivot(*seen), REACH_PART * gauge.radius[1])
@@ -224,14 +230,31 @@ def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sampl
         reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     if not any(path.is_far for path in paths):
-        return _Recentred(reader, samples, paths, NO_POINTS)
-    seen_deg = [kind_of(gauge).seen_deg(*seen) for gauge, seen in zip(drawn, _seen(reader, samples), strict=True)]
-    log_odds = log_odds_of_points(drawn, paths, seen_deg)
+        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS)
+    log_odds = _log_odds(reader, samples, drawn, paths)
     told = seen_from_pivots(drawn, paths, log_odds)
     if told != drawn:
         reader = around_pivots(reader, [None] * len(drawn), drawn=told)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     return _Recentred(reader, samples, paths, log_odds)
+
+
+def _log_odds(
+    reader: PanelReader, samples: Sequence[UnwrappedFrame], drawn: Sequence[Gauge], paths: Sequence[PivotPath]
+) -> float:
+    """Tell how likely angles of a panel are points, by its scales and by those needles that turn far off."""
+    is_far = [
+        math.hypot(*path.beside_px) > FAR_PART * gauge.radius[1] for path, gauge in zip(paths, drawn, strict=True)
+    ]
+    seen_deg = (
+        [
+            kind_of(gauge).seen_deg(replace(instrument, gauge=gauge), own, views) if far else ()
+            for gauge, far, (instrument, own, views) in zip(drawn, is_far, _seen(reader, samples), strict=True)
+        ]
+        if any(is_far)
+        else [()] * len(drawn)
+    )
+    return log_odds_of_points(drawn, paths, seen_deg)
 
 
 def _seen(
@@ -244,12 +267,17 @@ def _seen(
         yield Instrument(index, *instrument), own, [view for view in views if view is not None]
 
 
-def _around_pivots(last: _Round, steps: Sequence[Vector | None], drawn: Sequence[Gauge]) -> PanelReader | None:
-    """Unwrap the panel around its pivots as they were estimated; None where they and the lifts are right already."""
+def _around_pivots(
+    last: _Round, steps: Sequence[Vector | None], drawn: Sequence[Gauge], *, is_retold: bool
+) -> PanelReader | None:
+    """Unwrap the panel around its pivots as they were estimated; None where they and the lifts are right already.
+
+    It `is_retold` where angles are points now that were none before, or the other way round.
+    """
     placed = last.reader.placement
     lifts = placed.lifts or (0.0,) * len(steps)
     missing = lifts_missing(lifts, last.pivots) if placed.dials_move else ()  # then none has a lift
-    if not any(steps) and not any_lift_is_off(missing):
+    if not any(steps) and not any_lift_is_off(missing) and not is_retold:
         return None
     return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 

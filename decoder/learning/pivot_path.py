@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.learning.thresholds import DRAWN_PX, SEARCHED_PART, SETTLED_PX
-from decoder.registration.pivot import Pivot
+from decoder.registration.pivot import UNKNOWN, Pivot
 
 Vector = tuple[float, float]
 
@@ -53,16 +53,14 @@ class PivotPath:
             return replace(self, is_found=True, step_px=None)
         return replace(self, far_px=far_px, step_px=step_px)
 
-    def marks_px(self, log_odds: float, care_px: float) -> float:
-        """Estimate how far marks may be off that are points, not angles, at such odds, and seen from elsewhere.
+    def missed_part(self, log_odds: float) -> float:
+        """Estimate by which part of how far the centre is drawn off marks may be off: points or angles, at such odds.
 
-        They were carried along if that is more likely, unless it is not known from where: then the gauge is drawn as
-        carelessly as the others. A 95 % interval has to hold what they are otherwise, unless that is less likely than
-        one in twenty: a needle and a mark then lie elsewhere, each to its own side.
+        They were carried along if points are likelier and it is known from where. A 95 % interval has to hold what they
+        are otherwise, unless that is less likely than one in twenty: then they all lie as far beside.
         """
-        beside_px = math.hypot(*self.beside_px) if self.was_moved else care_px
         wrongly = (1.0 - math.tanh(abs(log_odds) / 2)) / 2 if self.was_moved else (1.0 + math.tanh(log_odds / 2)) / 2
-        return math.sqrt(min(20 * wrongly, 1.0)) * beside_px
+        return math.sqrt(min(20 * wrongly, 1.0))
 
     @property
     def was_moved(self) -> bool:
@@ -84,6 +82,12 @@ class PivotPath:
         covariance = np.linalg.inv(told + searched)
         x, y = (covariance @ (told @ np.array(pivot.offset_px) - searched @ np.array(self.moved_px))).tolist()
         return replace(pivot, offset_px=(x, y), covariance_px2=covariance)
+
+    def within_reach(self, pivot: Pivot, reach_px: float) -> Pivot:
+        """Believe no needle that seems to turn further off than any hand draws: then it tells nothing."""
+        if math.dist(self.beside_px, [-off for off in pivot.offset_px]) <= reach_px:
+            return pivot
+        return replace(pivot, offset_px=UNKNOWN.offset_px, covariance_px2=UNKNOWN.covariance_px2)
 
     def next(self, pivot: Pivot) -> PivotPath:
         """Step on to where the needles turn, as far as their tilts tell it; a pivot that is right stays.

@@ -27,13 +27,27 @@ from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import DRAWN_PX, SETTLED_PX
+from decoder.matching.thresholds import REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.registration.frame_placer import UnwrappedFrame
 from decoder.registration.pivot import PRIOR_PX, Pivot
 
-# How carefully a panel may be drawn, pixels; each is as likely as the next before any needle is seen.
-CARES_PX = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+# How carefully a panel may be drawn, pixels, and how likely that is before any needle is seen: each as the next, but a
+# careless hand the less, the more it would leave in doubt.
+CARES_PX = {
+    0.005: 1,
+    0.01: 1,
+    0.02: 1,
+    0.04: 1,
+    0.08: 1,
+    0.16: 1,
+    0.32: 1,
+    0.64: 1 / 2,
+    1.28: 1 / 8,
+    2.56: 1 / 32,
+    5.12: 1 / 128,
+}
 # So many gauges of a panel are drawn with less care than the others, whatever these tell.
 CARELESS_PART = 0.1
 
@@ -65,8 +79,9 @@ def estimate_pivots(
         ):  # else the panel picture shows the dial from another side
             frames.append((reader.own_gauges[index], _drawn_readings(gauge, grid), (0.0, 0.0)))
         pivot = kind_of(gauge).pivot(Instrument(index, gauge, grid, face), reader.appearance, frames)
-        pivots.append(path.with_search(pivot, gauge.radius[1]))
-    return empirical_bayes(pivots, [path.beside_px for path in paths])
+        pivots.append(path.within_reach(path.with_search(pivot, gauge.radius[1]), REACH_PART * gauge.radius[1]))
+    reaches_px = [REACH_PART * gauge.radius[1] for gauge in reader.source.panel.gauges]
+    return empirical_bayes(pivots, [path.beside_px for path in paths], reaches_px)
 
 
 def _drawn_readings(gauge: Gauge, grid: PolarGrid) -> dict[str, Reading]:
@@ -79,7 +94,9 @@ def _drawn_readings(gauge: Gauge, grid: PolarGrid) -> dict[str, Reading]:
     }
 
 
-def empirical_bayes(pivots: Sequence[Pivot], moved_px: Sequence[tuple[float, float]]) -> tuple[Pivot, ...]:
+def empirical_bayes(
+    pivots: Sequence[Pivot], moved_px: Sequence[tuple[float, float]], reaches_px: Sequence[float]
+) -> tuple[Pivot, ...]:
     """Each pivot by its own needles and by how far the others are from where they were drawn.
 
     The offsets of a panel come from one normal distribution of unknown spread or, one in ten, from the one that is
@@ -92,18 +109,21 @@ def empirical_bayes(pivots: Sequence[Pivot], moved_px: Sequence[tuple[float, flo
         Each with the prior that knows of no other gauge.
     moved_px
         By the same order: how far each was moved from where it is drawn.
+    reaches_px
+        By the same order: no hand draws it further off. A spread is half as much at most.
     """
     told = [_Told.of(pivot, moved) for pivot, moved in zip(pivots, moved_px, strict=True)]
-    spreads_px = np.array([*CARES_PX, PRIOR_PX])
-    evidence = np.array([one.log_evidence(spreads_px) for one in told])
+    any_px = np.array([*CARES_PX, PRIOR_PX])
+    spreads_px = np.minimum(any_px, np.array(reaches_px)[:, None] / 2)
+    evidence = np.array([one.log_evidence(own_px) for one, own_px in zip(told, spreads_px, strict=True)])
     careful = evidence[:, :-1] + np.log1p(-CARELESS_PART)
     either = np.logaddexp(careful, evidence[:, -1:] + np.log(CARELESS_PART))
-    panel = either.sum(axis=0)
+    panel = either.sum(axis=0) + np.log(list(CARES_PX.values()))
     by_care = np.exp(panel - np.logaddexp.reduce(panel)) * np.exp(careful - either)
     weights = np.concatenate([by_care, 1.0 - by_care.sum(axis=1, keepdims=True)], axis=1)
     return tuple(
-        _replaced(pivot, moved, *one.mixed(spreads_px, own))
-        for pivot, moved, one, own in zip(pivots, moved_px, told, weights, strict=True)
+        _replaced(pivot, moved, *one.mixed(own_px, own))
+        for pivot, moved, one, own_px, own in zip(pivots, moved_px, told, spreads_px, weights, strict=True)
     )
 
 
@@ -148,16 +168,18 @@ def _replaced(pivot: Pivot, moved_px: tuple[float, float], mean_px: Floats, cova
     return replace(pivot, offset_px=(x, y), covariance_px2=covariance_px2)
 
 
-def care_px(paths: Sequence[PivotPath], pivots: Sequence[Pivot]) -> float:
+def care_part(paths: Sequence[PivotPath], pivots: Sequence[Pivot], gauges: Sequence[Gauge]) -> float:
     """Tell how far beside their pivots a panel's centres are drawn, to each side, by those whose needles tell.
 
-    It is the spread of a normal distribution with the same median.
+    Of the radius: on a larger dial a hand misses by more. It is the spread of a normal distribution with the same
+    median.
     """
-    told = [path for path, pivot in zip(paths, pivots, strict=True) if path.was_moved or pivot.sigma_px <= DRAWN_PX]
-    if not told:
-        return 0.0
-    squares_px2 = np.array([x * x + y * y for x, y in (path.beside_px for path in told)])
-    return math.sqrt(float(median(squares_px2)) / (2 * math.log(2)))
+    told = [
+        math.hypot(*path.beside_px) / gauge.radius[1]
+        for path, pivot, gauge in zip(paths, pivots, gauges, strict=True)
+        if path.was_moved or pivot.sigma_px <= DRAWN_PX
+    ]
+    return float(median(np.array(told))) / math.sqrt(2 * math.log(2)) if told else 0.0
 
 
 def lifts_missing(lifts: Sequence[float], pivots: Sequence[Pivot]) -> list[float]:

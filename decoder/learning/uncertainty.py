@@ -9,15 +9,20 @@ scatter of those tilts does).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from decoder.imaging.panel_pictures import PanelPictures
+from decoder.instruments.reading import Reading, Status
+from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.panel.arrays import Floats
-from decoder.registration.pivot import Pivot
+from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.registration.pivot import Pivot, across
+from decoder.registration.thresholds import CERTAIN_SIGMAS
 
 # A mark is a line to draw to, while a pivot lies under a cap: marks are off by such a part of what centres are off, and
 # by no more than such a part of the radius.
@@ -31,35 +36,68 @@ FOUND_PX = 0.02
 # A needle above its dial throws a shadow to one side of it, and is as high as somebody wrote to a hundredth of an inch:
 # by such a part of its height it seems to turn elsewhere, and no tilt tells.
 HEIGHT_PART = 0.005
+# Of a uniform distribution the standard deviation, for each unit of its width: what was not seen may be anywhere.
+ANYWHERE = 12**-0.5
 # One dial's needles tell little of how well dials are found: the others count for as much as so many tilts of its own.
 SHARED_TILTS = 16
 
 
 @dataclass(frozen=True, slots=True)
 class QuantityUncertainty:
-    """One quantity's: `drawn_deg` by its scale, `place_px` by where its dial is found, and its gauge's pivot.
+    """One quantity's.
 
-    `zero_deg` is the angle at which the needle's zero was set; None for a card, which is read all round: beside its
-    pivot one half makes up for the other.
+    Attributes
+    ----------
+    drawn_deg
+        By its scale, as somebody drew it.
+    seen_deg
+        By the side from which the camera sees it.
+    place_px
+        By where its dial is found.
+    radius_px
+        At which it is read.
+    pivot
+        Its gauge's.
+    missed_px
+        From how far beside it marks and zero may have been seen, (x, y) at that radius.
+    zero_deg
+        The angle at which the needle's zero was set; None for a card, which is read all round: beside its pivot one
+        half makes up for the other.
     """
 
     drawn_deg: float
+    seen_deg: float
     place_px: float
     radius_px: float
     pivot: Pivot
+    missed_px: Vector
     zero_deg: float | None
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
         """(N,): a standard uncertainty for readings at these angles."""
-        constant_deg = math.hypot(self.drawn_deg, math.degrees(self.place_px / self.radius_px))
+        constant_deg = math.hypot(self.seen_deg, math.degrees(self.place_px / self.radius_px))
+        sigma: Floats = np.hypot(constant_deg, self.drawn_sigma_deg(angles_deg))
+        return sigma
+
+    def drawn_sigma_deg(self, angles_deg: Floats) -> Floats:
+        """(N,): what of it the panel's drawing leaves in doubt."""
         if self.zero_deg is None:
-            return np.full_like(angles_deg, constant_deg)
-        sigma: Floats = np.hypot(constant_deg, self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
+            return np.full_like(angles_deg, self.drawn_deg)
+        # Marks and zero are seen from the same centre: they are off as by a pivot that far beside.
+        around = self.pivot.beside(np.array(self.missed_px))
+        sigma: Floats = np.hypot(self.drawn_deg, around.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
         return sigma
 
 
 def quantity_uncertainties(
-    drawn: PanelPictures, pivots: Sequence[Pivot], *, marks_px: Sequence[float], care_px: float, dials_move: bool
+    drawn: PanelPictures,
+    pivots: Sequence[Pivot],
+    *,
+    paths: Sequence[PivotPath],
+    log_odds: float,
+    care_part: float,
+    dials_move: bool,
+    found: Sequence[Mapping[str, Reading]] = (),
 ) -> dict[str, QuantityUncertainty]:
     """Estimate, by quantity, what its readings are uncertain by.
 
@@ -69,39 +107,77 @@ def quantity_uncertainties(
         The panel as it was given, before pivots were moved.
     pivots
         By the gauges' order in the panel: what is still to be thought of each.
-    marks_px
-        By gauge: how far marks may be off because they were drawn around another centre.
-    care_px
-        How far beside their pivots the panel's centres are drawn: the same hand drew its marks.
+    paths
+        By the same order: how far each was moved from where it is drawn.
+    log_odds
+        Of marks that are points seen from where centres are drawn, and not angles.
+    care_part
+        How far beside their pivots the panel's centres are drawn, of the radius: the same hand drew its marks.
     dials_move
         Whether each dial is found by itself.
+    found
+        By frame of a sample, what was read.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
-    careless_px = MARK_PART * care_px
+    missed_marks = MARK_PART * care_part
+    careless_deg = math.degrees(min(missed_marks, MOST_MARK_PART))
     uncertainties = {}
-    parts = zip(drawn.panel.gauges, pivots, places_px, marks_px, strict=True)
-    for index, (gauge, pivot, place_px, moved_px) in enumerate(parts):
-        radius_px = gauge.arc_px
+    parts = zip(drawn.panel.gauges, pivots, places_px, paths, strict=True)
+    for index, (gauge, pivot, place_px, path) in enumerate(parts):
+        radius_px, rim_px = gauge.arc_px, gauge.radius[1]
         zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
-        mark_px = min(careless_px, MOST_MARK_PART * gauge.radius[1])
-        drawn_deg = math.hypot(
-            math.degrees(math.hypot(HAND_PX, mark_px) / radius_px),
-            math.degrees(moved_px / gauge.radius[1]),
-            _parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
+        mistaken = _mistaken(gauge, pivot, found)
+        span_deg = gauge.sweep[1] - gauge.sweep[0]
+        hand_deg = math.hypot(math.degrees(HAND_PX / radius_px), careless_deg)
+        missed_part = path.missed_part(log_odds)
+        x, y = (missed_part * radius_px / rim_px * each for each in path.beside_px)
+        # Where no needle tells it a card's centre is as far beside as the others.
+        card_part = missed_part * (math.hypot(*path.beside_px) / rim_px if path.was_moved else care_part)
+        as_card = QuantityUncertainty(
+            drawn_deg=math.hypot(hand_deg, math.degrees(card_part)),
+            seen_deg=_parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
+            place_px=0.0,
+            radius_px=radius_px,
+            pivot=pivot.blurred(_height_px(drawn, index)),
+            missed_px=(0.0, 0.0),
+            zero_deg=None,
         )
+        as_needle = replace(as_card, drawn_deg=hand_deg, place_px=place_px, missed_px=(x, y))
+        as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # what is written was drawn by nobody
         for quantity in gauge.quantities:
-            if quantity.written is not None:  # what is written was drawn by nobody
-                uncertainties[quantity.name] = QuantityUncertainty(0.0, 0.0, radius_px, pivot, None)
-                continue
             zero_deg = zeros_deg.get(quantity.name)
-            uncertainties[quantity.name] = QuantityUncertainty(
-                drawn_deg,
-                place_px if quantity.name in zeros_deg else 0.0,
-                radius_px,
-                pivot.as_drawn_by(care_px).blurred(_height_px(drawn, index)),
-                (sum(gauge.sweep) / 2 if zero_deg is None else zero_deg) if quantity.name in zeros_deg else None,
-            )
+            if quantity.written is not None:
+                uncertainties[quantity.name] = as_written
+            elif quantity.name in zeros_deg:
+                uncertainties[quantity.name] = replace(
+                    as_needle,
+                    drawn_deg=math.hypot(hand_deg, ANYWHERE * span_deg if quantity.name in mistaken else 0.0),
+                    zero_deg=sum(gauge.sweep) / 2 if zero_deg is None else zero_deg,
+                )
+            else:
+                uncertainties[quantity.name] = as_card
     return uncertainties
+
+
+def _mistaken(gauge: Gauge, pivot: Pivot, found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
+    """Name needles that may not be what was cut for them: around a centre that far off it may be the dial beside them.
+
+    What was found elsewhere than where it was cut is a needle for all that.
+    """
+    mistaken = set()
+    for needle in gauge.turning:
+        if needle.at_deg is not None and needle.hides_deg is not None:
+            at_deg, half_deg = np.array([needle.at_deg]), needle.hides_deg / 2
+            sideways = across(at_deg)[0]
+            beside_deg = math.degrees(math.sqrt(sideways @ pivot.covariance_px2 @ sideways) / gauge.arc_px)
+            read = [each[needle.name] for each in found if each[needle.name].status is not Status.MISSING]
+            angles_deg = np.array([reading.angle_deg for reading in read])
+            if (
+                CERTAIN_SIGMAS * beside_deg > half_deg
+                and not (np.abs(shortest(angles_deg - at_deg, FULL_CIRCLE_DEG)) > half_deg).any()
+            ):
+                mistaken.add(needle.name)
+    return frozenset(mistaken)
 
 
 def _parallax_deg(drawn: PanelPictures, index: int) -> float:

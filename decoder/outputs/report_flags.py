@@ -102,7 +102,6 @@ class Flag:
 
 def find_flags(data: FlightData) -> list[Flag]:
     """All flags, by time; of one time in the order of `Kind`."""
-    combined = {combination.quantity.name for combination in data.combinations}
     flags = [
         Flag(Kind.OUTLIER, outlier.needle, outlier.first, outlier.last, outlier.reason.value)
         for outlier in find_outliers(data)
@@ -117,7 +116,7 @@ def find_flags(data: FlightData) -> list[Flag]:
         ]
     flags += [Flag(Kind.LOST, "", first, last, reason) for first, last, reason in lost_runs(data)]
     for series in data.series:
-        flags += _of_needle(series, is_combined=series.quantity.name in combined)
+        flags += _of_needle(series, is_combined=series.quantity.name in data.combined)
     return sorted(flags, key=lambda flag: (flag.first, KINDS.index(flag.kind)))
 
 

@@ -100,12 +100,11 @@ class Pivot:
 
     def unsettled(self) -> Pivot:
         """Add what is left of the offset to the covariance: the pivot was looked for, and not found."""
-        return replace(self, covariance_px2=self.covariance_px2 + np.outer(self.offset_px, self.offset_px))
+        return self.beside(np.array(self.offset_px))
 
-    def as_drawn_by(self, care_px: float) -> Pivot:
-        """Add what a hand that draws centres so far beside pivots leaves in doubt where needles do not tell."""
-        untold = self.covariance_px2 / PRIOR_PX**2
-        return replace(self, covariance_px2=self.covariance_px2 + care_px**2 * untold @ untold)
+    def beside(self, offset_px: Floats) -> Pivot:
+        """Add to the covariance that it may as well lie by so much, (2,), to one side or the other."""
+        return replace(self, covariance_px2=self.covariance_px2 + np.outer(offset_px, offset_px))
 
     def blurred(self, sigma_px: float) -> Pivot:
         """Add so much uncertainty in every direction."""

@@ -196,6 +196,11 @@ class FlightData:
         return self.time_of_day != UNKNOWN
 
     @property
+    def combined(self) -> frozenset[str]:
+        """The names of what several needles show together."""
+        return frozenset(combination.quantity.name for combination in self.combinations)
+
+    @property
     def time_s(self) -> Floats:
         """(N,): seconds since the flight's first frame."""
         if not self.time_ns.size:

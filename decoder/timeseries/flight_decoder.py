@@ -17,7 +17,7 @@ from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 from decoder.timeseries.flight_part import FlightPart
 from decoder.timeseries.gaps import fill_gaps
 from decoder.timeseries.gps import resampled
-from decoder.timeseries.health import gauge_health
+from decoder.timeseries.health import doubted, gauge_health
 from flight_file.frame import Frame, GpsFix
 from flight_file.reader import Flight
 
@@ -85,7 +85,9 @@ def decode_flight(
         columns=fitted.panel.columns,
     )
     data = with_gps(fill_gaps(built), flight.fixes())
-    return replace(data, health=gauge_health(data, fitted.findings))
+    data, doubts = doubted(data, fitted.drawn_sigma_deg)
+    findings = {gauge: (*found, *doubts.get(gauge, ())) for gauge, found in fitted.findings.items()}
+    return replace(data, health=gauge_health(data, findings))
 
 
 def with_gps(data: FlightData, fixes: Iterable[GpsFix]) -> FlightData:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +12,37 @@ from numpy.typing import NDArray
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
-from decoder.panel.scale import Combination, shortest
-from decoder.timeseries.flight_data import FlightData, NeedleSeries
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
+from decoder.panel.scale import Combination, Scale, shortest
+from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries, PanelSigmaDeg
+from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, SMALLEST_PART
 
 WELL = "drawn well"
+
+
+def doubted(data: FlightData, drawn_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
+    """Take no value for read that the drawing of its gauge leaves in doubt, and say by gauge why.
+
+    A whole needle matched there, but its scale or its pivot may be off: a value that is wrong costs more than ten that
+    are told to be doubtful.
+    """
+    found, doubts = [], defaultdict(list)
+    for series in data.series:
+        quantity, doubtful = series.quantity, series.has(Status.READ)
+        if quantity.is_measured and quantity.name not in data.combined:
+            slopes = Scale.of(quantity.marks, quantity.wraps).slopes_at(series.angle_deg)
+            sigma_deg = drawn_sigma_deg(quantity.name, series.angle_deg)
+            parts = np.abs(slopes) * sigma_deg / quantity.full_scale
+            doubtful &= parts > SMALLEST_PART
+            if doubtful.any():
+                doubts[quantity.gauge].append(
+                    f"{quantity.name} is `edge`, not `read`, in {doubtful.sum()} frames: as its centre and marks are"
+                    f" drawn it may be off by {CONFIDENCE_SIGMAS * parts[doubtful].max():.0%} of full scale; draw them"
+                    " more precisely with `decode setup`"
+                )
+                status = np.where(doubtful, CODE[Status.EDGE], series.status).astype(np.uint8)
+                series = replace(series, status=status)  # noqa: PLW2901
+        found.append(series)
+    return replace(data, series=tuple(found)), doubts
 
 
 def gauge_health(data: FlightData, fitted: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
@@ -27,9 +55,8 @@ def gauge_health(data: FlightData, fitted: Mapping[str, Sequence[str]]) -> dict[
     """
     found = {series.quantity.gauge: list(fitted.get(series.quantity.gauge, ())) for series in data.series}
     shown = len(data.frame) - len(data.missing_frames)
-    together = {combination.quantity.name for combination in data.combinations}
     for series in data.series:
-        if series.quantity.name not in together:
+        if series.quantity.name not in data.combined:
             found[series.quantity.gauge] += _of_series(series, shown)
     for combination in data.combinations:
         found[combination.quantity.gauge] += _contradictions(data, combination)

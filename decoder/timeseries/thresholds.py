@@ -8,7 +8,7 @@
 | MIN_OVERLAP | 0.3 | - | part of the flight's rows within the truth | less fits by chance |
 | CONFIDENCE_SIGMAS | 1.96 | sigma | hold 95 % of errors | normal distribution |
 | NEEDED_PART | 0.95 | - | of a needle's values within a recorder's limit | a truth at 1 Hz is interpolated |
-| SMALLEST_PART | 0.01 | - | of full scale; leaving the line by less is of no consequence | rendered flights |
+| SMALLEST_PART | 0.01 | - | of full scale; outliers, and 1 sigma by drawing, below: no consequence | rendered flights |
 | BACK_PART | 1 / 3 | - | of how far an outlier went, that may be left when it is back | steps stay above |
 | SHORTER | 0.8 | - | so much of a gap's length, to the inverse, counts as its length | a few of each |
 | MOST_STRETCHED | 4.0 | - | times the longest known stretch that a gap may have | strangers' flights |

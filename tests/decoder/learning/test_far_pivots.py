@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
-from decoder.learning.drawn_points import log_odds_of_point, seen_from
+from decoder.learning.drawn_points import log_odds_of_point, log_odds_of_scales, seen_from
 from decoder.learning.fit import FittedReader, fit_to_flight
+from decoder.learning.pivot_path import PivotPath
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
@@ -176,6 +177,25 @@ def test_point_is_seen_from_elsewhere_and_back(offset: tuple[float, float], angl
     assert math.cos(math.radians(seen_deg)) * math.hypot(x, y) == pytest.approx(x, abs=1e-9)
     assert math.sin(math.radians(seen_deg)) * math.hypot(x, y) == pytest.approx(y, abs=1e-9)
     assert abs(seen_deg - angle_deg) < 90
+
+
+@pytest.mark.parametrize("towards_deg", [20.0, 110.0, 250.0])
+@pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
+def test_even_scale_tells_points_from_angles(drawn: Draws, towards_deg: float) -> None:
+    """A circle's marks are even as seen from its centre only; two marks, or a pivot that stays, tell nothing."""
+    gauge = reader_for([drawn(0.08, towards_deg)], draw(PANEL_DEG, 1)).source.panel.gauges[0]
+    marks = tuple((120.0 + 50.0 * mark, 50.0 * mark) for mark in range(7))
+    even = gauge.model_copy(update={"scale": marks})
+    offset_px = CENTRE[0] - gauge.centre[0], CENTRE[1] - gauge.centre[1]
+    if drawn is clicked:
+        even = even.at_angles(partial(seen_from, (-offset_px[0], -offset_px[1]), RADIUS_PX))
+    moved = PivotPath(far_px=offset_px)
+    ends = even.model_copy(update={"scale": (even.scale[0], even.scale[-1])})
+
+    assert (log_odds_of_scales(even, moved) > 0.0) == (drawn is clicked)
+    assert abs(log_odds_of_scales(even, moved)) > 3.0
+    assert log_odds_of_scales(ends, moved) == pytest.approx(0.0)
+    assert log_odds_of_scales(even, PivotPath()) == pytest.approx(0.0)
 
 
 def test_needle_that_is_drawn_quite_wrongly_does_not_decide_what_all_marks_are() -> None:

@@ -10,6 +10,7 @@ from decoder.panel.arrays import Floats
 from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
 
 HERE = (0.0, 0.0)
+REACH_PX = 8.0
 
 
 def seen(x_px: float, y_px: float, sigma_px: float, moved_px: tuple[float, float] = HERE) -> Pivot:
@@ -21,7 +22,7 @@ def seen(x_px: float, y_px: float, sigma_px: float, moved_px: tuple[float, float
 
 def together(*pivots: Pivot) -> tuple[Pivot, ...]:
     """None of them moved."""
-    return empirical_bayes(pivots, [HERE] * len(pivots))
+    return empirical_bayes(pivots, [HERE] * len(pivots), [REACH_PX] * len(pivots))
 
 
 def sigma_px(pivot: Pivot) -> float:
@@ -58,6 +59,26 @@ def test_pivot_that_is_surely_elsewhere_stays_there() -> None:
     assert sigma_px(odd) < 0.035
 
 
+def test_careless_hand_is_known_by_the_others_and_goes_no_further_than_any_hand() -> None:
+    """A pivot that is told but roughly is believed where the others are off, within what its dial allows."""
+    far = [seen(x, y, 0.05) for x, y in ((3.0, 1.0), (-2.0, 4.0), (4.0, -1.0), (-1.0, -3.0))]
+    doubtful, alone = together(*far, seen(5.0, 0.0, 1.0))[-1], together(*CAREFUL, seen(5.0, 0.0, 1.0))[-1]
+    tiny = empirical_bayes([*far, UNKNOWN], [HERE] * 5, [REACH_PX] * 4 + [1.0])[-1]
+
+    assert 4.0 < doubtful.offset_px[0] < 5.0
+    assert alone.offset_px[0] < 2.0
+    assert sigma_px(together(*far, UNKNOWN)[-1]) > 2.0
+    assert sigma_px(tiny) < 0.6
+
+
+def test_needle_that_seems_to_turn_where_no_hand_draws_it_tells_nothing() -> None:
+    """A runaway turns back to where it is drawn."""
+    path = PivotPath(far_px=(3.0, 0.0), moved_px=(1.0, 0.0))
+
+    assert path.within_reach(left(2.0, 0.0), REACH_PX) == left(2.0, 0.0)
+    assert path.within_reach(left(5.0, 0.0), REACH_PX).covariance_px2 is UNKNOWN.covariance_px2
+
+
 def test_offset_that_is_hardly_told_is_not_believed_in_a_well_drawn_panel() -> None:
     """Three sigma of a quarter of a pixel are more likely noise there than a careless hand."""
     doubtful = together(*CAREFUL, seen(0.25, 0.0, 0.12))[-1]
@@ -70,7 +91,9 @@ def test_pivot_that_was_moved_is_held_against_where_it_was_drawn() -> None:
     moved = [(0.3, -0.1), HERE, (0.1, 0.1), HERE, HERE, (-0.2, 0.4)]
     places = [(0.41, 0.1), (-0.29, 0.5), (0.6, -0.2), (-0.1, -0.4), (0.2, 0.3), (0.1, 0.2)]
     stayed = together(*(seen(x, y, 0.1) for x, y in places))
-    went = empirical_bayes([seen(x, y, 0.1, shift) for (x, y), shift in zip(places, moved, strict=True)], moved)
+    went = empirical_bayes(
+        [seen(x, y, 0.1, shift) for (x, y), shift in zip(places, moved, strict=True)], moved, [REACH_PX] * len(moved)
+    )
 
     for one, other, shift in zip(stayed, went, moved, strict=True):
         assert np.add(other.offset_px, shift) == pytest.approx(one.offset_px, abs=1e-9)

@@ -11,6 +11,7 @@ import pytest
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
+from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import HAND_PX
 from decoder.learning.uncertainty import (
     FOUND_PX,
@@ -26,16 +27,28 @@ from tests.decoder.cockpit import reader_of
 from tests.programs import FIXTURES
 
 KNOWN = Pivot((0.0, 0.0), np.zeros((2, 2)))
+STAYED = PivotPath()
 AT_DEG = np.array([200.0])
 
 
 def uncertainties_of(
-    drawn: PanelPictures, *, pivot: Pivot = KNOWN, marks_px: float = 0.0, dials_move: bool = False
+    drawn: PanelPictures,
+    *,
+    pivot: Pivot = KNOWN,
+    path: PivotPath = STAYED,
+    log_odds: float = 0.0,
+    care_part: float = 0.0,
+    dials_move: bool = False,
 ) -> dict[str, QuantityUncertainty]:
     """Of a panel whose gauges are all alike."""
     count = len(drawn.panel.gauges)
     return quantity_uncertainties(
-        drawn, [pivot] * count, marks_px=[marks_px] * count, care_px=0.0, dials_move=dials_move
+        drawn,
+        [pivot] * count,
+        paths=[path] * count,
+        log_odds=log_odds,
+        care_part=care_part,
+        dials_move=dials_move,
     )
 
 
@@ -57,10 +70,12 @@ def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() ->
 def test_all_parts_add_in_squares() -> None:
     """The drawing, the place and the pivot know nothing of each other."""
     pivot = replace(KNOWN, covariance_px2=0.04 * np.eye(2))
-    uncertainty = QuantityUncertainty(0.03, 0.1, 50.0, pivot, 20.0)
-    expected_deg = math.hypot(0.03, math.degrees(0.1 / 50.0), math.degrees(0.2 * 2.0 / 50.0))
+    uncertainty = QuantityUncertainty(0.03, 0.04, 0.1, 50.0, pivot, (0.0, 0.0), 20.0)
+    drawn_deg = math.hypot(0.03, math.degrees(0.2 * 2.0 / 50.0))
+    expected_deg = math.hypot(drawn_deg, 0.04, math.degrees(0.1 / 50.0))
 
     assert uncertainty.sigma_deg(AT_DEG) == pytest.approx([expected_deg])
+    assert uncertainty.drawn_sigma_deg(AT_DEG) == pytest.approx([drawn_deg])
     assert replace(uncertainty, zero_deg=None).sigma_deg(AT_DEG) < expected_deg
 
 
@@ -70,21 +85,38 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
     drawn = reader_of().source.with_planes()
     squeezed = DialPlane.of(np.diag([1.0, math.cos(math.radians(view_deg)), 1.0]))
     oblique = replace(drawn, planes=(squeezed,) * len(drawn.panel.gauges))
-    drawn_deg = uncertainties_of(oblique)["speed_kt"].drawn_deg
-    hand_deg = math.degrees(HAND_PX / (sum(drawn.panel.gauges[0].radius) / 2))
+    found = uncertainties_of(oblique)["speed_kt"]
     beside_deg = math.degrees(
         NEEDLE_HEIGHT_PART * math.hypot(USUAL_VIEW, math.tan(math.radians(view_deg))) / math.sqrt(2)
     )
 
-    assert drawn_deg == pytest.approx(math.hypot(hand_deg, beside_deg), rel=1e-6)
+    assert found.seen_deg == pytest.approx(beside_deg, rel=1e-6)
+    assert found.drawn_deg == pytest.approx(math.degrees(HAND_PX / drawn.panel.gauges[0].arc_px))
 
 
-def test_marks_that_may_lie_elsewhere_are_doubted_by_as_much() -> None:
-    """They lie at the outer perimeter."""
+def test_marks_that_may_be_points_are_doubted_but_where_the_needle_was_cut() -> None:
+    """Mark and needle are seen from the same wrong centre: there one makes up for the other, and not elsewhere."""
     drawn = reader_of().source
-    careful, moved = (uncertainties_of(drawn, marks_px=marks_px)["speed_kt"].drawn_deg for marks_px in (0.0, 2.0))
+    gauge = drawn.panel.gauges[0]
+    (zero_deg,) = (needle.at_deg for needle in gauge.turning)
+    assert zero_deg is not None
+    across = math.radians(zero_deg + 90.0)
+    path = PivotPath(far_px=(2.0 * math.cos(across), 2.0 * math.sin(across)))
+    undecided, decided = (uncertainties_of(drawn, path=path, log_odds=odds)["speed_kt"] for odds in (0.0, 12.0))
+    here, opposite = np.array([zero_deg]), np.array([zero_deg + 180.0])
 
-    assert moved**2 - careful**2 == pytest.approx(math.degrees(2.0 / drawn.panel.gauges[0].radius[1]) ** 2)
+    assert undecided.drawn_sigma_deg(here) == pytest.approx([undecided.drawn_deg])
+    both_deg = math.degrees(2 * 2.0 / gauge.radius[1])
+    assert undecided.drawn_sigma_deg(opposite) == pytest.approx([math.hypot(undecided.drawn_deg, both_deg)])
+    assert decided.drawn_sigma_deg(opposite) < undecided.drawn_sigma_deg(opposite) / 10
+
+
+def test_hand_that_misses_centres_misses_marks() -> None:
+    """By a third as much, and on a dial of any size by as much of a circle."""
+    drawn = reader_of().source
+    careful, careless = (uncertainties_of(drawn, care_part=part)["speed_kt"].drawn_deg for part in (0.0, 0.015))
+
+    assert careless**2 - careful**2 == pytest.approx(math.degrees(0.015 / 3) ** 2)
 
 
 def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:

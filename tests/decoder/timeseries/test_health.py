@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,7 +15,7 @@ from decoder.instruments.reading import Status
 from decoder.panel.scale import Combination, Quantity
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries
 from decoder.timeseries.flight_decoder import decode_flight
-from decoder.timeseries.health import gauge_health
+from decoder.timeseries.health import doubted, gauge_health
 from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
 from tests.decoder.cockpit import DOCUMENT, PANEL_ANGLES_DEG, angles_of, draw, reader_of
@@ -86,3 +87,24 @@ def test_pointers_that_contradict_each_other_are_named() -> None:
     (findings,) = gauge_health(flight_of(*parts, both, combinations=(combination,)), {}).values()
 
     assert findings == ("its pointers contradict each other in 2 frames, where both is not read",)
+
+
+def test_value_that_may_be_off_by_how_it_is_drawn_is_not_read() -> None:
+    """Beyond a hundredth of full scale or so, in the frames that it concerns; its value and its sigma stay."""
+    data = flight_of(series_of([10, 20, 80]), series_of([1, 2, 3], name="exact"))
+    told, doubts = doubted(data, lambda name, values: np.where((name == "a") & (values > 50), 9.0, 0.1))
+    (a, exact), (before, _) = told.series, data.series
+
+    assert a.status.tolist() == [CODE[Status.READ], CODE[Status.READ], CODE[Status.EDGE]]
+    assert (a.value, a.sigma) == (before.value, before.sigma)
+    assert exact is data.series[1]
+    assert [each.split(":")[0] for each in doubts["dial"]] == ["a is `edge`, not `read`, in 1 frames"]
+
+
+@pytest.mark.parametrize("status", [Status.MISSING, Status.INTERPOLATED, Status.HIDDEN])
+def test_what_was_not_read_is_not_doubted_once_more(status: Status) -> None:
+    """Only what claims to be read loses the claim."""
+    series = series_of([10, 20])
+    data = flight_of(replace(series, status=np.full(2, CODE[status], np.uint8)))
+
+    assert doubted(data, lambda _, values: np.full_like(values, 90.0)) == (data, {})

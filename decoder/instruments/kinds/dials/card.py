@@ -33,9 +33,17 @@ from decoder.instruments.appearance import (
     Look,
     needles_in_picture,
 )
+from decoder.instruments.needle_lines import places_of
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_TURN_DEG, STILL_ROWS, SURE_SCORE
+from decoder.instruments.thresholds import (
+    CLEARLY_WORSE,
+    FRAMES_TO_LEARN,
+    MIN_PLACES,
+    MIN_TURN_DEG,
+    STILL_ROWS,
+    SURE_SCORE,
+)
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
@@ -136,7 +144,10 @@ class CardReader:
         noise = max(float(left[0] / left[1]), 1.0) / self._grid.pixels_per_sample
         covariance = np.linalg.inv(normal / noise + np.eye(2) / PRIOR_PX**2)
         x, y = (covariance @ product / noise).tolist()
-        return replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
+        pivot = replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
+        places = places_of(rows * self._grid.step_deg for _, rows in views)
+        # What spoils one place would move the pivot.
+        return pivot.unsettled() if places <= MIN_PLACES else pivot
 
     def _told(self, view: Floats, way: Floats) -> tuple[Floats, Floats, Floats]:
         """Set up one frame's least squares for an offset that shows in it, turned back, turned by `way`.
