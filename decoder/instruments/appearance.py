@@ -31,6 +31,7 @@ from decoder.imaging.unwrapping import (
     windowed,
 )
 from decoder.instruments.found import Needle
+from decoder.instruments.sampling import SeenGauge
 from decoder.matching.correlation import normxcorr
 from decoder.matching.faces import bare_face
 from decoder.matching.needle_layer import cut_over, first_layer
@@ -40,6 +41,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.needles import Needle as DescribedNeedle
+from decoder.registration.pivot import UNKNOWN, Pivot
 from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 
@@ -123,14 +125,12 @@ class Appearance:
 
 
 @dataclass(frozen=True, slots=True)
-class DrawnInstrument:
-    """One gauge, `index` its place in the panel, and how the panel picture shows it: `strip`, as it is sampled."""
+class Placed:
+    """One gauge of a panel, `index` its place there."""
 
-    source: PanelPictures
     index: int
     gauge: Gauge
     sampled: Grid
-    strip: UnwrappedGauge
 
     @property
     def grid(self) -> PolarGrid:
@@ -144,23 +144,18 @@ class DrawnInstrument:
 
 
 @dataclass(frozen=True, slots=True)
-class Instrument:
-    """One gauge of a panel as its kind sees it; `index` is its place in the panel, `face` the dial without needles."""
+class DrawnInstrument(Placed):
+    """A gauge, and how the panel picture shows it: `strip`, as it is sampled."""
 
-    index: int
-    gauge: Gauge
-    sampled: Grid
+    source: PanelPictures
+    strip: UnwrappedGauge
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument(Placed):
+    """A gauge as its kind sees it; `face` is the dial without needles."""
+
     face: UnwrappedGauge
-
-    @property
-    def grid(self) -> PolarGrid:
-        """The grid of a dial."""
-        return polar(self.sampled)
-
-    @property
-    def window(self) -> WindowGrid:
-        """The grid of a window."""
-        return windowed(self.sampled)
 
     def needles(self, appearance: Appearance) -> list[Needle]:
         """Return its needles as they are looked for."""
@@ -168,6 +163,26 @@ class Instrument:
             Needle(needle.name, self.index, self.gauge, self.grid, self.face, appearance.templates[needle.name])
             for needle in self.gauge.needles
         ]
+
+
+class Still:
+    """What a kind says of which nothing turns around a pivot that was drawn."""
+
+    def pivot(self, _instrument: Instrument, _appearance: Appearance, _frames: Sequence[SeenGauge]) -> Pivot:
+        """Return nothing known."""
+        return UNKNOWN
+
+    def far_pivot(
+        self, _instrument: Instrument, _own: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]
+    ) -> tuple[float, float] | None:
+        """Return none."""
+        return None
+
+    def seen_deg(
+        self, _instrument: Instrument, _own: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]
+    ) -> Sequence[tuple[float, float]]:
+        """Return none."""
+        return []
 
 
 def needles_in_picture(drawn: DrawnInstrument) -> Look:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -30,11 +31,12 @@ from decoder.registration.thresholds import NOISE_LEVELS
 
 LUMA = np.array([0.299, 0.587, 0.114])  # what a JPEG's luma is made of. Source: JFIF
 
-MIXTURES = tuple(
-    Mixture(*counts)
-    for counts in product((1, 0, -1), repeat=3)
-    if next(filter(None, counts), 0) > 0 and counts != (1, 1, 1)  # that is no other than luma
-)
+
+@cache
+def mixtures() -> tuple[Mixture, ...]:
+    """List all there are: but for their signs, and for that of all three, which is no other than luma."""
+    counts = [each for each in product((1, 0, -1), repeat=3) if next(filter(None, each), 0) == 1]
+    return tuple(Mixture(*each) for each in counts if min(each) < 1)
 
 
 def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
@@ -73,12 +75,18 @@ def _seen_in(source: PanelPictures, gauge: Gauge, index: int) -> Mixture | None:
     if all(grey[its].std() >= NOISE_LEVELS for its in rows):
         return None
     (colours,) = Unwrapper([grid]).colours(source.in_colour(source.panel.picture), source.optics.own)
-    best = max(MIXTURES, key=lambda mixture: _least_spread(colours @ mixture.parts, rows))
+    best = max(mixtures(), key=lambda mixture: _least_spread(colours @ mixture.parts, rows))
     return best if _least_spread(colours @ best.parts, rows) >= CLEARLY_WORSE * NOISE_LEVELS else None
 
 
 def _least_spread(drawn: Floats, rows: Sequence[Mask]) -> float:
     return min(float(drawn[its].std()) for its in rows)
+
+
+def shows_colour(drawn: Floats, rows: Sequence[Mask]) -> bool:
+    """Whether the panel picture, (R, C, 3), has more colour around a gauge's needles than noise has."""
+    beside = drawn - (drawn @ LUMA.astype(np.float32))[..., None]
+    return any(float(beside[its].std(axis=(0, 1)).max()) > NOISE_LEVELS for its in rows)
 
 
 def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) -> Mixture | None:
@@ -94,7 +102,7 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) ->
         As `needle_rows`.
     """
     luma = _clearness(drawn, seen, rows, LUMA)
-    told = {mixture: _clearness(drawn, seen, rows, mixture.parts) for mixture in MIXTURES}
+    told = {mixture: _clearness(drawn, seen, rows, mixture.parts) for mixture in mixtures()}
     best = max(told, key=lambda mixture: told[mixture])
     return best if told[best] > CLEARLY_WORSE * max(luma, CLEARLY_WORSE) else None
 

@@ -267,7 +267,7 @@ def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None
         if known is not None and not isinstance(grid, PolarGrid):
             looks.append(known.look_of(index, gauge))
         else:
-            looks.append(kind_of(gauge).first_look(DrawnInstrument(drawn.source, index, gauge, grid, strip)))
+            looks.append(kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip)))
     # a needle cut from one picture need not match others better than any match must, whatever the light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
     return seen if known is None else replace(seen, taught_windows=known.taught_windows)

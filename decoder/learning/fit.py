@@ -35,7 +35,8 @@ from decoder.learning.pivots import (
     estimate_pivots,
     lifts_missing,
 )
-from decoder.learning.seen_faces import with_seen_faces
+from decoder.learning.seen_faces import may_be_lost, with_seen_faces
+from decoder.learning.thresholds import LOOKED_AT
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
@@ -122,11 +123,17 @@ class _Round:
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
     source, gauges = reader.source, reader.source.panel.gauges
-    aligned = _around_far_pivots(*_in_best_colours(*align_sample(reader, sample), sample), sample)
-    reader, samples, paths, log_odds = aligned.reader, aligned.samples, aligned.paths, aligned.log_odds
-    del aligned  # what it holds need not lie in memory beside what is unwrapped later
-    tell(f"learns from {len(samples)} frames what the instruments look like")
-    last = _learned(reader, samples, paths)
+    placed, samples = align_sample(reader, sample)
+    begun, last = _begun(placed, samples, sample, tell)
+    lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
+    coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
+    if coloured is not placed:
+        del begun, last, samples  # what they hold need not lie in memory beside what is unwrapped later
+        tell("learns in which colours needles show")
+        samples = unwrapped(coloured, sample(frames_wanted(coloured.placement)))
+        begun, last = _begun(coloured, samples, sample, tell)
+    reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
+    del begun
     first = last.pivots
     for round_ in range(1, rounds):
         before, log_odds = log_odds, _log_odds(reader, samples, gauges, paths)
@@ -165,14 +172,11 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     )
 
 
-def _in_best_colours(
-    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample
-) -> tuple[PanelReader, list[UnwrappedFrame]]:
-    """Let each gauge be read in the grey that tells its needles best; mostly that is luma."""
-    coloured = in_best_colours(reader, sample)
-    if coloured is reader:
-        return reader, samples
-    return coloured, unwrapped(coloured, sample(frames_wanted(coloured.placement)))
+def _begun(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
+    """Find pivots that are far off, and learn a first time."""
+    aligned = _around_far_pivots(reader, samples, sample)
+    tell(f"learns from {len(aligned.samples)} frames what the instruments look like")
+    return aligned, _learned(aligned.reader, aligned.samples, aligned.paths)
 
 
 def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> PanelReader:

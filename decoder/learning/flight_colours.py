@@ -1,51 +1,68 @@
-"""In which grey each gauge of a panel is read, as a few frames of a flight tell it."""
+"""In which grey each gauge of a panel is read, as a few frames of a flight tell it.
+
+Nobody asks for the colours of a flight whose needles are all read in luma: they cost nothing there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from decoder.imaging.picture_block import TopOfFrame
+from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import Unwrapper
-from decoder.instruments.colours import best_mixture, needle_rows
+from decoder.instruments.colours import best_mixture, needle_rows, shows_colour
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, taken
-from decoder.learning.flight_sample import Sample
-from decoder.learning.thresholds import LOOKED_AT
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
 from decoder.registration.frame_placer import UnwrappedPanel
 
+Frame = GreyPicture | FramePicture | TopOfFrame
 
-def in_best_colours(reader: PanelReader, sample: Sample) -> PanelReader:
-    """Let each gauge be read in the grey that tells its needles best; the same reader where that is as it was."""
+
+def in_best_colours(reader: PanelReader, lost: Sequence[int], frames: Iterable[Frame]) -> PanelReader:
+    """Let gauges be read in the grey that tells their needles best; the same reader where that is as it was.
+
+    Parameters
+    ----------
+    lost
+        The gauges whose needles may not be told as they are read; the others are left so.
+    frames
+        A few of the flight.
+    """
     source = reader.source
-    rows = {
-        index: its
-        for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True))
-        if (its := needle_rows(gauge, grid))
-    }
+    rows = {index: its for index in lost if (its := needle_rows(source.panel.gauges[index], reader.grids[index]))}
     if not rows or not source.encoded:
         return reader
-    unwrapper = Unwrapper([reader.grids[index] for index in rows])
-    drawn = unwrapper.colours(source.in_colour(source.panel.picture), source.optics.own)
-    seen = _seen(reader, unwrapper, list(rows), sample)
+    drawn = dict(zip(rows, _panels_colours(reader, list(rows)), strict=True))
+    coloured = [index for index in rows if shows_colour(drawn[index], rows[index])]
+    seen = _seen(reader, coloured, frames) if coloured else []
     before = source.mixtures or (None,) * len(reader.grids)
     mixtures = list(before)
-    for place, (index, its) in enumerate(rows.items()):
-        best = best_mixture(drawn[place], [gauges[place] for gauges in seen], its)
+    for place, index in enumerate(coloured):
+        best = best_mixture(drawn[index], [gauges[place] for gauges in seen], rows[index])
         mixtures[index] = best if seen else before[index]
     if tuple(mixtures) == before:
         return reader
-    coloured = UnwrappedPanel(replace(source, mixtures=tuple(mixtures)))
-    look = appearance_from_panel(coloured, reader.appearance)
-    return PanelReader.of(coloured.source, reader.method, look, reader.placement, coloured)
+    panel = UnwrappedPanel(replace(source, mixtures=tuple(mixtures)))
+    look = appearance_from_panel(panel, reader.appearance)
+    return PanelReader.of(panel.source, reader.method, look, reader.placement, panel)
 
 
-def _seen(reader: PanelReader, unwrapper: Unwrapper, indices: Sequence[int], sample: Sample) -> list[list[Floats]]:
-    """By frame of a few in which the panel is found, some of its gauges in colour."""
+def _panels_colours(reader: PanelReader, indices: Sequence[int]) -> list[Floats]:
+    """Sample some gauges in colour, as the panel picture shows them."""
+    source = reader.source
+    unwrapper = Unwrapper([reader.grids[index] for index in indices])
+    return unwrapper.colours(source.in_colour(source.panel.picture), source.optics.own)
+
+
+def _seen(reader: PanelReader, indices: Sequence[int], frames: Iterable[Frame]) -> list[list[Floats]]:
+    """By frame in which the panel is found, some of its gauges in colour."""
+    unwrapper = Unwrapper([reader.grids[index] for index in indices])
     seen = []
-    for placed in reader.placer.placed(taken(sample(LOOKED_AT))):
+    for placed in reader.placer.placed(taken(frames)):
         if isinstance(placed, PictureError):
             continue
         picture, frame = placed

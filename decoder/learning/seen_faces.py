@@ -18,11 +18,7 @@ from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, FRAMES_TO_LEARN, NEEDLE_PART
-from decoder.learning.thresholds import (
-    MOSTLY,
-    NOISE_SPREADS,
-    SEEN_PART,
-)
+from decoder.learning.thresholds import MOSTLY, NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
@@ -67,6 +63,14 @@ class _Dial:
     drawn: UnwrappedGauge
     usual: UnwrappedGauge
     face: UnwrappedGauge
+
+
+def may_be_lost(gauge: Gauge, found: Sequence[Mapping[str, Reading]]) -> bool:
+    """Whether one of its needles is not read in some frame, or mostly where the panel picture has it."""
+    return any(
+        _seems_still(needle, found) or any(readings[needle.name].status is Status.MISSING for readings in found)
+        for needle in gauge.over_face
+    )
 
 
 def _seems_still(needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> bool:

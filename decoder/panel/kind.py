@@ -190,10 +190,11 @@ class DescribedKind(Protocol):
         ...
 
 
-class Unturned:
-    """What kinds have in common of which nothing turns: no pointer, no angle, no picture besides the panel picture."""
+class Plain:
+    """What a kind says that has no more to say: on a dial all of which is unwrapped, with nothing drawn or carried."""
 
-    in_window: ClassVar[bool] = True
+    __slots__ = ()
+    in_window: ClassVar[bool] = False
     margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = False
 
@@ -202,15 +203,15 @@ class Unturned:
         return ()
 
     def lines(self, _dial: Dial, _values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
-        """Return none."""
+        """Return none: pointers show all."""
         return {}
 
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return those of the circle around it."""
+        """Return all of it."""
         return dial.sweep
 
     def pictures(self) -> Mapping[str, str]:
-        """Return none."""
+        """Return none: what it looks like is in the panel picture."""
         return {}
 
     def at_angles(self, _true_deg: Callable[[float], float]) -> Mapping[str, object]:
@@ -221,3 +222,10 @@ class Unturned:
     def carry(_gauge: Drawn, _turn_deg: float, _size: float, _angles_deg: Mapping[str, float]) -> float:
         """Carry nothing: its places are points, which are carried as such."""
         return 0.0
+
+
+class Windowed(Plain):
+    """The same of what is read in a window."""
+
+    __slots__ = ()
+    in_window: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""The documents say what is: links lead somewhere, commands exist, examples are accepted."""
+"""The documents say what is: links lead somewhere, commands exist, examples are accepted, docs/reference is renewed."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ import re
 import shutil
 from pathlib import Path
 
+import click
 import pytest
 import yaml
 from pydantic import BaseModel
 
 from camera_drivers.qx10.simulator.faults import FAULTS
+from decoder.commands.cli import cli as decode
 from decoder.outputs.garmin_output import BY_NAME
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import parse_panel
 from decoder.panel.parameters import Column
 from decoder.timeseries.tables import read_mapping
+from docs_pages.commands import command_names, command_pages
+from docs_pages.reference import pages
+from recorder.cli import main as recorder
 from recorder.config import parse_config
 from recorder.settings.cameras import PicameraSettings, Qx10Settings, RtspSettings, UvcSettings
 from tests.docs.samples import FENCE
@@ -164,3 +169,23 @@ def test_every_fault_of_the_simulator_is_documented() -> None:
     table = (ROOT / "docs" / "qx10.md").read_text(encoding="utf-8")
 
     assert [name for name in FAULTS if f"`{name}`" not in table] == []
+
+
+PAGES = pages()
+FOLDER = Path(__file__).parents[2] / "docs" / "reference"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_page_is_up_to_date(name: str) -> None:
+    """It is what `make reference` writes; run that after a change of a command or of a key."""
+    assert (FOLDER / name).read_text(encoding="utf-8") == PAGES[name]
+
+
+@pytest.mark.parametrize(("name", "program"), [("decode", decode), ("recorder", recorder)])
+def test_every_command_has_its_place_and_shows_how_it_is_used(name: str, program: click.Group) -> None:
+    """Those below other commands, too."""
+    page = "\n" + command_pages(name, program)
+    sections = dict(re.findall(r"\n## `([^`]+)`\n(.*?)(?=\n## |$)", page, re.DOTALL))
+
+    assert list(sections) == command_names(name, program)
+    assert [command for command, section in sections.items() if "  Examples:\n" not in section] == []

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file.reader import open_flight
+from tests.programs import begun, until
 from tests.recorder.helpers import WriteConfig, recorder
 
 
@@ -88,6 +90,18 @@ def test_info_of_a_flight_with_losses_exits_with_3(flight: list[Path]) -> None:
     assert {loss["kind"] for loss in facts["losses"]} == {"damaged", "missing segment", "gap"}
     assert facts["frames_missing"] >= 16
     assert "losses:\n  2018" in recorder("info", flight[0], flight[2]).stdout
+
+
+def test_info_of_what_is_no_flight_is_one_sentence(tmp_path: Path) -> None:
+    """Exit code 1 and a sentence, no traceback; a command that there is not is wrong usage (2)."""
+    assert recorder("fly").returncode == 2
+    path = tmp_path / "x.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    result = recorder("info", path)
+
+    assert result.returncode == 1
+    assert "no picture" in result.stderr
+    assert result.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -202,6 +216,37 @@ def test_other_pictures_are_not_replaced(pictures: Path, tmp_path: Path) -> None
     assert done.returncode == 1
     assert "000003.jpg: is there already with another picture; choose another folder" in done.stderr
     assert (folder / "000003.jpg").read_bytes() == b"mine"
+
+
+def deliveries(ledger: Path) -> list[dict[str, object]]:
+    """What the simulated camera has sent so far."""
+    return [json.loads(line) for line in ledger.read_text().splitlines()] if ledger.exists() else []
+
+
+def test_recorder_stores_what_the_camera_delivered(tmp_path: Path, pictures: Path) -> None:
+    """Pictures of a folder, through two processes and some faults: each delivered picture is in the flight once."""
+    ledger = tmp_path / "ledger"
+    options = [word for fault in ("cut_short@2", "lost_answer@3", "drop_mid_download@6") for word in ("--fault", fault)]
+    camera = begun("recorder", "simulate", "--pictures", pictures, "--ledger", ledger, "--shot-s", "0", *options)
+    assert camera.stdout is not None
+    document = {
+        "camera": {"driver": "qx10", "url": camera.stdout.readline().strip(), "interval_s": 0},
+        "storage": {"directory": str(tmp_path / "flights"), "keep_free_gib": 0},
+    }
+    (tmp_path / "recorder.yaml").write_text(yaml.safe_dump(document))
+    box = begun("recorder", "run", "--config", tmp_path / "recorder.yaml")
+    until(lambda: len(deliveries(ledger)) >= 9)
+    box.send_signal(signal.SIGTERM)
+    paths = [Path(line) for line in box.communicate(timeout=PATIENCE_S)[0].splitlines()]
+    camera.send_signal(signal.SIGTERM)
+    camera.communicate(timeout=PATIENCE_S)
+
+    assert (box.returncode, camera.returncode) == (0, 0)
+    delivered = [line["sha256"] for line in deliveries(ledger) if line["complete"] and line["intact"]]
+    stored = [frame.sha256 for frame in open_flight(paths).frames()]
+    # The box may have been stopped between the last delivery and its storing, which it tells.
+    assert stored in (delivered, delivered[:-1])
+    assert len(stored) >= 6
 
 
 @pytest.mark.parametrize(

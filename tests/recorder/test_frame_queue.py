@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import threading
 
 from flight_file.frame import CameraStatus, ClockReading, Frame, HostTimes, LogLevel, LogLine
 from recorder.frame_queue import Arrival, Ended, FrameQueue, Notice
@@ -54,6 +55,23 @@ def test_notices_do_not_fill_the_memory() -> None:
 
     assert queue.take(0) == notice("3")
     assert (queue.take_lost_notices(), queue.take_lost_notices()) == (3, 0)
+
+
+def test_patient_producer_waits_for_room() -> None:
+    """`put` comes back when the consumer has made room; told to stop, it says that the frame was not taken."""
+    queue = FrameQueue(capacity=1)
+    queue.push(arrival(0))
+    results, stop = list[bool](), threading.Event()
+    producer = threading.Thread(target=lambda: results.append(queue.put(arrival(1), stop)))
+    producer.start()
+    first = queue.take(5)
+    producer.join(5)
+    stop.set()
+
+    assert first == arrival(0)
+    assert results == [True]
+    assert queue.put(arrival(2), stop) is False
+    assert queue.take(5) == arrival(1)
 
 
 def test_warnings_and_up_are_kept_for_the_flight() -> None:

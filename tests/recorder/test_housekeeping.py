@@ -121,6 +121,13 @@ def test_marked_ones_and_strangers_stay_and_signatures_go_along(tmp_path: Path) 
     )
 
 
+def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
+    """Whoever writes to it notices."""
+    disk = SmallDisk(tmp_path / "gone", 0)
+
+    assert not disk.retention.make_room(disk_is_full=True)
+
+
 def test_waiting_without_a_camera_does_not_age_a_flight() -> None:
     """Segments without pictures have no length, so the hours that are kept are hours of flight."""
     spans_ns = dict(zip("abcdefghi", [HOUR_NS] * 3 + [0] * 6, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +111,14 @@ def test_changed_line_ends_what_is_known(path: Path, fitted: Fitted, change: byt
     path.write_bytes(content)
 
     assert resumed(path, fitted, fitted.batches) == len(fitted.batches) - 1
+
+
+def test_other_frames_end_what_is_known(path: Path, fitted: Fitted) -> None:
+    """A batch of other frames than the journal names is read."""
+    broken_off(path, fitted, 3)
+    other = (replace(fitted.batches[1][0], captured_ns=1), *fitted.batches[1][1:])
+
+    assert resumed(path, fitted, (fitted.batches[0], other, *fitted.batches[2:])) == len(fitted.batches) - 1
 
 
 @pytest.mark.parametrize("resume", [True, False])

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import pytest
 
 from decoder.instruments.frame_batch import Batch, LeftOut, read_here
 from decoder.panel.errors import WorkersLost
+from decoder.parallel import fork_server
 from decoder.parallel.fork_server import WorkerProcess, _begin_worker, _leave, begin, interrupts_held
 from decoder.parallel.thresholds import BATCHES_HELD
 from decoder.parallel.worker_pool import WorkerPool
@@ -197,3 +199,13 @@ def test_process_that_is_stopped_while_it_begins_ends_at_once() -> None:
     begun = WorkerProcess()
     assert begun.submit(signal.getsignal, signal.SIGTERM).result() is _leave
     begun.dismiss()
+
+
+def test_process_that_dies_as_it_begins_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be gone before anybody can look for it; what it is given fails, and it says how it ended."""
+    monkeypatch.setattr(fork_server, "_clean_up_when_told", os.abort)
+    worker = WorkerProcess()
+    with pytest.raises(BrokenProcessPool):
+        worker.submit(os.getpid).result()
+
+    assert worker.last_words() == "was killed (SIGABRT)"

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from decoder.panel.arrays import Degrees, Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Drawn, Form, Plain, Pointer, Polar
 from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Quantity, Scale, monotone
 
 DOWN_DEG, UP_DEG = 90.0, 270.0
@@ -21,7 +21,7 @@ PITCHES_DEG = -90.0, 90.0
 Ladder = Annotated[tuple[tuple[Pixels, Number], ...], Field(max_length=MOST_POINTS)]
 
 
-class Attitude(Strict):
+class Attitude(Plain, Strict):
     """A horizon that turns with bank and shifts with pitch behind a window. The gauge's scale is that of bank.
 
     The scale tells the angles at which degrees of bank lie in the panel picture on what turns: a ring of marks, or the
@@ -67,9 +67,6 @@ class Attitude(Strict):
         hint="Click the marks of bank that turn, right bank positive, give them their degrees, and say that a turn is"
         " worth 360. Pitch marks: how far above the centre each lies along the horizon's own upright, and its degrees.",
     )
-    in_window: ClassVar[bool] = False
-    margin_part: ClassVar[float] = 0.0
-    has_still_face: ClassVar[bool] = False
 
     @field_validator("ladder")
     @classmethod
@@ -129,14 +126,6 @@ class Attitude(Strict):
         half_deg = math.degrees(math.acos(down_px / self.window))
         below_deg = DOWN_DEG + self.horizon_turn * ring_deg
         return {self.pitch: ((below_deg + half_deg, self.window), (below_deg - half_deg, self.window))}
-
-    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return one turn."""
-        return dial.sweep
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is in the panel picture."""
-        return {}
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return it with its index at its true angle; its marks of bank are the gauge's."""

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from decoder.panel.arrays import Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
-from decoder.panel.kind import Control, Dial, Form, Polar, Unturned
+from decoder.panel.kind import Control, Dial, Form, Plain, Polar
 from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Marks, Quantity, Scale
 
 # A straighter tube is bent so much: its middle then lies a hundredth of its length beside where it is drawn.
@@ -20,7 +20,7 @@ STRAIGHTEST_RADII = 12.0
 Tube = Annotated[tuple[tuple[Pixels, Pixels, Number], ...], Field(max_length=MOST_POINTS)]
 
 
-class Ball(Unturned, Strict):
+class Ball(Plain, Strict):
     """What moves along a curved tube, a slip ball: the gauge's circle, sweep and scale follow from the tube."""
 
     name: Name
@@ -46,7 +46,6 @@ class Ball(Unturned, Strict):
         ),
         hint="Its way: x, y and value of the ball's middle at three places or more, from one end to the other.",
     )
-    in_window: ClassVar[bool] = False
 
     def check(self, dial: Dial) -> None:
         """ValueError where the dial is more than the tube."""

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 from decoder.panel.arrays import Degrees
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Drawn, Form, Plain, Pointer
 from decoder.panel.scale import Quantity
 
 UP_DEG = 270.0
 
 
-class Card(Strict):
+class Card(Plain, Strict):
     """A card that turns under a fixed index, at an angle of the dial. The gauge's scale is the card's own.
 
     The scale tells the angles at which its marks lie in the panel picture.
@@ -42,9 +42,6 @@ class Card(Strict):
         ),
         hint="Click its marks wherever the card is turned in this picture, and say what a turn is worth.",
     )
-    in_window: ClassVar[bool] = False
-    margin_part: ClassVar[float] = 0.0
-    has_still_face: ClassVar[bool] = False
 
     def check(self, dial: Dial) -> None:
         """ValueError where it does not go all the way round."""
@@ -60,18 +57,6 @@ class Card(Strict):
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index."""
         return (Pointer(self.name, self.index, is_fixed=True),)
-
-    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
-        """Return none: pointers show all."""
-        return {}
-
-    def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return one turn."""
-        return dial.sweep
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return none: what it looks like is in the panel picture."""
-        return {}
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return it with its index at its true angle; its marks are the gauge's."""

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from decoder.panel.description import Name, Strict, Text
-from decoder.panel.kind import Control, Dial, Form, Unturned
+from decoder.panel.kind import Control, Dial, Form, Windowed
 from decoder.panel.scale import Quantity
 from decoder.panel.written import DIGIT, ValueType, Written
 from flight_file.untrusted import to_cell
@@ -20,7 +20,7 @@ POINT = "."
 MOST_SIGNS = 20
 
 
-class Digits(Unturned, Strict):
+class Digits(Windowed, Strict):
     """A row of digits made of seven segments, with points or gaps between them."""
 
     name: Name

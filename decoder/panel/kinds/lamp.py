@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from decoder.panel.description import Name, Strict
-from decoder.panel.kind import Control, Dial, Form, Unturned
+from decoder.panel.kind import Control, Dial, Form, Windowed
 from decoder.panel.scale import Quantity
 from decoder.panel.written import BOOLEAN
 
 PERCENT = 0.0, 100.0
 
 
-class Lamp(Unturned, Strict):
+class Lamp(Windowed, Strict):
     """A light that is on or off."""
 
     name: Name

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import field_validator
 
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Form, Polar, Unturned
+from decoder.panel.kind import Control, Dial, Form, Polar, Windowed
 from decoder.panel.kinds.straight import (
     WAYS,
     Corners,
@@ -26,7 +26,7 @@ from decoder.panel.scale import Marks, Quantity, Scale, monotone
 from decoder.panel.thresholds import LEAST_WINDOW_PX
 
 
-class Linear(Unturned, Strict):
+class Linear(Windowed, Strict):
     """A pointer that slides along a straight scale in a window: a flap indicator, an edgewise instrument."""
 
     name: Name

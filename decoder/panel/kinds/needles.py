@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees
 from decoder.panel.description import Name, PictureName, Positive, Strict, Text
-from decoder.panel.kind import Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import Dial, Drawn, Form, Plain, Pointer
 from decoder.panel.scale import Marks, Quantity, check_turn, marks_at, monotone, turned
 
 MIN_TEMPLATE_SPAN_DEG = 2.0
@@ -98,12 +98,10 @@ class Needle(Strict):
 
 
 @dataclass(frozen=True, slots=True)
-class Needles:
+class Needles(Plain):
     """The needles of one dial."""
 
     form: ClassVar[Form] = Form("needles", "`needles`", "needles", "a needle", along=("tail", "combined"))
-    in_window: ClassVar[bool] = False
-    margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = True
 
     each: tuple[Needle, ...]
@@ -149,10 +147,6 @@ class Needles:
             for needle in self.each
             for own in [needle.template]
         )
-
-    def lines(self, _: Dial, __: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
-        """Return none: pointers show all."""
-        return {}
 
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return where needles go, and as much beyond as the widest template needs.

@@ -9,7 +9,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from decoder.panel.kind import DescribedKind, Dial, Drawn, Form, Pointer, Polar
+from decoder.panel.kind import DescribedKind, Dial, Form, Plain, Pointer, Polar
 from decoder.panel.scale import Marks, Quantity, Scale
 
 
@@ -45,13 +45,10 @@ class _Needles(DescribedKind, Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class OverCard:
+class OverCard(Plain):
     """Needles over a card. One without a scale of its own shows what stands on the card where it points."""
 
     form: ClassVar[Form] = Form("card", "`needles` over a `card`", "needles over a card", "a card and needles")
-    in_window: ClassVar[bool] = False
-    margin_part: ClassVar[float] = 0.0
-    has_still_face: ClassVar[bool] = False
 
     card: _Card
     needles: _Needles
@@ -113,8 +110,3 @@ class OverCard:
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return card and needles, each angle exchanged for the true one."""
         return {**self.card.at_angles(true_deg), **self.needles.at_angles(true_deg)}
-
-    @staticmethod
-    def carry(_: Drawn, __: float, ___: float, ____: Mapping[str, float]) -> float:
-        """Carry nothing: card and needles are carried each by itself."""
-        return 0.0

@@ -10,7 +10,7 @@ from typing import ClassVar
 from pydantic import field_validator
 
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Form, Polar, Unturned
+from decoder.panel.kind import Control, Dial, Form, Polar, Windowed
 from decoder.panel.kinds.straight import (
     WAYS,
     Corners,
@@ -26,7 +26,7 @@ from decoder.panel.kinds.straight import (
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 
 
-class Tape(Unturned, Strict):
+class Tape(Windowed, Strict):
     """A tape or a drum behind a fixed index: a compass card seen from its rim, an altitude tape."""
 
     name: Name

@@ -25,7 +25,15 @@ from numpy.typing import NDArray
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
-from decoder.instruments.appearance import Appearance, CardPicture, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.appearance import (
+    Appearance,
+    CardPicture,
+    DrawnInstrument,
+    Instrument,
+    LearnedPicture,
+    Look,
+    Still,
+)
 from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
@@ -574,7 +582,7 @@ class _Attitudes:
         return readings
 
 
-class AttitudeKind:
+class AttitudeKind(Still):
     """A horizon that turns and shifts behind a window; what is learned of it stands under its roll."""
 
     is_searched = False
@@ -606,11 +614,3 @@ class AttitudeKind:
         own = Attitudes.of(instrument.gauge, instrument.grid)
         ring = _ring_of(own, appearance.pictures[own.own.roll])
         return UNKNOWN if ring is None else ring.pivot([strip[:, own.ring] for strip, _, _ in frames])
-
-    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
-        return None
-
-    def seen_deg(
-        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
-    ) -> Sequence[tuple[float, float]]:
-        return []

@@ -14,11 +14,11 @@ import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, Unwrapper, rows_in_sweep
-from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look, Still
 from decoder.instruments.kind import Kind
 from decoder.instruments.needle_learner import NeedleLearner
 from decoder.instruments.reading import Reading, Readings, Status
-from decoder.instruments.sampling import GaugeSampler, Reader, Samples, SeenGauge
+from decoder.instruments.sampling import GaugeSampler, Reader, Samples
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
@@ -29,7 +29,6 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
 from decoder.panel.kinds.needles import Needle, Template
 from decoder.panel.vocabulary import Method
-from decoder.registration.pivot import UNKNOWN, Pivot
 from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 2
@@ -171,7 +170,7 @@ class _Balls:
         return readings
 
 
-class BallKind:
+class BallKind(Still):
     """A ball in a curved tube; `needle_kind` says how needles are read that turn over a face."""
 
     is_searched = False
@@ -204,14 +203,3 @@ class BallKind:
     ) -> Mapping[str, LearnedPicture]:
         tube = self._tube(instrument.gauge, instrument.grid)
         return {tube.name: learn_ball(tube, strips)}
-
-    def pivot(self, _: Instrument, __: Appearance, ___: Sequence[SeenGauge]) -> Pivot:
-        return UNKNOWN
-
-    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
-        return None
-
-    def seen_deg(
-        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
-    ) -> Sequence[tuple[float, float]]:
-        return []

@@ -31,6 +31,7 @@ from decoder.instruments.appearance import (
     Instrument,
     LearnedPicture,
     Look,
+    Still,
     needles_in_picture,
 )
 from decoder.instruments.needle_lines import places_of
@@ -400,7 +401,7 @@ class _Cards:
         return [dict(zip(columns, own, strict=True)) for own in zip(*columns.values(), strict=True)]
 
 
-class CardKind:
+class CardKind(Still):
     """A card that turns under a fixed index."""
 
     is_searched = False
@@ -431,11 +432,6 @@ class CardKind:
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
         return card_pivot(instrument.grid, strips)
-
-    def seen_deg(
-        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
-    ) -> Sequence[tuple[float, float]]:
-        return []
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

@@ -33,6 +33,7 @@ from decoder.instruments.appearance import (
     Instrument,
     LearnedPicture,
     Look,
+    Still,
     face_behind,
     needles_in_picture,
 )
@@ -468,7 +469,7 @@ def _name(gauge: Gauge) -> str:
     return gauge.quantities[0].name
 
 
-class OverCardKind:
+class OverCardKind(Still):
     """Needles over a card that turns; `needle_kinds` say how needles are read that turn over a face."""
 
     is_searched = False
@@ -533,8 +534,3 @@ class OverCardKind:
     ) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
         return card_pivot(dial.card_grid, [dial.card_part(dial.part(strip)) for strip in strips])
-
-    def seen_deg(
-        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
-    ) -> Sequence[tuple[float, float]]:
-        return []

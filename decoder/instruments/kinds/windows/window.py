@@ -9,13 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
-from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look, Still
 from decoder.instruments.reading import Reading, Readings
-from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
+from decoder.instruments.sampling import GaugeSampler, Samples
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
-from decoder.registration.pivot import UNKNOWN, Pivot
 
 
 class WindowReader(Protocol):
@@ -26,7 +25,7 @@ class WindowReader(Protocol):
         ...
 
 
-class WindowKind(ABC):
+class WindowKind(Still, ABC):
     """A kind that lives in a window; what is learned of it stands under its first quantity."""
 
     is_searched = False
@@ -66,17 +65,6 @@ class WindowKind(ABC):
     ) -> Mapping[str, LearnedPicture]:
         name = _key(instrument.gauge)
         return {name: self.learned(instrument.gauge, instrument.window, strips, known[name])}
-
-    def pivot(self, _: Instrument, __: Appearance, ___: Sequence[SeenGauge]) -> Pivot:
-        return UNKNOWN
-
-    def far_pivot(self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
-        return None
-
-    def seen_deg(
-        self, _: Instrument, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]
-    ) -> Sequence[tuple[float, float]]:
-        return []
 
 
 def _key(gauge: Gauge) -> str:
