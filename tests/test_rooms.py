@@ -27,6 +27,7 @@ MAX_THRESHOLDS, MAX_THRESHOLDS_OUTSIDE = 150, 25
 # Compared, but no choice of ours: units, codes, formats, a JPEG's blocks, unknowns, how finely something is divided.
 CONVERSIONS = {
     "COARSE_STEP",
+    "DIGITS",
     "DIGITS_OF_FULL_SCALE",
     "FACE",
     "FULL_CIRCLE_DEG",

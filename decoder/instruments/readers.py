@@ -25,6 +25,7 @@ from decoder.instruments.kinds.dials.over_card import OverCardKind
 from decoder.instruments.kinds.windows.digits import DigitsKind
 from decoder.instruments.kinds.windows.lamp import LampKind
 from decoder.instruments.kinds.windows.linear import LinearKind
+from decoder.instruments.kinds.windows.printed import PrintedKind
 from decoder.instruments.kinds.windows.tape import TapeKind
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples
@@ -43,6 +44,7 @@ KINDS: tuple[Kind, ...] = (
     LinearKind(),
     TapeKind(),
     DigitsKind(),
+    PrintedKind(),
 )
 
 

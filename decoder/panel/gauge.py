@@ -22,6 +22,7 @@ from decoder.panel.kinds.lamp import Lamp
 from decoder.panel.kinds.linear import Linear
 from decoder.panel.kinds.needles import Needle, Needles
 from decoder.panel.kinds.over_card import OverCard
+from decoder.panel.kinds.printed import Printed
 from decoder.panel.kinds.tape import Tape
 from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
@@ -41,7 +42,7 @@ RadiusPx = Annotated[Positive, at_most(10_000)]
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 
-KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp, Linear, Tape, Digits)
+KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp, Linear, Tape, Digits, Printed)
 
 
 class Combined(Strict):
@@ -106,6 +107,8 @@ class Gauge(Strict):
     """A scale that slides or turns behind an index in a window."""
     digits: Digits | None = None
     """A display of digits in a window."""
+    printed: Printed | None = None
+    """Printed digits in a window, on drums or not."""
     combined: Combined | None = None
     """A value that several needles of the dial show together."""
 
@@ -154,7 +157,7 @@ class Gauge(Strict):
         card: DescribedKind | None = self.card
         if needles is not None and self.card is not None:
             needles, card = None, OverCard(self.card, Needles(self.needles, is_over_card=True))
-        in_windows = self.lamp, self.linear, self.tape, self.digits
+        in_windows = self.lamp, self.linear, self.tape, self.digits, self.printed
         each: tuple[DescribedKind | None, ...] = (needles, card, self.attitude, self.ball, *in_windows)
         return [kind for kind in each if kind is not None]
 

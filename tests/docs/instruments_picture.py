@@ -20,6 +20,7 @@ from tests.decoder.instruments import test_tape as tape
 from tests.decoder.instruments.altimeters import drawn as altimeter
 from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, paint
 from tests.decoder.instruments.displays import Drawn, exposed
+from tests.decoder.instruments.printed_rows import DrawnRow
 from tests.decoder.instruments.test_cards import draw as card
 
 PICTURE = Path(__file__).parents[2] / "docs" / "pictures" / "instruments.png"
@@ -56,6 +57,7 @@ def cells() -> Mapping[str, Picture]:
         "straight scale": linear.window(70.0),
         "tape": tape.drum(305.0, grid),
         "digits": exposed(Drawn().picture("118.35")),
+        "printed digits": DrawnRow().picture(2999.6),
     }
 
 

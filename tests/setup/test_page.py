@@ -390,6 +390,7 @@ def test_every_kind_in_a_window_is_drawn_in_its_fields(start: Start, open_page: 
     kinds: dict[str, dict[str, Any]] = {
         "lamp": {"name": "lamp_on", "lit": True},
         "digits": {"name": "squawk", "pattern": "#000", "shows": " 720", "text": True},
+        "printed": {"name": "setting", "pattern": "00.00", "shows": "29.92", "rolls": "up", "pitch": 20, "gap": 0.4},
         "linear": {
             "name": "trim_pct",
             "moves": "across",

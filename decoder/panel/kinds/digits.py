@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from string import digits
 from typing import Annotated, ClassVar, Self
 
@@ -10,14 +9,17 @@ from pydantic import Field, model_validator
 
 from decoder.panel.description import Name, Strict, Text
 from decoder.panel.kind import Control, Dial, Form, Windowed
+from decoder.panel.kinds.pattern import (
+    CELLS,
+    DIGIT_OR_BLANK,
+    MOST_SIGNS,
+    POINT,
+    cells_before,
+    check_pattern,
+    check_shown,
+)
 from decoder.panel.scale import Quantity
 from decoder.panel.written import DIGIT, ValueType, Written
-from flight_file.untrusted import to_cell
-
-DIGIT_OR_BLANK = "#"
-CELLS = DIGIT + DIGIT_OR_BLANK
-POINT = "."
-MOST_SIGNS = 20
 
 
 class Digits(Windowed, Strict):
@@ -50,17 +52,8 @@ class Digits(Windowed, Strict):
 
     @model_validator(mode="after")
     def _pattern_has_digits(self) -> Self:
-        if not any(sign in CELLS for sign in self.pattern) or self.pattern.count(POINT) > 1:
-            raise ValueError("needs a `pattern` of digits, such as 000.00, with one point at most")
-        if any(sign in digits.replace(DIGIT, "") for sign in self.pattern):
-            raise ValueError("needs `0` or `#` in its `pattern` for each digit; what it shows belongs into `shows`")
-        exact = sys.float_info.dig
-        if len(self.before) > exact:
-            raise ValueError(f"has more digits in its `pattern` than the {exact} that numbers hold exactly")
-        if to_cell(self.pattern) != self.pattern:
-            raise ValueError(f"has a `pattern` that begins with {self.pattern[0]}: signs are not read, leave it out")
-        if len(self.shows) != len(self.pattern) or not all(map(_fits, self.shows, self.pattern)):
-            raise ValueError(f"`shows` is not written as {self.pattern}: give a sign for each of the pattern's")
+        check_pattern(self.pattern, CELLS)
+        check_shown(self.shows, self.pattern)
         if not any(sign in digits for sign in self.shows):
             raise ValueError("`shows` needs digits: draw it on a picture in which the display is on")
         return self
@@ -81,8 +74,7 @@ class Digits(Windowed, Strict):
     @property
     def before(self) -> tuple[tuple[int, int], ...]:
         """For each cell how many cells and how many separators stand before it."""
-        places = [place for place, sign in enumerate(self.pattern) if sign in CELLS]
-        return tuple((number, place - number - places[0]) for number, place in enumerate(places))
+        return cells_before(self.pattern)
 
     @property
     def points(self) -> tuple[int, ...]:
@@ -98,10 +90,3 @@ class Digits(Windowed, Strict):
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return what it shows."""
         return (Quantity.stepped(self.name, dial.name, dial.unit, self.written),)
-
-
-def _fits(own: str, sign: str) -> bool:
-    """Whether a sign that is shown may stand where the pattern has one."""
-    if sign in CELLS:
-        return own in digits or (own == " " and sign == DIGIT_OR_BLANK)
-    return own == sign

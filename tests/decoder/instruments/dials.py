@@ -118,7 +118,9 @@ def reader_for(
         "name": "dials",
         "picture": "panel.png",
         "anchors": [{"name": "texture", "box": [196, 22, 36, 36]}],
-        "gauges": [{"centre": list(CENTRE), **copy.deepcopy(dict(gauge))} for gauge in gauges],
+        "gauges": [
+            copy.deepcopy({**({} if "window" in gauge else {"centre": list(CENTRE)}), **gauge}) for gauge in gauges
+        ],
     }
     source = PanelPictures(parse_panel(yaml.safe_dump(content)), {"panel.png": picture}, "0" * 64)
     reader = reader_from_panel(source, Method.NORMXCORR)

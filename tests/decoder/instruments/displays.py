@@ -10,7 +10,8 @@ import numpy as np
 
 from decoder.imaging.unwrapping import WindowGrid
 from decoder.panel.arrays import Floats
-from decoder.panel.kinds.digits import CELLS, Digits
+from decoder.panel.kinds.digits import Digits
+from decoder.panel.kinds.pattern import CELLS
 
 FINE = 8
 BARS = {

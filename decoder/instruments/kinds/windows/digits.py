@@ -12,14 +12,12 @@ import numpy as np
 
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.display import Display, Row, in_picture
-from decoder.instruments.kinds.windows.window import WindowKind
+from decoder.instruments.kinds.windows.window import UNIFORM_SIGMA, WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.digits import Digits
 
-# Of what lies anywhere within one step.
-UNIFORM_SIGMA = 12**-0.5
 UNREAD = Reading(Status.MISSING, np.nan, np.inf, 0.0)
 
 

@@ -16,6 +16,9 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 
+# Of what lies anywhere within one step.
+UNIFORM_SIGMA = 12**-0.5
+
 
 class WindowReader(Protocol):
     """Reads one window."""

@@ -1,0 +1,252 @@
+"""Printed digits: what drums, wheels and dots show is read for certain as far as pictures taught it, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.unwrapping import WindowGrid
+from decoder.instruments.kinds.windows.printed import PrintedKind, PrintedReader, counted, print_of
+from decoder.instruments.reading import Reading, Status
+from decoder.learning.fit import reader_from_panel
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
+from decoder.panel.kinds.printed import Printed, drums_at
+from decoder.panel.panel import parse_panel
+from decoder.panel.vocabulary import Method
+from fixtures.borrowed import odometer
+from tests.decoder.instruments.displays import sampled
+from tests.decoder.instruments.printed_rows import DrawnRow, Font, dotted, grotesque, plotted, texts_of
+
+ALL_DIGITS = (1234, 5678, 9012, 3490)
+CLIMB = tuple(np.round(np.arange(2988.1, 3012.0, 0.37), 2).tolist())
+"""Through 2999 to 3000, with drums half way."""
+STILL = np.zeros(1)
+
+
+def described(shows: Sequence[str], **keys: Any) -> Printed:  # noqa: ANN401 - as in YAML
+    """A row of digits that several pictures teach."""
+    also = [{"picture": "other.png", "shows": one} for one in shows[1:]]
+    return Printed.model_validate({"name": "x", "pattern": "0000", "shows": shows[0], "also": also, **keys})
+
+
+def reader_of(drawn: DrawnRow, taught: Sequence[float], grid: WindowGrid, **keys: Any) -> PrintedReader:  # noqa: ANN401
+    """A reader of drums that pictures at some counts have taught."""
+    own = described(texts_of(taught, drawn.drums), pattern="0" * drawn.drums, **keys)
+    windows = [sampled(grid, drawn.picture(count)) for count in taught]
+    return PrintedReader(own, print_of(own, grid, windows), grid.cell_px[1])
+
+
+def read(reader: PrintedReader, windows: Sequence[Floats]) -> list[Reading]:
+    """What windows show."""
+    return [found["x"] for found in reader.read(np.stack(windows), np.zeros(len(windows)))]
+
+
+def told(readings: Sequence[Reading]) -> list[float | None]:
+    """Their values, None where there is none."""
+    return [one.angle_deg if one.status is Status.READ else None for one in readings]
+
+
+def wrong(values: Sequence[float | None], counts: Sequence[float]) -> list[tuple[float | None, float]]:
+    """Those that are half a digit off or more."""
+    return [
+        (own, count) for own, count in zip(values, counts, strict=True) if own is not None and abs(own - count) > 0.5
+    ]
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [DrawnRow(), DrawnRow(font=plotted, goes_down=True), DrawnRow(light=-110.0, ground=190.0, height=20.0, pitch=27.0)],
+)
+def test_drums_are_read_half_way_and_through_a_carry(drawn: DrawnRow) -> None:
+    """Each higher drum moves while the next lower one turns from 9 to 0, and all of them count one value."""
+    grid = drawn.grid(hand_px=0.5)
+    taught = (*ALL_DIGITS, 7905, 2061.0, 4350, 6127, 8543, 786)
+    reader = reader_of(drawn, taught, grid, rolls="down" if drawn.goes_down else "up", pitch=drawn.pitch)
+
+    found = read(reader, [sampled(grid, drawn.picture(count)) for count in CLIMB])
+
+    values = told(found)
+    assert wrong(values, CLIMB) == []
+    assert values.count(None) <= 0.2 * len(CLIMB)
+    off = [
+        (one.angle_deg - count) / one.sigma_deg
+        for one, count in zip(found, CLIMB, strict=True)
+        if one.status is Status.READ
+    ]
+    assert np.mean(np.abs(off) < 1.96) >= 0.9
+
+
+@pytest.mark.parametrize(("font", "height"), [(grotesque, 16.0), (plotted, 20.0), (dotted, 16.0)])
+def test_a_digit_that_no_picture_showed_is_missing(font: Font, height: float) -> None:
+    """However much it looks like one that was taught: a 0 is no 6, an 8 no 3."""
+    drawn = DrawnRow(font=font, height=height, pitch=1.4 * height, slot=1.4 * height)
+    grid = drawn.grid()
+    taught = ("1264", "7365")
+    reader = reader_of(drawn, [int(text) for text in taught], grid)
+    texts = [f"{number:04d}" for number in np.random.default_rng(1).integers(0, 10_000, 80).tolist()]
+    texts += ["1364", "7264", "0264", "8365", "1204", "1284", "1294", "1960"]
+
+    values = told(read(reader, [sampled(grid, drawn.picture(int(text))) for text in texts]))
+
+    known = set("".join(taught))
+    assert all(value in (None, float(text)) for value, text in zip(values, texts, strict=True))
+    could = [value for value, text in zip(values, texts, strict=True) if set(text) <= known]
+    assert could.count(None) <= 0.1 * len(could)
+
+
+@pytest.mark.parametrize("height", [6.0, 8.0, 10.0, 12.0, 16.0])
+@pytest.mark.parametrize("blur", [0.5, 1.0, 1.6])
+def test_small_and_blurred_digits_are_right_or_missing(height: float, blur: float) -> None:
+    """From twelve pixels on, and in a blur of a pixel from sixteen, most are read."""
+    drawn = DrawnRow(height=height, pitch=1.4 * height, slot=1.4 * height, blur=blur)
+    grid = drawn.grid(hand_px=0.5)
+    taught, counts = (1264, 7365, 4127), [1264, 1264, 7365, 1367, 4124, 7236, 8264, 1204, 9365, 1268, 1265.4, 7384]
+
+    stepping = told(read(reader_of(drawn, taught, grid), [sampled(grid, drawn.picture(int(n))) for n in counts * 3]))
+    rolling = told(
+        read(
+            reader_of(drawn, taught, grid, rolls="up", pitch=drawn.pitch),
+            [sampled(grid, drawn.picture(n)) for n in counts * 3],
+        )
+    )
+
+    assert wrong(stepping, [int(n) for n in counts * 3]) == wrong(rolling, counts * 3) == []
+    if (height >= 16 and blur <= 1.0) or (height >= 12 and blur <= 0.5):
+        assert sum(value is not None for value in stepping) >= 15
+
+
+def test_what_covers_a_digit_is_no_other_digit() -> None:
+    """A reflection that falls off across it is light; what hides strokes hides the value."""
+    drawn = DrawnRow()
+    grid = drawn.grid()
+    reader = reader_of(drawn, ALL_DIGITS, grid, rolls="up", pitch=drawn.pitch)
+    shown = sampled(grid, drawn.picture(3258.0))
+    columns = np.arange(shown.shape[1])
+    hidden = [np.where(np.abs(columns - at) < 4, 235.0, shown).astype(np.float32) for at in range(0, len(columns), 5)]
+    dimmed = [(0.5 * shown + 0.6 * columns).astype(np.float32), (0.4 * shown).astype(np.float32)]
+
+    values = told(read(reader, [*hidden, *dimmed, 0 * shown + 40.0]))
+
+    assert wrong(values, [3258.0] * len(values)) == []
+    assert None not in values[-3:-1]
+    assert values[-1] is None
+
+
+def test_other_frames_change_nothing() -> None:
+    """What is read of a frame is the same to the last bit, whatever is read along with it."""
+    drawn = DrawnRow()
+    grid = drawn.grid()
+    reader = reader_of(drawn, ALL_DIGITS, grid, rolls="up", pitch=drawn.pitch)
+    windows = [sampled(grid, drawn.picture(count)) for count in CLIMB[:12]]
+
+    assert read(reader, windows) == [one for window in windows for one in read(reader, [window])]
+
+
+@pytest.mark.parametrize(("scale", "least"), [(0.5, 0), (0.6, 25), (0.8, 33), (1.0, 38)])
+@pytest.mark.parametrize("blur_px", [0.5, 1.0])
+def test_a_strangers_odometer_is_right_or_missing(scale: float, least: int, blur_px: float) -> None:
+    """Under a glass with a glint, one drum of another colour than the others; its digits are 10 to 20 pixels high."""
+    rng = np.random.default_rng(3)
+    corners = (np.array([(13, 15), (116, 15), (116, 41), (13, 41)]) * scale + rng.uniform(-0.5, 0.5, (4, 2))).tolist()
+    grid = WindowGrid.of(tuple((x, y) for x, y in corners))  # type: ignore[arg-type] # four of them
+
+    def filmed(value: float) -> Floats:
+        levels = cv2.GaussianBlur(np.pad(odometer.drawn(value), 12, constant_values=70), (0, 0), blur_px / scale)
+        move = np.array([[scale, 0, rng.uniform(-0.2, 0.2)], [0, scale, rng.uniform(-0.2, 0.2)]])
+        small = cv2.warpAffine(levels, move, (round(131 * scale), round(58 * scale)))
+        return sampled(grid, (15 + 0.8 * small + rng.normal(0, 2, small.shape)).astype(np.float32))
+
+    shows = [f"{value:06.1f}" for value in odometer.TEACHING]
+    own = described(shows, pattern="0000.0", rolls="up", pitch=odometer.PITCH_PX * scale)
+    reader = PrintedReader(own, print_of(own, grid, [filmed(value) for value in odometer.TEACHING]), grid.cell_px[1])
+
+    values = told(read(reader, [filmed(value) for value in odometer.VALUES]))
+
+    assert wrong(values, [10 * value for value in odometer.VALUES]) == []
+    assert sum(value is not None for value in values) >= least
+
+
+@pytest.mark.parametrize("count", [0.0, 9.0, 9.25, 99.5, 1999.75, 9999.5, 4090.9])
+def test_drums_count_what_they_were_turned_to(count: float) -> None:
+    """Where each drum stands follows from the count, and the count from them."""
+    counts, agrees = counted(drums_at(np.array([count]), 4))
+
+    assert counts[0] == pytest.approx(count)
+    assert agrees[0]
+    assert not counted(drums_at(np.array([count]), 4) + np.array([0.0, 0.4, 0.0, 0.0]))[1][0]
+
+
+def panel_of(printed: str) -> str:
+    """A panel with printed digits."""
+    return f"""
+name: p
+picture: p.png
+anchors: [{{name: a, box: [0, 0, 16, 16]}}]
+gauges:
+- name: transponder
+  window: [[8, 8], [63, 8], [63, 31], [8, 31]]
+  printed: {{name: squawk, pattern: "0000", {printed}}}
+"""
+
+
+def test_another_picture_teaches_what_the_panel_picture_does_not_show() -> None:
+    """`also` names it, and where its window lies if that is another place; its picture belongs to the panel."""
+    drawn = DrawnRow(font=dotted)
+    moved = np.roll(drawn.picture(3405), (3, 5), axis=(0, 1))
+    own = 'shows: "1206", also: [{picture: other.png, shows: "3405", window: [[13, 11], [68, 11], [68, 34], [13, 34]]}]'
+    panel = parse_panel(panel_of(f"{own}, text: true"))
+    pictures = {"p.png": drawn.picture(1206).astype(np.uint8), "other.png": moved.astype(np.uint8)}
+    reader = reader_from_panel(PanelPictures(panel, pictures, ""), Method.NORMXCORR)
+    (grid,) = reader.grids
+    look = reader.appearance.pictures["squawk"]
+    assert isinstance(grid, WindowGrid)
+
+    seen = PrintedReader(panel.gauges[0].printed or described(["0"]), look, 1.0).read(
+        np.stack([sampled(grid, drawn.picture(count)) for count in (3206, 1405, 5634, 1207)]), np.zeros(4)
+    )
+
+    assert told([found["squawk"] for found in seen]) == [3206.0, 1405.0, 5634.0, None]
+    assert panel.pictures == ("p.png", "other.png")
+    assert PrintedKind().owns(panel.gauges[0])
+
+
+@pytest.mark.parametrize(
+    ("window", "sentence"),
+    [
+        ("", r"printed.also\[0\]: is a picture of another size"),
+        (", window: [[8, 8], [63, 8], [63, 231], [8, 231]]", "a window outside its 90 x 200 picture"),
+        (", window: [[8, 8], [8, 31], [63, 31], [63, 8]]", "clockwise from the top left"),
+    ],
+)
+def test_a_picture_of_another_size_needs_its_own_window(window: str, sentence: str) -> None:
+    """Where the window lies in it nobody could know."""
+    drawn = DrawnRow()
+    panel = parse_panel(panel_of(f'shows: "1206", also: [{{picture: other.png, shows: "3405"{window}}}]'))
+    pictures = {"p.png": drawn.picture(1206).astype(np.uint8), "other.png": np.zeros((200, 90), np.uint8)}
+
+    with pytest.raises(PanelError, match=sentence):
+        reader_from_panel(PanelPictures(panel, pictures, ""), Method.NORMXCORR)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ('shows: "120"', "is not written as 0000"),
+        ('shows: "12065"', "is not written as 0000"),
+        ('shows: "1206", also: [{picture: a.png, shows: "12"}]', "is not written as 0000"),
+        ('shows: "1206", pitch: 20', "is of drums that roll"),
+        ('shows: "1206", rolls: up, text: true', "do not roll"),
+        ('shows: "1206", rolls: up, pitch: 2', "`pitch` of 4 pixels"),
+        ('shows: "1206", also: [{picture: ../a.png, shows: "1206"}]', "panel's folder or below"),
+    ],
+)
+def test_what_is_told_of_digits_must_fit(given: str, sentence: str) -> None:
+    """One sentence says what does not."""
+    with pytest.raises(PanelError, match=sentence):
+        parse_panel(panel_of(given))
