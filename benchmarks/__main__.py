@@ -15,6 +15,7 @@ from benchmarks.cockpit import cockpit_page
 from benchmarks.comparison import compare
 from benchmarks.comparison_page import comparison_section, memory_section, start_section
 from benchmarks.cost import memory, speed
+from benchmarks.newcomer import newcomer_page
 from benchmarks.pages import PICTURES, Page, accuracy_page, cost_page, machine
 from benchmarks.programs import RENDERED
 from benchmarks.real_pictures import ATTITUDES, BORROWED, available, measure_source
@@ -70,7 +71,7 @@ PAGES: dict[str, Callable[[Sequence[Size]], Page]] = {
     "performance": measured_cost,
     "cockpit": lambda _: Page(cockpit_page()),
     "report-speed": lambda _: Page(report_page()),
-    "setup-speed": lambda _: Page(setup_page()),
+    "setup-speed": lambda _: Page(f"{setup_page()}\n## What a newcomer needs\n\n{newcomer_page()}"),
 }
 
 

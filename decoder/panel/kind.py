@@ -78,8 +78,33 @@ class Control:
     """What there is to choose from, if there are only these."""
     is_angle: bool = False
     """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""
+    upright: str = ""
+    """Of pairs of pixels above the centre and a value: the key that says how far their upright turns with the scale."""
     is_of_moment: bool = False
     """Whether it tells how the instrument stood in the panel picture, and is to be typed anew for another one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Usual:
+    """An instrument that most panels have: what the set-up page fills in for people who say that it is this one.
+
+    Attributes
+    ----------
+    name, unit
+        Of the gauge.
+    columns
+        Of what it shows: a needle each, the finest first, or the names among the fields of its kind.
+    turn
+        What a full turn of it, or of the finest of several needles, is worth.
+    together
+        The column of what several needles show together, each worth ten times the finer one.
+    """
+
+    name: str
+    unit: str
+    columns: tuple[str, ...]
+    turn: float | None = None
+    together: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +129,10 @@ class Form:
         Its fields; none where it has an editor of its own.
     hint
         What else people are to do.
+    turning
+        What of it tells from where to where all of the dial turns: its `radius`, or the `ring` around its `window`.
+    usual
+        Instruments of this kind that most panels have.
     """
 
     key: str
@@ -114,6 +143,8 @@ class Form:
     begun: Mapping[str, float | str] | None = None
     controls: tuple[Control, ...] = ()
     hint: str = ""
+    turning: Literal["", "radius", "ring"] = ""
+    usual: tuple[Usual, ...] = ()
 
 
 class DescribedKind(Protocol):

@@ -24,7 +24,7 @@ from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined
 from decoder.setup.drafts import Stale, panel_of_gauge
 from decoder.setup.drawn_plane import height_inches
 from decoder.setup.pasting import pasted
-from decoder.setup.proposals import Pictures, needle_at, proposed
+from decoder.setup.proposals import Pictures, Proposal, needle_at, proposed, turning_px
 from decoder.setup.requests import (
     DraftQuestion,
     MarkQuestion,
@@ -33,6 +33,7 @@ from decoder.setup.requests import (
     PlaneQuestion,
     RimQuestion,
     TrialQuestion,
+    TurningQuestion,
     UnwrapQuestion,
 )
 from decoder.setup.session import SetupSession
@@ -144,12 +145,22 @@ def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) 
     if asked.near is not None:
         around = replace(dial, sweep_deg=(asked.near - AROUND_DEG, asked.near + AROUND_DEG))
         found = needle_at(seen, around, asked.near)
-        return {"at": round(found.at_deg, PLACES), "span": found.span_deg}
+        return _proposal(found)
     moving = proposed(seen, dial) if len(frames) > 1 else []
-    return {
-        "needles": [{"at": round(each.at_deg, PLACES), "span": each.span_deg} for each in moving],
-        "frames": len(frames),
-    }
+    return {"needles": [_proposal(each) for each in moving], "frames": len(frames)}
+
+
+def turning_answer(session: SetupSession, asked: TurningQuestion, stale: Stale) -> Answer:
+    """Find from where to where all of a dial turns together."""
+    frames = session.aligned(asked.document, asked.picture, stale)
+    planes = session.planes(asked.document, asked.picture)
+    seen = Pictures(session.store.grey(asked.picture), frames, planes.optics.own)
+    found = turning_px(seen, asked.dial(planes.drawn(asked.centre, asked.rim).plane))
+    return {"turns": None if found is None else [round(each, 1) for each in found]}
+
+
+def _proposal(found: Proposal) -> Answer:
+    return {"at": round(found.at_deg, PLACES), "span": found.span_deg, "reach": round(found.reach_px, 1)}
 
 
 def check_answer(session: SetupSession, asked: DraftQuestion) -> Answer:
@@ -241,9 +252,10 @@ def _frame(trial: FrameTrial, gauge: Gauge, grid: Grid) -> Answer:
                 "status": needle.status.value,
                 "value": needle.value,
                 "text": needle.text,
+                "together": needle.is_together,
                 "line": (
                     _line(gauge, grid, trial.alignment, needle.angle_deg)
-                    if isinstance(grid, PolarGrid) and needle.angle_deg is not None
+                    if isinstance(grid, PolarGrid) and needle.angle_deg is not None and not needle.is_together
                     else None
                 ),
                 "score": round(needle.score, 3) if math.isfinite(needle.score) else 0.0,

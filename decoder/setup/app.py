@@ -44,7 +44,7 @@ PAGE = "index.html"
 MANY = 8
 TRIAL = "/api/trial"
 _log = logging.getLogger(__name__)
-Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion)
+Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion, requests.TurningQuestion)
 
 ADDRESS = "127.0.0.1"
 GRACE_S = 1
@@ -196,6 +196,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
         plain("/api/check", requests.DraftQuestion, answers.check_answer),
         plain("/api/paste", requests.PasteQuestion, answers.paste_answer),
         in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer, many),
+        in_turn("/api/turning", requests.TurningQuestion, answers.turning_answer, many),
         in_turn(TRIAL, requests.TrialQuestion, answers.trial_answer, one_trial),
     ]
 

@@ -50,6 +50,12 @@ CHANGED_PERCENTILE = 75
 SPAN_WIDTHS = 2.5
 SPAN_RANGE_DEG = (8.0, 40.0)
 ROUGH_DEG = 2.0
+# What lies nearer to the centre is a hub, as a part of the dial's outer radius.
+HUB_PART = 0.12
+# A card may reach so far beyond the ring of its marks, to where its numerals are.
+BEYOND_RING = 1.5
+# Between marks and numerals there is nothing to see.
+GAP_COLUMNS = 5
 
 
 def axis_deg(light: Floats, grid: PolarGrid, guess_deg: float) -> float:
@@ -148,10 +154,14 @@ def _step(x: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A needle: the angle at which it points in the panel picture, and how many degrees its template should span."""
+    """A needle: the angle at which it points in the panel picture, and how many degrees its template should span.
+
+    `reach_px` is how far from the centre its tip is.
+    """
 
     at_deg: float
     span_deg: float
+    reach_px: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +173,11 @@ class Dial:
     sweep_deg: tuple[float, float]
     plane: DialPlane | None = None
     raised: Raised | None = None
+
+    @property
+    def from_hub(self) -> Dial:
+        """The same dial from its middle outwards, where short hands are."""
+        return replace(self, radius_px=(HUB_PART * self.radius_px[1], self.radius_px[1]))
 
     def grid(self, margin_deg: float = 2 * BEYOND_SWEEP_DEG) -> PolarGrid:
         """Lay a polar grid over the dial, with a margin at both ends."""
@@ -189,6 +204,7 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
     views = _views(seen, dial)
     if not len(views.others):
         return []
+    whole = _views(seen, dial.from_hub)
     # What other frames do not have there, and what is no plain dial here.
     changes = np.percentile(np.abs(views.others - views.own), CHANGED_PERCENTILE, axis=0)
     here = np.minimum(changes, np.abs(views.own - np.median(views.own, axis=0)))
@@ -201,7 +217,7 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
             break
         guess_deg = views.grid.angle_deg(row)
         light = views.light(guess_deg)
-        found.append(_proposal(light, views.grid, guess_deg))
+        found.append(_proposal(light, views.grid, guess_deg, whole))
         reach = round((_width_deg(light, views.grid, guess_deg) + ROUGH_DEG) / views.grid.step_deg)
         profile[max(row - reach, 0) : row + reach + 1] = 0.0
     first, last = dial.sweep_deg
@@ -209,10 +225,43 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
     return [each for each in found if first - reach_deg <= each.at_deg <= last + reach_deg]
 
 
+def turning_px(seen: Pictures, dial: Dial) -> tuple[float, float] | None:
+    """Find from where to where all of a dial turns together, around the ring that is drawn; None if nothing does.
+
+    What turns looks the same in every frame, turned by what turns the ring; what stands still or shifts does not.
+    """
+    outer = dial.radius_px[1]
+    all_round = replace(dial, radius_px=(HUB_PART * outer, BEYOND_RING * outer), sweep_deg=(0.0, FULL_CIRCLE_DEG))
+    views = _views(seen, all_round)
+    if not len(views.others):
+        return None
+    rows = round(FULL_CIRCLE_DEG / views.grid.step_deg)
+    own, others = (each - each.mean(axis=-2, keepdims=True) for each in (views.own[:rows], views.others[:, :rows]))
+    size = np.linalg.norm(own, axis=0) * np.linalg.norm(others, axis=1) + NOISE_LEVELS**2 * rows
+    alike = np.fft.irfft(np.conj(np.fft.rfft(own, axis=0)) * np.fft.rfft(others, axis=1), n=rows, axis=1)
+    alike /= size[:, None]  # (N, rows by which it is turned, C)
+    radii = views.grid.radii_px
+    ring = int(np.abs(radii - (1 - HUB_PART) * outer).argmin())
+    moves = np.median(alike[:, 0], axis=0) < HALF
+    if not moves.any():
+        return None
+    turned = alike[:, :, moves].mean(axis=2).argmax(axis=1)
+    far = np.argsort(np.minimum(turned, rows - turned))[len(turned) // 2 :]  # those that turned most tell it best
+    about = (turned[far, None] + np.arange(-2, 3)) % rows
+    with_ring = np.median(alike[far[:, None], about].max(axis=1), axis=0)
+    places = np.flatnonzero((with_ring > HALF) & moves)
+    if not places.size:
+        return None
+    joined = np.flatnonzero(np.convolve(np.isin(np.arange(len(radii)), places), np.ones(GAP_COLUMNS), "same"))
+    parts = np.split(joined, np.flatnonzero(np.diff(joined) > 1) + 1)
+    here = np.intersect1d(min(parts, key=lambda part: int(np.abs(part - ring).min())), places)
+    return float(radii[here[0]]), float(radii[here[-1]])
+
+
 def needle_at(seen: Pictures, dial: Dial, guess_deg: float) -> Proposal:
     """Measure the needle that somebody pointed at, to some hundredths of a degree; it need not move."""
     views = _views(seen, dial)
-    return _proposal(views.light(guess_deg), views.grid, guess_deg)
+    return _proposal(views.light(guess_deg), views.grid, guess_deg, _views(seen, dial.from_hub))
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,10 +298,22 @@ def _views(seen: Pictures, dial: Dial) -> _Views:
     return _Views(grid, own, np.stack(others) if others else np.zeros((0, *own.shape), np.float32))
 
 
-def _proposal(light: Floats, grid: PolarGrid, guess_deg: float) -> Proposal:
+def _proposal(light: Floats, grid: PolarGrid, guess_deg: float, whole: _Views) -> Proposal:
     low, high = SPAN_RANGE_DEG
     _, span_deg, _ = sorted((low, SPAN_WIDTHS * _width_deg(light, grid, guess_deg), high))
-    return Proposal(axis_deg(light, grid, guess_deg), round(span_deg))
+    at_deg = axis_deg(light, grid, guess_deg)
+    return Proposal(at_deg, round(span_deg), _reach_px(whole, at_deg))
+
+
+def _reach_px(whole: _Views, at_deg: float) -> float:
+    """Find where a needle ends: behind its tip it has less than half of its light."""
+    grid = whole.grid
+    row, reach = round((at_deg - grid.start_deg) / grid.step_deg), round(AXIS_REACH_DEG / grid.step_deg)
+    along = np.abs(whole.light(at_deg)[max(row - reach, 0) : row + reach + 1]).mean(axis=0)
+    mostly = np.percentile(along, CHANGED_PERCENTILE)
+    bright = np.flatnonzero(along > HALF * mostly)
+    longest = max(np.split(bright, np.flatnonzero(np.diff(bright) > 1) + 1), key=len)
+    return float(grid.radii_px[longest[-1]])
 
 
 def _smooth(profile: Floats, rows: int) -> Floats:

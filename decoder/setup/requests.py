@@ -112,6 +112,13 @@ class NeedlesQuestion(DialQuestion):
     tab: Tab
 
 
+class TurningQuestion(DialQuestion):
+    """From where to where all of a dial turns."""
+
+    document: Document
+    tab: Tab
+
+
 class DraftQuestion(Strict):
     """A draft on a picture."""
 

@@ -16,20 +16,19 @@ from decoder.instruments.panel_reader import PanelReader, read_frame
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.errors import PictureError
-from decoder.panel.scale import Scale
+from decoder.panel.scale import Quantity, Scale, in_turn
 from decoder.panel.vocabulary import Method
-from decoder.panel.written import Written
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.proposals import axis_deg
 from flight_file.reader import spread
 
-Meaning = tuple[Scale, Written | None]
-"""What a quantity's angles mean, and how its values are written where they are no measures."""
-
 
 @dataclass(frozen=True, slots=True)
 class NeedleTrial:
-    """One value in one frame, None where it has none; `text` is how it is written, where it is no measure."""
+    """One value in one frame, None where it has none; `text` is how it is written, where it is no measure.
+
+    One that several pointers show together has no line of its own.
+    """
 
     name: str
     status: Status
@@ -37,6 +36,7 @@ class NeedleTrial:
     angle_deg: float | None
     score: float
     text: str = ""
+    is_together: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +93,13 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
 
     fitted = fit_to_flight(reader_from_panel(source, Method.NORMXCORR), sample)
     (gauge,) = fitted.panel.gauges
-    scales = {each.name: (Scale.of(each.marks, each.wraps), each.written) for each in gauge.quantities}
+    together = [] if gauge.combination is None else [gauge.combination.quantity]
+    shown = [(each, each in together) for each in (*together, *gauge.quantities)]
     found = []
     for index, frame in frames:
         if stale():
             raise Superseded
-        found.append(_frame(fitted.reader, index, frame, scales))
+        found.append(_frame(fitted.reader, index, frame, shown))
     axes_deg = _axes_deg(fitted.reader) if len(frames) > 1 else {}
     return Trial(tuple(found), fitted.moved_px.get(gauge.name), fitted.findings[gauge.name], axes_deg)
 
@@ -117,18 +118,24 @@ def _axes_deg(reader: PanelReader) -> dict[str, float]:
     return found
 
 
-def _frame(reader: PanelReader, index: int, frame: FramePicture, scales: Mapping[str, Meaning]) -> FrameTrial:
+def _frame(reader: PanelReader, index: int, frame: FramePicture, shown: Sequence[tuple[Quantity, bool]]) -> FrameTrial:
     try:
         read = read_frame(reader, frame)
     except PictureError as error:
         return FrameTrial(index, None, str(error), ())
-    readings = tuple(_needle(name, reading, *scales[name]) for name, reading in read.readings.items() if name in scales)
+    readings = tuple(
+        replace(_value(quantity, read.readings[quantity.name]), is_together=is_together)
+        for quantity, is_together in shown
+        if quantity.name in read.readings
+    )
     return FrameTrial(index, read.alignment, "", readings)
 
 
-def _needle(name: str, reading: Reading, scale: Scale, written: Written | None) -> NeedleTrial:
+def _value(quantity: Quantity, reading: Reading) -> NeedleTrial:
+    name = quantity.name
     if reading.status is Status.MISSING or not math.isfinite(reading.angle_deg):
         return NeedleTrial(name, Status.MISSING, None, None, reading.score)
-    value = float(scale.values_at(np.array([reading.angle_deg]))[0])
-    text = "" if written is None else written.text_of(value)
+    values = Scale.of(quantity.marks, quantity.wraps).values_at(np.array([reading.angle_deg]))
+    value = float(values[0] if quantity.wraps is None else in_turn(values, quantity.wraps, quantity.lowest)[0])
+    text = "" if quantity.written is None else quantity.written.text_of(value)
     return NeedleTrial(name, reading.status, value, reading.angle_deg, reading.score, text)

@@ -95,9 +95,9 @@ class Hand:
         self.type_into(f"gauges[{index}].unit", gauge["unit"])
         self.press("f")
         self.press("t")
-        for number, (angle, value) in enumerate(sorted(gauge["scale"])):
+        for angle, value in sorted(gauge["scale"]):
             self.click(self.unsteady(on_ring(angle, -2.0)))
-            self.page.wait_for_selector(f'[id="f:gauges[{index}].scale[{number}][1]"]:focus')
+            self.page.wait_for_selector("#inspector input[aria-label^='value of the mark']:focus")
             self.page.keyboard.type(f"{value:g}")
             self.page.keyboard.press("Enter")
             self.page.wait_for_selector("#picture:focus")

@@ -15,7 +15,7 @@ from decoder.imaging.optics import Optics
 from decoder.panel.errors import PictureError
 from decoder.setup.dial_edges import Freedom, Ring, begun, circle_through, fitted_ring, mark_angle_deg, refined
 from decoder.setup.drawn_plane import DrawnPlane, Planes
-from decoder.setup.proposals import Dial, Pictures, needle_at, proposed
+from decoder.setup.proposals import Dial, Pictures, needle_at, proposed, turning_px
 
 Picture = NDArray[np.uint8]
 CENTRE, RING_PX = (80.3, 79.6), 50.0
@@ -184,7 +184,25 @@ def test_what_moves_is_proposed() -> None:
 
     assert found.at_deg == pytest.approx(200.0, abs=0.15)
     assert 8.0 <= found.span_deg <= 40.0
+    assert found.reach_px == pytest.approx(46.0, abs=2.5)
     assert proposed(Pictures(dial(60.0, seed=9), [(dial(60.0), IDENTITY)] * 5), FULL) == []
+
+
+def test_how_far_a_card_reaches_is_seen() -> None:
+    """What turns lies between what stands still inside and around it, also if its centre is drawn a pixel off."""
+    spots = np.random.default_rng(3).uniform(40.0, 220.0, (90, 45))  # by angle, and by radius in steps of two pixels
+
+    def card(turn_deg: float) -> Picture:
+        y, x = np.mgrid[0:160, 0:160].astype(np.float64)
+        radius, angle = np.hypot(x - CENTRE[0], y - CENTRE[1]), np.degrees(np.arctan2(y - CENTRE[1], x - CENTRE[0]))
+        turned = angle - turn_deg * ((radius > 26.0) & (radius < 50.0))
+        return spots[(turned % 360.0 // 4.0).astype(int), np.minimum(radius // 2.0, 44.0).astype(int)].astype(np.uint8)
+
+    frames = [(card(turn), IDENTITY) for turn in (0.0, 15.0, -40.0, 80.0, 120.0)]
+    beside = Dial((CENTRE[0] + 1.0, CENTRE[1]), (18.0, 46.0), (0.0, 360.0))
+
+    assert turning_px(Pictures(card(0.0), frames), beside) == pytest.approx((26.0, 50.0), abs=3.0)
+    assert turning_px(Pictures(card(0.0), frames[:1] * 4), beside) is None
 
 
 @pytest.mark.parametrize("ground", [0, 120, 200, 255])

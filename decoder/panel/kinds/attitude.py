@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from decoder.panel.arrays import Degrees, Number
 from decoder.panel.description import Name, Pixels, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Plain, Pointer, Polar
+from decoder.panel.kind import Control, Dial, Drawn, Form, Plain, Pointer, Polar, Usual
 from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Quantity, Scale, monotone
 
 DOWN_DEG, UP_DEG = 90.0, 270.0
@@ -59,13 +59,21 @@ class Attitude(Plain, Strict):
             Control("index", "Bank read at", "number", "degrees; 270 is up", is_angle=True),
             Control("window", "Horizon seen to", "number", "pixels from the centre"),
             Control("ring", "Bank ring from", "optional", "pixels from the centre, if it turns"),
-            Control("ladder", "Pitch marks", "pairs", "pixels above the centre, degrees: 0 0, 31 10"),
+            Control(
+                "ladder",
+                "Pitch marks",
+                "pairs",
+                "pixels above the centre, degrees: 0 0, 31 10",
+                upright="horizon_turn",
+            ),
             Control("horizon_turn", "Horizon turns", "optional", "degrees for one of the ring; 1"),
             Control("shift_turn", "Its way turns", "optional", "degrees for one of the ring; 1, or 0 if upright"),
             Control("max_rate", "Fastest change", "optional", "degrees a second, if known"),
         ),
         hint="Click the marks of bank that turn, right bank positive, give them their degrees, and say that a turn is"
         " worth 360. Pitch marks: how far above the centre each lies along the horizon's own upright, and its degrees.",
+        turning="ring",
+        usual=(Usual("attitude", "deg", ("roll_deg", "pitch_deg"), FULL_CIRCLE_DEG),),
     )
 
     @field_validator("ladder")

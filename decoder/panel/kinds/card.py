@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from decoder.panel.arrays import Degrees
 from decoder.panel.description import Name, Positive, Strict
-from decoder.panel.kind import Control, Dial, Drawn, Form, Plain, Pointer
-from decoder.panel.scale import Quantity
+from decoder.panel.kind import Control, Dial, Drawn, Form, Plain, Pointer, Usual
+from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 
 UP_DEG = 270.0
 
@@ -41,6 +41,8 @@ class Card(Plain, Strict):
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),
         hint="Click its marks wherever the card is turned in this picture, and say what a turn is worth.",
+        turning="radius",
+        usual=(Usual("heading", "deg", ("heading_deg",), FULL_CIRCLE_DEG),),
     )
 
     def check(self, dial: Dial) -> None:

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees
 from decoder.panel.description import Name, PictureName, Positive, Strict, Text
-from decoder.panel.kind import Dial, Drawn, Form, Plain, Pointer
+from decoder.panel.kind import Dial, Drawn, Form, Plain, Pointer, Usual
 from decoder.panel.scale import Marks, Quantity, check_turn, marks_at, monotone, turned
 
 MIN_TEMPLATE_SPAN_DEG = 2.0
@@ -101,7 +101,22 @@ class Needle(Strict):
 class Needles(Plain):
     """The needles of one dial."""
 
-    form: ClassVar[Form] = Form("needles", "`needles`", "needles", "a needle", along=("tail", "combined"))
+    form: ClassVar[Form] = Form(
+        "needles",
+        "`needles`",
+        "needles",
+        "a needle",
+        along=("tail", "combined"),
+        usual=(
+            Usual("airspeed", "kt", ("airspeed_kt",)),
+            Usual(
+                "altimeter", "ft", ("hundreds_ft", "thousands_ft", "ten_thousands_ft"), 1000.0, together="altitude_ft"
+            ),
+            Usual("vertical speed", "fpm", ("vertical_speed_fpm",)),
+            Usual("turn coordinator", "standard rate", ("turn_rate",)),
+            Usual("tachometer", "rpm", ("tach_rpm",)),
+        ),
+    )
     has_still_face: ClassVar[bool] = True
 
     each: tuple[Needle, ...]

@@ -38,7 +38,7 @@ const READERS = {
   optional_text: (text) => (text.trim() === "" ? undefined : text),
 };
 
-export function input(store, path, { kind = "text", label, placeholder, onenter, width, write } = {}) {
+export function input(store, path, { kind = "text", label, placeholder, onenter, width, write, grows } = {}) {
   const own = valueAt(store.document, path);
   const written = kind === "place" ? shown([own]) : shown(own);
   const commit = (event) => {
@@ -48,18 +48,21 @@ export function input(store, path, { kind = "text", label, placeholder, onenter,
     if (value === valueAt(store.document, path)) return;
     store.change(`type ${path}`, (document) => (write ? write(document, value) : setAt(document, path, value)));
   };
+  // A field that is replaced while somebody types in it loses the focus: that is no end of typing.
+  const unlessDrawn = (event) => event.target.closest("#inspector:not([data-drawing])") && commit(event);
   const field = h("input", {
     id: `f:${path}`,
     "data-path": path,
     "aria-label": label,
     value: written,
     "data-shown": written,
+    "data-grows": grows, // what is clicked stands at its end, and its value is typed behind it
     placeholder,
     inputmode: kind === "number" || kind === "optional" ? "decimal" : undefined,
     autocomplete: "off",
     spellcheck: "false",
-    onchange: commit,
-    onblur: (event) => event.target.closest("#inspector:not([data-drawing])") && commit(event),
+    onchange: unlessDrawn,
+    onblur: unlessDrawn,
     onkeydown: (event) => {
       if (event.key !== "Enter") return;
       event.preventDefault();

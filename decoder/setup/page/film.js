@@ -1,5 +1,6 @@
 // The filmstrip: the selected gauge in frames spread over the flight, the found needles drawn in, value and score.
 import { byId, h, s } from "./dom.js";
+import { valued } from "./following.js";
 import { isDrawn, kindOf, needsMarks } from "./kinds.js";
 
 const DOUBTFUL_SCORE = 0.9;
@@ -23,15 +24,23 @@ function cell(frame, place, result) {
   dial.style.backgroundSize = `${count * 100}% 100%`;
   dial.style.backgroundPosition = `${count > 1 ? (place / (count - 1)) * 100 : 0}% 0`;
   const drawing = s("svg", { viewBox: `0 0 ${size} ${size}`, "aria-hidden": "true" });
-  const lines = frame.needles.map(({ name, status, value, text, score, line }, number) => {
-    if (line) drawing.append(hand(line, result.dial, `shape needle ${number % 2 ? "other" : ""}`));
+  const alone = frame.needles.filter(({ together }) => !together).map(({ name }) => name);
+  const lines = frame.needles.map(({ name, status, value, text, score, line, together }) => {
+    if (line) drawing.append(hand(line, result.dial, `shape needle ${alone.indexOf(name) % 2 ? "other" : ""}`));
     if (value === null) return h("p", {}, h("span", { class: "value missing" }, "missing"), h("span", { class: "score" }, score.toFixed(2)));
     const doubt = score < DOUBTFUL_SCORE || status !== "read" ? "doubt" : "";
-    return h("p", { title: `${name}: ${status}` }, h("span", { class: `value ${doubt}` }, text || plain(value, "")), h("span", { class: `score ${doubt}` }, score.toFixed(2)));
+    return h("p", { title: `${name}: ${status}`, class: together ? "together" : undefined }, h("span", { class: `value ${doubt}` }, text || plain(value, "")), h("span", { class: `score ${doubt}` }, score.toFixed(2)));
   });
   dial.append(drawing);
   const lost = frame.reason ? h("p", { class: "missing", title: frame.reason }, "not found") : null;
   return h("div", { class: `cell ${frame.reason ? "lost" : ""}`, role: "listitem" }, dial, ...lines, lost, h("p", { class: "score" }, `frame ${frame.index}`));
+}
+
+// What keeps a gauge from being read, in the words of its field.
+function inWords(store, gauge, { error, problems = [] }) {
+  const parts = (problems[0]?.path || "").split(/[.[\]]+/);
+  const control = kindOf(store, gauge).controls.find(({ key }) => parts.includes(key));
+  return control && !/[A-Z`]/.test(error[0]) ? `${control.label} ${error}.` : error;
 }
 
 export function showFilm(store, live) {
@@ -58,13 +67,13 @@ export function showFilm(store, live) {
       const lacks = [
         !store.document.anchors?.length && "an anchor",
         !isDrawn(store, gauge) && kindOf(store, gauge).lacking,
-        needsMarks(store, gauge) && (gauge.scale || []).length < 2 && "two tick marks",
+        needsMarks(store, gauge) && valued(gauge.scale).length < 2 && "two tick marks with their values",
       ].filter(Boolean);
       say(lacks.length ? `To be read it still needs ${lacks.join(", ")}.` : "Reading …");
       return;
     }
     if (result.error) {
-      say(result.error);
+      say(inWords(store, gauge, result));
       return;
     }
     root.classList.remove("old");

@@ -1,6 +1,6 @@
 // The inspector's fields of a gauge: where it is, what its marks mean, what turns on it.
 import { recentre } from "./dials.js";
-import { h } from "./dom.js";
+import { byId, h } from "./dom.js";
 import { check, details, field, input, optionalPair, pair } from "./fields.js";
 import { rounded } from "./geometry.js";
 import { kindOf } from "./kinds.js";
@@ -8,6 +8,7 @@ import { needlesPart } from "./needle_part.js";
 import { scalePart } from "./scale_part.js";
 import { findAxes, pick, unbendRim } from "./tools.js";
 import { turningPart } from "./turning_part.js";
+import { firstOpen, usualPart } from "./usual.js";
 
 const LEAST_MOVE_PX = 0.05;
 
@@ -49,7 +50,10 @@ export function gaugePart(store, live, heading) {
       return card(h("p", {}, `${words}: so does every needle above its face that is seen from the side. The decoder allows for it, once the axis is found around there.`), h("button", { id: "findaxes", onclick: around }, "Find its axis around there"));
     }
     const plane = store.planes.of(index);
-    const move = () => store.change("pivot", (document) => recentre(document.gauges[index], plane, there));
+    const move = () => {
+      store.change("pivot", (document) => recentre(document.gauges[index], plane, there));
+      return findAxes(store, index);
+    };
     return card(h("p", {}, `${words}.`), h("button", { id: "usepivot", onclick: move }, "Move the centre there"));
   }
 
@@ -122,8 +126,9 @@ export function gaugePart(store, live, heading) {
     const centre = [0, 1].map((axis) => input(store, `${path}.centre[${axis}]`, { kind: "number", label: `centre ${"xy"[axis]}`, write: write(axis) }));
     return [
       heading(gauge.name || "Gauge"),
-      field("Name", input(store, `${path}.name`)),
-      field("Unit", input(store, `${path}.unit`, { placeholder: "such as kt" })),
+      ...usualPart(store, gauge, index),
+      field("Name", input(store, `${path}.name`, { onenter: () => byId(`f:${path}.unit`)?.focus() })),
+      field("Unit", input(store, `${path}.unit`, { placeholder: "such as kt", onenter: () => byId(`f:${firstOpen(store, index)}`)?.focus() })),
       field("Centre", ...centre),
       pivot(gauge, index),
       pair(store, `${path}.radius`, "Radius", ["bottom of the needle", "outer perimeter"]),

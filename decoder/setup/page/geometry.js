@@ -21,15 +21,35 @@ export function around({ centre, radius, window }) {
   return [middle, Math.max(...window.map((point) => distance(middle, point)))];
 }
 
+const COARSER = 2; // marks between those that have a value are worth half of what all of these are multiples of
+const EVEN = 0.2; // of that: an even scale, clicked on its marks, goes by no more
+
+const divisor = (one, other) => (other < 1e-6 ? one : divisor(other, one % other));
+
+// A value that is probably a round one, as those that are known are.
+function round(value, known) {
+  const unit = known.map(([, each]) => Math.abs(each)).reduce((one, other) => divisor(Math.max(one, other), Math.min(one, other))) / COARSER;
+  if (unit <= 1e-6) return null;
+  const near = Math.round(value / unit) * unit;
+  return Math.abs(value - near) <= EVEN * unit ? Number(near.toPrecision(8)) : null;
+}
+
 // The value that a mark would have if the scale went on evenly; undefined where nothing tells.
-export function suggested(scale, index) {
+export function suggested(scale, index, turn) {
   const known = scale.filter(([, value], other) => other !== index && typeof value === "number");
-  if (known.length < 2) return undefined;
   const angle = scale[index][0];
+  if (known.length === 1 && typeof turn === "number") {
+    const value = known[0][1] + (((angle - known[0][0] + 720) % 360) * turn) / 360;
+    const unit = 10 ** Math.floor(Math.log10(turn)) / (turn === 360 ? 20 : 10);
+    return Number((Math.round((value % turn) / unit) * unit).toPrecision(8));
+  }
+  if (known.length < 2) return undefined;
   const near = [...known].sort((one, other) => Math.abs(one[0] - angle) - Math.abs(other[0] - angle)).slice(0, 2);
   const [[a1, v1], [a2, v2]] = near;
   if (a1 === a2) return undefined;
   const value = v1 + ((angle - a1) * (v2 - v1)) / (a2 - a1);
+  const even = round(value, known);
+  if (even !== null) return even;
   const step = Math.abs(v2 - v1);
   const unit = step >= 1 ? 10 ** Math.floor(Math.log10(step)) / 10 : 0.01;
   return Number((Math.round(value / unit) * unit).toPrecision(8));

@@ -100,7 +100,8 @@ export function showInspector(store, live, closeUp) {
     if (wanted && field) {
       wanted = null;
       field.focus();
-      field.select?.();
+      if ("grows" in field.dataset) field.setSelectionRange(field.value.length, field.value.length);
+      else field.select?.();
     } else if (held && field) {
       field.focus({ preventScroll: true });
       if (field.tagName === "INPUT" && field.type === "text") {

@@ -1,11 +1,13 @@
 // What can be selected, and how it moves: one table, so that dragging, nudging and removing treat all things alike.
 import { marksOf, recentre } from "./dials.js";
+import { BEGUN_SWEEP, coarser } from "./following.js";
 import { inSweep, nearest, rounded } from "./geometry.js";
 import { becomes } from "./kinds.js";
 
 const px = (value) => rounded(value, 2);
 const LEAST_RIM = 5;
-const BEGUN_SWEEP = [135, 405]; // of a gauge that was just drawn
+const SAME_DEG = 1; // two clicks on one mark
+const SHORTEST = 0.55; // of the shortest hand lies nearer to the centre than what is read
 
 // Turns what a gauge has at an angle by as many pixels along its rim.
 const turned = (gauge, angle, dx, dy) =>
@@ -88,9 +90,10 @@ export function remove(store, selection = store.selection) {
   store.select(parent ? { kind, index } : { kind: "panel" });
 }
 
-const free = (list, stem, from = 1) => {
+export const free = (list, stem, from = 1) => {
   const taken = new Set((list || []).map((item) => item.name));
   let number = from;
+  if (from === 1 && !/^(anchor|gauge|window)$/.test(stem) && !taken.has(stem)) return stem;
   while (taken.has(`${stem}_${number}`)) number += 1;
   return `${stem}_${number}`;
 };
@@ -120,8 +123,19 @@ export function addReference(store, point) {
   store.select({ kind: "reference", index: store.document.reference_points.length - 1 });
 }
 
-export function addGauge(store, rim) {
+// Angles in the order in which they were clicked, clockwise or the other way round, on one turn.
+function along(angles) {
+  const steps = angles.slice(1).map((angle, place) => (((angle - angles[place]) % 360) + 360) % 360);
+  const isClockwise = steps.reduce((sum, step) => sum + step, 0) < 360;
+  let last = angles[0];
+  return [last, ...steps.map((step) => (last = rounded(last + (isClockwise ? step : step - 360), 4)))];
+}
+
+// A gauge with the marks that were clicked for its rim: they count as soon as they have a value.
+export function addGauge(store, rim, angles) {
   store.planes.keep(rim, rim.matrix);
+  [store.firstMark] = angles;
+  const marks = along(angles).map((angle) => [angle, null]).sort(([one], [other]) => one - other);
   store.change("gauge", (document) => {
     document.gauges ??= [];
     document.gauges.push({
@@ -131,7 +145,7 @@ export function addGauge(store, rim) {
       radius: [rounded(rim.radius * 0.4, 1), rounded(rim.radius, 1)],
       sweep: [...BEGUN_SWEEP],
       unit: "",
-      scale: [],
+      scale: marks,
       needles: [],
     });
   });
@@ -178,6 +192,8 @@ export function addMark(store, index, angle) {
     const gauge = document.gauges[index];
     const marks = marksOf(gauge, own);
     const first = onItsTurn(angle, gauge, marks, before);
+    const again = marks.findIndex(([each, value]) => value === null && Math.abs(nearest(each, first) - first) < SAME_DEG);
+    if (again >= 0) marks.splice(again, 1); // one that was clicked for the rim
     marks.push([rounded(first, 4), null]);
     marks.sort((one, other) => one[0] - other[0]);
     place = marks.findIndex(([each]) => each === rounded(first, 4));
@@ -197,15 +213,26 @@ export function columnName(document, gauge) {
   return name;
 }
 
-export function addNeedle(store, index, { at: angle, span }) {
+// A needle; if it is known, by its name and what a turn of it is worth, and what it shows together with finer ones.
+export function addNeedle(store, index, { at: angle, span, reach }, { name, turn, together } = {}) {
   store.change("needle", (document) => {
     const gauge = document.gauges[index];
     gauge.needles ??= [];
     const there = inSweep(angle, gauge.sweep);
-    gauge.needles.push({ name: columnName(document, gauge), template: { at: rounded(there, 4), span } });
+    gauge.needles.push({ name: name || columnName(document, gauge), template: { at: rounded(there, 4), span } });
     gauge.sweep = holding(gauge.sweep, there);
+    if (reach) gauge.radius[0] = Math.min(gauge.radius[0], rounded(reach * SHORTEST, 1)); // the shortest hand is in sight
+    if (turn && turn !== gauge.wraps) makeCoarser(document, gauge, gauge.needles.length - 1, turn, together);
   });
   store.select({ kind: "gauge", index, needle: store.document.gauges[index].needles.length - 1 });
+}
+
+// A needle whose turn is worth more than the gauge's: its scale follows, and all of them show one value together.
+export function makeCoarser(document, gauge, place, turn, together) {
+  const own = gauge.needles[place];
+  Object.assign(own, { scale: coarser(gauge, turn), wraps: turn, covered_by: gauge.needles[0].name });
+  const names = gauge.needles.filter(({ wraps }, each) => !each || wraps).map(({ name }) => name);
+  gauge.combined = { name: gauge.combined?.name || together || columnName(document, gauge), ...gauge.combined, needles: names };
 }
 
 // What names a needle goes along with its name.

@@ -7,7 +7,7 @@ import { click, pick, TOOLS } from "./tools.js";
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 const KEYS = [
-  ["V A L R G W E T N", "select, anchor, level, reference, gauge, window, ellipse, tick marks, needle"],
+  ["V A L R G W E T N P", "select, anchor, level, reference, gauge, window, ellipse, tick marks, needle, places"],
   ["Arrows", "move what is selected, or the cross of a tool, by a pixel; with Shift by 10, with Alt by a tenth"],
   ["Enter", "place at the cross; in a tick mark's value: on to the next"],
   ["Delete", "remove what is selected"],

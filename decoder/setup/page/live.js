@@ -1,5 +1,6 @@
 // Every change is tried at once: the selected gauge first, then the others; answers that come too late are dropped.
 import { isDrawn, needsMarks } from "./kinds.js";
+import { asDrawn, valued, written } from "./following.js";
 import { ask, Lost, TAB } from "./server.js";
 
 const TRIAL_MS = 160;
@@ -21,8 +22,8 @@ export class Live {
     const { document, picture } = this.store.now;
     const gauge = document.gauges?.[index];
     if (!document.anchors?.length || !gauge) return null;
-    if (!isDrawn(this.store, gauge) || (needsMarks(this.store, gauge) && (gauge.scale || []).length < 2)) return null;
-    return JSON.stringify([picture, document.anchors, document.level, document.reference_points, document.focal_length_mm, gauge]);
+    if (!isDrawn(this.store, gauge) || (needsMarks(this.store, gauge) && valued(gauge.scale).length < 2)) return null;
+    return JSON.stringify([picture, document.anchors, document.level, document.reference_points, document.focal_length_mm, written({ gauges: [gauge] })]);
   }
 
   resultOf(index) {
@@ -58,7 +59,7 @@ export class Live {
     const { document, picture } = this.store.now;
     let result = null;
     try {
-      result = await ask("trial", { document, picture, gauge: index, tab: TAB }, { signal: this.abort.signal });
+      result = await ask("trial", { document: written(document), picture, gauge: index, tab: TAB }, { signal: this.abort.signal });
     } catch (error) {
       if (error instanceof Lost) {
         this.running = null;
@@ -82,9 +83,9 @@ export class Live {
     if (this.checked === asked) return;
     this.checked = asked;
     try {
-      const { problems } = await ask("check", { document, picture });
+      const { problems } = await ask("check", { document: written(document), picture });
       if (this.checked !== asked) return;
-      this.store.problems = problems;
+      this.store.problems = problems.map(({ path, problem }) => ({ path: asDrawn(document, path), problem }));
       this.store.tell("problems");
     } catch (error) {
       this.checked = null;
@@ -108,7 +109,7 @@ export class Live {
     const result = this.resultOf(index);
     if (!result) return { dot: "", count: this.keyOf(index) ? "…" : "" };
     if (result.error) return { dot: "bad", count: "" };
-    const all = result.frames.flatMap((frame) => (frame.needles.length ? frame.needles : [{ status: "missing", score: 0 }]));
+    const all = result.frames.flatMap((frame) => (frame.needles.length ? frame.needles.filter(({ together }) => !together) : [{ status: "missing", score: 0 }]));
     const read = all.filter(({ status }) => status !== "missing");
     const sure = read.every(({ score }) => score >= GOOD_SCORE);
     const dot = read.length === all.length && sure && !result.findings.length ? "good" : read.length > all.length / 2 ? "warn" : "bad";

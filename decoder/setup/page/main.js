@@ -14,6 +14,7 @@ import { ask, watch } from "./server.js";
 import { Store } from "./store.js";
 import { showTools } from "./tools.js";
 import { showUnwrapped } from "./unwrapped.js";
+import { followWanted } from "./usual.js";
 import { View } from "./view.js";
 
 const session = await ask("session");
@@ -35,6 +36,7 @@ showOutline(store, live, (selection) => {
 });
 showInspector(store, live, close);
 showFilm(store, live);
+followWanted(store);
 followPointer(store, view, overlay);
 followKeys(store, view, { save, step });
 byId("undo").addEventListener("click", () => store.undo());

@@ -2,10 +2,10 @@
 import { h } from "./dom.js";
 import { choice, details, field, input } from "./fields.js";
 import { rounded } from "./geometry.js";
-import { addNeedle, remove, renameNeedle } from "./items.js";
+import { addNeedle, makeCoarser, remove, renameNeedle } from "./items.js";
 import { scalePart } from "./scale_part.js";
-import { ask, TAB } from "./server.js";
-import { axisAt, needleQuestion, pick } from "./tools.js";
+import { lookForNeedles, offersOn } from "./offers.js";
+import { axisAt, pick } from "./tools.js";
 
 const REASONS = { read: "read", edge: "read by an edge", hidden: "hidden", missing: "missing" };
 const SAME_DEG = 5;
@@ -28,10 +28,19 @@ export function needlesPart(store, live) {
       field("Template spans", input(store, `${path}.template.span`, { kind: "optional" })),
       others.length ? field("Covered by", choice(store, `${path}.covered_by`, [["", "no other needle"], ...others], "Covered by")) : null,
       typeof needle.template?.at === "number" && h("button", { class: "small", onclick: () => snap(index, place) }, "Find its axis again"),
+      tenfold(gauge, index, place),
       axis(needle, index, place),
       more(needle, index, place, path),
       h("p", { class: "quiet small" }, verdict(index, needle.name)),
     );
+  }
+
+  // A second pointer all the way round mostly shows ten times what the one before it shows.
+  function tenfold(gauge, index, place) {
+    if (!place || !gauge.wraps || gauge.needles[place].scale) return null;
+    const turn = gauge.wraps * 10 ** place;
+    const make = () => store.change("tenfold", (document) => makeCoarser(document, document.gauges[index], place, turn));
+    return h("button", { class: "small", id: `tenfold-${place}`, onclick: make }, `A turn of it is worth ${turn}`);
   }
 
   // What all frames together show of the axis, which one picture shows less well.
@@ -81,15 +90,9 @@ export function needlesPart(store, live) {
     ];
   }
 
-  // What proposals depend on.
-  const offerKey = (index) => {
-    const { centre, radius, rim } = store.document.gauges[index];
-    return JSON.stringify([store.planes.seen, centre, radius, rim]);
-  };
-
   function proposals(index, offers) {
     if (!offers) {
-      offerMore(index);
+      lookForNeedles(store, index);
       return [h("p", { class: "quiet small" }, "Looking for what moves on this dial …")];
     }
     if (!offers.length) return [h("p", { class: "quiet small" }, "Nothing more was seen to move here; point at the needle, or crop it on the unwrapped gauge.")];
@@ -100,20 +103,6 @@ export function needlesPart(store, live) {
         h("div", { class: "row" }, h("span", {}, `A needle at ${rounded(offer.at, 1)}°`), h("button", { class: "main accept", id: `accept-${place}`, onclick: () => addNeedle(store, index, offer) }, "Accept")),
       ),
     );
-  }
-
-  async function offerMore(index) {
-    const key = offerKey(index);
-    if (store.offers.has(key)) return;
-    store.offers.set(key, null);
-    try {
-      const found = await ask("needles", { ...needleQuestion(store, index), tab: `${TAB}-${index}` });
-      store.offers.set(key, found?.needles || []);
-    } catch {
-      store.offers.delete(key);
-      return;
-    }
-    store.tell("trial");
   }
 
   async function snap(index, needle) {
@@ -136,7 +125,7 @@ export function needlesPart(store, live) {
 
   return (gauge, index) => {
     const known = gauge.needles || [];
-    const offers = store.offers.get(offerKey(index)) || null;
+    const offers = offersOn(store, index);
     const isNew = ({ at }) => !known.some(({ template }) => Math.abs((((template?.at ?? 1e9) - at + 540) % 360) - 180) < SAME_DEG);
     return [
       h("h3", { "data-path": `gauges[${index}].needles` }, "Needles"),
@@ -147,7 +136,7 @@ export function needlesPart(store, live) {
         { class: "inputs" },
         h("button", { class: "small", onclick: () => pick(store, "needle") }, "Point at a needle (N)"),
         " ",
-        known.length > 0 && h("button", { class: "small", onclick: () => offerMore(index) }, "Look for others"),
+        known.length > 0 && h("button", { class: "small", onclick: () => lookForNeedles(store, index) }, "Look for others"),
       ),
       ...(known.length && offers ? proposals(index, offers.filter(isNew)) : []),
     ];

@@ -1,5 +1,6 @@
 // Saving, what keeps the draft from being saved, and what to do if somebody else has saved it meanwhile.
 import { byId, h } from "./dom.js";
+import { asDrawn, written } from "./following.js";
 import { selectionOf } from "./outline.js";
 import { ask, onLost } from "./server.js";
 
@@ -44,7 +45,7 @@ export function showSaving(store) {
     }
     const now = JSON.stringify(store.now);
     const { document: drawn, picture } = store.now;
-    const body = { document: drawn, picture, revision: store.revision, ...asked };
+    const body = { document: written(drawn), picture, revision: store.revision, ...asked };
     try {
       const { revision, target } = await ask("panel", body, { method: "PUT" });
       store.revision = revision;
@@ -58,7 +59,7 @@ export function showSaving(store) {
       if (error.why === "elsewhere") say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save({ ...asked, over: true }) }, "Save this one over it"));
       else if (error.why === "replace") say(error.message, h("button", { id: "replace", onclick: () => save({ ...asked, replace: true }) }, "Save over what is there"));
       else if (error.problems?.length) {
-        store.problems = error.problems;
+        store.problems = error.problems.map(({ path, problem }) => ({ path: asDrawn(drawn, path), problem }));
         lead();
       } else say(error.message);
     }

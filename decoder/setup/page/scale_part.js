@@ -5,17 +5,32 @@ import { suggested } from "./geometry.js";
 import { remove } from "./items.js";
 import { pick } from "./tools.js";
 
+// The next mark clockwise of an angle that has no value yet; null if all have one.
+function openAfter(marks, angle) {
+  const open = marks.map(([at, value], place) => ({ on: (((at - angle) % 360) + 360) % 360, value, place })).filter(({ value }) => value === null);
+  open.sort((one, other) => one.on - other.on);
+  return open[0]?.place ?? null;
+}
+
 // `owner` is the selection whose marks they are, `path` where its `scale` stands.
 export function scalePart(store, path, marks, owner) {
   const { selection } = store;
   const isOwn = selection.needle === owner.needle;
-  const rows = marks.map(([angle], mark) => {
-    const guess = suggested(marks, mark);
+  const turn = valueAt(store.document, `${path}.wraps`);
+  const rows = marks.map(([angle, before], mark) => {
+    const guess = suggested(marks, mark, turn);
     const place = `${path}.scale[${mark}]`;
     const accept = (text) => {
       if (text.trim() === "" && guess !== undefined) store.change(`type ${place}[1]`, (document) => { valueAt(document, place)[1] = guess; });
-      if (store.tool === "mark") byId("picture").focus();
-      else byId(`f:${path}.scale[${mark + 1}][1]`)?.focus();
+      if (before !== null) {
+        if (store.tool === "mark") byId("picture").focus();
+        else byId(`f:${path}.scale[${mark + 1}][1]`)?.focus();
+        return;
+      }
+      if (typeof turn === "number") fillOthers();
+      const next = store.tool === "mark" ? null : openAfter(valueAt(store.document, `${path}.scale`), angle);
+      if (next === null) byId("picture").focus({ preventScroll: true });
+      else store.tell("type", `${path}.scale[${next}][1]`);
     };
     return h(
       "tr",
@@ -25,6 +40,13 @@ export function scalePart(store, path, marks, owner) {
       h("td", {}, h("button", { class: "remove", "aria-label": `Remove mark ${mark + 1}`, onclick: () => remove(store, { ...owner, mark }) }, "×")),
     );
   });
+  // All the way round one value tells all the others.
+  function fillOthers() {
+    const now = valueAt(store.document, `${path}.scale`);
+    const guesses = now.map(([, value], mark) => (value === null ? suggested(now, mark, turn) : value));
+    if (guesses.includes(undefined)) return;
+    store.change("marks", (document) => valueAt(document, `${path}.scale`).forEach((mark, place) => { mark[1] = guesses[place]; }));
+  }
   const add = () => {
     store.select(owner);
     pick(store, "mark");

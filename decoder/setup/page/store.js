@@ -1,4 +1,6 @@
 // What is drawn, what is selected, and the way back: one document, changed only through `change`.
+import { followMarks } from "./following.js";
+
 const TOGETHER_MS = 700;
 
 export class Store extends EventTarget {
@@ -18,6 +20,7 @@ export class Store extends EventTarget {
     this.looking = null; // the key of another frame that is looked at
     this.problems = [];
     this.offers = new Map(); // proposed needles by gauge
+    this.firstMark = null; // the angle of the mark that was clicked first of all
     this.label = null;
   }
 
@@ -43,6 +46,7 @@ export class Store extends EventTarget {
     const next = structuredClone(this.now);
     const replaced = edit(next.document);
     if (replaced && typeof replaced === "object") next.document = replaced;
+    followMarks(this.now.document, next.document);
     if (picture) Object.assign(next, { picture, size });
     this.now = next;
     this.tell("change");

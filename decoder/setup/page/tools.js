@@ -1,8 +1,11 @@
 // The tools: what each is for, how many clicks it takes, and what it makes of them. The same by pointer and by keys.
 import { byId, h } from "./dom.js";
-import { replane } from "./dials.js";
-import { inSweep, rounded } from "./geometry.js";
+import { marksOf, replane } from "./dials.js";
+import { valued } from "./following.js";
+import { inSweep, nearest, RADIANS, rounded, suggested } from "./geometry.js";
 import { addAnchor, addGauge, addMark, addNeedle, addReference, addWindow, setLevel } from "./items.js";
+import { kindOf } from "./kinds.js";
+import { needleQuestion } from "./offers.js";
 import { Plane } from "./planes.js";
 import { ask, TAB } from "./server.js";
 
@@ -10,6 +13,8 @@ const needsGauge = (store) => {
   if (!store.gauge) return "Select or add a gauge first.";
   return store.gauge.window ? "A window has no marks around it: select a dial." : "";
 };
+
+const INWARDS_PX = 3; // from the outer end of a mark to where it is surely seen
 
 let pointedAt = 0; // how many needles were pointed at
 
@@ -47,7 +52,7 @@ export const TOOLS = {
     hint: "Click three outer ends of tick marks, well apart; the rim finds the ring they stand on, round or oblique.",
     done: async (store, points) => {
       const rim = await ask("rim", { ...store.planes.seen, points });
-      addGauge(store, rim);
+      addGauge(store, rim, await anglesOf(store, rim, points));
       store.use("select");
       store.tell("type", `gauges[${store.selection.index}].name`);
     },
@@ -89,9 +94,66 @@ export const TOOLS = {
     hint: "Click on the needle.",
     done: (store, [point]) => placeNeedle(store, point),
   },
+  place: {
+    key: "p",
+    name: "Places",
+    clicks: 1,
+    stays: true,
+    needs: (store) => (store.gauge && clickable(store, store.gauge) ? "" : "Select a ball, a horizon, a straight scale or a tape first."),
+    hint: "Click a mark of its scale, or where the ball's middle may be, then type its value, Enter; then the next.",
+    done: (store, [point]) => placeValue(store, point),
+  },
 };
 
+// What of a gauge's kind is a list of places with their values.
+const clickable = (store, gauge) => kindOf(store, gauge).controls.find(({ reads, upright }) => upright || reads === "points" || reads === "places");
+
+// How far above the centre a place lies along the upright of what turns with the scale.
+function above(store, gauge, own, turnKey, point) {
+  const [angle, radius] = store.planes.of(store.selection.index).polar(point);
+  const index = typeof own.index === "number" ? own.index : 270;
+  const [mark] = valued(gauge.scale);
+  const level = mark ? mark[0] - (mark[1] * 360) / (gauge.wraps || 360) : index;
+  const upright = index + (typeof own[turnKey] === "number" ? own[turnKey] : 1) * nearest(level - index, 0);
+  return rounded(radius * Math.cos((angle - upright) * RADIANS), 2);
+}
+
+function placeValue(store, point) {
+  const { gauge, selection } = store;
+  const { key } = kindOf(store, gauge);
+  const control = clickable(store, gauge);
+  const at = point.map((value) => rounded(value, 1));
+  const own = gauge[key];
+  const place = control.upright ? [above(store, gauge, own, control.upright, point), null] : control.reads === "points" ? [...at, null] : [at, null];
+  store.change("place", (document) => {
+    const list = document.gauges[selection.index][key];
+    list[control.key] = [...(Array.isArray(list[control.key]) ? list[control.key] : []), place];
+  });
+  store.tell("type", `gauges[${selection.index}].${key}.${control.key}`);
+}
+
+// The angles of the marks whose outer ends were clicked.
+function anglesOf(store, { centre, rim, radius, matrix }, points) {
+  const plane = new Plane(matrix);
+  const angleOf = async (point) => {
+    const click = plane.at(plane.angleOf(point), Math.max(radius - INWARDS_PX, radius / 2));
+    return rounded((await ask("mark", { ...store.planes.seen, centre, rim: rim ?? undefined, click })).angle, 4);
+  };
+  return Promise.all(points.map(angleOf));
+}
+
+// A mark that was left with a value which an even scale gives is taken at that.
+function takeGuess(store) {
+  const { index, mark, needle } = store.selection;
+  const own = store.gauge?.needles?.[needle]?.scale ? store.gauge.needles[needle] : store.gauge;
+  if (mark === undefined || own.scale?.[mark]?.[1] !== null) return;
+  const guess = suggested(own.scale, mark, own.wraps);
+  if (guess === undefined) return;
+  store.change("guess", (document) => { marksOf(document.gauges[index], { needle })[mark][1] = guess; });
+}
+
 export async function placeMark(store, click) {
+  takeGuess(store);
   const { index } = store.selection;
   const { centre, rim } = store.gauge;
   const { angle } = await ask("mark", { ...store.planes.seen, centre, rim, click });
@@ -136,18 +198,12 @@ export async function placeNeedle(store, click) {
   store.tell("type", `gauges[${index}].needles[${store.selection.needle}].name`);
 }
 
-// What the program must know of a gauge to look for its needles.
-export function needleQuestion(store, index) {
-  const { centre, radius, sweep, rim, needle_height_inches } = store.document.gauges[index];
-  return { ...store.now, size: undefined, centre, radius, sweep, rim, needle_height_inches };
-}
-
 // The needle next to an angle: its axis, and how much its template should span. It turns around `pivot`, if that is not
 // the gauge's centre. Every needle that was pointed at is looked for, however soon the next one is.
 async function needleAt(store, near, { index = store.selection.index, pivot } = {}) {
   pointedAt += 1;
   const found = await ask("needles", { ...needleQuestion(store, index), near, pivot, tab: `${TAB}-near-${pointedAt}` });
-  return { at: rounded(found.at, 4), span: found.span };
+  return { at: rounded(found.at, 4), span: found.span, reach: found.reach };
 }
 
 export const axisAt = async (store, near, options) => (await needleAt(store, near, options)).at;

@@ -1,8 +1,9 @@
 // What turns on a gauge, by its kind; and the one value that several pointers show together.
-import { h } from "./dom.js";
+import { byId, h } from "./dom.js";
 import { check, choice as oneOf, field, input } from "./fields.js";
 import { columnName } from "./items.js";
 import { becomes, kindOf } from "./kinds.js";
+import { pick } from "./tools.js";
 
 export function turningPart(store, gauge, index) {
   const path = `gauges[${index}]`;
@@ -27,10 +28,15 @@ function choice(store, gauge, index) {
   return [h("h3", {}, title), field(where, h("select", { id: `what-turns-${index}`, onchange: turn }, ...options))];
 }
 
-function control(store, path, { label, reads, placeholder, options }) {
+const toPicture = () => byId("picture").focus({ preventScroll: true });
+
+function control(store, path, { label, reads, placeholder, options, upright }) {
   if (reads === "check") return check(store, path, label);
   if (options.length) return field(label, oneOf(store, path, options.map((each) => [each, each])));
-  return field(label, input(store, path, { kind: reads, placeholder: placeholder || undefined }));
+  const grows = Boolean(upright) || reads === "points" || reads === "places";
+  const own = input(store, path, { kind: reads, label, placeholder: placeholder || undefined, grows, onenter: toPicture });
+  if (!grows) return field(label, own);
+  return field(label, own, h("button", { class: "small", title: "Click them in the picture (P)", onclick: () => pick(store, "place") }, "Click"));
 }
 
 // The fields of a kind that has no editor of its own.
