@@ -16,6 +16,7 @@ Examples:
   decode setup flight.mcap --panel cockpit/panel.yaml
   decode setup other_flight.mcap --panel cockpit/panel.yaml --save-as other/panel.yaml
   decode setup cockpit.jpg --no-browser
+  decode setup flight.mcap --propose panel.yaml
 """
 
 
@@ -33,14 +34,33 @@ Examples:
     "--camera", "camera_file", type=click.Path(path_type=Path, dir_okay=False), metavar="CAMERA",
     help="A camera.yaml of the camera that took the pictures.  [default: the flight's own]",
 )  # fmt: skip
+@click.option(
+    "--propose", "proposal_file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+    help="Write what is found by itself as a draft, say how sure it is, and open no page.",
+)  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="With --propose: say what was found as JSON.")
 @click.option("--browser/--no-browser", default=True, help="Open the page, or only print its address.")
 def command(
-    pictures: tuple[Path, ...], panel_file: Path | None, target: Path | None, camera_file: Path | None, *, browser: bool
+    pictures: tuple[Path, ...],
+    panel_file: Path | None,
+    target: Path | None,
+    camera_file: Path | None,
+    proposal_file: Path | None,
+    *,
+    as_json: bool,
+    browser: bool,
 ) -> None:
     """Draw or edit the panel of FLIGHT, or of one PICTURE, in the browser.
 
     The page is served on this machine alone, until Ctrl-C. Every change is tried on frames of the flight at once.
     """
+    if proposal_file is not None:
+        if panel_file is not None or target is not None:
+            raise click.UsageError("--propose writes a new panel: leave out --panel and --save-as")
+        _propose(pictures, proposal_file, camera_file, as_json=as_json)
+        return
+    if as_json:
+        raise click.UsageError("--json says what --propose found: give --propose FILE")
     if find_spec("uvicorn") is None or find_spec("starlette") is None:
         raise click.UsageError(
             "the set-up page needs starlette and uvicorn: pip install 'image-flight-recorder[setup]'"
@@ -62,3 +82,18 @@ def command(
     if browser:
         webbrowser.open(server.url)
     server.run()
+
+
+def _propose(pictures: tuple[Path, ...], target: Path, camera_file: Path | None, *, as_json: bool) -> None:
+    """Write a draft of what was found, and say it."""
+    import cv2  # noqa: PLC0415 - half a second that only this command needs
+
+    from decoder.panel.camera import camera_from_file  # noqa: PLC0415
+    from decoder.setup.finding.draft import drafted  # noqa: PLC0415
+    from decoder.setup.session import SetupSession  # noqa: PLC0415
+    from decoder.setup.sources import open_source  # noqa: PLC0415
+
+    cv2.setNumThreads(1)
+    camera = None if camera_file is None else camera_from_file(camera_file)
+    draft = drafted(SetupSession(open_source(pictures), None, target, camera=camera))
+    say(*(draft.json if as_json else draft.text).splitlines())

@@ -1,0 +1,217 @@
+"""Dials found: pivots that ticks aim at, with the numerals and the comb around each, read again from near by.
+
+A panel is read as a whole first. What aims at one place from all round, and has numerals in order around it or a comb,
+is a dial; its face is then enlarged and read once more, and unrolled, since numerals may stand along their ring.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.panel.arrays import Floats
+from decoder.setup.dial_edges import sampled_at
+from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
+from decoder.setup.finding.numerals import Text, is_there, seen_at, texts_once
+from decoder.setup.finding.scales import LETTERS, Fit, Numeral, fits
+from decoder.setup.finding.strokes import Strokes, aimed_at, peaks, strokes_in
+from decoder.setup.finding.ticks import Comb, comb_around
+from decoder.setup.thresholds import (
+    CLEAR_DIRECTIONS,
+    CLEAR_TICKS,
+    LEAST_RADIUS_PX,
+    LEAST_WEIGHT,
+    MOST_HEIGHTS,
+    RAGGED_PX,
+)
+
+# So many places that are aimed at are looked at, and so far apart.
+PLACES, APART_PX = 60, 10.0
+# Of the places from which the same numerals agree, so many are tried.
+TRIED = 4
+# A face is read enlarged to so many pixels across, and unrolled with a ring of numerals so high.
+FACE_PX = (640.0, 960.0)
+UNROLLED_PX = 140.0
+SHOWN = 1.9
+LINES, OVERLAPPING, PAGE_EDGE = 4, 1.25, 20
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDial:
+    """A dial: its comb, its texts as seen from the pivot, and the scales that they may be."""
+
+    comb: Comb
+    texts: tuple[Text, ...]
+    fits: tuple[Fit, ...]
+    aimed: float
+
+    @property
+    def centre(self) -> XY:
+        """The printed pivot, px of the picture."""
+        return self.comb.rim.centre
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A panel picture with what was seen in it; `still` is the same without what moves, as far as frames tell."""
+
+    picture: NDArray[np.uint8]
+    still: NDArray[np.uint8]
+    planes: Planes
+    strokes: Strokes
+    texts: tuple[Text, ...]
+
+
+def seen_around(texts: Sequence[Text], drawn: DrawnPlane, reach_px: float = math.inf) -> list[Numeral]:
+    """See numbers, and letters of a compass, from a pivot."""
+    found = []
+    for text in texts:
+        angle_deg, radius_px = drawn.polar(text.at)
+        letter = LETTERS.get(text.said.strip(" .'-"))
+        value = text.value if letter is None else letter
+        height = min(text.size_px)
+        if value is None or not height < radius_px < min(MOST_HEIGHTS * height, reach_px):
+            continue
+        found.append(
+            Numeral(text.said, value, angle_deg % 360.0, radius_px, text.sure, letter is not None, text.at, height)
+        )
+    return found
+
+
+def dials_on(page: Page) -> list[FoundDial]:
+    """Find the dials of a panel, the surest first."""
+    aimed = aimed_at(page.strokes, page.picture.shape)
+    places = list(peaks(aimed, PLACES, APART_PX))
+    looks = sorted(_looks(page, places), key=lambda look: -look[0])
+    found: list[FoundDial] = []
+    taken: set[tuple[float, float]] = set()
+    for group in _groups(looks):
+        if {each.at for each in group[0][2].numerals} & taken:
+            continue
+        dial = _best(page, [(place, fit.radius_px) for _, place, fit in group], aimed)
+        if dial is None or dial.comb.miss_px > RAGGED_PX or any(_same(dial, other) for other in found):
+            continue
+        found.append(dial)
+        taken |= {each.at for fit in dial.fits for each in fit.numerals}
+    for place, directions in places:
+        if directions < CLEAR_DIRECTIONS or any(
+            math.dist(place, each.centre) < each.comb.rim.radius_px for each in found
+        ):
+            continue
+        dial = _best(page, [(place, radius_px) for radius_px in _likely(page.strokes, place)], aimed)
+        if dial is None or dial.comb.miss_px > RAGGED_PX or len(dial.comb.ticks) < CLEAR_TICKS:
+            continue
+        if not any(_same(dial, each) for each in found):
+            found.append(dial)
+    return [each for each in found if not _holds_others(each, found)]
+
+
+def _holds_others(dial: FoundDial, found: Sequence[FoundDial]) -> bool:
+    """Whether a ring goes around the middle of another dial: then it is none."""
+    inner_px, _ = dial.comb.ring_px
+    return any(
+        inner_px / 2 < math.dist(dial.centre, other.centre) < inner_px + other.comb.ring_px[0] / 2
+        and inner_px > other.comb.ring_px[1]
+        for other in found
+    )
+
+
+def _same(one: FoundDial, other: FoundDial) -> bool:
+    return math.dist(one.centre, other.centre) < max(one.comb.rim.radius_px, other.comb.rim.radius_px)
+
+
+def _looks(page: Page, places: Sequence[tuple[XY, float]]) -> Iterator[tuple[float, XY, Fit]]:
+    for place, directions in places:
+        for fit in fits(seen_around(page.texts, DrawnPlane.square_on(place))):
+            if fit.weight > LEAST_WEIGHT:
+                yield fit.weight + directions / 6.0, place, fit
+
+
+def _groups(looks: Sequence[tuple[float, XY, Fit]]) -> Iterator[list[tuple[float, XY, Fit]]]:
+    """Gather looks at the same numerals."""
+    left = list(looks)
+    while left:
+        first = {each.at for each in left[0][2].numerals}
+        group = [look for look in left if len(first & {each.at for each in look[2].numerals}) * 2 > len(first)]
+        yield group[:TRIED]
+        left = [look for look in left if look not in group]
+
+
+def _likely(strokes: Strokes, place: XY) -> list[float]:
+    """Guess how far a dial's ticks are from its pivot: where most strokes that aim at it are."""
+    away = strokes.at - np.array(place)
+    far = np.hypot(away[:, 0], away[:, 1])
+    miss = np.abs(away[:, 0] * strokes.along[:, 1] - away[:, 1] * strokes.along[:, 0])
+    own = far[(miss < 0.02 * far + 1.0) & (far > LEAST_RADIUS_PX) & (strokes.length_px < 0.4 * far)]
+    if not len(own):
+        return []
+    counts, edges = np.histogram(own, bins=np.geomspace(LEAST_RADIUS_PX, 400.0, 30))
+    counts = counts / np.sqrt(edges[1:])
+    return [float(edges[at : at + 2].mean()) for at in np.argsort(counts)[::-1][:2]]
+
+
+def _best(page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats) -> FoundDial | None:
+    combs = [comb_around(page.picture, page.planes, page.strokes, place, radius_px) for place, radius_px in tries]
+    there = [comb for comb in combs if comb is not None]
+    if not there:
+        return None
+    comb = max(there, key=lambda each: (len(each.ticks) + each.lines) / (1.0 + each.miss_px))
+    drawn = comb.rim.drawn
+    reach_px = max(tick.outer_px for tick in comb.ticks) * SHOWN
+    texts = [text for text in page.texts if drawn.polar(text.at)[1] < reach_px]
+    if is_there():
+        texts = texts_once([*texts, *face_texts(page.still, comb), *unrolled_texts(page.picture, comb)])
+    column, row = (round(each / 2.0) for each in comb.rim.centre)
+    there_aimed = float(aimed[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3].max(initial=0.0))
+    return FoundDial(comb, tuple(texts), tuple(fits(seen_around(texts, drawn))), there_aimed)
+
+
+def face_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
+    """Read the face of a dial enlarged."""
+    drawn = comb.rim.drawn
+    reach = comb.ring_px[1] * 1.5
+    left, top = (max(round(at - reach), 0) for at in drawn.centre)
+    crop = picture[top : round(drawn.centre[1] + reach) + 1, left : round(drawn.centre[0] + reach) + 1]
+    scales = {max(across / max(crop.shape), 1.0) for across in FACE_PX}
+    return [text.shifted(left, top) for scale in sorted(scales) for text in seen_at(np.ascontiguousarray(crop), scale)]
+
+
+def unrolled_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
+    """Read a dial unrolled, the outside up, as numerals along their ring stand: in lines that overlap, as a page."""
+    drawn = comb.rim.drawn
+    low, high = comb.ring_px
+    outer_px = high
+    radii = np.linspace(outer_px * 1.5, outer_px * 0.5, round(UNROLLED_PX))
+    px = abs(radii[1] - radii[0])
+    line = np.arange(0.0, 2 * np.pi * OVERLAPPING / LINES, px / outer_px)
+    starts = np.arange(LINES) * (2 * np.pi / LINES)
+    turn = starts[:, None, None] + line
+    points = np.stack([np.cos(turn) * radii[:, None], np.sin(turn) * radii[:, None]])
+    x, y = drawn.to_picture(points.reshape(2, -1)).reshape(2, -1, len(line))
+    light = sampled_at(picture, x, y).reshape(LINES, len(radii), -1)
+    # A line of ticks below numerals is read as letters.
+    between = (radii > low - 1.0) & (radii < high + 1.0)
+    light[:, between] = np.median(light, axis=(1, 2), keepdims=True)
+    written = np.clip(light.reshape(-1, len(line)), 0, 255).astype(np.uint8)
+    found = []
+    page = cv2.copyMakeBorder(written, PAGE_EDGE, PAGE_EDGE, PAGE_EDGE, PAGE_EDGE, cv2.BORDER_REPLICATE)
+    for text in seen_at(np.asarray(page, np.uint8), 1.0):
+        number, row = divmod(text.at[1] - PAGE_EDGE, len(radii))
+        begin = dict(enumerate(starts)).get(int(number))
+        if begin is None:
+            continue
+        angle = float(begin + np.interp(text.at[0] - PAGE_EDGE, np.arange(len(line)), line))
+        radius = float(np.interp(row, np.arange(len(radii)), radii))
+        size = text.size_px[0] * px, text.size_px[1] * px
+        found.append(text.put(drawn.place(math.degrees(angle), radius), size, math.degrees(angle) + 90.0))
+    return found
+
+
+def page_of(picture: NDArray[np.uint8], still: NDArray[np.uint8], planes: Planes, texts: Sequence[Text]) -> Page:
+    """See a panel picture's strokes."""
+    return Page(picture, still, planes, strokes_in(picture), tuple(texts))

@@ -1,0 +1,227 @@
+"""Scales fitted to their ticks: each numeral's own mark, or why no scale is proposed.
+
+The numerals say the values, the ticks the angles. Both have to agree: a mark at every numeral, on an even scale at
+equal turns, on an uneven one the long marks, with as many small ones between them as the values ask for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from decoder.imaging.thresholds import HALF
+from decoder.panel.arrays import Floats
+from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.setup.finding.scales import Fit, Numeral
+from decoder.setup.finding.ticks import Comb, Tick
+from decoder.setup.thresholds import ENOUGH, LEAST_RUN, NEAR_DEG, OFF_DEG
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A numeral beside its tick: what stands in the scale, and where both are in the picture."""
+
+    angle_deg: float
+    value: float
+    numeral: Numeral
+    off_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """A scale, clockwise by angles that only grow.
+
+    Attributes
+    ----------
+    marks
+        Each numeral with its tick.
+    turn
+        What a full turn is worth, where it goes all the way round.
+    is_even
+        Whether equal turns are worth equal values.
+    doubt
+        Why it is not to be trusted; empty if it is.
+    """
+
+    fit: Fit
+    marks: tuple[Mark, ...]
+    turn: float | None
+    is_even: bool
+    doubt: str
+
+
+def marked(fit: Fit, comb: Comb) -> Marked:
+    """Find the tick of each numeral of a fit."""
+    if fit.family is not None:
+        return _all_round(fit, comb)
+    angles = _unwound(fit.numerals)
+    values = np.array(fit.values)
+    even = _even(fit, comb, angles, values)
+    if even is not None:
+        return even
+    return _uneven(fit, comb, angles, values)
+
+
+def _unwound(numerals: Sequence[Numeral]) -> Floats:
+    turns = np.array([each.angle_deg for each in numerals])
+    found: Floats = turns[0] + np.concatenate([[0.0], np.cumsum(np.diff(turns) % FULL_CIRCLE_DEG)])
+    return found
+
+
+def _nearest(comb: Comb, angle_deg: float, reach_deg: float) -> Tick | None:
+    near = [tick for tick in comb.ticks if abs(_away(tick.angle_deg, angle_deg)) <= reach_deg]
+    return min(near, key=lambda tick: abs(_away(tick.angle_deg, angle_deg)), default=None)
+
+
+def _away(one_deg: float, other_deg: float) -> float:
+    return (one_deg - other_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
+
+
+def _all_round(fit: Fit, comb: Comb) -> Marked:
+    """Lay the places of a full dial on its ticks: they are known but for how the dial is turned."""
+    if fit.family is None:
+        raise ValueError("not numbered all the way round")
+    degrees = FULL_CIRCLE_DEG / fit.family.turn
+    values = np.array(fit.values)
+    offs = [_away(each.angle_deg, degrees * value) for each, value in zip(fit.numerals, values, strict=True)]
+    begin = offs[0] + float(np.median([_away(off, offs[0]) for off in offs]))
+    places = sorted(range(len(values)), key=lambda index: float((degrees * values[index]) % FULL_CIRCLE_DEG))
+    # The turn that brings most places onto ticks, near the one that the numerals say.
+    ticks = np.array([tick.angle_deg for tick in comb.ticks])
+    all_places = begin + degrees * np.arange(round(fit.family.turn / fit.family.step)) * fit.family.step
+    best, moved = 0.0, 0.0
+    for turn in np.arange(-NEAR_DEG / 2, NEAR_DEG / 2 + 0.01, 0.1):
+        miss = np.abs((ticks[None, :] - all_places[:, None] - turn + 180.0) % FULL_CIRCLE_DEG - 180.0).min(axis=1)
+        long = float(np.maximum(1.0 - (miss / OFF_DEG) ** 2, 0.0).sum()) - 0.02 * abs(turn)
+        if long > best:
+            best, moved = long, float(turn)
+    near = [_nearest(comb, place + moved, OFF_DEG) for place in all_places]
+    hit = [
+        _away(tick.angle_deg, place + moved) for tick, place in zip(near, all_places, strict=True) if tick is not None
+    ]
+    begin += moved + (float(np.median(hit)) if hit else 0.0)
+    marks = []
+    for index in places:
+        at = begin + degrees * values[index]
+        marks.append(Mark(at, float(values[index]), fit.numerals[index], _away(fit.numerals[index].angle_deg, at)))
+    doubt = "" if len(hit) * 3 >= 2 * len(all_places) else "its numerals stand as on a full dial, but its ticks do not"
+    return Marked(fit, tuple(marks), fit.family.turn, is_even=True, doubt=doubt)
+
+
+def _doubt_of(fit: Fit, with_tick: int) -> str:
+    if with_tick < ENOUGH:
+        said = ", ".join(each.said for each in fit.numerals)
+        return f"only {with_tick} numerals with a mark of their own ({said})"
+    if len(fit.strangers) * 6 > len(fit.numerals):
+        return "numbers between its numerals do not fit: " + ", ".join(each.said for each in fit.strangers)
+    return ""
+
+
+def _even(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked | None:
+    """Lay equal turns on the ticks; None where the numerals stand at no equal turns."""
+    slope, start = np.polyfit(values, angles, 1)
+    if np.abs(slope * values + start - angles).max() > NEAR_DEG:
+        return None
+    own: list[Tick | None] = []
+    for _ in range(3):
+        own = [_nearest(comb, slope * value + start, NEAR_DEG / 2) for value in values]
+        there = [index for index, tick in enumerate(own) if tick is not None]
+        if len(there) < LEAST_RUN:
+            return None
+        at = [
+            slope * values[index] + start + _away(tick.angle_deg, slope * values[index] + start)
+            for index, tick in enumerate(own)
+            if tick is not None
+        ]
+        slope, start = _line(values[there], np.array(at))
+    off = [_away(tick.angle_deg, slope * values[index] + start) for index, tick in enumerate(own) if tick is not None]
+    close = [abs(each) <= OFF_DEG for each in off]
+    if sum(close) < len(close) or sum(close) * 4 < len(values) * 3:
+        return None
+    marks = []
+    for index, tick in enumerate(own):
+        there_deg = slope * values[index] + start
+        angle = there_deg if tick is None else there_deg + _away(tick.angle_deg, there_deg)
+        marks.append(
+            Mark(float(angle), float(values[index]), fit.numerals[index], _away(fit.numerals[index].angle_deg, angle))
+        )
+    marks = _both_ends(fit, comb, marks)
+    doubt = _doubt_of(fit, len(off))
+    against = [each for each in fit.beyond if not _goes_on(each, slope, start)]
+    if not doubt and len(against) * 6 > len(marks):
+        doubt = "numbers beyond its ends do not fit: " + ", ".join(each.said for each in against)
+    return Marked(fit, tuple(marks), None, is_even=True, doubt=doubt)
+
+
+def _both_ends(fit: Fit, comb: Comb, marks: Sequence[Mark]) -> list[Mark]:
+    """Add the other end of a scale about a zero, where both ends share a numeral: a tick as far on the other side."""
+    kept = list(marks)
+    zero = next((mark for mark in marks if mark.value == 0), None)
+    if not fit.is_centred or zero is None:
+        return kept
+    for end, place in ((marks[0], len(kept)), (marks[-1], 0)):
+        if any(mark.value == -end.value for mark in marks):
+            continue
+        angle = 2 * zero.angle_deg - end.angle_deg
+        tick = _nearest(comb, angle, 2 * OFF_DEG)
+        if (
+            tick is not None
+            and abs(kept[-1].angle_deg - kept[0].angle_deg) + abs(angle - kept[min(place, len(kept) - 1)].angle_deg)
+            < FULL_CIRCLE_DEG
+        ):
+            kept.insert(place, Mark(angle + _away(tick.angle_deg, angle), -end.value, end.numeral, end.off_deg))
+    return kept
+
+
+def _goes_on(numeral: Numeral, slope: float, start: float) -> bool:
+    """Whether a scale that goes on beyond its ends has a number there, or the other side of a zero has it."""
+    return any(abs(_away(slope * sign * numeral.value + start, numeral.angle_deg)) <= NEAR_DEG for sign in (1.0, -1.0))
+
+
+def _line(values: Floats, angles: Floats) -> tuple[float, float]:
+    weights = np.ones_like(values)
+    slope, start = 0.0, 0.0
+    for _ in range(6):
+        slope, start = np.polyfit(values, angles, 1, w=weights)
+        left = np.abs(slope * values + start - angles)
+        weights = 1.0 / (1.0 + (left / (0.3 + 1.5 * float(np.median(left)))) ** 2)
+    return float(slope), float(start)
+
+
+def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
+    """Give each numeral the likeliest of the marks beside it: the long ones, the near ones."""
+    lengths = np.array([tick.length_px for tick in comb.ticks])
+    long = float(np.percentile(lengths, 85))
+    marks, with_tick = [], []
+    for numeral, angle_deg, value in zip(fit.numerals, angles, values, strict=True):
+        near = [tick for tick in comb.ticks if abs(_away(tick.angle_deg, angle_deg)) <= NEAR_DEG]
+        tick = min(
+            near,
+            key=lambda each: abs(_away(each.angle_deg, angle_deg)) / NEAR_DEG + 2 * max(1 - each.length_px / long, 0.0),
+            default=None,
+        )
+        if tick is None:
+            continue
+        off = _away(tick.angle_deg, float(angle_deg))
+        marks.append(Mark(float(angle_deg + off), float(value), numeral, -off))
+        with_tick.append(tick)
+    if len(marks) < ENOUGH:
+        return Marked(fit, tuple(marks), None, is_even=False, doubt=_doubt_of(fit, len(marks)))
+    doubt = _doubt_of(fit, len(marks))
+    steps = np.diff([mark.value for mark in marks])
+    turns = np.diff([mark.angle_deg for mark in marks])
+    if not doubt and not (turns > 0).all():
+        doubt = "two numerals would have one mark"
+    between = [_between(comb, one.angle_deg, other.angle_deg) for one, other in pairwise(marks)]
+    ratio = (np.array(between) + 1) / np.abs(steps)
+    if not doubt and np.mean(np.abs(ratio / np.median(ratio) - 1) < 0.3) < HALF:  # noqa: PLR2004
+        doubt = "the ticks between its numerals do not count evenly"
+    return Marked(fit, tuple(marks), None, is_even=False, doubt=doubt)
+
+
+def _between(comb: Comb, first_deg: float, last_deg: float) -> int:
+    span = (last_deg - first_deg) % FULL_CIRCLE_DEG
+    return sum(OFF_DEG < (tick.angle_deg - first_deg) % FULL_CIRCLE_DEG < span - OFF_DEG for tick in comb.ticks)

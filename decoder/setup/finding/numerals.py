@@ -1,0 +1,150 @@
+"""What is printed on a panel, read by a text recognizer whose weights come with its package; nothing is downloaded.
+
+The package is an extra. What it reads is only as good as its agreement with the marks: `scales` decides about that.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.util import find_spec
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.panel.arrays import Floats
+from decoder.setup.thresholds import SAME_PLACE
+
+PACKAGES = ("rapidocr", "onnxruntime")
+EXTRA = "pip install 'image-flight-recorder[ocr]'"
+
+# The picture is read as it is and enlarged: large letters are lost in the one, small ones in the other.
+ENLARGED = (1.0, 2.0)
+LIKED_PX = 740
+
+_NUMBER = re.compile(r"^[^0-9A-Za-z+.]*([+-]?)(\d{1,3}(?:,\d{3})+|\d+\.\d+|\d+)[^0-9A-Za-z]*$")
+_MISREAD = str.maketrans("OoQDIl|", "0000111")
+_MOSTLY_DIGITS = re.compile(r"^[-+]?[\dOoQDIl|.]*\d[\dOoQDIl|.]*$")
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A piece of print.
+
+    Attributes
+    ----------
+    said
+        As it was read.
+    at
+        Its middle, pixels of the picture.
+    size_px
+        Along and across its line.
+    turned_deg
+        How its line is turned, clockwise.
+    sure
+        What the recognizer gives itself, 0 to 1.
+    """
+
+    said: str
+    at: tuple[float, float]
+    size_px: tuple[float, float]
+    turned_deg: float
+    sure: float
+
+    @property
+    def value(self) -> float | None:
+        """The number that it is, without its sign, since a tick beside it looks like one; None for words."""
+        said = self.said.replace(" ", "")
+        if _MOSTLY_DIGITS.match(said):
+            said = said.translate(_MISREAD)
+        match = _NUMBER.match(said)
+        return None if match is None else float(match[2].replace(",", ""))
+
+    def shifted(self, right_px: float, down_px: float) -> Text:
+        """Move it: one that was read in a part of the picture."""
+        return replace(self, at=(self.at[0] + right_px, self.at[1] + down_px))
+
+    def put(self, at: tuple[float, float], size_px: tuple[float, float], turned_deg: float) -> Text:
+        """Put it elsewhere: one that was read in an unrolled dial, back on the dial."""
+        return replace(self, at=at, size_px=size_px, turned_deg=turned_deg)
+
+
+def is_there() -> bool:
+    """Whether the recognizer is installed."""
+    return all(find_spec(package) is not None for package in PACKAGES)
+
+
+@cache
+def _engine() -> Any:  # noqa: ANN401 - of a package that may be absent
+    from rapidocr import RapidOCR  # noqa: PLC0415 - an extra, and half a second
+
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        return RapidOCR(
+            params={
+                "Global.max_side_len": 1 << 15,
+                "Global.log_level": "critical",
+                "Global.use_cls": False,
+                "EngineConfig.onnxruntime.intra_op_num_threads": 2,
+            }
+        )
+    finally:
+        logging.disable(before)
+
+
+def seen_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
+    """Read a picture, enlarged."""
+    shown = picture if scale == 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+    # A picture smaller than the recognizer likes would be enlarged again, until its letters are no more than blots.
+    lacking = np.subtract(LIKED_PX, shown.shape)
+    more = [int(each) // 2 for each in lacking.clip(0)]
+    level = int(np.median(shown))
+    shown = cv2.copyMakeBorder(shown, more[0], more[0], more[1], more[1], cv2.BORDER_CONSTANT, value=level)
+    found = _engine()(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
+    if found.boxes is None:
+        return []
+    return [
+        _text(np.asarray(box, np.float64) - (more[1], more[0]), said, sure, scale)
+        for box, said, sure in zip(found.boxes, found.txts, found.scores, strict=True)
+    ]
+
+
+def _text(box: Floats, said: str, sure: float, scale: float) -> Text:
+    box = (box + 0.5) / scale - 0.5
+    along, across = box[1] - box[0], box[3] - box[0]
+    x, y = box.mean(axis=0)
+    size = (float(np.hypot(*along)), float(np.hypot(*across)))
+    return Text(said, (float(x), float(y)), size, math.degrees(math.atan2(along[1], along[0])), float(sure))
+
+
+def texts_in(picture: NDArray[np.uint8]) -> list[Text]:
+    """Read a grey picture at several sizes, each place once; the surest reading of it.
+
+    Parameters
+    ----------
+    picture : (H, W)
+    """
+    found = [text for scale in ENLARGED for text in seen_at(picture, scale)]
+    return texts_once(found)
+
+
+def texts_once(found: Sequence[Text]) -> list[Text]:
+    """Keep one reading of each place: a number rather than words, and the surest."""
+    kept: list[Text] = []
+    for text in sorted(found, key=lambda each: (each.value is None, -each.sure)):
+        if not any(_overlap(text, other) for other in kept):
+            kept.append(text)
+    return kept
+
+
+def _overlap(one: Text, other: Text) -> bool:
+    near = SAME_PLACE * min(one.size_px[1], other.size_px[1])
+    dx, dy = abs(one.at[0] - other.at[0]), abs(one.at[1] - other.at[1])
+    return dy < near and dx < max(near, (one.size_px[0] + other.size_px[0]) / 2 * SAME_PLACE)

@@ -1,0 +1,374 @@
+"""Gauges proposed: each dial as it would stand in `panel.yaml`, with its evidence, and what is not known.
+
+A scale of which anything is in doubt is not proposed: a wrong value costs more than a dial that somebody has to draw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.matching.thresholds import MIN_VIEWS
+from decoder.panel.thresholds import BEYOND_SWEEP_DEG
+from decoder.registration.thresholds import SCORE_THRESHOLD
+from decoder.setup.drafts import Stale
+from decoder.setup.drawn_plane import Planes
+from decoder.setup.finding.anchors import anchors_on
+from decoder.setup.finding.dials import FoundDial, dials_on, page_of, seen_around
+from decoder.setup.finding.legends import Legend, legend_of
+from decoder.setup.finding.marks import Marked, marked
+from decoder.setup.finding.motion import hands_turn, turned_deg
+from decoder.setup.finding.numerals import EXTRA, Text, is_there, texts_in
+from decoder.setup.finding.scales import fits
+from decoder.setup.proposals import Dial, Pictures, Proposal, proposed
+from decoder.setup.session import Aligned, SetupSession
+
+Document = dict[str, Any]
+
+# Needles are read between these parts of their ticks' inner ends: clear of the hub, short of the marks.
+FROM_PART, TO_PART = 0.3, 0.98
+# Of several hands the longest alone goes out so far.
+LONGEST_PART = 0.65
+PLACES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SeenMark:
+    """A value of a scale, and where its mark and its numeral are in the picture."""
+
+    value: float
+    said: str
+    sure: float
+    numeral: tuple[float, float]
+    mark: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedGauge:
+    """A dial.
+
+    Attributes
+    ----------
+    gauge
+        As it stands in `panel.yaml`; None where something that it needs is not known.
+    centre, rim
+        Where it is in the picture.
+    name
+        To call it by.
+    marks
+        Its scale, as far as it was read.
+    evidence
+        What speaks for it, sentence by sentence.
+    lacking
+        What was not found, sentence by sentence.
+    """
+
+    gauge: Document | None
+    centre: tuple[float, float]
+    rim: tuple[tuple[float, float], ...]
+    name: str
+    marks: tuple[SeenMark, ...]
+    evidence: tuple[str, ...]
+    lacking: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """All that is proposed on a picture: anchors as `panel.yaml` has them, and gauges, whole or not."""
+
+    anchors: tuple[Document, ...]
+    gauges: tuple[ProposedGauge, ...]
+    notes: tuple[str, ...] = field(default=())
+
+
+def found_on(session: SetupSession, document: Mapping[str, Any], key: str, stale: Stale) -> Found:
+    """Find what there is to propose on a picture of a session.
+
+    Parameters
+    ----------
+    document : the draft so far; its anchors stay
+    key : of the panel picture
+    stale : whether nobody waits for the answer any more
+    """
+    picture = session.store.grey(key)
+    others = [
+        frame.pixels
+        for index, frame in session.frames()
+        if f"frame-{index}" != key and frame.pixels.shape == picture.shape
+    ]
+    anchors = list(document.get("anchors") or [])
+    notes = []
+    if not anchors:
+        proposals = anchors_on(picture, others)
+        anchors = [{"name": f"anchor_{number + 1}", "box": list(each.box)} for number, each in enumerate(proposals)]
+        notes.append(_of_anchors(len(anchors), len(others)))
+    draft = {**document, "anchors": anchors}
+    aligned = session.aligned(draft, key, stale)
+    planes = session.planes(draft, key)
+    seen = Pictures(picture, aligned, planes.optics.own)
+    if not is_there():
+        notes.append(f"no numerals are read: that takes {EXTRA}")
+    texts = texts_in(picture) if is_there() else []
+    laid = _laid(picture, aligned, planes)
+    still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
+    dials = dials_on(page_of(picture, still, planes, texts))
+    gauges: list[ProposedGauge] = []
+    for dial in dials:
+        turns = hands_turn(laid, still, dial.comb.rim, dial.comb.ring_px[0])
+        gauges.append(_proposed(dial, seen, {each.name for each in gauges}, hands=turns))
+    return Found(tuple(anchors), tuple(gauges), tuple(notes))
+
+
+def _of_anchors(count: int, frames: int) -> str:
+    if not count:
+        return "no anchor was found that stays and looks like nothing else; draw one"
+    return f"{count} anchors that look like nothing else" + (f" and stay in {frames} other frames" if frames else "")
+
+
+def _laid(picture: GreyPicture, aligned: Aligned, planes: Planes) -> list[GreyPicture]:
+    """Lay each frame on the panel picture."""
+    height, width = picture.shape
+    columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    straight = np.asarray(planes.optics.straight(np.stack([columns.ravel(), rows.ravel()])), np.float32)
+    points = np.ascontiguousarray(straight.T.reshape(height, width, 2))
+    laid = []
+    for frame, alignment in aligned:
+        there = np.asarray(alignment.places(points), np.float32)
+        seen = cv2.remap(frame, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        laid.append(np.asarray(seen, np.uint8))
+    return laid
+
+
+def _proposed(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) -> ProposedGauge:
+    comb, drawn = dial.comb, dial.comb.rim.drawn
+    _, outer_px = comb.ring_px
+    evidence = [f"{len(comb.ticks)} ticks around one point, on a ring {comb.miss_px:.1f} px off a circle"]
+    lacking: list[str] = []
+    texts = dial.texts
+    scale = _scale(dial, texts)
+    legend = _legend(dial, texts, scale)
+    is_rose = scale is not None and scale.fit.family is not None and scale.fit.family.has_letters
+    name = _free(legend.name or ("compass" if is_rose else "dial"), taken)
+    marks = () if scale is None else _marks(scale, dial)
+    gauge: Document | None = None
+    if scale is None:
+        lacking.append("no numerals in order around it" if is_there() else "its numerals are not read")
+    else:
+        evidence.append(_words(scale, legend))
+        doubt = scale.doubt
+        if not doubt and scale.fit.is_centred and legend.unit not in ("fpm", "A"):
+            doubt = "it rises to both sides of 0, and nothing tells which is positive"
+        if (
+            not doubt
+            and scale.fit.family is not None
+            and scale.fit.family.name == "altimeter"
+            and legend.name != "altimeter"
+        ):
+            doubt = "its digits go all the way round, and no word tells what they count"
+        if doubt:
+            lacking.append(f"no scale: {doubt}")
+        else:
+            gauge, said = _gauge(dial, scale, legend, name, seen, hands=hands)
+            (evidence if gauge is not None else lacking).extend(said)
+    if scale is not None and not legend.unit and (scale.fit.family is None or scale.fit.family.name == "altimeter"):
+        lacking.append("no word tells its unit")
+    ring = tuple((float(x), float(y)) for x, y in drawn.ring(outer_px).T)
+    return ProposedGauge(gauge, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
+
+
+def _scale(dial: FoundDial, texts: Sequence[Text]) -> Marked | None:
+    inner_px, outer_px = dial.comb.ring_px
+    found = [
+        marked(fit, dial.comb)
+        for fit in fits(seen_around(texts, dial.comb.rim.drawn))
+        if 0.6 * inner_px < fit.radius_px < 1.5 * outer_px
+    ]
+    return max(found, key=lambda each: (not each.doubt, each.fit.weight), default=None)
+
+
+def _legend(dial: FoundDial, texts: Sequence[Text], scale: Marked | None) -> Legend:
+    drawn = dial.comb.rim.drawn
+    radius_px = scale.fit.radius_px if scale is not None else dial.comb.ring_px[0]
+    words = [text for text in texts if text.value is None and drawn.polar(text.at)[1] < 1.3 * dial.comb.ring_px[1]]
+    words.sort(key=lambda text: abs(drawn.polar(text.at)[1] - radius_px))
+    return legend_of([text.said for text in words])
+
+
+def _free(name: str, taken: set[str]) -> str:
+    number, free = 1, name
+    while free in taken:
+        number += 1
+        free = f"{name} {number}"
+    return free
+
+
+def _marks(scale: Marked, dial: FoundDial) -> tuple[SeenMark, ...]:
+    radius_px = sum(dial.comb.ring_px) / 2
+    return tuple(
+        SeenMark(
+            mark.value,
+            mark.numeral.said,
+            mark.numeral.sure,
+            mark.numeral.at,
+            dial.comb.rim.drawn.place(mark.angle_deg, radius_px),
+        )
+        for mark in scale.marks
+    )
+
+
+def _words(scale: Marked, legend: Legend) -> str:
+    numerals = ", ".join(each.said for each in scale.fit.numerals)
+    kind = (
+        f"numbered as {'an' if scale.fit.family.name[0] == 'a' else 'a'} {scale.fit.family.name}"
+        if scale.fit.family
+        else ("at equal turns" if scale.is_even else "at uneven turns")
+    )
+    told = (
+        f"; {' '.join(legend.said)!r} tells {legend.name or 'the unit'}{', ' + legend.unit if legend.unit else ''}"
+        if legend.said
+        else ""
+    )
+    return f"numerals {numerals}, {kind}, each with a mark{told}"
+
+
+def _gauge(
+    dial: FoundDial, scale: Marked, legend: Legend, name: str, seen: Pictures, *, hands: bool
+) -> tuple[Document | None, list[str]]:
+    family = scale.fit.family
+    if family is not None and family.has_letters:
+        return _rose(dial, scale, name, seen, hands=hands)
+    wraps = None if family is None else family.turn
+    factor, unit, turns = (
+        legend.factor,
+        legend.unit,
+        _TURNS.get("" if family is None else family.name, lambda *_: None)(legend),
+    )
+    if turns is not None:
+        factor, unit = turns
+    pairs = [(mark.angle_deg, mark.value * factor) for mark in scale.marks]
+    if wraps is not None:
+        start = pairs[0][0] - pairs[0][1] / factor * 360.0 / wraps
+        pairs = [(start, 0.0), (start + 180.0, wraps * factor / 2)]
+    shift = 360.0 * math.floor(pairs[0][0] / 360.0)
+    pairs = [(angle - shift, value) for angle, value in pairs]
+    sweep = _turn_from(pairs[0][0]) if wraps is not None else _sweep([angle for angle, _ in pairs])
+    if family is not None and family.name == "clock":
+        return None, ["which of its hands is which is not told: draw them"]
+    from_part = FROM_PART if family is None else LONGEST_PART
+    needles = _needles(dial, sweep, seen, from_part)
+    if not needles:
+        return None, [f"no needle: nothing moved on it in {len(seen.frames)} frames"]
+    column = "_".join(name.split()) + (f"_{_plain(unit)}" if unit else "")
+    gauge = {
+        **_placed(dial, name, sweep, from_part),
+        "unit": unit,
+        "scale": [[round(angle, 2), round(value, PLACES)] for angle, value in pairs],
+        **({} if wraps is None else {"wraps": wraps * factor}),
+        "needles": [{"name": column, "template": {"at": round(needles[0].at_deg, 2), "span": needles[0].span_deg}}],
+    }
+    said = [f"what moves on it points to {needles[0].at_deg % 360:.0f} degrees here"]
+    if family is not None:
+        said.append("only its longest hand is proposed, which tells the value within a turn; draw the others")
+    return _native(gauge), said
+
+
+def _hundreds(legend: Legend) -> tuple[float, str]:
+    return (100.0, "ft") if legend.unit in ("ft", "") and legend.name == "altimeter" else (legend.factor, legend.unit)
+
+
+_TURNS: Mapping[str, Callable[[Legend], tuple[float, str]]] = {
+    "altimeter": _hundreds,
+    "clock": lambda _: (3600.0, "s"),
+}
+
+
+def _rose(
+    dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, hands: bool
+) -> tuple[Document | None, list[str]]:
+    """Propose a compass: a card if its rose turns between frames, else a rose with a needle over it."""
+    start = scale.marks[0].angle_deg - scale.marks[0].value * 360.0 / (
+        scale.fit.family.turn if scale.fit.family else 360.0
+    )
+    start %= 360.0
+    sweep = _turn_from(start)
+    inner_px, outer_px = dial.comb.ring_px
+    heights = float(np.median([mark.numeral.height_px for mark in scale.marks]))
+    ring = (
+        min(inner_px, scale.fit.radius_px - heights / 2) - 1.0,
+        max(outer_px, scale.fit.radius_px + heights / 2) + 1.0,
+    )
+    turns = [abs(turn) for turn, score in turned_deg(seen, dial.comb.rim, ring) if score >= SCORE_THRESHOLD]
+    turning = bool(turns) and max(turns) > 2.0  # noqa: PLR2004
+    needles = _needles(dial, sweep, seen) if hands and not turning else []
+    column = "_".join(name.split()) + "_deg"
+    common = {**_placed(dial, name, sweep), "unit": "deg",
+              "scale": [[round(start, 2), 0], [round(start + 180.0, 2), 180]], "wraps": 360}  # fmt: skip
+    if needles:
+        tip = needles[0]
+        return _native(
+            {
+                **common,
+                "tail": True,
+                "needles": [{"name": column, "template": {"at": round(tip.at_deg, 2), "span": tip.span_deg}}],
+            }
+        ), [f"its rose stands still and something turns over it, at {tip.at_deg % 360:.0f} degrees here"]
+    said = (
+        f"its rose turns, by {max(turns):.0f} degrees"
+        if turning
+        else "its rose stood still, and nothing turned over it: a card that was not turned"
+    )
+    card = {"name": column, "index": 270}
+    return _native({**common, "sweep": [0, 360], "radius": [round(each, 2) for each in ring], "card": card}), [said]
+
+
+def _native(part: Any) -> Any:  # noqa: ANN401 - any part of a draft
+    """Make numpy's numbers Python's, as YAML and JSON have them."""
+    if isinstance(part, dict):
+        return {key: _native(each) for key, each in part.items()}
+    if isinstance(part, list | tuple):
+        return [_native(each) for each in part]
+    return part.item() if isinstance(part, np.generic) else part
+
+
+def _placed(dial: FoundDial, name: str, sweep: tuple[float, float], from_part: float = FROM_PART) -> Document:
+    rim = dial.comb.rim
+    inner_px, _ = dial.comb.ring_px
+    placed: Document = {
+        "name": name,
+        "centre": [round(at, 2) for at in rim.centre],
+        "radius": [round(from_part * inner_px, 2), round(TO_PART * inner_px, 2)],
+        "sweep": [round(each, 2) for each in sweep],
+    }
+    if rim.points is not None:
+        placed["rim"] = rim.points
+    return placed
+
+
+def _turn_from(start_deg: float) -> tuple[float, float]:
+    first = float(round(start_deg))
+    return first, first + 360.0
+
+
+def _sweep(angles: Sequence[float]) -> tuple[float, float]:
+    first, last = angles[0], angles[-1]
+    beyond = min(BEYOND_SWEEP_DEG, (360.0 - (last - first)) / 2)
+    return first - beyond, last + beyond
+
+
+def _plain(unit: str) -> str:
+    return "".join(each if each.isalnum() else "_" for each in unit)
+
+
+def _needles(
+    dial: FoundDial, sweep: tuple[float, float], seen: Pictures, from_part: float = FROM_PART
+) -> list[Proposal]:
+    inner_px, _ = dial.comb.ring_px
+    span = (sweep[0], min(sweep[1], sweep[0] + 360.0))
+    shown = Dial(dial.centre, (from_part * inner_px, TO_PART * inner_px), span, dial.comb.rim.drawn.plane)
+    return proposed(seen, shown) if len(seen.frames) > 1 else []

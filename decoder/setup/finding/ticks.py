@@ -1,0 +1,289 @@
+"""Tick marks around a pivot: where the comb stands, the plane it is seen in, and each mark's angle.
+
+The strokes that aim at a pivot from about one distance are its ticks. Their lines meet in it, to a part of a pixel, and
+the ring that they begin or end on tells how obliquely the dial is seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decoder.imaging.thresholds import HALF
+from decoder.panel.arrays import Floats
+from decoder.panel.errors import PictureError
+from decoder.registration.thresholds import NOISE_LEVELS
+from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, sampled_at
+from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, rim_of
+from decoder.setup.finding.strokes import Strokes
+from decoder.setup.thresholds import (
+    ALL_ROUND_DEG,
+    FURTHEST,
+    LEAST_APART_DEG,
+    LEAST_STROKES,
+    LEAST_TICKS,
+    LONGEST_PART,
+    MAX_FLATNESS,
+    MISS_PART,
+    MISS_PX,
+    NEAREST,
+)
+
+PASSES = 5
+ROUNDS = 3
+ENDS = (("inner_px", 20), ("outer_px", 80))
+ANGLE_STEP_DEG = 0.25
+RADIUS_STEP_PX = 0.5
+# What lies this far to either side of a tick is the dial's face.
+BESIDE_DEG = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A mark: its angle on the dial's plane, and from where to where it reaches, in the dial's pixels."""
+
+    angle_deg: float
+    inner_px: float
+    outer_px: float
+    contrast: float
+
+    @property
+    def length_px(self) -> float:
+        """How long it is."""
+        return self.outer_px - self.inner_px
+
+
+@dataclass(frozen=True, slots=True)
+class Comb:
+    """The ticks of a dial, clockwise; `rim` is the ring that they stand on, `miss_px` how well their lines meet."""
+
+    rim: Rim
+    ticks: tuple[Tick, ...]
+    miss_px: float
+    lines: int
+
+    @property
+    def ring_px(self) -> tuple[float, float]:
+        """From where to where its ticks reach, most of them."""
+        inner, outer = (np.percentile([getattr(tick, end) for tick in self.ticks], part) for end, part in ENDS)
+        return float(inner), float(outer)
+
+
+def comb_around(
+    picture: NDArray[np.uint8], planes: Planes, strokes: Strokes, pivot: XY, numerals_px: float
+) -> Comb | None:
+    """Find the ticks around a pivot, near the ring of its numerals; None if there are too few.
+
+    Parameters
+    ----------
+    picture : (H, W)
+    numerals_px : how far its numerals are from the pivot
+    """
+    centre = pivot
+    for _ in range(PASSES):
+        own = _aiming(strokes, centre, numerals_px)
+        if len(own) < LEAST_STROKES:
+            return None
+        ring = _ring(own, centre)
+        meeting, _ = _meeting(own.where(ring), centre)
+        centre = meeting
+    own = _aiming(strokes, centre, numerals_px)
+    own = own.where(_ring(own, centre))
+    if len(own) < LEAST_STROKES:
+        return None
+    inner, outer = (float(np.median(end)) for end in _ends(own, centre))
+    drawn = planes.drawn(centre)
+    tried: list[tuple[float, Rim, list[Tick]]] = []
+    for _ in range(ROUNDS):
+        ticks = _ticks(picture, drawn, inner, outer)
+        if len(ticks) < LEAST_TICKS:
+            break
+        moved_to, inner, outer, off_px = _centred(drawn, ticks)
+        tried.append((off_px, Rim(drawn.centre, outer, None, drawn), ticks))
+        drawn = moved_to
+    for rim in (*_rims(picture, planes, drawn, inner, outer), *_bent(picture, planes, drawn, inner, outer)):
+        ticks = _ticks(picture, rim.drawn, inner, outer)
+        if len(ticks) >= LEAST_TICKS:
+            tried.append((_centred(rim.drawn, ticks)[3], rim, ticks))
+    if not tried:
+        return None
+    off_px, rim, ticks = min(tried, key=lambda each: each[0])
+    return Comb(rim, tuple(ticks), off_px, len(own))
+
+
+def _aiming(strokes: Strokes, centre: XY, numerals_px: float) -> Strokes:
+    away = strokes.at - np.array(centre)
+    far = np.hypot(away[:, 0], away[:, 1])
+    miss = np.abs(away[:, 0] * strokes.along[:, 1] - away[:, 1] * strokes.along[:, 0])
+    return strokes.where(
+        (miss < MISS_PART * far + MISS_PX)
+        & (far > NEAREST * numerals_px)
+        & (far < FURTHEST * numerals_px)
+        & (strokes.length_px < LONGEST_PART * far)
+    )
+
+
+def _ends(own: Strokes, centre: XY) -> tuple[Floats, Floats]:
+    far = np.hypot(*(own.at - np.array(centre)).T)
+    return far - own.length_px / 2, far + own.length_px / 2
+
+
+def _ring(own: Strokes, centre: XY) -> NDArray[np.bool_]:
+    """Choose the strokes that cross the circle which most strokes cross, each direction once."""
+    inner, outer = _ends(own, centre)
+    sector = (np.degrees(np.arctan2(*(own.at - np.array(centre)).T[::-1])) % 360.0 // 3).astype(np.int64)
+    radii = np.arange(inner.min(), outer.max() + 1.0, 1.0)
+    crossed = (inner[:, None] <= radii) & (radii <= outer[:, None])
+    counts = [len(set(sector[crossing])) for crossing in crossed.T]
+    best = crossed[:, int(np.argmax(counts))]
+    return np.asarray(best, np.bool_)
+
+
+def _meeting(own: Strokes, centre: XY) -> tuple[XY, float]:
+    """Where the lines of strokes meet, least squares with outliers losing their say; and their typical miss there."""
+    normal = np.stack([-own.along[:, 1], own.along[:, 0]], axis=1)
+    off = (normal * own.at).sum(axis=1)
+    at = np.array(centre)
+    weights = own.length_px.copy()
+    for _ in range(PASSES):
+        weighted = normal * weights[:, None]
+        at = np.linalg.lstsq(weighted.T @ normal, weighted.T @ off, rcond=None)[0]
+        left = np.abs(normal @ at - off)
+        spread = float(np.median(left)) + 0.05
+        weights = own.length_px / (1.0 + (left / (1.5 * spread)) ** 2)
+    return (float(at[0]), float(at[1])), float(np.median(left))
+
+
+def _centred(drawn: DrawnPlane, ticks: Sequence[Tick]) -> tuple[DrawnPlane, float, float, float]:
+    """Move a pivot to where the ticks' ends lie on circles: its plane, the distances of both ends there, and how far.
+
+    How far is what a circle around the old pivot misses the ends by, all round: by its place and by its shape.
+    """
+    angles = np.radians([tick.angle_deg for tick in ticks])
+    design = np.stack([np.cos(angles), np.sin(angles), np.ones_like(angles)], axis=1)
+    found = []
+    inner, outer = (np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS)
+    # Long and short ticks have one end in common, or their middles.
+    for ends in (inner, outer, (inner + outer) / 2):
+        weights = np.ones_like(ends)
+        for _ in range(PASSES):
+            weighted = design * weights[:, None]
+            # A comb on one side tells the radius and the place that way together: neither may run off.
+            step = np.linalg.solve(design.T @ weighted + 0.5 * np.diag([1.0, 1.0, 0.0]), weighted.T @ ends)
+            left = np.abs(design @ step - ends)
+            weights = 1.0 / (1.0 + (left / (1.5 * float(np.median(left)) + 0.2)) ** 2)
+        shape = np.array(
+            [
+                np.average((design @ step - ends) * np.cos(2 * angles + turn), weights=weights)
+                for turn in (0.0, np.pi / 2)
+            ]
+        )
+        found.append(
+            (float(np.average(left, weights=weights)), step, math.hypot(*step[:2]) + 2 * float(np.hypot(*shape)))
+        )
+    (_, inner, _), (_, outer, _), _ = found
+    _, (right, down, _), off_px = min(found, key=lambda each: each[0])
+    at = drawn.to_picture(np.array([[right], [down]]))[:, 0]
+    return drawn.around((float(at[0]), float(at[1]))), float(inner[2]), float(outer[2]), off_px
+
+
+def _rims(
+    picture: NDArray[np.uint8], planes: Planes, drawn: DrawnPlane, inner_px: float, outer_px: float
+) -> Iterator[Rim]:
+    """Fit the rings that the ticks begin and end on."""
+    for radius_px in (outer_px, inner_px):
+        clicks = [drawn.place(angle_deg, radius_px) for angle_deg in (20.0, 140.0, 260.0)]
+        try:
+            yield begun(picture, planes, clicks)
+        except PictureError:
+            continue
+
+
+def _bent(
+    picture: NDArray[np.uint8], planes: Planes, drawn: DrawnPlane, inner_px: float, outer_px: float
+) -> Iterator[Rim]:
+    """Bend the dial's plane until the ends of ticks that stand all round lie on circles."""
+    if planes.inches is not None:
+        return
+    ring = Ring(drawn, outer_px)
+    for _ in range(ROUNDS):
+        ticks = _ticks(picture, ring.drawn, inner_px, outer_px)
+        angles = np.sort([tick.angle_deg for tick in ticks])
+        if len(ticks) < 2 * LEAST_TICKS or np.diff(angles, append=angles[0] + 360.0).max() > ALL_ROUND_DEG:
+            return
+        ends = [np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS]
+        around = np.radians([tick.angle_deg for tick in ticks])
+        design = np.stack(
+            [np.cos(around), np.sin(around), np.ones_like(around), np.cos(2 * around), np.sin(2 * around)], axis=1
+        )
+        found = [_robust(design, each) for each in (*ends, (ends[0] + ends[1]) / 2)]
+        _, step = min(found, key=lambda each: each[0])
+        level = float(step[2])
+        bent = Ring(ring.drawn, level).stepped(step - np.array([0.0, 0.0, level, 0.0, 0.0]))
+        inner_px, outer_px = (float(each[1][2]) for each in found[:2])
+        ring = Ring(bent.drawn, outer_px)
+    if ring.flatness < MAX_FLATNESS:
+        points = rim_of(ring.drawn, outer_px)
+        yield Rim(ring.centre, outer_px, points, planes.drawn(ring.centre, points))
+
+
+def _robust(design: Floats, ends: Floats) -> tuple[float, Floats]:
+    """Fit ends by least squares, those far off losing their say: what is left, and the numbers."""
+    weights = np.ones_like(ends)
+    step: Floats = np.zeros(design.shape[1])
+    left = ends
+    for _ in range(PASSES):
+        weighted = design * weights[:, None]
+        step = np.linalg.lstsq(weighted.T @ design, weighted.T @ ends, rcond=None)[0]
+        left = np.abs(design @ step - ends)
+        weights = 1.0 / (1.0 + (left / (1.5 * float(np.median(left)) + 0.2)) ** 2)
+    return float(np.average(left, weights=weights)), step
+
+
+def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: float) -> list[Tick]:
+    """Measure every mark on the ring between two distances."""
+    long = 1.2 * (high - low) + 2.0
+    middle = (low + high) / 2
+    radii = np.arange(middle - long, middle + long, RADIUS_STEP_PX)
+    angles = np.radians(np.arange(0.0, 360.0, ANGLE_STEP_DEG))
+    points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
+    x, y = drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
+    light = sampled_at(picture, x, y)
+    beside = round(BESIDE_DEG / ANGLE_STEP_DEG)
+    around = np.concatenate([light[-beside:], light, light[:beside]])
+    plain = np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * beside + 1, axis=0), axis=-1)
+    contrast = light - plain
+    band = (radii >= low) & (radii <= high)
+    profile = contrast[:, band].mean(axis=1)
+    sign = 1.0 if np.percentile(profile, 97) > -np.percentile(profile, 3) else -1.0
+    signed = sign * profile
+    ahead = np.concatenate([signed[-4:], signed, signed[:4]])
+    top = signed >= np.lib.stride_tricks.sliding_window_view(ahead, 9).max(axis=-1)
+    high_enough = max(2 * NOISE_LEVELS, HALF * HALF * float(np.percentile(signed[top], 75)))
+    found = []
+    for row in np.flatnonzero(top & (signed > high_enough)):
+        along = sign * contrast[row]
+        half = HALF * float(along[band].mean())
+        at = int(np.flatnonzero(band)[along[band].argmax()])
+        below = np.flatnonzero(along < half)
+        start = below[below < at].max(initial=-1) + 1
+        end = below[below > at].min(initial=len(radii)) - 1
+        click = drawn.place(float(np.degrees(angles[row])), float(middle))
+        angle = mark_angle_deg(picture, drawn, click)
+        found.append(Tick(angle, float(radii[start]), float(radii[end]), float(signed[row])))
+    return _apart(sorted(found, key=lambda each: each.angle_deg))
+
+
+def _apart(ticks: Sequence[Tick]) -> list[Tick]:
+    kept: list[Tick] = []
+    for tick in ticks:
+        if kept and tick.angle_deg - kept[-1].angle_deg < LEAST_APART_DEG:
+            if tick.contrast > kept[-1].contrast:
+                kept[-1] = tick
+        else:
+            kept.append(tick)
+    return kept
