@@ -43,7 +43,7 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], frames: Iterable[F
     mixtures = list(before)
     for place, index in enumerate(coloured):
         best = best_mixture(drawn[index], [gauges[place] for gauges in seen], rows[index])
-        mixtures[index] = best if seen else before[index]
+        mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
         return reader
     panel = UnwrappedPanel(replace(source, mixtures=tuple(mixtures)))

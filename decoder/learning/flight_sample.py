@@ -95,12 +95,14 @@ class FlightSample:
             self._by_rank |= dict(zip(ranks, given, strict=True))
 
     def _decompressed(self, frame: Frame) -> Taken:
-        focal_length_mm = frame.exif.lens_mm
+        encoded, focal_length_mm = encoded_of(frame), frame.exif.lens_mm
         if self._rows is None or frame.group is not None:
-            encoded = encoded_of(frame)
             return FramePicture(grey_picture(encoded, self._video), focal_length_mm, coloured_by(encoded, self._video))
-        taken = PictureBlock().frame(frame.encoded, 0, focal_length_mm, self._rows, has_colour=True)
-        return replace(taken, whole=partial(self._whole, frame)) if isinstance(taken, TopOfFrame) else taken
+        taken = PictureBlock().frame(encoded, 0, focal_length_mm, self._rows)
+        coloured = coloured_by(encoded, self._video)  # in no memory that is kept
+        if isinstance(taken, TopOfFrame):
+            return replace(taken, whole=partial(self._whole, frame), coloured=coloured)
+        return replace(taken, coloured=coloured)
 
     def _whole(self, frame: Frame) -> FramePicture:
         """All of a frame whose first rows did not do: if they often do not, no more of them are tried."""

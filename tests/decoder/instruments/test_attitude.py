@@ -57,8 +57,12 @@ def draw(
     plain: bool = False,
     gain: float = 1.0,
     hand: float = 0.0,
+    turns: tuple[float, float] = (1.0, 1.0),
 ) -> GreyPicture:
-    """Draws one: `plain` has no sky and no ladder, only its line; a `hand` covers such a part of the dial."""
+    """Draws one: `plain` has no sky and no ladder, only its line; a `hand` covers such a part of the dial.
+
+    `turns` are by how much the horizon turns, and the way of its shift, for one degree of bank.
+    """
 
     def what(canvas: Canvas) -> None:
         reach = math.ceil((RIM_PX + 5) * SCALE)
@@ -70,7 +74,12 @@ def draw(
         right, up = x * math.cos(roll) - y * math.sin(roll), -x * math.sin(roll) - y * math.cos(roll)
         levels = np.full(radius.shape, BEZEL)
         seen = radius < WINDOW_PX
-        levels[seen] = horizon(right[seen], up[seen] / A_DEGREE_PX + pitch_deg, plain=plain)
+        turned, way = (turn * roll for turn in turns)
+        down_px = pitch_deg * A_DEGREE_PX
+        x_off, y_off = x - down_px * math.sin(way), y - down_px * math.cos(way)
+        its_right = x_off * math.cos(turned) - y_off * math.sin(turned)
+        its_up = -x_off * math.sin(turned) - y_off * math.cos(turned)
+        levels[seen] = horizon(its_right[seen], its_up[seen] / A_DEGREE_PX, plain=plain)
         if ring:
             around = (radius > RING_PX + 2) & (radius < RIM_PX - 2)
             levels[around] = marks_of_bank(right[around], up[around])
@@ -330,3 +339,38 @@ def test_what_cannot_be_is_said_in_a_sentence(wrong: dict[str, Any], said: str) 
 
     with pytest.raises(PanelError, match=said):
         reader_for([gauge], draw(0, 0))
+
+
+def test_pitch_lies_on_its_ladder_as_on_a_scale() -> None:
+    """A ladder need not be even: between its marks pitch is on the line between them."""
+    described_so = described(ring=False)
+    described_so["attitude"]["ladder"] = [[-20, -10], [0, 0], [14, 10]]
+    gauge = Gauge.model_validate({"centre": CENTRE, **described_so})
+    pitch = gauge.quantities[1]
+    scale = Scale.of(pitch.marks)
+
+    angles = np.degrees(np.array([-10.0, 7.0]) / (sum(gauge.radius) / 2))
+    assert scale.values_at(angles) == pytest.approx([-5.0, 5.0])
+
+
+def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:
+    """Nothing is printed to draw it by: a panel that has it turn by half of bank is read as well as a right one."""
+    turns = 1.5, 0.75
+    described_wrongly = described(ring=True)
+    apart = math.radians((turns[0] - turns[1]) * PANEL_ROLL_DEG)
+    level_px = PANEL_PITCH_DEG * A_DEGREE_PX * math.cos(apart)
+    described_wrongly["attitude"] |= {
+        "ladder": [[deg * A_DEGREE_PX - level_px, deg] for deg in (-10, 0, 10)],
+        "horizon_turn": turns[0],
+        "shift_turn": 0.5,
+    }
+    rolls = [0, 8, 25, 36, 42, 30, 5, -10, -28, -40, -44, -33, -12, 3, 15, -5]
+    pitches = [0, 5, 11, 8, 6, -6, -12, -12, -8, -2, 7, 10, 12, 12, -12, 1]
+    frames = [draw(*both, 500 + seed, turns=turns) for seed, both in enumerate(zip(rolls, pitches, strict=True))]
+    reader = reader_for([described_wrongly], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, turns=turns), frames)
+
+    assert reader.appearance.pictures["roll_deg"].shift_turn == pytest.approx(turns[1], abs=0.08)
+    for roll_deg, pitch_deg in ((38.0, 9.0), (-35.0, -9.0), (0.0, 6.0)):
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 600, turns=turns))
+        assert read.readings["pitch_deg"].status is Status.READ
+        assert values(reader, read)["pitch_deg"] == pytest.approx(pitch_deg, abs=0.3)

@@ -60,8 +60,10 @@ FIT_STEPS = 5
 # What is not explained lies in patches, not in pixels: the window has so many around, and across.
 PATCHES = 12, 3
 ROUNDS = 5
-# A pitch mark is drawn so well, on a line that is tilted.
-MARK_PX = 0.5
+# The law by which an odd horizon shifts is looked for in such parts of its turn.
+LAW_STEPS = 6
+# A pitch mark is drawn so well on a line that is tilted, and anywhere in it: lines are a thirtieth of the radius thick.
+MARK_PX, MARK_PART = 0.5, 0.01
 
 Spectra = NDArray[np.complexfloating[Any, Any]]
 
@@ -94,12 +96,15 @@ class AttitudePicture:
         (P, C) float32, the window in the panel picture.
     origin
         Where that shows what is in `horizon`.
+    shift_turn
+        By how many degrees the way of its shift turns for one of the ring, as the panel has it or a flight tells.
     """
 
     horizon: Floats
     weights: Floats
     ring: CardPicture | None
     drawn: UnwrappedGauge
+    shift_turn: float
     origin: Place = AS_DRAWN
 
 
@@ -149,6 +154,15 @@ class Attitudes:
         if gauge.attitude is None:
             raise AssertionError(f"{gauge.name} is no attitude indicator")
         return cls(gauge.attitude, gauge, grid)
+
+    def shifting(self, shift_turn: float) -> Attitudes:
+        """Let the way of its shift turn by so many degrees for one of the ring."""
+        return replace(self, own=self.own.model_copy(update={"shift_turn": shift_turn}))
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether its horizon turns otherwise than the way of its shift, which no mark on it tells."""
+        return self.own.shift_turn != self.own.horizon_turn
 
     @cached_property
     def rows(self) -> int:
@@ -217,7 +231,8 @@ class Attitudes:
         """How well marks that a hand drew tell a place on the ladder: along the line through them."""
         middle_px = float(self._ups_px.mean())
         off_px = self._ups_px - middle_px
-        return MARK_PX * math.sqrt(1.0 / len(off_px) + (up_px - middle_px) ** 2 / float(off_px @ off_px))
+        mark_px = math.hypot(MARK_PX, MARK_PART * self.gauge.radius[1])
+        return mark_px * math.sqrt(1.0 / len(off_px) + (up_px - middle_px) ** 2 / float(off_px @ off_px))
 
 
 class Turned(Protocol):
@@ -245,8 +260,8 @@ class AttitudeReader:
     """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if one turns."""
 
     def __init__(self, own: Attitudes, picture: AttitudePicture, ring: Ring | None) -> None:
-        self._own, self._ring, self._origin = own, ring, picture.origin
-        self._horizon = _HorizonReader(own, picture)
+        self._own, self._ring, self._origin = own.shifting(picture.shift_turn), ring, picture.origin
+        self._horizon = _HorizonReader(self._own, picture)
 
     def read(self, strips: Floats) -> list[tuple[Reading, Reading]]:
         """Read roll and pitch in F frames of the gauge: (F, R, C) float32."""
@@ -483,15 +498,57 @@ def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | No
     """Return it as the panel picture shows it, (R, C), with all that lies over it."""
     weights = np.ones((own.rows, own.window), np.float32)
     horizon = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
-    return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window])
+    return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window], own.own.shift_turn)
 
 
 def learn_attitude(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
     """Return it from frames (R, C) in the panel picture's light; as it was given if they do not tell."""
+    law = given.shift_turn if ring is None or not own.is_odd else _shift_turn(own, strips[::2], given, ring)
+    known = replace(given, shift_turn=law)
+    learned = _put_together(own.shifting(law), strips, known, ring, ROUNDS)
+    return given if learned is known else learned
+
+
+def _shift_turn(own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring) -> float:
+    """By how much the way of its shift turns for the ring: so that most is explained of frames (R, C).
+
+    As the panel has it where they do not tell.
+    """
+
+    def left(law: float) -> float:
+        moving = own.shifting(law)
+        return _unexplained(
+            moving, strips, _put_together(moving, strips, replace(given, shift_turn=law), ring, 2), ring
+        )
+
+    step = own.own.horizon_turn / LAW_STEPS
+    laws = [own.own.shift_turn + step * times for times in (-1, 0, 1)]
+    told = [left(law) for law in laws]
+    for _ in range(LAW_STEPS):
+        lowest = int(np.argmin(told))
+        if lowest == 1:
+            before, here, after = told
+            return laws[1] + step * (before - after) / (2 * (before - 2 * here + after))
+        laws = [law + step * (lowest - 1) for law in laws]
+        beyond = left(laws[lowest])
+        told = [beyond, *told[:2]] if lowest == 0 else [*told[1:], beyond]
+    return own.own.shift_turn
+
+
+def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: AttitudePicture, ring: Ring) -> float:
+    """Which part of the horizon a picture leaves unexplained in frames (R, C), on average."""
+    reader = AttitudeReader(own, picture, ring)
+    return float(np.mean([1.0 - reader.seen(strip).horizon.score ** 2 for strip in strips]))
+
+
+def _put_together(
+    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None, rounds: int
+) -> AttitudePicture:
+    """Put it together from frames, by the law that the panel gives."""
     known = given
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         reader = AttitudeReader(own, known, ring)
         sights = [(strip, reader.seen(strip).horizon) for strip in strips]
         views = [
