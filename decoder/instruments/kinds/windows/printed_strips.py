@@ -30,7 +30,9 @@ ASIDE_PX = (-0.7, 0.0, 0.7)
 # How far cells that are printed alike may lie otherwise in their windows.
 APART_PX = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
 # Quantiles of a cell's grey levels that are its ground and its ink.
-GROUND, INK = 0.1, 0.95
+GROUND, INK = 0.1, 0.98
+# And of how steep ink begins at its edges.
+STEEP = 0.98
 # What is finer than a stroke, in parts of a window's height, is noise.
 STROKE_PART = 1 / 7
 
@@ -361,12 +363,15 @@ def _alike(one: Floats, other: Floats) -> float:
 
 
 def _sharpness(look: Floats) -> float:
-    down, across = np.gradient(look)
-    steepest = float(np.quantile(np.hypot(down, across), 0.99))
-    ink = look.std(axis=1)
-    high = np.flatnonzero(ink >= HALF * HALF * ink.max())
-    spread = float(np.ptp(np.quantile(look, [GROUND, INK])))
-    return float(high[-1] - high[0] + 1) * steepest / max(spread, LEAST_VALUE)
+    """How many times as high as the blur of its edges a digit is."""
+    ink = look - np.median([look[:, 0], look[:, -1]])
+    there = np.argwhere(ink >= HALF * HALF * ink.max())
+    (top, left), (bottom, right) = there.min(axis=0), there.max(axis=0) + 1
+    digit = ink[top:bottom, left:right]
+    down, across = np.gradient(ink)
+    steepest = float(np.quantile(np.hypot(down, across)[top:bottom, left:right], STEEP))
+    contrast = float(np.quantile(digit, INK))
+    return float(bottom - top) * steepest / max(contrast, LEAST_VALUE)
 
 
 def _light(size: tuple[int, int], *, by_row: bool) -> Floats:
