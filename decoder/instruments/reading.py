@@ -16,7 +16,7 @@ class Status(StrEnum):
     READ = "read"
     """The whole needle matched."""
     EDGE = "edge"
-    """Another needle covers it in part; what is left matched."""
+    """Another needle covers it in part, and what is left matched; or its gauge is drawn too carelessly."""
     HIDDEN = "hidden"
     """Another needle covers it wholly; it takes that needle's place."""
     INTERPOLATED = "interpolated"

@@ -53,15 +53,6 @@ class PivotPath:
             return replace(self, is_found=True, step_px=None)
         return replace(self, far_px=far_px, step_px=step_px)
 
-    def missed_part(self, log_odds: float) -> float:
-        """Estimate by which part of how far the centre is drawn off marks may be off: points or angles, at such odds.
-
-        They were carried along if points are likelier and it is known from where. A 95 % interval has to hold what they
-        are otherwise, unless that is less likely than one in twenty: then they all lie as far beside.
-        """
-        wrongly = (1.0 - math.tanh(abs(log_odds) / 2)) / 2 if self.was_moved else (1.0 + math.tanh(log_odds / 2)) / 2
-        return math.sqrt(min(20 * wrongly, 1.0))
-
     @property
     def was_moved(self) -> bool:
         """Whether it ever was."""

@@ -119,6 +119,7 @@ def quantity_uncertainties(
         By frame of a sample, what was read.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
+    missed, points = _to_allow_for(-abs(log_odds)), _to_allow_for(log_odds)
     missed_marks = MARK_PART * care_part
     careless_deg = math.degrees(min(missed_marks, MOST_MARK_PART))
     uncertainties = {}
@@ -129,12 +130,12 @@ def quantity_uncertainties(
         mistaken = _mistaken(gauge, pivot, found)
         span_deg = gauge.sweep[1] - gauge.sweep[0]
         hand_deg = math.hypot(math.degrees(HAND_PX / radius_px), careless_deg)
-        missed_part = path.missed_part(log_odds)
-        x, y = (missed_part * radius_px / rim_px * each for each in path.beside_px)
-        # Where no needle tells it a card's centre is as far beside as the others.
-        card_part = missed_part * (math.hypot(*path.beside_px) / rim_px if path.was_moved else care_part)
+        x, y = (missed * radius_px / rim_px * each for each in path.beside_px)
+        # Marks of a card are carried to where it turns, as far as that is known; else it is drawn as badly as others.
+        doubt_px = pivot.sigma_px if path.was_moved else care_part * rim_px
+        card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
         as_card = QuantityUncertainty(
-            drawn_deg=math.hypot(hand_deg, math.degrees(card_part)),
+            drawn_deg=math.hypot(hand_deg, math.degrees(card_px / rim_px)),
             seen_deg=_parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
             place_px=0.0,
             radius_px=radius_px,
@@ -157,6 +158,14 @@ def quantity_uncertainties(
             else:
                 uncertainties[quantity.name] = as_card
     return uncertainties
+
+
+def _to_allow_for(log_odds: float) -> float:
+    """Tell by which part of itself an error counts that is there at such odds.
+
+    A 95 % interval has to hold it, unless it is less likely than one in twenty.
+    """
+    return math.sqrt(min(10.0 * (1.0 + math.tanh(log_odds / 2)), 1.0))
 
 
 def _mistaken(gauge: Gauge, pivot: Pivot, found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:

@@ -18,7 +18,8 @@ UNITS = {
     "KNOTS": "kt", "KTS": "kt", "KT": "kt", "MPH": "mph", "KM/H": "km/h", "KPH": "km/h", "RPM": "rpm", "PSI": "psi",
     "BAR": "bar", "MPA": "MPa", "KPA": "kPa", "INHG": "inHg", "IN.HG": "inHg", "IN.HG.": "inHg", "°F": "degF",
     "℉": "degF", "°C": "degC", "℃": "degC", "GAL": "gal", "GAL.": "gal", "USGAL": "gal", "U.S.GAL": "gal",
-    "U.S.GAL.": "gal", "GALLONS": "gal", "LBS": "lb", "AMPS": "A", "AMP": "A", "AMPERES": "A", "VOLT": "V", "VOLTS": "V", "FEET": "ft",
+    "U.S.GAL.": "gal", "GALLONS": "gal", "LBS": "lb", "AMPS": "A", "AMP": "A", "AMPERES": "A", "VOLT": "V",
+    "VOLTS": "V", "FEET": "ft",
     "FT": "ft", "FT/MIN": "fpm", "FPM": "fpm", "FEETPERMIN": "fpm", "FEETPERMINUTE": "fpm",
 }  # fmt: skip
 NAMES = {

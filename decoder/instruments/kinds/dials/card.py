@@ -48,7 +48,7 @@ from decoder.instruments.thresholds import (
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import MAX_PEAK_ROWS
+from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
@@ -145,6 +145,8 @@ class CardReader:
         noise = max(float(left[0] / left[1]), 1.0) / self._grid.pixels_per_sample
         covariance = np.linalg.inv(normal / noise + np.eye(2) / PRIOR_PX**2)
         x, y = (covariance @ product / noise).tolist()
+        if math.hypot(x, y) > FAR_PART * self._grid.radii_px[-1]:
+            return UNKNOWN  # from so far the pixels do not tell it: `card_pivot` does
         pivot = replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
         places = places_of(rows * self._grid.step_deg for _, rows in views)
         # What spoils one place would move the pivot.
