@@ -87,6 +87,16 @@ def test_finished_flights_are_kept(order: MakeOrder, few: Path, frames: list[Fra
     assert second[:2] == [replace(outcome, status=State.KEPT) for outcome in first[:2]]
 
 
+def test_new_date_is_looked_behind_once(order: MakeOrder, flight: FleetFlight, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flight that has only another date is opened once more; then its new date is known."""
+    decode_one(flight, order())
+    os.utime(flight.addresses[0], ns=(1, 1))
+    decode_one(flight, order())
+    monkeypatch.setattr("decoder.parallel.decoding.open_flight", None)
+
+    assert status(decode_one(flight, order())) is State.KEPT
+
+
 @pytest.mark.parametrize("other", [{"method": "xcorr"}, {"formats": ("csv", "mcap")}])
 def test_other_options_are_decoded_anew(order: MakeOrder, flight: FleetFlight, other: dict[str, object]) -> None:
     """Results of another method or in other formats are not kept; those of the same options are."""

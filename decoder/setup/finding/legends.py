@@ -19,8 +19,7 @@ UNITS = {
     "BAR": "bar", "MPA": "MPa", "KPA": "kPa", "INHG": "inHg", "IN.HG": "inHg", "IN.HG.": "inHg", "°F": "degF",
     "℉": "degF", "°C": "degC", "℃": "degC", "GAL": "gal", "GAL.": "gal", "USGAL": "gal", "U.S.GAL": "gal",
     "U.S.GAL.": "gal", "GALLONS": "gal", "LBS": "lb", "AMPS": "A", "AMP": "A", "AMPERES": "A", "VOLT": "V",
-    "VOLTS": "V", "FEET": "ft",
-    "FT": "ft", "FT/MIN": "fpm", "FPM": "fpm", "FEETPERMIN": "fpm", "FEETPERMINUTE": "fpm",
+    "VOLTS": "V", "FEET": "ft", "FT": "ft", "FT/MIN": "fpm", "FPM": "fpm", "FEETPERMIN": "fpm", "FEETPERMINUTE": "fpm",
 }  # fmt: skip
 NAMES = {
     "AIRSPEED": "airspeed", "ALT": "altimeter", "ALTIMETER": "altimeter", "ALTITUDE": "altimeter",
@@ -32,6 +31,8 @@ BY_UNIT = {
     "kt": "airspeed", "mph": "airspeed", "fpm": "vertical speed", "rpm": "engine speed", "A": "ammeter",
     "V": "voltmeter", "ft": "altimeter",
 }  # fmt: skip
+# Scales in these units end no lower: with smaller numbers the word that multiplies them was not read.
+LEAST_ENDS = {"rpm": 500.0, "fpm": 500.0}
 LETTERS = {"C": "degC", "F": "degF"}
 OIL = {"psi": "oil pressure", "bar": "oil pressure", "degF": "oil temperature", "degC": "oil temperature"}
 
@@ -61,12 +62,9 @@ class Legend:
     factor: float = 1.0
     said: tuple[str, ...] = ()
 
-    @property
-    def column(self) -> str:
-        """Name it as a column of the flight data."""
-        words = re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_")
-        unit = re.sub(r"[^A-Za-z0-9]+", "_", self.unit).strip("_")
-        return "_".join(part for part in (words, unit) if part)
+    def lacks_factor(self, largest: float) -> bool:
+        """Whether numerals up to so much are too small for the unit, so that something multiplies them."""
+        return largest * self.factor < LEAST_ENDS.get(self.unit, 0.0)
 
 
 def legend_of(said: Sequence[str]) -> Legend:

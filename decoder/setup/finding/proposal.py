@@ -171,6 +171,8 @@ def _proposed(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) 
             and legend.name != "altimeter"
         ):
             doubt = "its digits go all the way round, and no word tells what they count"
+        if not doubt and legend.lacks_factor(max(abs(mark.value) for mark in scale.marks)):
+            doubt = f"its numbers are too small for {legend.unit}: what multiplies them was not read"
         if doubt:
             lacking.append(f"no scale: {doubt}")
         else:

@@ -69,7 +69,7 @@ def aimed_at(strokes: Strokes, size_px: tuple[int, int]) -> Floats:
             inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
             np.add.at(total, (sector[near][inside], row[inside], column[inside]), 1.0)
     smooth = np.stack([cv2.GaussianBlur(each, (0, 0), BLUR_CELLS) for each in total])
-    told: Floats = smooth / ENOUGH_IN_ONE
+    told: Floats = np.asarray(smooth / ENOUGH_IN_ONE, np.float32)
     aimed: Floats = np.asarray(np.minimum(told, 1.0).sum(axis=0), np.float32)
     return aimed
 

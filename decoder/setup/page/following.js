@@ -92,8 +92,9 @@ export function written(document) {
 export function asDrawn(document, path) {
   const match = /^gauges\[(\d+)\](?:\.needles\[(\d+)\])?\.scale\[(\d+)\]/.exec(path);
   if (!match) return path;
-  const gauge = document.gauges[match[1]];
-  const marks = (match[2] === undefined ? gauge : gauge.needles[match[2]]).scale;
+  const gauge = document.gauges?.[match[1]];
+  const marks = (match[2] === undefined ? gauge : gauge?.needles?.[match[2]])?.scale;
+  if (!Array.isArray(marks)) return path;
   const places = marks.map((mark, place) => [mark, place]).filter(([mark]) => isGiven(mark));
   return path.replace(/\.scale\[\d+\]/, `.scale[${places[match[3]]?.[1] ?? match[3]}]`);
 }

@@ -77,14 +77,26 @@ export class Live {
     if (!this.trialTimer) this.tryNext();
   }
 
+  // One question at a time: of what changes meanwhile only the last counts.
   async check() {
+    this.isUnchecked = true;
+    if (this.isChecking) return;
+    this.isChecking = true;
+    while (this.isUnchecked) {
+      this.isUnchecked = false;
+      await this.checkOnce();
+    }
+    this.isChecking = false;
+  }
+
+  async checkOnce() {
     const { document, picture } = this.store.now;
     const asked = JSON.stringify([document, picture]);
     if (this.checked === asked) return;
     this.checked = asked;
     try {
       const { problems } = await ask("check", { document: written(document), picture });
-      if (this.checked !== asked) return;
+      if (this.isUnchecked) return;
       this.store.problems = problems.map(({ path, problem }) => ({ path: asDrawn(document, path), problem }));
       this.store.tell("problems");
     } catch (error) {

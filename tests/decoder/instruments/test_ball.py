@@ -13,7 +13,6 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
-from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
 from tests.decoder.instruments.dials import Canvas, paint, reader_for
@@ -135,22 +134,3 @@ def test_tube_tells_the_dial() -> None:
     assert line is not None
     assert line[0] == pytest.approx((90.0, RADIUS_PX - 8.0))
     assert sum(straight.radius) / 2 == pytest.approx(1200.0, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"tube": [[1, 2, 3], [4, 5, 6]]}, "three places"),
-        ({"tube": [[1, 2, 3]] * 3}, "elsewhere"),
-        ({"width": 1000.0}, "radius of its bend"),
-        ({"width": "x"}, "ball.width"),
-        ({"tube": [[float("nan"), 2, 3], [4, 5, 6], [7, 8, 9]]}, r"ball.tube\[0\]\[0\]"),
-    ],
-)
-def test_tube_that_is_no_line_is_an_error(change: dict[str, Any], said: str) -> None:
-    """Two ends are no tube."""
-    own = gauge()
-    own["ball"] |= change
-
-    with pytest.raises(PanelError, match=said):
-        reader_for([own], draw(PANEL_VALUE, 1))

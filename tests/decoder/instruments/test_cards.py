@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.appearance import CardPicture
+from decoder.instruments.kinds.dials.card import Learned, clearest
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
@@ -128,6 +131,23 @@ def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
 
     assert status is Status.MISSING or off < 0.5
     assert (own_status, own_off < 0.5) == (Status.READ, True)
+
+
+def learned(rows: Sequence[float], unexplained: float) -> Learned:
+    """A card of which nothing else counts."""
+    blank = np.ones((2, 2), np.float32)
+    return Learned(CardPicture(blank * unexplained, blank), np.array(rows), unexplained)
+
+
+def test_card_is_the_one_that_explains_frames_clearly_better_than_any_other() -> None:
+    """Cards that turn all frames alike are one; a second that leaves little more unexplained makes both doubtful."""
+    step_deg = 0.5
+    best, same = learned([0] * 6 + [100] * 5, 0.01), learned([90] * 6 + [400] + [189] * 4, 0.011)
+    other = learned([0] * 6 + [280] * 5, 0.1)
+
+    assert clearest([other, None, same, best], step_deg) is best.picture
+    assert clearest([best, replace(other, unexplained=0.015)], step_deg) is None
+    assert clearest([None], step_deg) is None
 
 
 @pytest.mark.parametrize("turn_deg", [25.0, 133.0, 271.0])

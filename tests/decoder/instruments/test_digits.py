@@ -12,9 +12,7 @@ from decoder.instruments.kinds.windows.digits import DigitsReader
 from decoder.instruments.kinds.windows.display import Display, Row, in_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
-from decoder.panel.errors import PanelError
 from decoder.panel.kinds.digits import Digits
-from decoder.panel.panel import parse_panel
 from tests.decoder.instruments.displays import Drawn, exposed, sampled
 
 SHOWS = "118.30"
@@ -165,36 +163,3 @@ def test_a_window_drawn_beside_it_gives_nothing() -> None:
         found = read(DIGITS, known(DIGITS, grid, picture), [sampled(grid, exposed(PLAIN.picture("116.82")))])
 
         assert {told(one) for one in found} <= {None, "116.82"}
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ("pattern: '000.00', shows: '118.3'", "is not written as 000.00"),
-        ("pattern: '000.00', shows: '1 8.30'", "is not written as 000.00"),
-        ("pattern: '...', shows: '...'", "needs a `pattern` of digits"),
-        ("pattern: '##', shows: '  '", "draw it on a picture in which the display is on"),
-        ("pattern: '118.00', shows: '118.30'", "needs `0` or `#` in its `pattern` for each digit"),
-        ("pattern: '000', shows: '1²3'", "is not written as 000"),
-        (
-            "pattern: '0000000000000000', shows: '1234567890123456'",
-            "more digits .* than the 15 that",
-        ),
-        ("pattern: '-00', shows: '-11'", "begins with -: signs are not read"),
-        ("pattern: \"=cmd|'/c calc'!A0\", shows: \"=cmd|'/c calc'!A1\", text: true", "begins with ="),
-        ('pattern: "0\\n0", shows: "1\\n1"', "not printable"),
-    ],
-)
-def test_what_is_shown_must_fit_the_pattern(given: str, sentence: str) -> None:
-    """The panel tells what the panel picture shows, sign by sign."""
-    panel = f"""
-name: p
-picture: p.png
-anchors: [{{name: a, box: [0, 0, 8, 8]}}]
-gauges:
-- name: nav
-  window: [[10, 10], [70, 10], [70, 25], [10, 25]]
-  digits: {{name: nav1_mhz, {given}}}
-"""
-    with pytest.raises(PanelError, match=sentence):
-        parse_panel(panel)

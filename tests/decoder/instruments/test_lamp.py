@@ -11,9 +11,7 @@ from decoder.imaging.unwrapping import WindowGrid
 from decoder.instruments.kinds.windows.lamp import LampPicture, LampReader, first_lamp, learn_lamp
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
-from decoder.panel.errors import PanelError
 from decoder.panel.kinds.lamp import Lamp
-from decoder.panel.panel import parse_panel
 from decoder.panel.written import BOOLEAN, ValueType, Written
 
 GRID = WindowGrid.of(((20.0, 20.0), (44.0, 20.0), (44.0, 40.0), (20.0, 40.0)), Lamp.margin_part)
@@ -123,35 +121,6 @@ def test_frames_beside_it_change_nothing() -> None:
     frames = sample(0.0, 80.0, 20.0, 0.0)
 
     assert [read(TAUGHT, frame)[0] for frame in frames] == read(TAUGHT, *frames)
-
-
-PANEL = """
-name: p
-picture: p.png
-anchors: [{{name: a, box: [0, 0, 20, 20]}}]
-gauges: [{gauge}]
-"""
-
-
-@pytest.mark.parametrize(
-    ("gauge", "problem"),
-    [
-        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], centre: [4, 4], lamp: {name: a}}", "then no `centre`"),
-        ("{name: g, window: [[0, 0], [0, 9], [9, 9], [9, 0]], lamp: {name: a}}", "clockwise from the top left"),
-        ("{name: g, window: [[0, 0], [9, 0], [9, 2], [0, 2]], lamp: {name: a}}", "at least 4 pixels apart"),
-        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], lamp: {name: a, light: a}}", "another name"),
-        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], lamp: {name: a, light: b, lit: true}}", "it is off"),
-        (
-            "{name: g, centre: [9, 9], radius: [2, 8], sweep: [0, 9], scale: [[0, 0], [9, 1]], lamp: {name: a}}",
-            "a `window`",
-        ),
-        ("{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], card: {name: a, index: 270}}", "no window's"),
-    ],
-)
-def test_what_is_no_lamp_is_said(gauge: str, problem: str) -> None:
-    """A window that is none, and what goes with none, is told in a sentence."""
-    with pytest.raises(PanelError, match=problem):
-        parse_panel(PANEL.format(gauge=gauge).encode(), source="panel.yaml")
 
 
 @pytest.mark.parametrize(("text", "value"), [("True", 1.0), ("FALSE", 0.0), (" true ", 1.0), ("", np.nan)])

@@ -8,8 +8,6 @@ import pytest
 from decoder.instruments.kinds.windows.linear import LinearPicture, Slide, SlideReader, first_linear, learn_linear
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
-from decoder.panel.errors import PanelError
-from decoder.panel.panel import parse_panel
 from tests.decoder.instruments.straight import bar, gauge_of, seen
 
 # A scale that leans; its marks are given by points.
@@ -94,23 +92,3 @@ def test_its_value_is_drawn_across_its_window() -> None:
     ]
 
     assert np.mean(ends, axis=0) == pytest.approx([45.95, 80.0], abs=0.5)
-
-
-@pytest.mark.parametrize(
-    ("linear", "problem"),
-    [
-        ("{name: a, at: 30, span: 4, marks: [[2, 0], [8, 1]]}", "within its `window`"),
-        ("{name: a, at: 5, span: 40, marks: [[2, 0], [8, 1]]}", "within its `window`"),
-        ("{name: a, at: 5, span: 0.5, marks: [[2, 0], [8, 1]]}", "`span` of 4 pixels or more"),
-        ("{name: a, at: 5, span: 4, marks: [[2, 0], [[5, 5], 1]]}", "not both"),
-        ("{name: a, at: 5, span: 4, marks: [[2, 0], [4, 1], [8, 0.5]]}", "`marks` .* monotone"),
-        ("{name: a, at: 5, span: 4, marks: [[true, 0], [8, 1]]}", r"linear.marks\[0\]\[0\]: is true or false"),
-    ],
-)
-def test_what_is_no_scale_is_said(linear: str, problem: str) -> None:
-    """What does not go with its window is told in a sentence."""
-    gauge = f"{{name: g, window: [[0, 0], [9, 0], [9, 19], [0, 19]], linear: {linear}}}"
-    document = f"name: p\npicture: p.png\nanchors: [{{name: a, box: [0, 0, 20, 20]}}]\ngauges: [{gauge}]"
-
-    with pytest.raises(PanelError, match=problem):
-        parse_panel(document.encode(), source="panel.yaml")

@@ -15,7 +15,6 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight
-from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale, shortest
 from tests.decoder.instruments.dials import Canvas, Hand, reader_for
@@ -151,19 +150,3 @@ def test_bug_is_drawn_where_the_card_has_taken_it() -> None:
     assert lines["bug_deg"] is not None
     assert lines["bug_deg"][0][0] % 360.0 == pytest.approx(INDEX_DEG + 15.0)
     assert gauge.lines({"heading_deg": float("nan"), "bug_deg": 5.0})["bug_deg"] is None
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"wraps": None}, "its own `scale` needs `wraps`"),
-        ({"scale": None, "wraps": None}, "`on_card` needs a `scale` of its own"),
-    ],
-)
-def test_pointer_that_says_too_little_is_an_error(change: dict[str, Any], said: str) -> None:
-    """A needle over a card must say by itself what its own scale is worth."""
-    gauge = copy.deepcopy(POINTER)
-    gauge["needles"][0] = {key: value for key, value in {**gauge["needles"][0], **change}.items() if value is not None}
-
-    with pytest.raises(PanelError, match=said):
-        reader_for([gauge], with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG))

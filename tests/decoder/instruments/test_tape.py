@@ -10,9 +10,7 @@ import pytest
 from decoder.instruments.kinds.windows.tape import DrawnTape, TapePicture, TapeReader, first_tape, learn_tape
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
-from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
-from decoder.panel.panel import parse_panel
 from tests.decoder.instruments.straight import WindowGrid, bar, gauge_of, seen
 
 RADIUS_PX, MIDDLE_PX, INDEX_PX = 44.0, 60.0, 56.0
@@ -161,23 +159,3 @@ def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
     assert all(
         abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found[:4], wanted.tolist(), strict=False)
     )
-
-
-@pytest.mark.parametrize(
-    ("tape", "problem"),
-    [
-        ("{name: a, index: 5, marks: [[2, 0], [8, 10]], drum: true, turn: 360}", "four `marks`"),
-        ("{name: a, index: 5, marks: [[1, 0], [3, 1], [6, 2], [8, 3]], drum: true}", "needs its `turn`"),
-        ("{name: a, index: 30, marks: [[2, 0], [8, 10]]}", "`index` within"),
-        ("{name: a, index: 5, marks: [[2, 0], [4, 10], [8, 5]]}", "only rising or only falling"),
-        ("{name: a, index: 5, marks: [[2, 0], [[4, 4], 10]]}", "not both"),
-        ("{name: a, index: 5, marks: [[2, 0], [8, 0.1]], turn: 360}", "more than 50 times as long as its window"),
-    ],
-)
-def test_what_is_no_tape_is_said(tape: str, problem: str) -> None:
-    """What does not go with its window is told in a sentence."""
-    gauge = f"{{name: g, window: [[0, 0], [9, 0], [9, 9], [0, 9]], tape: {tape}}}"
-    document = f"name: p\npicture: p.png\nanchors: [{{name: a, box: [0, 0, 20, 20]}}]\ngauges: [{gauge}]"
-
-    with pytest.raises(PanelError, match=problem):
-        parse_panel(document.encode(), source="panel.yaml")

@@ -110,6 +110,17 @@ def test_errors_go_the_short_way_round_a_turn(tmp_path: Path) -> None:
     assert result.by_status["read"].max_abs_pct_fs == pytest.approx(2.0 / 3.6)
 
 
+@pytest.mark.parametrize(
+    "text", ["", "[]", "null", '{"needles": []}', '{"needles": {"n1": {}}}', '{"needles": {"n1": 7}}']
+)
+def test_json_that_is_something_else_is_left_aside(tmp_path: Path, text: str) -> None:
+    """A JSON beside the flight data that is not its description only costs the percentages of full scale."""
+    (tmp_path / "flight.json").write_text(text)
+    (result,) = compare(flight_table(table(FLIGHT, tmp_path / "flight.csv")), table(TRUTH))
+
+    assert (result.full_scale, result.by_status["all"].mean_abs_pct_fs) == (None, None)
+
+
 def test_table_is_read_by_column(tmp_path: Path) -> None:
     """Columns keep their text; numbers are read where asked for, else NaN; a byte order mark is no name."""
     (tmp_path / "flight.csv").write_bytes(b"\xef\xbb\xbfframe,n1\r\n0,1.5\r\n\r\n1,\r\n2,many\r\n")

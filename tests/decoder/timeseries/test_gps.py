@@ -63,6 +63,14 @@ def test_track_is_the_way_it_went(bearing_deg: float) -> None:
     assert np.isnan(track[[0, 4]]).all()
 
 
+def test_north_is_written_as_0() -> None:
+    """A bearing that rounds up to a full turn begins again."""
+    found = resampled([sample(place / 10, 5.0 * place, -0.0001 * place) for place in range(31)], np.array([SECOND]))
+
+    assert found is not None
+    assert {column.name: column.number(0) for column in found.columns}["gps_track_deg"] == 0
+
+
 def test_at_a_standstill_there_is_no_track() -> None:
     """A way that is no longer than the precision, in metres, is noise."""
     for speed_mps, known in ((1.4, False), (1.6, True)):
