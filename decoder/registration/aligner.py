@@ -22,7 +22,7 @@ from decoder.registration.features import level_feature
 from decoder.registration.frame_search import FrameSearch
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.sift_localizer import SiftLocalizer
-from decoder.registration.thresholds import DOUBTED_ROLL_DEG, FEW_FAILED, KEPT, MOST_ANCHORED, SCORE_THRESHOLD
+from decoder.registration.thresholds import FEW_FAILED, KEPT, MOST_ANCHORED, SCORE_THRESHOLD, TURNS_DEG
 
 
 class Aligner:
@@ -105,7 +105,7 @@ class Aligner:
         except AlignmentLost as error:
             lost = error
         else:
-            if not found.failed or abs(found.roll_deg - self.usual.roll_deg) <= DOUBTED_ROLL_DEG:
+            if not found.failed or abs(found.roll_deg - self.usual.roll_deg) <= max(TURNS_DEG):
                 return found
         motion = self.localizer.find(frame)
         if motion is not None:

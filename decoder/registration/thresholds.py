@@ -16,7 +16,7 @@
 | MAX_FEW_SHIFT_PX | 40.0 | px | two of many anchors may hold a panel no further off | two may look like others |
 | FEW_FAILED | 1 / 4 | 1 | of anchors: if more fail they lie at other depths | the simulator's cockpit |
 | MOST_ANCHORED | 2 | 1 | times the panel picture that anchors may cover | each pixel is searched |
-| TURNS_DEG | (-5.0, 5.0) | degrees | by which anchors are turned in a search | at four one still matches |
+| TURNS_DEG | (-5.0, 5.0) | degrees | to which anchors are turned; more is held against SIFT | at four one matches |
 | FULL_STEPS | 4 | 1 | of least squares; further ones are halved | or two places alternate |
 | SETTLED_PX | 0.01 | px | all further steps together | well below a sigma |
 | MAX_STEP_PX | 6.0 | px | a longer step says that the frame is lost | half a patch's margin more |
@@ -40,7 +40,6 @@
 | TUKEY_SPREADS | 4.685 | spreads | of Tukey's biweight | 95 % efficient |
 | MAX_BEND_PART | 0.06 | 1 | that another perspective may do at a dial's rim | at 35 degrees |
 | MOST_SAMPLES | 8 * 10**6 | 1 | of a frame | forty gauges of 18 megapixels |
-| DOUBTED_ROLL_DEG | 5.0 | degrees | from the usual, found with anchors missing, is held against SIFT | marks alike |
 """
 
 MIN_GUESS_SCORE = 0.3
@@ -81,4 +80,3 @@ SPREADS_LEVELS = (25.0, 15.0, 10.0, 8.0, 6.0, 6.0)
 TUKEY_SPREADS = 4.685
 MAX_BEND_PART = 0.06
 MOST_SAMPLES = 8 * 10**6
-DOUBTED_ROLL_DEG = 5.0

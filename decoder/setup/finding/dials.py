@@ -20,8 +20,7 @@ from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
 from decoder.setup.finding.numerals import Text, is_there, seen_at, texts_once
 from decoder.setup.finding.scales import LETTERS, Fit, Numeral, fits
 from decoder.setup.finding.strokes import Strokes, aimed_at, peaks, strokes_in
-from decoder.setup.finding.ticks import Comb, comb_around
-from decoder.setup.thresholds import (
+from decoder.setup.finding.thresholds import (
     CLEAR_DIRECTIONS,
     CLEAR_TICKS,
     LEAST_RADIUS_PX,
@@ -29,6 +28,7 @@ from decoder.setup.thresholds import (
     MOST_HEIGHTS,
     RAGGED_PX,
 )
+from decoder.setup.finding.ticks import Comb, comb_around
 
 # So many places that are aimed at are looked at, and so far apart.
 PLACES, APART_PX = 60, 10.0

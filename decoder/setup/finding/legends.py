@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 
-from decoder.setup.thresholds import ALIKE, LEAST_LETTERS
+from decoder.setup.finding.thresholds import ALIKE, LEAST_LETTERS
 
 # ruff: noqa: RUF001 - the sign of multiplication is what dials print
 

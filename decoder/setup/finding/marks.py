@@ -16,8 +16,8 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.setup.finding.scales import Fit, Numeral
+from decoder.setup.finding.thresholds import ENOUGH, LEAST_RUN, NEAR_DEG, OFF_DEG
 from decoder.setup.finding.ticks import Comb, Tick
-from decoder.setup.thresholds import ENOUGH, LEAST_RUN, NEAR_DEG, OFF_DEG
 
 
 @dataclass(frozen=True, slots=True)

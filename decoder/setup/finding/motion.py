@@ -12,8 +12,8 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Unwrapper
 from decoder.setup.dial_edges import Rim
 from decoder.setup.finding.strokes import strokes_in
+from decoder.setup.finding.thresholds import LONG_PART, NEAR_PART
 from decoder.setup.proposals import Dial, Pictures
-from decoder.setup.thresholds import LONG_PART, NEAR_PART
 
 
 def hands_turn(laid: Sequence[GreyPicture], still: GreyPicture, rim: Rim, radius_px: float) -> bool:

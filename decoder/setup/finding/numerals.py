@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.panel.arrays import Floats
-from decoder.setup.thresholds import SAME_PLACE
+from decoder.setup.finding.thresholds import SAME_PLACE
 
 PACKAGES = ("rapidocr", "onnxruntime")
 EXTRA = "pip install 'image-flight-recorder[ocr]'"

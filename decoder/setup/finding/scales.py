@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.panel.scale import FULL_CIRCLE_DEG
-from decoder.setup.thresholds import LEAST_RUN, MOST_BEND, MOST_TURN_DEG, NEAR_DEG, OFF_DEG, RING_PART
+from decoder.setup.finding.thresholds import LEAST_RUN, MOST_BEND, MOST_TURN_DEG, NEAR_DEG, OFF_DEG, RING_PART
 
 # What a numeral out of order costs, against one in order.
 STRANGER = 1.0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.panel.arrays import Floats
-from decoder.setup.thresholds import FROM_LENGTHS, LEAST_PX, MOST_PX, TO_LENGTHS
+from decoder.setup.finding.thresholds import FROM_LENGTHS, LEAST_PX, MOST_PX, TO_LENGTHS
 
 # Strokes of a small dial are two pixels wide: edges are found in the picture twice as large.
 ENLARGED = 2.0

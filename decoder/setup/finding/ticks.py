@@ -20,18 +20,18 @@ from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, sampled_at
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, rim_of
 from decoder.setup.finding.strokes import Strokes
-from decoder.setup.thresholds import (
+from decoder.setup.finding.thresholds import (
     ALL_ROUND_DEG,
     FURTHEST,
     LEAST_APART_DEG,
     LEAST_STROKES,
     LEAST_TICKS,
     LONGEST_PART,
-    MAX_FLATNESS,
     MISS_PART,
     MISS_PX,
     NEAREST,
 )
+from decoder.setup.thresholds import MAX_FLATNESS
 
 PASSES = 5
 ROUNDS = 3
