@@ -36,6 +36,7 @@ FROM_PART, TO_PART = 0.3, 0.98
 # Of several hands the longest alone goes out so far.
 LONGEST_PART = 0.65
 PLACES = 3
+LONGEST_HANDS = {"altimeter": "hundreds"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +267,9 @@ def _gauge(
     needles = _needles(dial, sweep, seen, from_part)
     if not needles:
         return None, [f"no needle: nothing moved on it in {len(seen.frames)} frames"]
-    column = "_".join(name.split()) + (f"_{_plain(unit)}" if unit else "")
+    # Within a turn of its longest hand nobody knows an altitude: the column is not to be called one.
+    shown = LONGEST_HANDS.get("" if family is None else family.name, name)
+    column = "_".join(shown.split()) + (f"_{_plain(unit)}" if unit else "")
     gauge = {
         **_placed(dial, name, sweep, from_part),
         "unit": unit,
@@ -326,7 +329,8 @@ def _rose(
         else "its rose stood still, and nothing turned over it: a card that was not turned"
     )
     card = {"name": column, "index": 270}
-    return _native({**common, "sweep": [0, 360], "radius": [round(each, 2) for each in ring], "card": card}), [said]
+    found = [said, "its index is taken to be straight up: look whether it is"]
+    return _native({**common, "sweep": [0, 360], "radius": [round(each, 2) for each in ring], "card": card}), found
 
 
 def _native(part: Any) -> Any:  # noqa: ANN401 - any part of a draft

@@ -264,6 +264,18 @@ def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
     return rows_at(around, np.arange(count) + (-rows - math.floor(-rows)) + EDGE_ROWS)
 
 
+def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
+    """Search for the pivot of a card as `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
+
+    What moves over a card that stands still would be taken for it.
+    """
+    if not strips:
+        return None
+    reader = CardReader(gauge, grid, first_card(strips[0], grid))
+    places = places_of(reader.turn(strip).rows * grid.step_deg for strip in strips)
+    return None if places <= MIN_PLACES else card_pivot(grid, strips)
+
+
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
     """Return the card as the panel picture shows it, (R, C), with all that lies over it."""
     card = evenly_lit(strip, grid)
@@ -433,7 +445,7 @@ class CardKind(Still):
     def far_pivot(
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
-        return card_pivot(instrument.grid, strips)
+        return far_card_pivot(instrument.gauge, instrument.grid, strips)
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

@@ -42,6 +42,7 @@ from decoder.instruments.kinds.dials.card import (
     CardReader,
     Turn,
     arc_deg,
+    far_card_pivot,
     first_card,
     learn_card,
     shared,
@@ -61,7 +62,6 @@ from decoder.instruments.thresholds import (
 from decoder.matching.correlation import normxcorr
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MIN_CONTRAST_PART, OUTLIER_SPREADS, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Mask
@@ -533,4 +533,5 @@ class OverCardKind(Still):
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
-        return card_pivot(dial.card_grid, [dial.card_part(dial.part(strip)) for strip in strips])
+        parts = [dial.card_part(dial.part(strip)) for strip in strips]
+        return far_card_pivot(instrument.gauge, dial.card_grid, parts)
