@@ -198,6 +198,7 @@ export function addMark(store, index, angle) {
     marks.sort((one, other) => one[0] - other[0]);
     place = marks.findIndex(([each]) => each === rounded(first, 4));
     gauge.sweep = holdingMark(gauge.sweep, marks, first);
+    store.placedMark = rounded(first, 4);
   });
   store.select({ kind: "gauge", index, mark: place, ...own });
   return `gauges[${index}]${own.needle === undefined ? "" : `.needles[${own.needle}]`}.scale[${place}][1]`;

@@ -21,6 +21,7 @@ export class Store extends EventTarget {
     this.problems = [];
     this.offers = new Map(); // proposed needles by gauge
     this.firstMark = null; // the angle of the mark that was clicked first of all
+    this.placedMark = null; // and of the one that was clicked last with its tool
     this.label = null;
   }
 

@@ -14,6 +14,7 @@ const needsGauge = (store) => {
   return store.gauge.window ? "A window has no marks around it: select a dial." : "";
 };
 
+const SAME_MARK_DEG = 1e-3; // angles are rounded
 const INWARDS_PX = 3; // from the outer end of a mark to where it is surely seen
 
 let pointedAt = 0; // how many needles were pointed at
@@ -142,11 +143,13 @@ function anglesOf(store, { centre, rim, radius, matrix }, points) {
   return Promise.all(points.map(angleOf));
 }
 
-// A mark that was left with a value which an even scale gives is taken at that.
+// A mark that was clicked and left with a value which an even scale gives is taken at that; the rim's clicks are not.
 function takeGuess(store) {
   const { index, mark, needle } = store.selection;
   const own = store.gauge?.needles?.[needle]?.scale ? store.gauge.needles[needle] : store.gauge;
   if (mark === undefined || own.scale?.[mark]?.[1] !== null) return;
+  const [angle] = own.scale[mark];
+  if (Math.abs(nearest(angle, store.placedMark) - store.placedMark) > SAME_MARK_DEG) return;
   const guess = suggested(own.scale, mark, own.wraps);
   if (guess === undefined) return;
   store.change("guess", (document) => { marksOf(document.gauges[index], { needle })[mark][1] = guess; });
