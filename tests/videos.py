@@ -26,7 +26,7 @@ TICKS_PER_S = 12_000
 STEADY = tuple(range(0, 40 * 400, 400))  # 30 Hz
 UNSTEADY = tuple(int(tick) for tick in np.cumsum(np.random.default_rng(7).integers(300, 900, 40)))
 X264 = {"x264-params": "scenecut=0:threads=1"}
-X265 = {"x265-params": "log-level=none:scenecut=0:pools=1:frame-threads=1"}
+X265 = {"x265-params": "log-level=none:scenecut=0:pools=none:frame-threads=1"}
 
 
 def drawn(number: int, size_px: tuple[int, int] = SIZE_PX) -> NDArray[np.uint8]:
