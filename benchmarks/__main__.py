@@ -23,6 +23,7 @@ from benchmarks.report_page import report_page
 from benchmarks.setup_page import setup_page
 from benchmarks.sized_flights import SIZES, Size
 from benchmarks.starting import starts
+from benchmarks.whole_panel import cost_section
 from benchmarks.worker_memory import worker_memory
 from fixtures.make import FLIGHTS
 from fixtures.make import main as make_fixtures
@@ -63,7 +64,8 @@ def measured_cost(sizes: Sequence[Size]) -> Page:
     compared, held, begun = compare(sizes), worker_memory(), starts()
     lines = [*cost_lines(took, peak), *reading_lines(compared, held, begun), *box_lines(work, a_day, calls)]
     page = cost_page(took, peak, work=work, day=a_day, calls=calls, lines=lines)
-    return Page("\n".join([page, comparison_section(compared), memory_section(held), start_section(begun)]))
+    sections = [page, cost_section(), comparison_section(compared), memory_section(held), start_section(begun)]
+    return Page("\n".join(filter(None, sections)))
 
 
 PAGES: dict[str, Callable[[Sequence[Size]], Page]] = {

@@ -64,6 +64,21 @@ def main() -> None:
 HEADER = ("column", "valued", "read", "mean %FS", "worst %FS", "gross", "inside 95 %")
 
 
+COST_LEGEND = """\
+A simulator's cockpit of 1600 x 1200 with all that a pilot reads on it: dials, cards under needles, a horizon, a ball, a
+compass, displays, a lamp and straight scales; in one process that has its memory.
+"""
+
+
+def cost_section() -> str:
+    """Say what reading the whole panel costs, as a section of a page; nothing where its pictures are not there."""
+    if not any(SOURCES[0].folder.glob(SOURCES[0].pictures)):
+        return ""
+    with TemporaryDirectory() as name:
+        decoded = decode_source(SOURCES[0], Path(name))
+        return f"## Everything on one panel\n\n{COST_LEGEND}\n{_cost(decoded.panel, decoded.pictures)}.\n\n"
+
+
 def _row(read: Read) -> tuple[str, ...]:
     shares = (f"{read.valued:.1%}", f"{read.read:.1%}")
     return (read.needle, *shares, f"{read.mean:.3f}", f"{read.largest:.3f}", str(read.gross), f"{read.within_95:.1%}")

@@ -280,6 +280,7 @@ def _gauge(
     said = [f"what moves on it points to {needles[0].at_deg % 360:.0f} degrees here"]
     if family is not None:
         said.append("only its longest hand is proposed, which tells the value within a turn; draw the others")
+        said.append("where another hand lies beside it, its axis may be some degrees off: look whether it is")
     return _native(gauge), said
 
 
