@@ -25,7 +25,7 @@ FRONT_DOOR = {"__init__.py", "start.py"}
 MAX_ROOMS, MAX_MODULES, MAX_MODULES_OUTSIDE = 12, 15, 20
 MAX_THRESHOLDS, MAX_THRESHOLDS_OUTSIDE = 151, 25
 # Of what only proposes to a person, and decides on no reading: a table of its own.
-PROPOSES, MAX_THRESHOLDS_PROPOSING = "decoder.setup.finding.thresholds", 31
+PROPOSES, MAX_THRESHOLDS_PROPOSING = "decoder.setup.finding.thresholds", 32
 # Compared, but no choice of ours: units, codes, formats, a JPEG's blocks, unknowns, how finely something is divided.
 CONVERSIONS = {
     "COARSE_STEP",

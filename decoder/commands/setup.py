@@ -88,12 +88,23 @@ def _propose(pictures: tuple[Path, ...], target: Path, camera_file: Path | None,
     """Write a draft of what was found, and say it."""
     import cv2  # noqa: PLC0415 - half a second that only this command needs
 
+    from decoder.outputs.outputs import refuse_unwritable  # noqa: PLC0415
     from decoder.panel.camera import camera_from_file  # noqa: PLC0415
+    from decoder.panel.errors import OutputError  # noqa: PLC0415
     from decoder.setup.finding.draft import drafted  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 
     cv2.setNumThreads(1)
     camera = None if camera_file is None else camera_from_file(camera_file)
-    draft = drafted(SetupSession(open_source(pictures), None, target, camera=camera))
+    if target.exists():
+        raise click.UsageError(f"{target} is there already: name another file for --propose")
+    try:
+        refuse_unwritable(target.parent, target.name)
+    except OutputError as error:
+        raise OutputError(f"{target.parent}: no panel can be written there; name another file for --propose") from error
+    session = SetupSession(open_source(pictures), None, target, camera=camera, is_new=True)
+    if session.draft is not None:
+        raise click.UsageError(f"what was drawn for {target} is not saved yet: save it first, or name another file")
+    draft = drafted(session)
     say(*(draft.json if as_json else draft.text).splitlines())

@@ -170,7 +170,8 @@ def _load(text: bytes, read: Callable[[str], bytes], source: str) -> PanelPictur
     pictures: dict[str, GreyPicture] = {}
     encoded: dict[str, bytes] = {}
     for name in panel.pictures:
-        key = "picture" if name == panel.picture else "template.picture"
+        wanted = (path for gauge in panel.gauges for path, own in gauge.pictures.items() if own == name)
+        key = "picture" if name == panel.picture else next(wanted)
         try:
             encoded[name] = read(name)
             pictures[name] = grey_picture(encoded[name])

@@ -127,16 +127,18 @@ class PictureBlock:
         header = picture_header(encoded)
         if header is None or header.objection(len(encoded)):
             return colour_picture(encoded)  # the judge of what is odd
-        is_top = rows is not None and header.is_sequential and rows < header.height_px
-        told = self._with_height(encoded, header.height_at, rows) if rows is not None and is_top else encoded
-        size = 3 * (rows if rows is not None and is_top else header.height_px) * header.width_px
+        # The colours of the last row are mixed with those below it.
+        seen = header.height_px if rows is None else min(rows + ROWS_OF_BLOCKS, header.height_px)
+        is_top = header.is_sequential and seen < header.height_px
+        told = self._with_height(encoded, header.height_at, seen) if is_top else encoded
+        size = 3 * (seen if is_top else header.height_px) * header.width_px
         if size > len(self._colours):
             self._colours = np.empty(size, np.uint8)
         try:
             picture = simplejpeg.decode_jpeg(told, "RGB", buffer=self._colours[:size], strict=not is_top)
         except ValueError:  # whatever is odd about it, there is one judge
             return colour_picture(encoded)
-        return np.asarray(picture, np.uint8)
+        return np.asarray(picture[:rows], np.uint8)
 
     def frame(
         self, encoded: Encoded, slot: int, focal_length_mm: float | None, rows: int | None, *, has_colour: bool = False

@@ -133,7 +133,7 @@ def quantity_uncertainties(
         x, y = (missed * radius_px / rim_px * each for each in path.beside_px)
         # Marks of a card are carried to where it turns, as far as that is known; else it is drawn as badly as others.
         doubt_px = pivot.sigma_px if path.was_moved else care_part * rim_px
-        card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
+        card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px) if gauge.window is None else 0.0
         as_card = QuantityUncertainty(
             drawn_deg=math.hypot(hand_deg, math.degrees(card_px / rim_px)),
             seen_deg=_parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
@@ -147,7 +147,7 @@ def quantity_uncertainties(
         as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # what is written was drawn by nobody
         for quantity in gauge.quantities:
             zero_deg = zeros_deg.get(quantity.name)
-            if quantity.written is not None:
+            if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[quantity.name] = as_written
             elif quantity.name in zeros_deg:
                 uncertainties[quantity.name] = replace(

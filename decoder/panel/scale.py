@@ -165,6 +165,8 @@ class Quantity:
         The lowest and the highest value that there is, where marks do not tell.
     written
         How its values are written where they are no measures; they then step from one to the next.
+    is_drawn
+        Whether its marks are places that somebody drew.
     """
 
     name: str
@@ -177,6 +179,7 @@ class Quantity:
     lowest: float = 0.0
     limits: tuple[float, float] | None = None
     written: Written | None = None
+    is_drawn: bool = True
 
     @classmethod
     def stepped(cls, name: str, gauge: str, unit: str, written: Written) -> Quantity:

@@ -165,7 +165,7 @@ def _proposal(found: Proposal) -> Answer:
 
 def check_answer(session: SetupSession, asked: DraftQuestion) -> Answer:
     """List what is wrong with a draft, and keep it."""
-    session.keep(asked.document, asked.picture)
+    session.keep(asked.document if asked.drawn is None else asked.drawn, asked.picture)
     found = session.problems(asked.document, asked.picture)
     return {"problems": [{"path": each.path, "problem": each.problem} for each in found]}
 

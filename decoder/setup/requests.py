@@ -120,10 +120,11 @@ class TurningQuestion(DialQuestion):
 
 
 class DraftQuestion(Strict):
-    """A draft on a picture."""
+    """A draft on a picture; `drawn` is the same with the marks that have no value yet."""
 
     document: Document
     picture: PictureKey
+    drawn: Document | None = None
 
 
 class TrialQuestion(DraftQuestion):

@@ -76,17 +76,25 @@ class SetupSession:
         Where the panel is saved, its pictures beside it.
     camera
         That took the pictures; if None, the one that the flight carries.
+    is_new
+        Begin a new panel, whatever the flight carries.
     """
 
     def __init__(
-        self, source: PictureSource, panel_file: Path | None, target: Path, *, camera: Camera | None = None
+        self,
+        source: PictureSource,
+        panel_file: Path | None,
+        target: Path,
+        *,
+        camera: Camera | None = None,
+        is_new: bool = False,
     ) -> None:
         self.source = source
         # A link that a panel was opened through stays one: what it leads to is what was opened.
         is_opened = panel_file is not None and panel_file.exists() and target.exists() and panel_file.samefile(target)
         self.target = Path(os.path.realpath(target)) if is_opened and target.is_symlink() else target
         self.revision = 0
-        self.opened_from, document, self._pictures = _opened(source, panel_file)
+        self.opened_from, document, self._pictures = ("", None, {}) if is_new else _opened(source, panel_file)
         panel_picture = self._pictures.get(str(document.get("picture"))) if document else None
         self.store = PictureStore(source, panel_picture)
         self.picture_key = PANEL_KEY if panel_picture is not None else f"frame-{source.sample[0]}"

@@ -50,4 +50,4 @@ class Lamp(Windowed, Strict):
         if self.light is None:
             return (state,)
         marks = ((0.0, 0.0), (100.0, 100.0))
-        return state, Quantity(self.light, dial.name, "%", marks, None, None, None, limits=PERCENT)
+        return state, Quantity(self.light, dial.name, "%", marks, None, None, None, limits=PERCENT, is_drawn=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -11,8 +12,8 @@ from pydantic import Field, model_validator
 from decoder.panel.arrays import NO_TRUTH, Floats
 from decoder.panel.description import Name, PictureName, Positive, Strict, Text
 from decoder.panel.kind import Control, Dial, Form, Windowed
-from decoder.panel.kinds.pattern import MOST_SIGNS, cells_before, check_pattern, check_shown
-from decoder.panel.kinds.straight import Corners
+from decoder.panel.kinds.pattern import DIGIT_OR_BLANK, MOST_SIGNS, cells_before, check_pattern, check_shown
+from decoder.panel.kinds.straight import Corners, size_px
 from decoder.panel.scale import Quantity
 from decoder.panel.thresholds import LEAST_WINDOW_PX
 from decoder.panel.written import DIGIT, ValueType, Written
@@ -80,6 +81,8 @@ class Printed(Windowed, Strict):
     @model_validator(mode="after")
     def _digits_are_told(self) -> Self:
         check_pattern(self.pattern, DIGIT)
+        if DIGIT_OR_BLANK in self.pattern:
+            raise ValueError(f"has `{DIGIT_OR_BLANK}` in its `pattern`: no printed digit is blank, write `{DIGIT}`")
         for shows in self._shown:
             check_shown(self._whole(shows), self.pattern)
         told = self.model_fields_set & {"pitch", "max_rate", "times"}
@@ -98,8 +101,13 @@ class Printed(Windowed, Strict):
         is_between = self.rolls is not None and len(shows) == len(self.pattern) + 1 and shows[-1] in "0123456789"
         return shows[:-1] if is_between else shows
 
-    def check(self, _: Dial) -> None:
+    def check(self, dial: Dial) -> None:
         """ValueError where its drums do not go with its window."""
+        cells = len(self.before) + self.gap * self.before[-1][1]
+        if dial.window is not None and size_px(dial.window)[0] < 2 * cells:
+            raise ValueError("has digits narrower than two pixels in its `window`: they show nothing to read")
+        if self.pitch is not None and dial.window is not None and self.pitch > 3 * size_px(dial.window)[1]:
+            raise ValueError("has a `pitch` of more than three times its `window`'s height, which shows no digit then")
         if self.pitch is not None and self.pitch < LEAST_WINDOW_PX:
             raise ValueError(f"needs a `pitch` of {LEAST_WINDOW_PX:g} pixels or more: fewer show no digit")
 
@@ -133,7 +141,8 @@ class Printed(Windowed, Strict):
             return (Quantity.stepped(self.name, dial.name, dial.unit, self.written),)
         count = DIGITS ** len(self.before)
         marks, limits = ((0.0, 0.0), (1.0, self.step)), (0.0, count * self.step)
-        return (Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate, limits=limits),)
+        own = Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate, limits=limits)
+        return (replace(own, is_drawn=False),)
 
     def pictures(self) -> Mapping[str, str]:
         """Return those that teach digits."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -58,7 +59,7 @@ def corners_of(window: tuple[tuple[float, float], ...] | None) -> Corners:
     return one, two, three, four
 
 
-def size_px(corners: Corners) -> tuple[float, float]:
+def size_px(corners: Sequence[Point]) -> tuple[float, float]:
     """Return width and height: the mean length of the sides across and of those down."""
     top_left, top_right, bottom_right, bottom_left = corners
     across = math.dist(top_left, top_right), math.dist(bottom_left, bottom_right)

@@ -61,6 +61,8 @@ def anchors_on(picture: Grey, frames: Sequence[Grey]) -> list[ProposedAnchor]:
 def _sharp(picture: Grey) -> list[tuple[int, int, int, int]]:
     """Find the boxes with most corners, one for each cell of the picture."""
     side = 2 * round(BOX_PART * picture.shape[1] / 2)
+    if not 0 < 3 * side < min(picture.shape):
+        return []
     corners = cv2.cornerMinEigenVal(cv2.GaussianBlur(picture, (0, 0), 1.0), 5)
     much: Floats = np.asarray(cv2.boxFilter(np.sqrt(np.maximum(corners, 0)), -1, (side, side)), np.float32)
     height, width = picture.shape

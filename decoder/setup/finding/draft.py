@@ -37,22 +37,27 @@ def drafted(session: SetupSession) -> Drafted:
     WouldReplace
         If files of somebody else lie there.
     """
-    key = f"frame-{session.source.sample[len(session.source.sample) // 2]}"
-    found = found_on(session, session.document, key, _never)
-    draft: dict[str, Any] = {**session.document, "anchors": list(found.anchors)}
+    number = session.source.sample[len(session.source.sample) // 2]
+    key = f"frame-{number}"
+    document = {name: part for name, part in session.document.items() if name != "focal_length_mm"}
+    session.store.grey(key)
+    if (zoom := session.source.focal_length_mm(number)) is not None:
+        document["focal_length_mm"] = zoom
+    found = found_on(session, document, key, _never)
+    draft: dict[str, Any] = {**document, "anchors": list(found.anchors)}
     gauges = [_tried(session, draft, each, key) for each in found.gauges]
     whole = [each.gauge for each in gauges if each.gauge is not None]
     draft["gauges"] = whole
-    if whole and found.anchors:
+    is_written = bool(whole and found.anchors)
+    if is_written:
         session.save(draft, key, session.revision)
         written = f"{session.target} has {len(whole)} of {len(gauges)} dials that were found"
     else:
         written = f"nothing was written to {session.target}: " + (
             "no dial is whole" if found.anchors else "no anchor was found"
         )
-    return Drafted(
-        _said(written, found, gauges), json.dumps(_content(session, found, gauges), indent=2, ensure_ascii=False)
-    )
+    content = {**_content(session, found, gauges), "written": is_written}
+    return Drafted(_said(written, found, gauges), json.dumps(content, indent=2, ensure_ascii=False))
 
 
 def _never() -> bool:
@@ -73,8 +78,10 @@ def _tried(session: SetupSession, draft: dict[str, Any], each: ProposedGauge, ke
         return replace(each, gauge=None, lacking=(*each.lacking, error.problem))
     readings = [reading for frame in trial.frames for reading in frame.readings]
     read = sum(reading.status is Status.READ for reading in readings)
-    said = f"tried on {len(trial.frames)} frames, {read} of {len(readings)} values are read"
-    if 2 * read < len(readings):
+    columns = max((len(frame.readings) for frame in trial.frames), default=0)
+    asked = len(trial.frames) * columns  # where the panel is not found nothing is read
+    said = f"tried on {len(trial.frames)} frames, {read} of {asked} values are read"
+    if 2 * read < asked or not asked:
         return replace(each, gauge=None, lacking=(*each.lacking, said, *trial.findings))
     gauge = _turned(gauge, trial.axes_deg)
     return replace(each, gauge=gauge, evidence=(*each.evidence, said), lacking=(*each.lacking, *trial.findings))
@@ -94,7 +101,8 @@ def _turned(gauge: dict[str, Any], axes_deg: Mapping[str, float]) -> dict[str, A
 
 def _trial(session: SetupSession, draft: dict[str, Any], gauge: Mapping[str, Any], key: str) -> Trial:
     document = {**draft, "gauges": [gauge]}
-    source = panel_of_gauge(document, 0, session.pictures(document, key), session.camera)
+    pictures, encoded = session.pictures(document, key), session.encoded(document, key)
+    source = panel_of_gauge(document, 0, pictures, session.camera, encoded)
     return tried(session.remembered(source, document, key), session.frames(), _never)
 
 

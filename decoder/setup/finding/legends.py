@@ -33,6 +33,8 @@ BY_UNIT = {
 }  # fmt: skip
 # Scales in these units end no lower: with smaller numbers the word that multiplies them was not read.
 LEAST_ENDS = {"rpm": 500.0, "fpm": 500.0}
+# What is counted in thousands and hundreds by a number before it; before other units one is a numeral with its unit.
+COUNTED = ("rpm", "fpm")
 LETTERS = {"C": "degC", "F": "degF"}
 OIL = {"psi": "oil pressure", "bar": "oil pressure", "degF": "oil temperature", "degC": "oil temperature"}
 
@@ -89,7 +91,7 @@ def legend_of(said: Sequence[str]) -> Legend:
         if own and (not unit or (unit == "ft" and own == "fpm")):
             unit = own
             used.append(whole)
-            if counted:
+            if counted and (own in COUNTED or word[0] in "X×"):
                 factor = float(counted[1].translate(_MISREAD))
         glued = re.match(r"^(.{3,})[X×*](1[O0]{1,3})$", word)
         if glued and _known(glued[1], UNITS):

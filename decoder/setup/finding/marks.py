@@ -215,11 +215,28 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
     turns = np.diff([mark.angle_deg for mark in marks])
     if not doubt and not (turns > 0).all():
         doubt = "two numerals would have one mark"
+    for (one, other), step in zip(pairwise(marks), np.abs(steps), strict=True):
+        # Where a scale is uneven, what is not read may be where its divisions change.
+        if (
+            not doubt
+            and step >= 2 * np.abs(steps).min()
+            and _has_long(comb, one.angle_deg, other.angle_deg, HALF * long)
+        ):
+            doubt = f"between {one.numeral.said} and {other.numeral.said} a numeral may not have been read"
     between = [_between(comb, one.angle_deg, other.angle_deg) for one, other in pairwise(marks)]
     ratio = (np.array(between) + 1) / np.abs(steps)
     if not doubt and np.mean(np.abs(ratio / np.median(ratio) - 1) < 0.3) < HALF:  # noqa: PLR2004
         doubt = "the ticks between its numerals do not count evenly"
     return Marked(fit, tuple(marks), None, is_even=False, doubt=doubt)
+
+
+def _has_long(comb: Comb, first_deg: float, last_deg: float, length_px: float) -> bool:
+    """Whether a mark about as long as the numbered ones lies between two of them."""
+    span = (last_deg - first_deg) % FULL_CIRCLE_DEG
+    within = [
+        tick for tick in comb.ticks if NEAR_DEG < (tick.angle_deg - first_deg) % FULL_CIRCLE_DEG < span - NEAR_DEG
+    ]
+    return any(tick.length_px > length_px for tick in within)
 
 
 def _between(comb: Comb, first_deg: float, last_deg: float) -> int:

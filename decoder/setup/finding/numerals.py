@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.panel.arrays import Floats
-from decoder.setup.finding.thresholds import SAME_PLACE
+from decoder.setup.finding.thresholds import EDGE_PX, SAME_PLACE
 
 PACKAGES = ("rapidocr", "onnxruntime")
 EXTRA = "pip install 'image-flight-recorder[ocr]'"
@@ -27,6 +27,8 @@ EXTRA = "pip install 'image-flight-recorder[ocr]'"
 # The picture is read as it is and enlarged: large letters are lost in the one, small ones in the other.
 ENLARGED = (1.0, 2.0)
 LIKED_PX = 740
+# The recognizer takes 190 bytes a pixel: it is shown parts of the picture so large, which overlap by a word.
+PART_PX, OVERLAP_PX = 1280, 192
 
 _NUMBER = re.compile(r"^[^0-9A-Za-z+.]*([+-]?)(\d{1,3}(?:,\d{3})+|\d+\.\d+|\d+)[^0-9A-Za-z]*$")
 _MISREAD = str.maketrans("OoQDIl|", "0000111")
@@ -131,8 +133,37 @@ def texts_in(picture: NDArray[np.uint8]) -> list[Text]:
     ----------
     picture : (H, W)
     """
-    found = [text for scale in ENLARGED for text in seen_at(picture, scale)]
+    found = []
+    for scale in ENLARGED:
+        for top, bottom in _parts(picture.shape[0], scale):
+            for left, right in _parts(picture.shape[1], scale):
+                part = np.ascontiguousarray(picture[top:bottom, left:right])
+                whole = top, left, bottom < picture.shape[0], right < picture.shape[1]
+                found += [text.shifted(left, top) for text in seen_at(part, scale) if not _is_cut(text, part, whole)]
     return texts_once(found)
+
+
+def _parts(length: int, scale: float) -> list[tuple[int, int]]:
+    """From where to where the parts of a side reach."""
+    side, overlap = math.ceil(PART_PX / scale), OVERLAP_PX / scale
+    count = max(math.ceil((length - overlap) / (side - overlap)), 1)
+    starts = np.linspace(0, max(length - side, 0), count).astype(int).tolist()
+    return [(start, min(start + side, length)) for start in starts]
+
+
+def _is_cut(text: Text, part: NDArray[np.uint8], beyond: tuple[float, float, bool, bool]) -> bool:
+    """Whether a text touches an edge of a part beyond which the picture goes on: another part has all of it."""
+    top, left, below, right = beyond
+    (x, y), turn = text.at, math.radians(text.turned_deg)
+    along, across = (size / 2 for size in text.size_px)
+    wide = abs(along * math.cos(turn)) + abs(across * math.sin(turn))
+    high = abs(along * math.sin(turn)) + abs(across * math.cos(turn))
+    return bool(
+        (top and y - high < EDGE_PX)
+        or (left and x - wide < EDGE_PX)
+        or (below and y + high > part.shape[0] - 1 - EDGE_PX)
+        or (right and x + wide > part.shape[1] - 1 - EDGE_PX)
+    )
 
 
 def texts_once(found: Sequence[Text]) -> list[Text]:

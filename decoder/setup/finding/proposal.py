@@ -237,7 +237,8 @@ def _words(scale: Marked, legend: Legend) -> str:
         if legend.said
         else ""
     )
-    return f"numerals {numerals}, {kind}, each with a mark{told}"
+    times = f", each times {legend.factor:g}" if legend.factor != 1 else ""
+    return f"numerals {numerals}, {kind}{'' if scale.doubt else ', with their marks'}{told}{times}"
 
 
 def _gauge(
@@ -268,7 +269,8 @@ def _gauge(
     if not needles:
         return None, [f"no needle: nothing moved on it in {len(seen.frames)} frames"]
     # Within a turn of its longest hand nobody knows an altitude: the column is not to be called one.
-    shown = LONGEST_HANDS.get("" if family is None else family.name, name)
+    longest = LONGEST_HANDS.get("" if family is None else family.name)
+    shown = name if longest is None else longest + name.removeprefix(legend.name)
     column = "_".join(shown.split()) + (f"_{_plain(unit)}" if unit else "")
     gauge = {
         **_placed(dial, name, sweep, from_part),
@@ -310,6 +312,8 @@ def _rose(
         max(outer_px, scale.fit.radius_px + heights / 2) + 1.0,
     )
     turns = [abs(turn) for turn, score in turned_deg(seen, dial.comb.rim, ring) if score >= SCORE_THRESHOLD]
+    if len(seen.frames) < MIN_VIEWS:
+        return None, ["whether its rose turns or something over it takes more pictures to tell"]
     turning = bool(turns) and max(turns) > 2.0  # noqa: PLR2004
     needles = _needles(dial, sweep, seen) if hands and not turning else []
     column = "_".join(name.split()) + "_deg"

@@ -35,6 +35,7 @@ Sources are pictures by others: simulators' cockpits, instruments of npm package
 | LEAST_RADIUS_PX | 12.0 | px | smaller dials show nothing | ticks of 2 px |
 | LONG_PART | 0.25 | of the radius | a shorter edge of what moves is no hand's | hubs |
 | NEAR_PART | 0.12 | of the radius | a hand's edges pass its pivot so nearly | parallax, and half its breadth |
+| EDGE_PX | 2.0 | px | nearer to the edge of a part of the picture a text is cut | a box's own margin |
 """  # noqa: E501 - a table
 
 from __future__ import annotations
@@ -70,3 +71,4 @@ MOST_HEIGHTS = 16.0
 LEAST_RADIUS_PX = 12.0
 LONG_PART = 0.25
 NEAR_PART = 0.12
+EDGE_PX = 2.0

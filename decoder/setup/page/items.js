@@ -204,14 +204,17 @@ export function addMark(store, index, angle) {
   return `gauges[${index}]${own.needle === undefined ? "" : `.needles[${own.needle}]`}.scale[${place}][1]`;
 }
 
-// A column's name that nothing on any gauge has yet.
-export function columnName(document, gauge) {
-  const parts = (document.gauges || []).flatMap((each) => Object.values(each).flat());
-  const taken = new Set(parts.map((part) => part?.name).filter(Boolean));
-  const stem = (gauge.name.replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "needle") + unitSuffix(gauge.unit);
+// A name that no column has yet.
+export function freeColumn(document, stem) {
+  const taken = new Set((document.gauges || []).flatMap((each) => Object.values(each).flat()).map((part) => part?.name).filter(Boolean));
   let name = stem;
   for (let number = 2; taken.has(name); number += 1) name = `${stem}_${number}`;
   return name;
+}
+
+export function columnName(document, gauge) {
+  const stem = (gauge.name.replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "needle") + unitSuffix(gauge.unit);
+  return freeColumn(document, stem);
 }
 
 // A needle; if it is known, by its name and what a turn of it is worth, and what it shows together with finer ones.
@@ -220,7 +223,7 @@ export function addNeedle(store, index, { at: angle, span, reach }, { name, turn
     const gauge = document.gauges[index];
     gauge.needles ??= [];
     const there = inSweep(angle, gauge.sweep);
-    gauge.needles.push({ name: name || columnName(document, gauge), template: { at: rounded(there, 4), span } });
+    gauge.needles.push({ name: name ? freeColumn(document, name) : columnName(document, gauge), template: { at: rounded(there, 4), span } });
     gauge.sweep = holding(gauge.sweep, there);
     if (reach) gauge.radius[0] = Math.min(gauge.radius[0], rounded(reach * SHORTEST, 1)); // the shortest hand is in sight
     if (turn && turn !== gauge.wraps) makeCoarser(document, gauge, gauge.needles.length - 1, turn, together);
@@ -233,7 +236,7 @@ export function makeCoarser(document, gauge, place, turn, together) {
   const own = gauge.needles[place];
   Object.assign(own, { scale: coarser(gauge, turn), wraps: turn, covered_by: gauge.needles[0].name });
   const names = gauge.needles.filter(({ wraps }, each) => !each || wraps).map(({ name }) => name);
-  gauge.combined = { name: gauge.combined?.name || together || columnName(document, gauge), ...gauge.combined, needles: names };
+  gauge.combined = { name: gauge.combined?.name || (together ? freeColumn(document, together) : columnName(document, gauge)), ...gauge.combined, needles: names };
 }
 
 // What names a needle goes along with its name.

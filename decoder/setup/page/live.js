@@ -95,8 +95,11 @@ export class Live {
     if (this.checked === asked) return;
     this.checked = asked;
     try {
-      const { problems } = await ask("check", { document: written(document), picture });
-      if (this.isUnchecked) return;
+      const { problems } = await ask("check", { document: written(document), drawn: document, picture });
+      if (this.isUnchecked) {
+        this.checked = null; // an undo may come back to just this
+        return;
+      }
       this.store.problems = problems.map(({ path, problem }) => ({ path: asDrawn(document, path), problem }));
       this.store.tell("problems");
     } catch (error) {

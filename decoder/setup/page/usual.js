@@ -3,7 +3,7 @@
 import { h } from "./dom.js";
 import { valued } from "./following.js";
 import { inSweep, rounded } from "./geometry.js";
-import { addNeedle, free } from "./items.js";
+import { addNeedle, free, freeColumn } from "./items.js";
 import { becomes, isDrawn, kindOf } from "./kinds.js";
 import { lookForNeedles, needleQuestion, offersOn } from "./offers.js";
 import { ask, TAB } from "./server.js";
@@ -32,7 +32,7 @@ function take(store, index, kind, usual) {
     const gauge = document.gauges[index];
     gauge.name = free(document.gauges, usual.name);
     gauge.unit = usual.unit;
-    if (kindOf(store, gauge) !== kind) becomes(store, gauge, kind.key, usual.columns[0]);
+    if (kindOf(store, gauge) !== kind) becomes(store, gauge, kind.key, freeColumn(document, usual.columns[0]));
     if (usual.turn) Object.assign(gauge, { wraps: usual.turn, sweep: [0, 360] });
   });
   const next = firstOpen(store, index);

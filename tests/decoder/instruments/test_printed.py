@@ -82,6 +82,20 @@ def test_drums_are_read_half_way_and_through_a_carry(drawn: DrawnRow) -> None:
     assert np.mean(np.abs(off) < 1.96) >= 0.9
 
 
+@pytest.mark.parametrize("goes_down", [False, True])
+def test_drums_at_zero_are_not_at_their_highest_count(goes_down: bool) -> None:  # noqa: FBT001 - a case
+    """An altimeter at sea level is no altimeter at its top: noise puts each of its drums a little below 0 or above."""
+    drawn = DrawnRow(goes_down=goes_down)
+    grid = drawn.grid(hand_px=0.5)
+    taught = (*ALL_DIGITS, 7905, 2061.0, 4350, 6127, 8543, 786)
+    reader = reader_of(drawn, taught, grid, rolls="down" if goes_down else "up", pitch=drawn.pitch)
+
+    values = told(read(reader, [sampled(grid, drawn.picture(0.0)) for _ in range(8)]))
+
+    assert [value for value in values if value is not None] == pytest.approx([0.0] * (8 - values.count(None)), abs=0.1)
+    assert values.count(None) < 4
+
+
 @pytest.mark.parametrize(("font", "height"), [(grotesque, 16.0), (plotted, 20.0), (dotted, 16.0)])
 def test_a_digit_that_no_picture_showed_is_missing(font: Font, height: float) -> None:
     """However much it looks like one that was taught: a 0 is no 6, an 8 no 3."""
@@ -243,6 +257,7 @@ def test_a_picture_of_another_size_needs_its_own_window(window: str, sentence: s
         ('shows: "1206", pitch: 20', "is of drums that roll"),
         ('shows: "1206", rolls: up, text: true', "do not roll"),
         ('shows: "1206", rolls: up, pitch: 2', "`pitch` of 4 pixels"),
+        ('shows: "1206", rolls: up, pitch: 1000', "three times its `window`"),
         ('shows: "1206", also: [{picture: ../a.png, shows: "1206"}]', "panel's folder or below"),
     ],
 )

@@ -15,7 +15,7 @@ import numpy as np
 
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.resampling import inside
-from decoder.imaging.thresholds import HALF
+from decoder.imaging.thresholds import HALF, TRUSTED_SIGMAS
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, WindowGrid
 from decoder.instruments.appearance import DrawnInstrument, Look
 from decoder.instruments.kinds.windows.printed_strips import DIGITS, Cells, Compared, Print, first_print
@@ -56,6 +56,9 @@ class PrintedReader:
         else:
             statuses, values = statuses & agrees, counts
             sigmas = np.hypot(self._sigmas_px(scores[:, -1]), place_sigmas_px) / (self._print.pitch * self._row_px)
+            # Drums at zero are found a little below it as often as above it: that is not the highest count.
+            turn = float(DIGITS) ** places.shape[1]
+            values = np.where(counts + TRUSTED_SIGMAS * sigmas >= turn, 0.0, counts)
         return [
             {own.name: Reading(Status.READ if sure else Status.MISSING, value, sigma, score)}
             for sure, value, sigma, score in zip(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations, pairwise, product
 
@@ -91,6 +91,10 @@ class Print:
     contrast: Floats
     rolls: bool
     is_complete: Mask
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave out what is worked out from the rest: it is a hundred times as large, and goes to each worker."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def pitch(self) -> float:

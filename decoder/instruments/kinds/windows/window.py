@@ -19,9 +19,6 @@ from decoder.panel.vocabulary import Method
 # Of what lies anywhere within one step.
 UNIFORM_SIGMA = 12**-0.5
 
-# Of what lies anywhere within one step.
-UNIFORM_SIGMA = 12**-0.5
-
 
 class WindowReader(Protocol):
     """Reads one window."""
