@@ -25,18 +25,13 @@ RAISED = (
     " and this dial is seen from further aside, or learned with the needle's shadow"
 )
 OFF_AXIS = "a card that is seen from further aside than sigma allows for where a dial is drawn as square on"
-COARSE = "the 10,000 ft pointer moves by 11 degrees over the printed ALT, so the face behind it is never seen bare"
 UNPLACED = "the dim dial's own marks score 0.73 to 0.80, under SCORE_THRESHOLD, so registration does not place the dial"
-STEM = "the stem of the half-learned 10,000 ft pointer looks like the 100 ft one, which explains the dial as well there"
 DIM = "in the dim altimeter the value is read, but not each pointer: they score under SCORE_THRESHOLD or are doubted"
 DIM_SIGMA = "the dim pointer is read 2 degrees off on average, by more than its fit tells; why is not known"
 PARKED = (
     "nine of twelve frames show it within three degrees of its cut: the face behind is not learned (all 48 frames do)"
 )
 NO_VALUE: Mapping[tuple[str, str], str] = {
-    ("daylight", "ten_thousands_ft"): COARSE,
-    ("daylight", "hundreds_ft"): STEM,
-    ("daylight", "altitude_ft"): STEM,
     ("daylight", "volts"): PARKED,
     ("night", "thousands_ft"): DIM,
     ("night", "hundreds_ft"): DIM,
@@ -44,9 +39,7 @@ NO_VALUE: Mapping[tuple[str, str], str] = {
 }
 WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
     ("daylight", "oil_press_psi"): RAISED,
-    ("daylight", "exhaust_c"): RAISED,
     ("oblique", "volts"): RAISED,
-    ("night", "airspeed_kt"): RAISED,
     ("night", "heading_deg"): OFF_AXIS,
     ("night", "oil_press_psi"): RAISED,
     ("night", "thousands_ft"): DIM_SIGMA,
