@@ -123,6 +123,12 @@ def test_single_flag_of_two_hours_is_seen(long_page: Page) -> None:
 
     assert width_px >= 2.0
     assert begun < 1_525_435_200_000 + ALONE * 250 < ended
+    # The key's plots are drawn one after the other.
+    until(
+        page,
+        "() => document.querySelectorAll('.plot')[0].data.some((one) => one.meta === 'mark' && one.customdata?.length)",
+        0,
+    )
     assert plotted(page, 0, "mark")["rows"] == [900]
     assert len(plotted(page, 0, "curve")["x"]) < 4000
     expect(page.locator("#flags tbody tr")).to_have_count(2)
