@@ -19,7 +19,6 @@ import yaml
 from benchmarks.acceptance import (
     MAX_BOX_MIB,
     MAX_CALLS_FILES,
-    MAX_CALLS_GROWTH_MIB,
     MAX_DAY_GROWTH_MIB,
     MAX_OPEN_FILES,
     MAX_THREADS,
@@ -43,6 +42,8 @@ PATIENCE_S = 120
 MIB_AS_GIB = 1 / 1024
 HOURS_S = 8 * 3600  # `make bench` records a day
 COUNT = 15  # `make kills` does 200
+STILLS = 1600
+MAX_KEPT_KIB = 4.0  # by a still
 
 
 def configuration(url: str, directory: Path) -> RecorderConfig:
@@ -154,10 +155,11 @@ def test_large_pictures_fit_a_small_board() -> None:
 @pytest.mark.slow
 @pytest.mark.untraced
 def test_calls_to_a_camera_leave_nothing_behind() -> None:
-    """Some two thousand of them, for four hundred stills: memory stays, and files and threads are few."""
-    result = called(400)
+    """Some eight thousand, for 1600 stills: no still keeps 4 KiB of memory, and files and threads are few."""
+    result = called(STILLS)
 
-    assert result.growth_mib() <= MAX_CALLS_GROWTH_MIB
+    # A machine that becomes idle meanwhile lets the box take more stills at once, and hold some MiB more of them.
+    assert result.growth_mib() <= STILLS * MAX_KEPT_KIB / 1024
     assert max(each.files for _, each in result.settled) <= MAX_CALLS_FILES
     assert max(each.threads for _, each in result.settled) <= MAX_THREADS
 

@@ -6,7 +6,7 @@ A scale of which anything is in doubt is not proposed: a wrong value costs more 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,10 +33,7 @@ Document = dict[str, Any]
 
 # Needles are read between these parts of their ticks' inner ends: clear of the hub, short of the marks.
 FROM_PART, TO_PART = 0.3, 0.98
-# Of several hands the longest alone goes out so far.
-LONGEST_PART = 0.65
 PLACES = 3
-LONGEST_HANDS = {"altimeter": "hundreds"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,53 +244,24 @@ def _gauge(
     family = scale.fit.family
     if family is not None and family.has_letters:
         return _rose(dial, scale, name, seen, hands=hands)
-    wraps = None if family is None else family.turn
-    factor, unit, turns = (
-        legend.factor,
-        legend.unit,
-        _TURNS.get("" if family is None else family.name, lambda *_: None)(legend),
-    )
-    if turns is not None:
-        factor, unit = turns
-    pairs = [(mark.angle_deg, mark.value * factor) for mark in scale.marks]
-    if wraps is not None:
-        start = pairs[0][0] - pairs[0][1] / factor * 360.0 / wraps
-        pairs = [(start, 0.0), (start + 180.0, wraps * factor / 2)]
+    if family is not None:
+        # A hand beside others that nobody described turns elsewhere than it seems to: by 1.3 % of a turn, surely.
+        return None, ["it has several hands, and which is which is not told: draw them"]
+    pairs = [(mark.angle_deg, mark.value * legend.factor) for mark in scale.marks]
     shift = 360.0 * math.floor(pairs[0][0] / 360.0)
     pairs = [(angle - shift, value) for angle, value in pairs]
-    sweep = _turn_from(pairs[0][0]) if wraps is not None else _sweep([angle for angle, _ in pairs])
-    if family is not None and family.name == "clock":
-        return None, ["which of its hands is which is not told: draw them"]
-    from_part = FROM_PART if family is None else LONGEST_PART
-    needles = _needles(dial, sweep, seen, from_part)
+    sweep = _sweep([angle for angle, _ in pairs])
+    needles = _needles(dial, sweep, seen)
     if not needles:
         return None, [f"no needle: nothing moved on it in {len(seen.frames)} frames"]
-    # Within a turn of its longest hand nobody knows an altitude: the column is not to be called one.
-    longest = LONGEST_HANDS.get("" if family is None else family.name)
-    shown = name if longest is None else longest + name.removeprefix(legend.name)
-    column = "_".join(shown.split()) + (f"_{_plain(unit)}" if unit else "")
+    column = "_".join(name.split()) + (f"_{_plain(legend.unit)}" if legend.unit else "")
     gauge = {
-        **_placed(dial, name, sweep, from_part),
-        "unit": unit,
+        **_placed(dial, name, sweep),
+        "unit": legend.unit,
         "scale": [[round(angle, 2), round(value, PLACES)] for angle, value in pairs],
-        **({} if wraps is None else {"wraps": wraps * factor}),
         "needles": [{"name": column, "template": {"at": round(needles[0].at_deg, 2), "span": needles[0].span_deg}}],
     }
-    said = [f"what moves on it points to {needles[0].at_deg % 360:.0f} degrees here"]
-    if family is not None:
-        said.append("only its longest hand is proposed, which tells the value within a turn; draw the others")
-        said.append("where another hand lies beside it, its axis may be some degrees off: look whether it is")
-    return _native(gauge), said
-
-
-def _hundreds(legend: Legend) -> tuple[float, str]:
-    return (100.0, "ft") if legend.unit in ("ft", "") and legend.name == "altimeter" else (legend.factor, legend.unit)
-
-
-_TURNS: Mapping[str, Callable[[Legend], tuple[float, str]]] = {
-    "altimeter": _hundreds,
-    "clock": lambda _: (3600.0, "s"),
-}
+    return _native(gauge), [f"what moves on it points to {needles[0].at_deg % 360:.0f} degrees here"]
 
 
 def _rose(
@@ -347,13 +315,13 @@ def _native(part: Any) -> Any:  # noqa: ANN401 - any part of a draft
     return part.item() if isinstance(part, np.generic) else part
 
 
-def _placed(dial: FoundDial, name: str, sweep: tuple[float, float], from_part: float = FROM_PART) -> Document:
+def _placed(dial: FoundDial, name: str, sweep: tuple[float, float]) -> Document:
     rim = dial.comb.rim
     inner_px, _ = dial.comb.ring_px
     placed: Document = {
         "name": name,
         "centre": [round(at, 2) for at in rim.centre],
-        "radius": [round(from_part * inner_px, 2), round(TO_PART * inner_px, 2)],
+        "radius": [round(FROM_PART * inner_px, 2), round(TO_PART * inner_px, 2)],
         "sweep": [round(each, 2) for each in sweep],
     }
     if rim.points is not None:
@@ -376,10 +344,8 @@ def _plain(unit: str) -> str:
     return "".join(each if each.isalnum() else "_" for each in unit)
 
 
-def _needles(
-    dial: FoundDial, sweep: tuple[float, float], seen: Pictures, from_part: float = FROM_PART
-) -> list[Proposal]:
+def _needles(dial: FoundDial, sweep: tuple[float, float], seen: Pictures) -> list[Proposal]:
     inner_px, _ = dial.comb.ring_px
     span = (sweep[0], min(sweep[1], sweep[0] + 360.0))
-    shown = Dial(dial.centre, (from_part * inner_px, TO_PART * inner_px), span, dial.comb.rim.drawn.plane)
+    shown = Dial(dial.centre, (FROM_PART * inner_px, TO_PART * inner_px), span, dial.comb.rim.drawn.plane)
     return proposed(seen, shown) if len(seen.frames) > 1 else []
