@@ -201,7 +201,7 @@ def dial(person: Person, index: int, instrument: Instrument) -> None:
         horizon(person, index)
     page.locator("#film .cell").first.wait_for(timeout=SLOW_MS)
     if instrument.usual == "altimeter":
-        person.push(page.locator("#usepivot"))
+        person.push(page.locator("#findaxes"))
 
 
 def horizon(person: Person, index: int) -> None:

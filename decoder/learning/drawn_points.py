@@ -18,7 +18,7 @@ import numpy as np
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 
 # How precisely needles and marks are drawn by an ordinary hand, and needles seen in the panel picture.
 ANGLE_DEG = 1.5
@@ -62,6 +62,18 @@ def _scales(gauge: Gauge) -> Iterator[tuple[Sequence[float], Sequence[float], fl
     for marks, turn in dict.fromkeys((each.marks, each.wraps) for each in gauge.quantities if each.is_measured):
         angles_deg, values = zip(*marks, strict=True)
         yield angles_deg, values, turn
+
+
+def uneven_deg(quantity: Quantity) -> float:
+    """Tell by how much the marks of a scale are beside even ones, as a spread.
+
+    Only of a scale of which a turn has a value it is known that it is even; of another nothing is told.
+    """
+    if quantity.wraps is None or not quantity.is_measured:
+        return 0.0
+    angles_deg, values = zip(*quantity.marks, strict=True)
+    beside = _beside_even(angles_deg, values, quantity.wraps)
+    return math.sqrt(float(beside @ beside) / len(beside))
 
 
 def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Floats:

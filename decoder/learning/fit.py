@@ -24,7 +24,7 @@ from decoder.instruments.panel_reader import PanelReader, appearance_from_panel,
 from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
-from decoder.learning.drawn_points import PRIOR_LOG_ODDS, log_odds_of_points, seen_from_pivots
+from decoder.learning.drawn_points import PRIOR_LOG_ODDS, log_odds_of_points, seen_from_pivots, uneven_deg
 from decoder.learning.flight_appearance import learn_appearance, lit_views
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
@@ -36,7 +36,7 @@ from decoder.learning.pivots import (
     lifts_missing,
 )
 from decoder.learning.seen_faces import may_be_lost, with_seen_faces
-from decoder.learning.thresholds import LOOKED_AT
+from decoder.learning.thresholds import LOOKED_AT, MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
@@ -99,7 +99,13 @@ class FittedReader:
             yield (
                 f"turns {abs(x):.1f} px {'left' if x < 0 else 'right'} of and {abs(y):.1f} px"
                 f" {'above' if y < 0 else 'below'} the drawn centre, corrected"
-                f"{' with its marks' if self.has_points else ''}: draw it there with `decode setup`"
+                f"{' with its marks: draw it there with `decode setup`' if self.has_points else '; its marks stay'}"
+            )
+        off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
+        if off_deg > math.degrees(MOST_MARK_PART):
+            yield (
+                f"has marks {off_deg:.1f} degrees beside even ones, though all turns of it are worth the same: sigma"
+                " allows for that; were they drawn as seen from the middle of their own ring?"
             )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
@@ -148,12 +154,14 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
+    told = seen_from_pivots(gauges, paths, log_odds)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
         reader=_completed(last),
-        panel=source.panel.model_copy(update={"gauges": seen_from_pivots(gauges, paths, log_odds)}),
+        panel=source.panel.model_copy(update={"gauges": told}),
         uncertainties=quantity_uncertainties(
             source,
+            told,
             pivots,
             paths=paths,
             log_odds=log_odds,

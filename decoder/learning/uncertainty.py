@@ -16,6 +16,7 @@ import numpy as np
 
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.instruments.reading import Reading, Status
+from decoder.learning.drawn_points import uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.panel.arrays import Floats
@@ -91,6 +92,7 @@ class QuantityUncertainty:
 
 def quantity_uncertainties(
     drawn: PanelPictures,
+    told: Sequence[Gauge],
     pivots: Sequence[Pivot],
     *,
     paths: Sequence[PivotPath],
@@ -99,12 +101,14 @@ def quantity_uncertainties(
     dials_move: bool,
     found: Sequence[Mapping[str, Reading]] = (),
 ) -> dict[str, QuantityUncertainty]:
-    """Estimate, by quantity, what its readings are uncertain by.
+    """Estimate, by quantity, what its readings are uncertain by beyond what their frames tell.
 
     Parameters
     ----------
     drawn
         The panel as it was given, before pivots were moved.
+    told
+        Its gauges with angles as they are read, around their pivots.
     pivots
         By the gauges' order in the panel: what is still to be thought of each.
     paths
@@ -119,45 +123,65 @@ def quantity_uncertainties(
         By frame of a sample, what was read.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
-    missed, points = _to_allow_for(-abs(log_odds)), _to_allow_for(log_odds)
-    missed_marks = MARK_PART * care_part
-    careless_deg = math.degrees(min(missed_marks, MOST_MARK_PART))
     uncertainties = {}
-    parts = zip(drawn.panel.gauges, pivots, places_px, paths, strict=True)
-    for index, (gauge, pivot, place_px, path) in enumerate(parts):
-        radius_px, rim_px = gauge.arc_px, gauge.radius[1]
-        zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
-        mistaken = _mistaken(gauge, pivot, found)
-        span_deg = gauge.sweep[1] - gauge.sweep[0]
-        hand_deg = math.hypot(math.degrees(HAND_PX / radius_px), careless_deg)
-        x, y = (missed * radius_px / rim_px * each for each in path.beside_px)
-        # Marks of a card are carried to where it turns, as far as that is known; else it is drawn as badly as others.
-        doubt_px = pivot.sigma_px if path.was_moved else care_part * rim_px
-        card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px) if gauge.window is None else 0.0
-        as_card = QuantityUncertainty(
-            drawn_deg=math.hypot(hand_deg, math.degrees(card_px / rim_px)),
-            seen_deg=_parallax_deg(drawn, index) if zeros_deg else _squeezed_deg(drawn, index),
-            place_px=0.0,
-            radius_px=radius_px,
-            pivot=pivot.blurred(_height_px(drawn, index)),
-            missed_px=(0.0, 0.0),
-            zero_deg=None,
+    for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
+        gauge, as_told, pivot, place_px, path = parts
+        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care_part=care_part)
+        missed = _to_allow_for(-abs(log_odds)) * gauge.arc_px / gauge.radius[1]
+        as_needle = replace(
+            as_card,
+            drawn_deg=_by_hand_deg(gauge, care_part),
+            place_px=place_px,
+            missed_px=(missed * path.beside_px[0], missed * path.beside_px[1]),
         )
-        as_needle = replace(as_card, drawn_deg=hand_deg, place_px=place_px, missed_px=(x, y))
         as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # what is written was drawn by nobody
-        for quantity in gauge.quantities:
-            zero_deg = zeros_deg.get(quantity.name)
+        zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
+        span_deg, mistaken = gauge.sweep[1] - gauge.sweep[0], _mistaken(gauge, pivot, found)
+        for quantity in as_told.quantities:
+            name = quantity.name
             if quantity.written is not None or not quantity.is_drawn:
-                uncertainties[quantity.name] = as_written
-            elif quantity.name in zeros_deg:
-                uncertainties[quantity.name] = replace(
+                uncertainties[name] = as_written
+                continue
+            marks_deg = uneven_deg(quantity)
+            if name in zeros_deg:
+                zero_deg = zeros_deg[name]
+                anywhere_deg = ANYWHERE * span_deg if name in mistaken else 0.0
+                uncertainties[name] = replace(
                     as_needle,
-                    drawn_deg=math.hypot(hand_deg, ANYWHERE * span_deg if quantity.name in mistaken else 0.0),
+                    drawn_deg=math.hypot(max(as_needle.drawn_deg, marks_deg), anywhere_deg),
                     zero_deg=sum(gauge.sweep) / 2 if zero_deg is None else zero_deg,
                 )
             else:
-                uncertainties[quantity.name] = as_card
+                uncertainties[name] = replace(as_card, drawn_deg=max(as_card.drawn_deg, marks_deg))
     return uncertainties
+
+
+def _of_card(
+    drawn: PanelPictures, index: int, pivot: Pivot, path: PivotPath, *, log_odds: float, care_part: float
+) -> QuantityUncertainty:
+    """Estimate it for a card, whose marks are carried to where it turns, as far as that is known."""
+    gauge = drawn.panel.gauges[index]
+    rim_px = gauge.radius[1]
+    card_px = 0.0
+    if gauge.window is None:
+        missed, points = _to_allow_for(-abs(log_odds)), _to_allow_for(log_odds)
+        doubt_px = pivot.sigma_px if path.was_moved else care_part * rim_px
+        card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
+    return QuantityUncertainty(
+        drawn_deg=math.hypot(_by_hand_deg(gauge, care_part), math.degrees(card_px / rim_px)),
+        seen_deg=_parallax_deg(drawn, index) if gauge.turning else _squeezed_deg(drawn, index),
+        place_px=0.0,
+        radius_px=gauge.arc_px,
+        pivot=pivot.blurred(_height_px(drawn, index)),
+        missed_px=(0.0, 0.0),
+        zero_deg=None,
+    )
+
+
+def _by_hand_deg(gauge: Gauge, care_part: float) -> float:
+    """Estimate how precisely a scale is drawn: as precisely as its centre, and to a fifth of a pixel at best."""
+    careless = min(MARK_PART * care_part, MOST_MARK_PART)
+    return math.degrees(math.hypot(HAND_PX / gauge.arc_px, careless))
 
 
 def _to_allow_for(log_odds: float) -> float:

@@ -186,6 +186,7 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     return {
         "frames": [_frame(each, gauge, grid) for each in trial.frames],
         "moved": None if trial.moved_px is None else [round(at, PLACES) for at in trial.moved_px],
+        "points": trial.has_points,
         "findings": trial.findings,
         "anchors": _anchors(trial),
         "axes": {name: round(off_deg, PLACES) for name, off_deg in trial.axes_deg.items()},

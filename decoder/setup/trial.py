@@ -57,6 +57,8 @@ class Trial:
     ----------
     moved_px
         How far from its drawn centre its needles really turn.
+    has_points
+        Whether its marks are then points that were seen from the drawn centre, and not angles.
     findings
         What `decode` would say of it in the gauge's health line, if this were its flight; nothing if it is drawn well.
     axes_deg
@@ -65,6 +67,7 @@ class Trial:
 
     frames: tuple[FrameTrial, ...]
     moved_px: tuple[float, float] | None
+    has_points: bool
     findings: tuple[str, ...]
     axes_deg: Mapping[str, float]
 
@@ -101,7 +104,9 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
             raise Superseded
         found.append(_frame(fitted.reader, index, frame, shown))
     axes_deg = _axes_deg(fitted.reader) if len(frames) > 1 else {}
-    return Trial(tuple(found), fitted.moved_px.get(gauge.name), fitted.findings[gauge.name], axes_deg)
+    return Trial(
+        tuple(found), fitted.moved_px.get(gauge.name), fitted.has_points, fitted.findings[gauge.name], axes_deg
+    )
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:

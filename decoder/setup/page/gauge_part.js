@@ -33,7 +33,7 @@ export function gaugePart(store, live, heading) {
 
   // Where the needles turn according to the flight, and what to make of it.
   function pivot(gauge, index) {
-    const { moved, height } = live.resultOf(index) || {};
+    const { moved, height, points } = live.resultOf(index) || {};
     if (!moved || Math.hypot(...moved) < LEAST_MOVE_PX) return health(index);
     const words = `The needle turns ${rounded(Math.abs(moved[0]))} px ${moved[0] < 0 ? "left" : "right"}, ${rounded(Math.abs(moved[1]))} px ${moved[1] < 0 ? "above" : "below"} of there`;
     const card = (...parts) => h("div", { class: "card offer small" }, ...parts);
@@ -45,7 +45,7 @@ export function gaugePart(store, live, heading) {
       return card(h("p", {}, `${words}, as a needle ${height} inches above the face does, seen from here.`), h("button", { id: "useheight", onclick: take }, "It stands that high"));
     }
     const there = gauge.centre.map((value, axis) => value + moved[axis]);
-    if (store.planes.isOblique(gauge) && !gauge.needle_height_inches) {
+    if ((store.planes.isOblique(gauge) || !points) && !gauge.needle_height_inches) {
       const around = () => findAxes(store, index, there);
       return card(h("p", {}, `${words}: so does every needle above its face that is seen from the side. The decoder allows for it, once the axis is found around there.`), h("button", { id: "findaxes", onclick: around }, "Find its axis around there"));
     }

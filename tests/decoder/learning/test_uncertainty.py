@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
+from decoder.learning.drawn_points import seen_from, uneven_deg
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import HAND_PX
 from decoder.learning.uncertainty import (
@@ -22,6 +24,7 @@ from decoder.learning.uncertainty import (
     quantity_uncertainties,
 )
 from decoder.panel.camera import parse_camera
+from decoder.panel.gauge import Gauge
 from decoder.registration.pivot import Pivot
 from tests.decoder.cockpit import reader_of
 from tests.programs import FIXTURES
@@ -34,6 +37,7 @@ AT_DEG = np.array([200.0])
 def uncertainties_of(
     drawn: PanelPictures,
     *,
+    told: Sequence[Gauge] | None = None,
     pivot: Pivot = KNOWN,
     path: PivotPath = STAYED,
     log_odds: float = 0.0,
@@ -44,6 +48,7 @@ def uncertainties_of(
     count = len(drawn.panel.gauges)
     return quantity_uncertainties(
         drawn,
+        told or drawn.panel.gauges,
         [pivot] * count,
         paths=[path] * count,
         log_odds=log_odds,
@@ -132,3 +137,24 @@ def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
     for covariance in covariances:
         assert math.sqrt(covariance[0, 0]) == pytest.approx(HEIGHT_PART * 0.05 * px_an_inch, rel=0.1)
         assert covariance == pytest.approx(covariance[0, 0] * np.eye(2))
+
+
+@pytest.mark.parametrize("part", [0.0, 0.02, 0.05])
+def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> None:
+    """Seen from beside its middle a ring's marks are uneven by a wave; without the worth of a turn they may be."""
+    drawn = reader_of().source
+    angles_deg = np.arange(0.0, 360.0, 36.0)
+    marks = tuple((seen_from((0.0, part), 1.0, angle_deg), angle_deg) for angle_deg in angles_deg.tolist())
+    around, plain = (
+        tuple(each.model_copy(update={"scale": marks, "wraps": wraps}) for each in drawn.panel.gauges)
+        for wraps in (360.0, None)
+    )
+    wave_deg = math.degrees(part) / math.sqrt(2.0)
+    careful_deg = uncertainties_of(drawn)["speed_kt"].drawn_deg
+
+    assert uneven_deg(around[0].quantities[0]) == pytest.approx(wave_deg * math.sqrt(10 / 9), rel=0.05, abs=1e-9)
+    assert uneven_deg(plain[0].quantities[0]) == 0.0
+    assert uncertainties_of(drawn, told=around)["speed_kt"].drawn_deg == max(
+        careful_deg, uneven_deg(around[0].quantities[0])
+    )
+    assert uncertainties_of(drawn, told=plain)["speed_kt"].drawn_deg == careful_deg
