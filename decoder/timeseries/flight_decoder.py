@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from decoder.imaging.picture_block import batch_frames
-from decoder.instruments.frame_batch import Outcome, RawFrame, ReadBatches, Unread, batches, read_here
+from decoder.instruments.frame_batch import Batch, Outcome, RawFrame, ReadBatches, Unread, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_sample import FlightSample, Tell, nobody
@@ -62,20 +62,10 @@ def decode_flight(
     tell("")
     if part is None and not fitted.sampled and 0 < len(sample.opened) < flight.count():
         raise FlightUnreadable(_nowhere(flight, fitted.panel, len(sample.opened)))
-    builder = FlightDataBuilder(fitted.panel)
-    reasons: Counter[str] = Counter()
-    frames = 0
     height, width = reader.source.picture.shape
     frames_of_part = progress(flight.shown(None if part is None else part.ranks))
     cut = batches(frames_of_part, batch_frames((width, height)), sample.given_up)
-    for batch, outcomes in read(fitted.reader, cut):
-        for frame, outcome in zip(batch, outcomes, strict=True):
-            _add(builder, frame, outcome)
-            if isinstance(outcome, Unread):
-                reasons[outcome.reason] += 1
-        frames += len(batch)
-    if sum(reasons.values()) == frames:
-        raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
+    builder = _gathered(fitted.panel, read(fitted.reader, cut), flight)
     built = replace(
         builder.build(fitted.sigma_deg),
         moved_pivots_px=fitted.moved_px,
@@ -88,6 +78,22 @@ def decode_flight(
     data, doubts = doubted(data, fitted.drawn_sigma_deg)
     findings = {gauge: (*found, *doubts.get(gauge, ())) for gauge, found in fitted.findings.items()}
     return replace(data, health=gauge_health(data, findings))
+
+
+def _gathered(panel: Panel, read: Iterable[tuple[Batch, list[Outcome]]], flight: Flight) -> FlightDataBuilder:
+    """Gather what was read of all frames; the commonest reason is raised if none could be."""
+    builder = FlightDataBuilder(panel)
+    reasons: Counter[str] = Counter()
+    frames = 0
+    for batch, outcomes in read:
+        for frame, outcome in zip(batch, outcomes, strict=True):
+            _add(builder, frame, outcome)
+            if isinstance(outcome, Unread):
+                reasons[outcome.reason] += 1
+        frames += len(batch)
+    if sum(reasons.values()) == frames:
+        raise FlightUnreadable(_why(flight.paths[0].name, frames, reasons))
+    return builder
 
 
 def with_gps(data: FlightData, fixes: Iterable[GpsFix]) -> FlightData:
