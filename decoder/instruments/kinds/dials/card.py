@@ -106,18 +106,25 @@ class CardReader:
         """Read the card on the gauge in F frames: (F, R, C) float32."""
         return [self.reading(self.turn(strip)) for strip in strips]
 
-    def turn(self, unwrapped: UnwrappedGauge, hidden: Mask | None = None) -> Turn:
-        """Tell how far the card has turned from where it lies in the panel picture; (P, C) tells where it is hidden."""
-        return self.lit_turn(evenly_lit(unwrapped, self._grid), hidden)
+    def turn(self, unwrapped: UnwrappedGauge) -> Turn:
+        """Tell how far the card has turned from where it lies in the panel picture."""
+        return self.lit_turn(evenly_lit(unwrapped, self._grid))
 
-    def lit_turn(self, seen: Floats, hidden: Mask | None = None) -> Turn:
+    def lit_turn(self, seen: Floats) -> Turn:
         """As `turn`, of one turn of the dial, (P, C), without the light on it."""
         scores = self._scores(seen)
         best = int(scores.argmax())
-        shown = self._picture.weights if hidden is None else np.where(hidden, np.float32(0.0), self._picture.weights)
-        row, sigma_rows, score = self._fitted(seen, float(best), shown)
+        row, sigma_rows, score = self._fitted(seen, float(best), self._picture.weights)
         alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(float(scores[best]), 1.0) ** 2)
         return Turn(row, sigma_rows, score, alone)
+
+    def turn_without(self, unwrapped: UnwrappedGauge, hidden: Mask, about: Turn) -> Turn:
+        """As `turn`, of a card that has turned about so far, without what is hidden of it, (P, C)."""
+        seen = evenly_lit(unwrapped, self._grid)
+        around = about if about.is_alone else self.lit_turn(seen)
+        shown = np.where(hidden, np.float32(0.0), self._picture.weights)
+        row, sigma_rows, score = self._fitted(seen, around.rows, shown)
+        return Turn(row, sigma_rows, score, around.is_alone)
 
     def likely_rows(self, seen: Floats, count: int) -> list[int]:
         """List the turns at which one turn of a dial (P, C) matches best, the best first."""

@@ -285,7 +285,7 @@ class OverCardReader:
             return turn
         # All of a turn is needed to tell the light on it.
         bare = self._with_card(dial.part(strip), turn, hidden)
-        return self._card.turn(dial.card_part(bare), dial.card_part(hidden))
+        return self._card.turn_without(dial.card_part(bare), dial.card_part(hidden), turn)
 
     def turned_back(self, strip: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:
         """(R, C): a gauge turned back; the card, as it is turned, in the place of what stands still over it."""
