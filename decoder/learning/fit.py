@@ -104,8 +104,8 @@ class FittedReader:
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
         if off_deg > math.degrees(MOST_MARK_PART):
             yield (
-                f"has marks {off_deg:.1f} degrees beside even ones, though all turns of it are worth the same: sigma"
-                " allows for that; were they drawn as seen from the middle of their own ring?"
+                f"has marks {off_deg:.1f} degrees beside even ones, though what goes round does so evenly: sigma allows"
+                " for that; is it seen from the side, or were they drawn from beside the middle of their ring?"
             )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
