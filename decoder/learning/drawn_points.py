@@ -24,6 +24,8 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 ANGLE_DEG = 1.5
 # Angles are likelier before needles tell: those of a needle above its dial are right, too, and it turns elsewhere.
 PRIOR_LOG_ODDS = -3.0
+# Least squares for the middle of a ring settle within so many steps, from a tenth of its radius.
+MIDDLE_STEPS = 4
 
 Seen = Sequence[tuple[float, float]]
 """Of a gauge's needles: at which angle each is drawn, and where the panel picture shows it around its pivot."""
@@ -76,16 +78,45 @@ def uneven_deg(quantity: Quantity) -> float:
     return math.sqrt(float(beside @ beside) / len(beside))
 
 
+def middle_of_marks_px(gauge: Gauge) -> Vector | None:
+    """Find the place from which the marks of a drawn gauge are even, if they are points: (x, y) from its centre.
+
+    Only a scale that goes all the way round tells, and only with marks enough: two are even from somewhere, whatever
+    they are.
+    """
+    around = [(angles_deg, values, turn) for angles_deg, values, turn in _scales(gauge) if turn is not None]
+    if not around:
+        return None
+    angles_deg, values, turn = max(around, key=lambda scale: len(scale[0]))
+    turned_deg = _pace_deg(values, turn) * np.array(values)
+    radius_px, middle = gauge.radius[1], (0.0, 0.0)
+    for _ in range(MIDDLE_STEPS):
+        seen_deg = np.array([seen_from(middle, radius_px, angle_deg) for angle_deg in angles_deg])
+        angles = np.radians(seen_deg)
+        ways = np.stack([np.ones_like(angles), -np.sin(angles), np.cos(angles)], axis=1)
+        _, x, y = np.linalg.lstsq(ways, np.radians(seen_deg - turned_deg))[0].tolist()
+        middle = middle[0] + x * radius_px, middle[1] + y * radius_px
+    carried_deg = [seen_from(middle, radius_px, angle_deg) for angle_deg in angles_deg]
+    odds = log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
+    told = (len(angles_deg) - 3) / (len(angles_deg) - 1)  # what its own two numbers explain tells nothing
+    return middle if PRIOR_LOG_ODDS + told * odds > 0.0 else None
+
+
 def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Floats:
     """(N - 2,) or (N - 1,): how far marks are from an even scale; one that goes all the way round has a known pace."""
     angles, steps = np.array(angles_deg, np.float64), np.array(values, np.float64)
     columns = np.stack([np.ones_like(steps), steps], axis=1)
     if turn is not None:
-        angles = angles - math.copysign(FULL_CIRCLE_DEG / turn, steps[-1] - steps[0]) * steps
+        angles = angles - _pace_deg(values, turn) * steps
         columns = columns[:, :1]
     across, _ = np.linalg.qr(columns, mode="complete")
     beside: Floats = across[:, columns.shape[1] :].T @ angles
     return beside
+
+
+def _pace_deg(values: Sequence[float], turn: float) -> float:
+    """Tell how many degrees a unit is worth; negative where values rise the other way round."""
+    return math.copysign(FULL_CIRCLE_DEG / turn, values[-1] - values[0])
 
 
 def log_odds_of_even(drawn_deg: Floats, carried_deg: Floats) -> float:

@@ -24,7 +24,13 @@ from decoder.instruments.panel_reader import PanelReader, appearance_from_panel,
 from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
-from decoder.learning.drawn_points import PRIOR_LOG_ODDS, log_odds_of_points, seen_from_pivots, uneven_deg
+from decoder.learning.drawn_points import (
+    PRIOR_LOG_ODDS,
+    log_odds_of_points,
+    middle_of_marks_px,
+    seen_from_pivots,
+    uneven_deg,
+)
 from decoder.learning.flight_appearance import learn_appearance, lit_views
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
@@ -130,14 +136,16 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
     source, gauges = reader.source, reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
-    begun, last = _begun(placed, samples, sample, tell)
+    starts: list[Vector | None] = [None] * len(gauges)
+    begun, last = _begun(placed, samples, sample, starts, tell)
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
-    if coloured is not placed:
+    starts = _middles_of_marks(gauges, begun.paths, last.found)
+    if coloured is not placed or any(starts):
         del begun, last, samples  # what they hold need not lie in memory beside what is unwrapped later
-        tell("learns in which colours needles show")
+        tell("learns in which colours needles show, and where rings of marks have their middle")
         samples = unwrapped(coloured, sample(frames_wanted(coloured.placement)))
-        begun, last = _begun(coloured, samples, sample, tell)
+        begun, last = _begun(coloured, samples, sample, starts, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
     del begun
     first = last.pivots
@@ -180,9 +188,22 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     )
 
 
-def _begun(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
-    """Find pivots that are far off, and learn a first time."""
-    aligned = _around_far_pivots(reader, samples, sample)
+def _middles_of_marks(
+    gauges: Sequence[Gauge], paths: Sequence[PivotPath], found: Sequence[Mapping[str, Reading]]
+) -> list[Vector | None]:
+    """By gauge that was hardly read where it is drawn: where its marks are even, if that is elsewhere; else None."""
+    doubted = _doubted(found)
+    return [
+        middle_of_marks_px(gauge) if not path.is_far and {each.name for each in gauge.turning} & doubted else None
+        for gauge, path in zip(gauges, paths, strict=True)
+    ]
+
+
+def _begun(
+    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, starts: Sequence[Vector | None], tell: Tell
+) -> tuple[_Recentred, _Round]:
+    """Find pivots that are far off, from where some are thought to be, and learn a first time."""
+    aligned = _around_far_pivots(reader, samples, sample, starts)
     tell(f"learns from {len(aligned.samples)} frames what the instruments look like")
     return aligned, _learned(aligned.reader, aligned.samples, aligned.paths)
 
@@ -226,12 +247,21 @@ class _Recentred:
     log_odds: float
 
 
-def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample) -> _Recentred:
+def _around_far_pivots(
+    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, starts: Sequence[Vector | None]
+) -> _Recentred:
     """Search for pivots that are far beside their centres, and unwrap a sample around them."""
     drawn = reader.source.panel.gauges
     paths = [PivotPath()] * len(drawn)
     if len(samples) < FRAMES_TO_LEARN:
         return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS)
+    if any(starts):
+        paths = [
+            path if start is None else path.from_afar(start, REACH_PART * gauge.radius[1])
+            for path, start, gauge in zip(paths, starts, drawn, strict=True)
+        ]
+        reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
+        samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     for _ in range(FAR_ROUNDS):
         paths = [
             path if path.is_found else path.from_afar(kind_of(gauge).far_pivot(*seen), REACH_PART * gauge.radius[1])

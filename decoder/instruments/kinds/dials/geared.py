@@ -17,7 +17,7 @@ import numpy as np
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, STATUSES, Found, Needle
-from decoder.instruments.kinds.dials.stack import all_above, without_dial
+from decoder.instruments.kinds.dials.stack import all_above
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr
@@ -123,7 +123,7 @@ class GearedReader:
         own = [needles[column] for column in self._columns]
         self._half_widths_rows = np.array([each.half_width_rows for each in own])
         self._reach_rows = self._half_widths_rows + MAX_PEAK_ROWS
-        self._templates = [without_dial(each.template, grid) for each in own]
+        self._templates = [each.template for each in own]
         self._coarse = [thinned(template) for template in self._templates]
         self._fitters = [WindowFitter([template], [grid.pixels_per_sample]) for template in self._templates]
         depth = [len(all_above(needles, names, column)) for column in self._columns]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +20,7 @@ from decoder.instruments.appearance import (
 from decoder.instruments.found import Found, Needle, readings_of
 from decoder.instruments.kinds.dials.geared import GearedReader
 from decoder.instruments.kinds.dials.needles import NeedleReader, is_simple
-from decoder.instruments.kinds.dials.stack import StackReader
+from decoder.instruments.kinds.dials.stack import StackReader, without_dial
 from decoder.instruments.needle_lines import pivot_of_tilts, tilts_of
 from decoder.instruments.reading import Readings
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples, SeenGauge
@@ -118,10 +119,19 @@ class _Hands:
         return readings
 
 
-class GearedKind(NeedleKind):
-    """Hands that tell one value: an altimeter's, a clock's."""
+class _LayeredKind(NeedleKind):
+    """Needles above each other, looked for all along: beyond the tip of a short one a first picture shows the dial."""
 
     is_searched = False
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        look = needles_in_picture(drawn)
+        ended = {name: without_dial(template, drawn.grid) for name, template in look.templates.items()}
+        return replace(look, templates=ended)
+
+
+class GearedKind(_LayeredKind):
+    """Hands that tell one value: an altimeter's, a clock's."""
 
     def owns(self, gauge: Gauge) -> bool:
         return gauge.combination is not None and len(gauge.combination.parts) == len(gauge.needles)
@@ -142,10 +152,8 @@ class _StackFinder:
         return Found.beside(found)
 
 
-class StackKind(NeedleKind):
+class StackKind(_LayeredKind):
     """Needles above each other, each read by what is known of the others."""
-
-    is_searched = False
 
     def owns(self, gauge: Gauge) -> bool:
         return _has_still_face(gauge) and not is_simple(gauge)
