@@ -12,7 +12,7 @@ import pytest
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
-from decoder.learning.drawn_points import seen_from, uneven_deg
+from decoder.learning.drawn_points import middle_of_marks_px, seen_from, uneven_deg
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import HAND_PX
 from decoder.learning.uncertainty import (
@@ -158,3 +158,18 @@ def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> 
         careful_deg, uneven_deg(around[0].quantities[0])
     )
     assert uncertainties_of(drawn, told=plain)["speed_kt"].drawn_deg == careful_deg
+
+
+@pytest.mark.parametrize(("marks", "is_told"), [(10, True), (5, True), (3, False)])
+def test_marks_that_were_clicked_on_a_ring_tell_its_middle(marks: int, *, is_told: bool) -> None:
+    """From there they are even; three are even from somewhere, whatever they are."""
+    drawn = reader_of().source.panel.gauges[0]
+    missed_px, radius_px = (3.0, -4.0), drawn.radius[1]
+    angles_deg = [360.0 / marks * number for number in range(marks)]
+    scale = tuple((seen_from(missed_px, radius_px, angle_deg), angle_deg) for angle_deg in angles_deg)
+    clicked = drawn.model_copy(update={"scale": scale, "wraps": 360.0})
+    even = drawn.model_copy(update={"scale": tuple((each, each) for each in angles_deg), "wraps": 360.0})
+
+    assert middle_of_marks_px(even) is None
+    found = middle_of_marks_px(clicked)
+    assert (found == pytest.approx((-3.0, 4.0), abs=0.3)) if is_told else (found is None)
