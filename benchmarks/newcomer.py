@@ -201,7 +201,9 @@ def dial(person: Person, index: int, instrument: Instrument) -> None:
         horizon(person, index)
     page.locator("#film .cell").first.wait_for(timeout=SLOW_MS)
     if instrument.usual == "altimeter":
-        person.push(page.locator("#findaxes"))
+        page.locator("#advising").wait_for(state="detached", timeout=SLOW_MS)
+        if page.locator("#usepivot").count():
+            person.push(page.locator("#usepivot"))
 
 
 def horizon(person: Person, index: int) -> None:

@@ -29,6 +29,7 @@ CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 OBTAINABLE = {
     "Chromium": "apt-get install -y chromium fonts-dejavu-core",
     "node and npm": "apt-get install -y nodejs npm",
+    "foxglove-sdk": "pip install foxglove-sdk==0.30.3",
     "gcc": "apt-get install -y gcc libc6-dev linux-libc-dev",
     "systemd-analyze": "apt-get install -y systemd",
     "shellcheck": "apt-get install -y shellcheck",

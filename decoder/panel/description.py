@@ -20,6 +20,40 @@ from flight_file.untrusted import leads_out, printable
 
 LONGEST_TEXT = 200
 LONGEST_KEY = 60
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
+
+# What is wrong with a value, by the type of the error that pydantic finds, and with what it tells of it.
+SAID = {
+    "missing": "is missing",
+    "float_type": "is not a number",
+    "float_parsing": "is not a number",
+    "finite_number": "is not a finite number",
+    "int_type": "is not a whole number",
+    "int_parsing": "is not a whole number",
+    "int_parsing_size": "is further from zero than any number here may be",
+    "int_from_float": "is not a whole number",
+    "bool_type": "is neither true nor false",
+    "bool_parsing": "is neither true nor false",
+    "string_type": "is not a text; write one, in quotes if it looks like a number",
+    "tuple_type": "is not a list, such as [120, 420]",
+    "list_type": "is not a list, such as [120, 420]",
+    "dict_type": "is not made of keys with their values",
+    "mapping_type": "is not made of keys with their values",
+    "model_type": "is not made of keys with their values",
+    "model_attributes_type": "is not made of keys with their values",
+    "too_short": "needs at least {min_length}",
+    "too_long": "has more parts than the {max_length} that it may have",
+    "string_too_short": "needs {min_length} characters or more",
+    "string_too_long": "is longer than {max_length} characters; shorten it",
+    "string_pattern_mismatch": "is not written as it must be",
+    "literal_error": "is none of what it may be: {expected}",
+    "greater_than": "must be more than {gt:g}",
+    "greater_than_equal": "must be {ge:g} or more",
+    "less_than": "must be less than {lt:g}",
+    "less_than_equal": "must be {le:g} or less",
+}
+SAID_OF_PATTERNS = {NAME_PATTERN: "must begin with a letter, and hold only letters, digits and underscores"}
+UNKNOWN = "is not what belongs here"
 
 
 def _not_vanishing(number: float) -> float:
@@ -53,7 +87,7 @@ FocalLength = Annotated[float, Field(gt=0, allow_inf_nan=False), NO_TRUTH, After
 Pixels = Annotated[Number, at_most(1e5)]
 Point = tuple[Pixels, Pixels]
 Text = Annotated[str, AfterValidator(_one_line)]
-Name = Annotated[Text, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+Name = Annotated[Text, Field(pattern=NAME_PATTERN)]
 """Of a column of the flight data."""
 PictureName = Annotated[Text, AfterValidator(_beside)]
 """Of a picture that a panel names: where the panel is, so is it."""
@@ -110,8 +144,13 @@ def problems_in(model: type[Strict], content: object, *, thing: str) -> list[tup
     try:
         model.model_validate(content)
     except ValidationError as found:
-        return [_sentence(problem, model, thing) for problem in _telling(found)]
+        return sentences_of(found, model, thing=thing)
     return []
+
+
+def sentences_of(found: ValidationError, model: type[Strict], *, thing: str) -> list[tuple[str, str]]:
+    """Say what a model found wrong: the path of each value, and what is wrong with it."""
+    return [_sentence(problem, model, thing) for problem in _telling(found)]
 
 
 def _first_problem(
@@ -139,15 +178,23 @@ def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[s
             continue  # not a key, but which of several types a value was tried as
         key = part if isinstance(part, int) else printable(part[:LONGEST_KEY])
         path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
-    message = problem["msg"].removeprefix("Value error, ")
+    message = _said(problem)
     if problem["type"] == "extra_forbidden":
         (*_, key) = problem["loc"]
         like = get_close_matches(str(key), _keys(model), 1)
         instead = f"did you mean {like[0]}?" if like else "remove it or correct its spelling"
         message = f"is not a key of the {thing} format; {instead}"
-    elif problem["type"] == "missing":
-        message = "is missing"
-    return path, message[0].lower() + message[1:]
+    return path, message
+
+
+def _said(problem: ErrorDetails) -> str:
+    """Say what is wrong in words of our own: a library's are about its types, and not about what somebody wrote."""
+    told = problem.get("ctx", {})
+    if problem["type"] == "value_error":
+        return str(told["error"])
+    if told.get("pattern") in SAID_OF_PATTERNS:
+        return SAID_OF_PATTERNS[told["pattern"]]
+    return SAID.get(problem["type"], UNKNOWN).format(**told)
 
 
 @cache

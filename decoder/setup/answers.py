@@ -12,6 +12,7 @@ import numpy as np
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried
+from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper
 from decoder.instruments.panel_reader import read_frame
@@ -23,6 +24,7 @@ from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined
 from decoder.setup.drafts import Stale, panel_of_gauge
 from decoder.setup.drawn_plane import height_inches
+from decoder.setup.finding.advice import Sight, advised
 from decoder.setup.pasting import pasted
 from decoder.setup.proposals import Pictures, Proposal, needle_at, proposed, turning_px
 from decoder.setup.requests import (
@@ -186,7 +188,6 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     return {
         "frames": [_frame(each, gauge, grid) for each in trial.frames],
         "moved": None if trial.moved_px is None else [round(at, PLACES) for at in trial.moved_px],
-        "points": trial.has_points,
         "findings": trial.findings,
         "anchors": _anchors(trial),
         "axes": {name: round(off_deg, PLACES) for name, off_deg in trial.axes_deg.items()},
@@ -194,6 +195,45 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
         "offset": _offset(trial, gauge.centre),
         "film": film_view(seen, gauge.centre, gauge.radius[1]),
         "dial": {"size": DIAL_PX, "half": gauge.radius[1] * DIAL_MARGIN},
+    }
+
+
+def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> Answer:
+    """Offer how a gauge might be drawn so that the sample fits it better, and say by how much."""
+    document, key = asked.document, asked.picture
+    pictures, encoded = session.pictures(document, key), session.encoded(document, key)
+    gauge = document["gauges"][asked.gauge]
+    frames, planes = session.frames(), session.planes(document, key)
+
+    def source_of(drawn: Answer) -> PanelPictures:
+        gauges = [drawn if place == asked.gauge else each for place, each in enumerate(document["gauges"])]
+        source = panel_of_gauge({**document, "gauges": gauges}, asked.gauge, pictures, session.camera, encoded)
+        return session.remembered(source, document, key)
+
+    def sight(moved_px: tuple[float, float] | None) -> Sight:
+        drawn = planes.drawn(tuple(gauge["centre"]), gauge.get("rim"))
+        is_oblique = bool(gauge.get("rim")) or planes.inches is not None or drawn.lens is not None
+        return Sight(drawn, is_oblique, height_inches(source_of(gauge), moved_px))
+
+    def axis(drawn: Answer, near_deg: float, pivot: tuple[float, float]) -> float:
+        own = ("centre", "radius", "sweep", "rim", "needle_height_inches")
+        told = ("focal_length_mm", "reference_points", "level")
+        whole: Answer = {"document": document, "picture": key, "near": near_deg, "pivot": pivot, "tab": asked.tab}
+        whole |= {name: drawn[name] for name in own if name in drawn}
+        whole |= {name: document[name] for name in told if name in document}
+        return float(needles_answer(session, NeedlesQuestion.model_validate(whole), stale)["at"])
+
+    try:
+        if gauge.get("window"):
+            return {"offers": []}
+        offers = advised(gauge, sight, lambda drawn: tried(source_of(drawn), frames, stale), axis)
+    except PanelError:  # the trial says what is wrong
+        return {"offers": []}
+    return {
+        "offers": [
+            {"key": each.key, "said": each.said, "does": each.does, "gain": each.gain, "gauge": each.gauge}
+            for each in offers
+        ]
     }
 
 

@@ -42,7 +42,7 @@ KINDS = {
 }
 PAGE = "index.html"
 MANY = 8
-TRIAL = "/api/trial"
+TRIAL, ADVICE = "/api/trial", "/api/advice"
 _log = logging.getLogger(__name__)
 Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion, requests.TurningQuestion)
 
@@ -171,6 +171,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
 
     async def unwrap(request: Request) -> Response:
         asked = await question(request, requests.UnwrapQuestion)
+        turns.take(f"{ADVICE} {asked.tab}")
         turns.take(f"{TRIAL} {asked.tab}")  # somebody draws: what is tried meanwhile is tried again when they pause
         return JSONResponse(await run_in_threadpool(answers.unwrap_answer, session, asked))
 
@@ -198,6 +199,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
         in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer, many),
         in_turn("/api/turning", requests.TurningQuestion, answers.turning_answer, many),
         in_turn(TRIAL, requests.TrialQuestion, answers.trial_answer, one_trial),
+        in_turn(ADVICE, requests.TrialQuestion, answers.advice_answer, one_trial),
     ]
 
 

@@ -10,7 +10,7 @@ from starlette.requests import Request
 
 from decoder.imaging.planes import DialPlane
 from decoder.panel.arrays import Degrees, Number, at_most
-from decoder.panel.description import LONGEST_KEY, Point, Positive, Strict
+from decoder.panel.description import Point, Positive, Strict, sentences_of
 from decoder.panel.errors import DecoderError
 from decoder.setup.proposals import Dial
 from flight_file.thresholds import MAX_YAML_DEPTH
@@ -168,9 +168,8 @@ async def question(request: Request, model: type[Question]) -> Question:
         content = json.loads(body, parse_constant=_number, parse_int=_whole, parse_float=_number)
         return model.model_validate(_plain(content))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = printable(".".join(str(part)[:LONGEST_KEY] for part in first["loc"]))
-        raise NotUnderstood(f"the request was not understood: {where}: {printable(first['msg'].lower())}") from error
+        path, problem = sentences_of(error, model, thing="request")[0]
+        raise NotUnderstood(f"the request was not understood: {path}: {printable(problem)}") from error
     except (ValueError, RecursionError) as error:
         raise NotUnderstood("the request was not understood: it is not JSON, or not such as the page sends") from error
 

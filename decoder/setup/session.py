@@ -38,6 +38,7 @@ from flight_file.errors import FlightFileError
 from flight_file.untrusted import name_key, printable, read_named_in, read_yaml_file
 
 KEPT_ALIGNMENTS = 8
+MOST_LISTED = 12
 Aligned = list[tuple[GreyPicture, Alignment]]
 
 
@@ -60,7 +61,10 @@ class NotValid(DecoderError):
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems
-        super().__init__(f"{len(problems)} thing(s) to put right before the panel can be saved")
+        count = f"{len(problems)} things" if len(problems) > 1 else "1 thing"
+        listed = [f"{each.path}: {each.problem}" if each.path else each.problem for each in problems[:MOST_LISTED]]
+        more = [f"and {len(problems) - MOST_LISTED} more"] if problems[MOST_LISTED:] else []
+        super().__init__(f"{count} to put right before the panel can be saved: {'; '.join([*listed, *more])}")
 
 
 class SetupSession:

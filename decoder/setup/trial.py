@@ -57,19 +57,19 @@ class Trial:
     ----------
     moved_px
         How far from its drawn centre its needles really turn.
-    has_points
-        Whether its marks are then points that were seen from the drawn centre, and not angles.
     findings
         What `decode` would say of it in the gauge's health line, if this were its flight; nothing if it is drawn well.
     axes_deg
         How far the axis of each needle, as all frames together show it, lies from where it is drawn.
+    are_points
+        Whether its marks were rather drawn as places in the picture than as angles.
     """
 
     frames: tuple[FrameTrial, ...]
     moved_px: tuple[float, float] | None
-    has_points: bool
     findings: tuple[str, ...]
     axes_deg: Mapping[str, float]
+    are_points: bool = True
 
 
 def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
@@ -104,9 +104,8 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
             raise Superseded
         found.append(_frame(fitted.reader, index, frame, shown))
     axes_deg = _axes_deg(fitted.reader) if len(frames) > 1 else {}
-    return Trial(
-        tuple(found), fitted.moved_px.get(gauge.name), fitted.has_points, fitted.findings[gauge.name], axes_deg
-    )
+    moved_px, findings = fitted.moved_px.get(gauge.name), fitted.findings[gauge.name]
+    return Trial(tuple(found), moved_px, findings, axes_deg, fitted.has_points)
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:

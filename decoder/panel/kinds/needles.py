@@ -134,7 +134,7 @@ class Needles(Plain):
             seen, lower = {name}, name
             while (cover := above[lower]) is not None:
                 if cover not in above:
-                    raise ValueError(f"needle {name}: covered_by names {cover}, which is no needle of this gauge")
+                    raise ValueError(f"needle {name}: `covered_by` names {cover}, which is no needle of this gauge")
                 if cover in seen:
                     raise ValueError(f"needle {name}: covered_by runs in a circle")
                 seen.add(cover)

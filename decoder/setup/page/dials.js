@@ -1,5 +1,5 @@
 // What happens to a gauge's angles when its plane or its centre changes: what was clicked stays where it is in the picture.
-import { nearest, rounded } from "./geometry.js";
+import { areNumbers, around, nearest, rounded } from "./geometry.js";
 import { changeAngles } from "./kinds.js";
 
 const carriedMarks = (marks, carry) => marks.map(([angle, value]) => [carry(angle), value]);
@@ -46,3 +46,23 @@ export function dragSweep(gauge, plane, end, point) {
 
 // The marks that a selection means: the gauge's, or those of a needle that has its own.
 export const marksOf = (gauge, { needle }) => gauge.needles?.[needle]?.scale || gauge.scale || [];
+
+// How far out on a gauge a place of the picture is: less than 1 within it.
+export function outOn(store, index, point) {
+  const gauge = store.document.gauges[index];
+  const { centre, radius, window } = gauge;
+  if (window) return areNumbers(window) && isWithin(window, point) ? 0 : Infinity;
+  return areNumbers(centre, radius, gauge.rim || []) ? store.planes.of(index).polar(point)[1] / radius[1] : Infinity;
+}
+
+const isWithin = (corners, [x, y]) => corners.filter(([ax, ay], place) => {
+  const [bx, by] = corners[(place + 1) % corners.length];
+  return ay > y !== by > y && x < ax + ((y - ay) * (bx - ax)) / (by - ay);
+}).length % 2 === 1;
+
+// The gauge that a place of the picture lies within, the smallest if it lies within several; undefined if in none.
+export function gaugeAt(store, point) {
+  const { gauges = [] } = store.document;
+  const there = gauges.map((_, index) => index).filter((index) => outOn(store, index, point) < 1);
+  return there.sort((one, other) => around(gauges[one])[1] - around(gauges[other])[1])[0];
+}

@@ -1,5 +1,6 @@
 // Fields of the inspector: each writes one value of the draft, and shows beside it what is wrong there.
 import { h } from "./dom.js";
+import { inPagesWords, wholeSentence } from "./words.js";
 
 const PARTS = /[^.[\]]+/g;
 
@@ -123,16 +124,17 @@ export function details(name, words, isOpen, ...parts) {
 }
 
 // Puts each problem beside the field it belongs to: the one with the longest path that the problem's path begins with.
-export function showProblems(root, problems, whole) {
+export function showProblems(store, root, problems, whole) {
   const fields = [...root.querySelectorAll("[data-path]")];
   for (const { path, problem } of problems) {
     const inside = fields.filter(({ dataset }) => path === dataset.path || path.startsWith(`${dataset.path}.`) || path.startsWith(`${dataset.path}[`));
     inside.sort((one, other) => other.dataset.path.length - one.dataset.path.length);
     const beneath = inside[0] || (path.startsWith(whole) && path !== whole ? fields.find(({ dataset }) => dataset.path.startsWith(path)) : null);
     const own = inside[0] || beneath;
-    if (!own && !(path === whole || (path.startsWith(whole) && whole))) continue;
     const id = `problem ${path}`;
-    const note = h("p", { class: "problem", id, "data-problem": path }, problem);
+    const isBeside = Boolean(inside[0]) || path === whole;
+    const words = (isBeside ? inPagesWords : wholeSentence)(store, problem, path);
+    const note = h("p", { class: "problem", id, "data-problem": path }, words);
     if (!own) {
       root.querySelector("[data-whole]")?.closest("header").after(note);
       continue;

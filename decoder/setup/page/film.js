@@ -2,6 +2,7 @@
 import { byId, h, s } from "./dom.js";
 import { valued } from "./following.js";
 import { isDrawn, kindOf, needsMarks } from "./kinds.js";
+import { inPagesWords } from "./words.js";
 
 const DOUBTFUL_SCORE = 0.9;
 
@@ -33,14 +34,15 @@ function cell(frame, place, result) {
   });
   dial.append(drawing);
   const lost = frame.reason ? h("p", { class: "missing", title: frame.reason }, "not found") : null;
-  return h("div", { class: `cell ${frame.reason ? "lost" : ""}`, role: "listitem" }, dial, ...lines, lost, h("p", { class: "score" }, `frame ${frame.index}`));
+  return h("div", { class: `cell ${frame.reason ? "lost" : ""}`, role: "listitem" }, dial, h("p", { class: "number", title: `frame ${frame.index}` }, frame.index), ...lines, lost);
 }
 
 // What keeps a gauge from being read, in the words of its field.
 function inWords(store, gauge, { error, problems = [] }) {
   const parts = (problems[0]?.path || "").split(/[.[\]]+/);
   const control = kindOf(store, gauge).controls.find(({ key }) => parts.includes(key));
-  return control && !/[A-Z`]/.test(error[0]) ? `${control.label} ${error}.` : error;
+  const words = inPagesWords(store, error, problems[0]?.path || "");
+  return control && !/[A-Z`]/.test(error[0]) ? `${control.label} ${words}.` : words;
 }
 
 export function showFilm(store, live) {

@@ -1,16 +1,14 @@
 // The inspector's fields of a gauge: where it is, what its marks mean, what turns on it.
+import { advicePart } from "./advice.js";
 import { recentre } from "./dials.js";
 import { byId, h } from "./dom.js";
 import { check, details, field, input, optionalPair, pair } from "./fields.js";
-import { rounded } from "./geometry.js";
 import { kindOf } from "./kinds.js";
 import { needlesPart } from "./needle_part.js";
 import { scalePart } from "./scale_part.js";
 import { findAxes, pick, unbendRim } from "./tools.js";
 import { turningPart } from "./turning_part.js";
 import { firstOpen, usualPart } from "./usual.js";
-
-const LEAST_MOVE_PX = 0.05;
 
 export function gaugePart(store, live, heading) {
   const needles = needlesPart(store, live);
@@ -23,38 +21,6 @@ export function gaugePart(store, live, heading) {
       if (typeof value !== "number") gauge.centre[axis] = value;
       else recentre(gauge, plane, gauge.centre.map((own, each) => (each === axis ? value : own)));
     };
-  }
-
-  // What the decoder would say of the gauge, where nothing better is offered.
-  function health(index) {
-    const { findings } = live.resultOf(index) || {};
-    return findings?.length ? h("div", { class: "card offer small", id: "health" }, ...findings.map((each) => h("p", {}, `The gauge ${each}.`))) : null;
-  }
-
-  // Where the needles turn according to the flight, and what to make of it.
-  function pivot(gauge, index) {
-    const { moved, height, points } = live.resultOf(index) || {};
-    if (!moved || Math.hypot(...moved) < LEAST_MOVE_PX) return health(index);
-    const words = `The needle turns ${rounded(Math.abs(moved[0]))} px ${moved[0] < 0 ? "left" : "right"}, ${rounded(Math.abs(moved[1]))} px ${moved[1] < 0 ? "above" : "below"} of there`;
-    const card = (...parts) => h("div", { class: "card offer small" }, ...parts);
-    if (height) {
-      const take = () => {
-        store.change("height", (document) => { document.gauges[index].needle_height_inches = height; });
-        return findAxes(store, index);
-      };
-      return card(h("p", {}, `${words}, as a needle ${height} inches above the face does, seen from here.`), h("button", { id: "useheight", onclick: take }, "It stands that high"));
-    }
-    const there = gauge.centre.map((value, axis) => value + moved[axis]);
-    if ((store.planes.isOblique(gauge) || !points) && !gauge.needle_height_inches) {
-      const around = () => findAxes(store, index, there);
-      return card(h("p", {}, `${words}: so does every needle above its face that is seen from the side. The decoder allows for it, once the axis is found around there.`), h("button", { id: "findaxes", onclick: around }, "Find its axis around there"));
-    }
-    const plane = store.planes.of(index);
-    const move = () => {
-      store.change("pivot", (document) => recentre(document.gauges[index], plane, there));
-      return findAxes(store, index);
-    };
-    return card(h("p", {}, `${words}.`), h("button", { id: "usepivot", onclick: move }, "Move the centre there"));
   }
 
   // A height that is typed: what stands above the face has its axis elsewhere in the picture.
@@ -118,7 +84,7 @@ export function gaugePart(store, live, heading) {
         field("Name", input(store, `${path}.name`)),
         field("Unit", input(store, `${path}.unit`, { placeholder: "such as MHz" })),
         ...corners(index),
-        health(index),
+        advicePart(store, live, index),
         ...turningPart(store, gauge, index),
       ].flat();
     }
@@ -130,7 +96,7 @@ export function gaugePart(store, live, heading) {
       field("Name", input(store, `${path}.name`, { onenter: () => byId(`f:${path}.unit`)?.focus() })),
       field("Unit", input(store, `${path}.unit`, { placeholder: "such as kt", onenter: () => byId(`f:${firstOpen(store, index)}`)?.focus() })),
       field("Centre", ...centre),
-      pivot(gauge, index),
+      advicePart(store, live, index),
       pair(store, `${path}.radius`, "Radius", ["bottom of the needle", "outer perimeter"]),
       rim(gauge, index),
       pair(store, `${path}.sweep`, "Sweep", ["sweep begins", "sweep ends"]),

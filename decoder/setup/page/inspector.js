@@ -4,6 +4,7 @@ import { field, input, pair, showProblems } from "./fields.js";
 import { gaugePart } from "./gauge_part.js";
 import { remove } from "./items.js";
 import { pick } from "./tools.js";
+import { inPagesWords } from "./words.js";
 
 export function showInspector(store, live, closeUp) {
   const root = byId("inspector");
@@ -92,8 +93,8 @@ export function showInspector(store, live, closeUp) {
     delete root.dataset.drawing;
     const own = store.problems.filter(({ path }) => (whole ? path.startsWith(whole) : !/^(anchors|gauges|reference_points)\[|^level/.test(path)));
     const failed = kind === "gauge" ? live.resultOf(index)?.error : null;
-    showProblems(root, own, whole);
-    if (failed && !own.length) root.querySelector("[data-whole]").closest("header").after(h("p", { class: "problem" }, failed));
+    showProblems(store, root, own, whole);
+    if (failed && !own.length) root.querySelector("[data-whole]").closest("header").after(h("p", { class: "problem" }, inPagesWords(store, failed, whole)));
     root.querySelectorAll(".problem").forEach((problem) => problem.closest("details")?.setAttribute("open", ""));
     root.scrollTop = top;
     const field = wanted ? byId(wanted) : held && byId(held.id);

@@ -13,6 +13,9 @@ const KEYS = [
   ["Delete", "remove what is selected"],
   ["Esc", "put the tool down"],
   ["+  −  0  F", "zoom in, out, whole picture, close up on what is selected"],
+  ["B", "brightness and contrast of the picture"],
+  ["M", "the loupe at the cursor, on and off"],
+  ["1 2 3 4", "fold or unfold the outline, the details, the unwrapped gauge, the filmstrip"],
   ["[  ]", "look at the frame before, the next one"],
   ["Ctrl Z, Ctrl Shift Z", "undo, redo"],
   ["Ctrl S", "save"],
@@ -41,9 +44,11 @@ export function closeUp(store, view) {
   else if (kind === "level") view.closeUp(item[0].map((value, axis) => (value + item[1][axis]) / 2), Math.abs(item[1][1] - item[0][1]) / 2);
 }
 
-export function followKeys(store, view, { save, step }) {
+// `others` are what plain keys do besides.
+export function followKeys(store, view, { save, step, ...others }) {
   const picture = byId("picture");
   const plain = {
+    ...others,
     "?": showKeys,
     "+": () => view.zoom(1.4),
     "=": () => view.zoom(1.4),

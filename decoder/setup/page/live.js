@@ -92,19 +92,14 @@ export class Live {
   async checkOnce() {
     const { document, picture } = this.store.now;
     const asked = JSON.stringify([document, picture]);
-    if (this.checked === asked) return;
-    this.checked = asked;
+    if (this.store.judged === asked) return;
     try {
       const { problems } = await ask("check", { document: written(document), drawn: document, picture });
-      if (this.isUnchecked) {
-        this.checked = null; // an undo may come back to just this
-        return;
-      }
-      this.store.problems = problems.map(({ path, problem }) => ({ path: asDrawn(document, path), problem }));
-      this.store.tell("problems");
+      this.store.judge(asked, problems.map(({ path, problem }) => ({ path: asDrawn(document, path), problem })));
     } catch (error) {
-      this.checked = null;
-      if (!(error instanceof Lost)) this.store.tell("say", error.message);
+      if (error instanceof Lost) return;
+      this.store.judge(asked, []); // what was wrong before it was changed need not be
+      this.store.tell("say", error.message);
     }
   }
 

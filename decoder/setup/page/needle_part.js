@@ -9,9 +9,6 @@ import { axisAt, pick } from "./tools.js";
 
 const REASONS = { read: "read", edge: "read by an edge", hidden: "hidden", missing: "missing" };
 const SAME_DEG = 5;
-// What is drawn better than this is good enough; what lies further off is something else.
-const LEAST_OFF_DEG = 0.04;
-const MOST_OFF_DEG = 2.5;
 
 export function needlesPart(store, live) {
   function card(gauge, index, place) {
@@ -29,7 +26,6 @@ export function needlesPart(store, live) {
       others.length ? field("Covered by", choice(store, `${path}.covered_by`, [["", "no other needle"], ...others], "Covered by")) : null,
       typeof needle.template?.at === "number" && h("button", { class: "small", onclick: () => snap(index, place) }, "Find its axis again"),
       tenfold(gauge, index, place),
-      axis(needle, index, place),
       more(needle, index, place, path),
       h("p", { class: "quiet small" }, verdict(index, needle.name)),
     );
@@ -41,22 +37,6 @@ export function needlesPart(store, live) {
     const turn = gauge.wraps * 10 ** place;
     const make = () => store.change("tenfold", (document) => makeCoarser(document, document.gauges[index], place, turn));
     return h("button", { class: "small", id: `tenfold-${place}`, onclick: make }, `A turn of it is worth ${turn}`);
-  }
-
-  // What all frames together show of the axis, which one picture shows less well.
-  function axis({ name, template }, index, place) {
-    const off = live.resultOf(index)?.axes?.[name];
-    if (typeof template?.at !== "number" || !off || Math.abs(off) < LEAST_OFF_DEG || Math.abs(off) > MOST_OFF_DEG) return null;
-    const turn = () => store.change("axis", (document) => {
-      const own = document.gauges[index].needles[place].template;
-      own.at = rounded(own.at + off, 4);
-    });
-    return h(
-      "div",
-      { class: "card offer small" },
-      h("p", {}, `In all frames together its axis lies ${Math.abs(off).toFixed(2)}° ${off > 0 ? "clockwise" : "anticlockwise"} of there.`),
-      h("button", { class: "useaxis", onclick: turn }, "Turn it there"),
-    );
   }
 
   function more(needle, index, place, path) {

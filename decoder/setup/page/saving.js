@@ -41,13 +41,14 @@ export function showSaving(store) {
   async function save(asked = {}) {
     const now = JSON.stringify(store.now);
     const { document: drawn, picture } = store.now;
+    const asWas = JSON.stringify([drawn, picture]);
     const body = { document: written(drawn), picture, revision: store.revision, ...asked };
     try {
       const { revision, target } = await ask("panel", body, { method: "PUT" });
       store.revision = revision;
       store.saved = now;
-      store.problems = [];
-      store.tell("problems");
+      store.judge(asWas, []);
+      show();
       say(`Saved to ${target}.`);
       banner.classList.add("good");
     } catch (error) {
@@ -55,8 +56,8 @@ export function showSaving(store) {
       if (error.why === "elsewhere") say(error.message, h("button", { id: "loadtheirs", onclick: load }, "Load that one"), h("button", { id: "saveover", onclick: () => save({ ...asked, over: true }) }, "Save this one over it"));
       else if (error.why === "replace") say(error.message, h("button", { id: "replace", onclick: () => save({ ...asked, replace: true }) }, "Save over what is there"));
       else if (error.problems?.length) {
-        store.problems = error.problems.map(({ path, problem }) => ({ path: asDrawn(drawn, path), problem }));
-        lead();
+        if (store.judge(asWas, error.problems.map(({ path, problem }) => ({ path: asDrawn(drawn, path), problem })))) lead();
+        else say("Not saved: what was drawn then had something to put right.");
       } else say(error.message);
     }
   }

@@ -17,8 +17,10 @@ export class Store extends EventTarget {
     this.clicks = [];
     this.bends = [];
     this.cursor = [session.size[0] / 2, session.size[1] / 2];
+    this.held = null; // where the pointer is that drags something
     this.looking = null; // the key of another frame that is looked at
     this.problems = [];
+    this.judged = null; // what they are the problems of
     this.offers = new Map(); // proposed needles by gauge
     this.firstMark = null; // the angle of the mark that was clicked first of all
     this.placedMark = null; // and of the one that was clicked last with its tool
@@ -93,6 +95,15 @@ export class Store extends EventTarget {
   select(selection) {
     this.selection = selection;
     this.tell("select");
+  }
+
+  // What is wrong with a drawing, once it is known; of one that was changed meanwhile nobody wants to know.
+  judge(now, problems) {
+    if (now !== JSON.stringify([this.document, this.now.picture])) return false;
+    this.problems = problems;
+    this.judged = now;
+    this.tell("problems");
+    return true;
   }
 
   use(tool) {

@@ -1,6 +1,6 @@
 // The tools: what each is for, how many clicks it takes, and what it makes of them. The same by pointer and by keys.
 import { byId, h } from "./dom.js";
-import { marksOf, replane } from "./dials.js";
+import { gaugeAt, marksOf, outOn, replane } from "./dials.js";
 import { valued } from "./following.js";
 import { inSweep, nearest, RADIANS, rounded, suggested } from "./geometry.js";
 import { addAnchor, addGauge, addMark, addNeedle, addReference, addWindow, setLevel } from "./items.js";
@@ -14,6 +14,7 @@ const needsGauge = (store) => {
   return store.gauge.window ? "A window has no marks around it: select a dial." : "";
 };
 
+const ITS_SURROUNDINGS = 1.25; // of a dial's radius: what is clicked there may be meant for it
 const SAME_MARK_DEG = 1e-3; // angles are rounded
 const INWARDS_PX = 3; // from the outer end of a mark to where it is surely seen
 
@@ -224,9 +225,25 @@ export async function findAxes(store, index, pivot) {
   });
 }
 
+// Another gauge that a click lies within, where the tool draws on the selected one and has not begun with it.
+function clickedOther(store, { needs }, point) {
+  if (!needs || store.clicks.length || store.bends.length) return undefined;
+  const own = store.selection.index;
+  // Marks of a window's scale may well stand outside of it.
+  const mayBeMeant = !needs(store) && (store.gauge.window || outOn(store, own, point) < ITS_SURROUNDINGS);
+  const index = mayBeMeant ? undefined : gaugeAt(store, point);
+  return store.gauge && index === own ? undefined : index;
+}
+
 export async function click(store, point) {
   const tool = TOOLS[store.tool];
   if (!tool.clicks || store.looking) return;
+  const other = clickedOther(store, tool, point);
+  if (other !== undefined) {
+    if (store.tool === "mark" && store.gauge) takeGuess(store);
+    store.select({ kind: "gauge", index: other });
+    return;
+  }
   const why = tool.needs?.(store);
   if (why) {
     store.tell("say", why);

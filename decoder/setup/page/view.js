@@ -88,6 +88,11 @@ export class View extends EventTarget {
     return [this.corner[0] + (event.clientX - left) / this.scale, this.corner[1] + (event.clientY - top) / this.scale];
   }
 
+  // Where on the screen a place of the picture is, from the corner of what is shown.
+  onScreen(point) {
+    return point.map((value, axis) => (value - this.corner[axis]) * this.scale);
+  }
+
   // Moves the view if a point has left it.
   follow([x, y]) {
     const [width, height] = this.box.map((value) => value / this.scale);

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
+from decoder.instruments.appearance import DrawnInstrument, Look
 from decoder.instruments.kinds.windows.tape_shape import (
     ROW_PX,
     DrawnMarks,
@@ -39,6 +40,7 @@ from decoder.matching.correlation import products
 from decoder.matching.searching import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.straight import ACROSS
 from decoder.panel.scale import FULL_CIRCLE_DEG
@@ -605,6 +607,13 @@ class TapeKind(WindowKind):
     def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> TapePicture:
         own = DrawnTape.of(gauge, grid)
         return first_tape(own.marks, own.turn, own.along(drawn), is_round=own.is_round)
+
+    def first_look(self, drawn: DrawnInstrument) -> Look:
+        own = DrawnTape.of(drawn.gauge, drawn.window)
+        along, across = own.along(drawn.strip).shape
+        if not len(rows_in_sight(TapeShape.of_marks(own.marks, (along, across), own.turn, is_round=own.is_round))):
+            raise PanelError(f"gauges[{drawn.index}].tape.marks", "tell of a tape that its window shows nothing of")
+        return super().first_look(drawn)
 
     def learned(
         self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: TapePicture

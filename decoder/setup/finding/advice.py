@@ -1,0 +1,318 @@
+"""Advice: how a gauge might be drawn better, offered only where all frames of the sample fit it better together.
+
+The frames tell where needles turn, and where their axes lie. What they tell is drawn and tried once more, on all of
+them, before anybody hears of it: what moves a centre turns axes with it, and one that goes by one picture may fit the
+others worse. An offer reads no fewer values, with no lower score, and leaves at most half of what made it; so offers
+come to an end.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self
+
+from decoder.imaging.thresholds import HALF
+from decoder.instruments.reading import Status
+from decoder.learning.thresholds import SETTLED_PX
+from decoder.panel.errors import PanelError
+from decoder.setup.drawn_plane import XY, DrawnPlane
+from decoder.setup.thresholds import MAX_MOVE_PX
+
+GaugeDraft = dict[str, Any]
+"""A gauge in the words of `panel.yaml`."""
+
+
+class TriedValue(Protocol):
+    """One value in one frame, as `decoder.setup.trial.NeedleTrial`."""
+
+    @property
+    def status(self) -> Status: ...  # noqa: D102 - said there
+    @property
+    def score(self) -> float: ...  # noqa: D102
+    @property
+    def is_together(self) -> bool: ...  # noqa: D102
+
+
+class TriedFrame(Protocol):
+    """One frame, as `decoder.setup.trial.FrameTrial`."""
+
+    @property
+    def readings(self) -> Sequence[TriedValue]: ...  # noqa: D102 - said there
+
+
+class Trial(Protocol):
+    """A gauge tried on the sample, as `decoder.setup.trial.Trial`."""
+
+    @property
+    def frames(self) -> Sequence[TriedFrame]: ...  # noqa: D102 - said there
+    @property
+    def moved_px(self) -> XY | None: ...  # noqa: D102
+    @property
+    def axes_deg(self) -> Mapping[str, float]: ...  # noqa: D102
+    @property
+    def are_points(self) -> bool: ...  # noqa: D102
+
+
+Try = Callable[[GaugeDraft], Trial]
+Axis = Callable[[GaugeDraft, float, XY], float]
+"""Measures the axis of the needle of a gauge near an angle, in degrees, which turns around a place in the picture."""
+
+PLACES = 4
+SCORE_PLACES = 3
+# Where along its length a needle is seen to lie where it is drawn, of the outer radius.
+ON_NEEDLE = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How well the frames of a sample fit a gauge as it is drawn.
+
+    Attributes
+    ----------
+    read, of
+        How many of its values are read, and of how many.
+    score
+        Of all its needles in all frames, on average; 0 where one is missing.
+    beside_px
+        How far beside its centre its needles turn.
+    off_deg
+        How far the axis of the worst of its needles lies from where it is drawn.
+    """
+
+    read: int
+    of: int
+    score: float
+    beside_px: float
+    off_deg: float
+
+    @classmethod
+    def of_trial(cls, trial: Trial, gauge: Mapping[str, Any]) -> Self:
+        """Gather it from a trial of a gauge."""
+        readings = [each for frame in trial.frames for each in frame.readings]
+        a_frame = max((len(frame.readings) for frame in trial.frames), default=0)
+        alone = max((sum(not each.is_together for each in frame.readings) for frame in trial.frames), default=0)
+        scores = [each.score for each in readings if each.status is not Status.MISSING and not each.is_together]
+        beside_px = 0.0 if trial.moved_px is None else math.hypot(*trial.moved_px)
+        return cls(
+            read=sum(each.status is not Status.MISSING for each in readings),
+            of=a_frame * len(trial.frames),
+            score=round(sum(filter(math.isfinite, scores)) / max(alone * len(trial.frames), 1), SCORE_PLACES),
+            beside_px=beside_px,
+            off_deg=max((abs(off) for _, off in _axes_off(trial, gauge)), default=0.0),
+        )
+
+    @property
+    def order(self) -> tuple[float, ...]:
+        """All of it, the most important first, each the more the better."""
+        return self.read, self.score, -self.beside_px, -self.off_deg
+
+    def is_better_than(self, other: Fit) -> bool:
+        """Whether it is worse in nothing, and clearly better in something."""
+        is_clearly = (
+            self.read > other.read or self.beside_px < HALF * other.beside_px or self.off_deg < HALF * other.off_deg
+        )
+        return is_clearly and all(own >= their for own, their in zip(self.order, other.order, strict=True))
+
+    def gain_over(self, other: Fit) -> str:
+        """Say by how much it is better."""
+        parts = [f"values read {_from_to(other.read, self.read)} of {self.of}"]
+        parts += [f"mean score {_from_to(f'{other.score:.3f}', f'{self.score:.3f}')}"]
+        if other.beside_px:
+            parts.append(f"needles turn {_from_to(f'{other.beside_px:.2f}', f'{self.beside_px:.2f}')} px beside it")
+        if other.off_deg:
+            parts.append(f"axes are {_from_to(f'{other.off_deg:.2f}', f'{self.off_deg:.2f}')}° off")
+        return ", ".join(parts)
+
+
+def _from_to(before: object, after: object) -> str:
+    return f"{before}" if str(before) == str(after) else f"{before} → {after}"
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A gauge as it would be drawn better.
+
+    Attributes
+    ----------
+    key
+        Of what is offered: `centre`, `height`, `around` or `axes`.
+    said, does
+        What the frames show, and what it does about that, for people.
+    gauge
+        The whole gauge, changed.
+    before, after
+        How well the sample fits it now and then.
+    """
+
+    key: str
+    said: str
+    does: str
+    gauge: GaugeDraft
+    before: Fit
+    after: Fit
+
+    @property
+    def gain(self) -> str:
+        """By how much the sample fits better, in words."""
+        return self.after.gain_over(self.before)
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What advice needs to know of a gauge besides how it is drawn.
+
+    Attributes
+    ----------
+    drawn
+        Its plane in the panel picture.
+    is_oblique
+        Whether that is anything but square on.
+    height_inches
+        At which its needles would turn where they do, if any height explains that.
+    """
+
+    drawn: DrawnPlane
+    is_oblique: bool
+    height_inches: float | None
+
+
+def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries: Try, axis: Axis) -> list[Offer]:
+    """Offer what fits all frames of the sample better: one change at most, with all that follows from it.
+
+    Parameters
+    ----------
+    gauge
+        As it is drawn.
+    sight
+        Tells how it is seen, by how far beside its centre its needles turn.
+    tries
+        Tries a gauge on the sample.
+    axis
+        Measures a needle in the panel picture.
+    """
+    now = copy.deepcopy(dict(gauge))
+    trial = tries(now)
+    before = Fit.of_trial(trial, now)
+    if not before.beside_px and not before.off_deg:
+        return []
+    for group in (_elsewhere(now, trial, sight(trial.moved_px), axis), _turned_only(now, trial)):
+        offers = [
+            replace(offer, gauge=drawn, after=after)
+            for offer in group
+            for drawn, after in _settled(offer.gauge, tries)
+            if after.is_better_than(before)
+        ]
+        if offers:
+            best = max(offers, key=lambda each: each.after.order)
+            return [replace(best, before=before)]
+    return []
+
+
+def _settled(gauge: GaugeDraft, tries: Try) -> Iterator[tuple[GaugeDraft, Fit]]:
+    """Try a gauge, and once more with the axes that the frames then show; as one that cannot be read, not at all."""
+    try:
+        trial = tries(gauge)
+        yield gauge, Fit.of_trial(trial, gauge)
+        turned = _with_axes(gauge, trial)
+        if turned is not None:
+            yield turned, Fit.of_trial(tries(turned), turned)
+    except PanelError:
+        return
+
+
+_UNTRIED = Fit(0, 0, 0.0, 0.0, 0.0)
+
+
+def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iterator[Offer]:
+    """Make what may be made of needles that turn elsewhere than at the centre."""
+    if trial.moved_px is None:
+        return
+    right, down = trial.moved_px
+    there = gauge["centre"][0] + right, gauge["centre"][1] + down
+    said = (
+        f"The needle turns {abs(right):.2f} px {'left' if right < 0 else 'right'}, "
+        f"{abs(down):.2f} px {'above' if down < 0 else 'below'} of the centre"
+    )
+
+    def offer(key: str, words: str, does: str, drawn: GaugeDraft) -> Offer:
+        return Offer(key, words, does, drawn, _UNTRIED, _UNTRIED)
+
+    def found(drawn: GaugeDraft) -> GaugeDraft:
+        """With the axes of all needles as the panel picture shows them around there."""
+        for template in _templates(drawn):
+            template["at"] = round(axis(drawn, template["at"], there), PLACES)
+        return drawn
+
+    if seen.height_inches is not None:
+        high = found(copy.deepcopy(gauge) | {"needle_height_inches": seen.height_inches})
+        words = f"{said}, as one {seen.height_inches:g} inches above the face does, seen from here"
+        yield offer("height", words, "It stands that high", high)
+        return
+    if seen.is_oblique and not gauge.get("needle_height_inches"):
+        words = f"{said}: so does every needle above its face that is seen from the side"
+        yield offer("around", words, "Find its axis around there", found(copy.deepcopy(gauge)))
+    moved = _recentred(gauge, seen.drawn, there, are_points=trial.are_points)
+    yield offer("centre", said, "Move the centre there", moved)
+
+
+def _turned_only(gauge: GaugeDraft, trial: Trial) -> Iterator[Offer]:
+    """Turn its needles' axes to where all frames together show them."""
+    turned = _with_axes(gauge, trial)
+    if turned is not None:
+        parts = [
+            f"{name} lies {abs(off):.2f}° {'clockwise' if off > 0 else 'anticlockwise'}"
+            for name, off in _axes_off(trial, gauge)
+        ]
+        said = f"In all frames together the axis of {' and that of '.join(parts)} of where it is drawn"
+        yield Offer("axes", said, "Turn it there", turned, _UNTRIED, _UNTRIED)
+
+
+def _templates(gauge: Mapping[str, Any]) -> list[dict[str, Any]]:
+    needles: Sequence[dict[str, Any]] = gauge.get("needles") or ()
+    return [each["template"] for each in needles if isinstance(each["template"].get("at"), int | float)]
+
+
+def _axes_off(trial: Trial, gauge: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """List the needles that lie clearly elsewhere than they are drawn, and by how much, degrees."""
+    drawn = {each["name"]: each["template"] for each in gauge.get("needles") or ()}
+    return [
+        (name, off)
+        for name, off in trial.axes_deg.items()
+        if "at" in drawn.get(name, {}) and SETTLED_PX <= abs(math.radians(off)) * gauge["radius"][1] <= MAX_MOVE_PX
+    ]
+
+
+def _with_axes(gauge: GaugeDraft, trial: Trial) -> GaugeDraft | None:
+    """Turn axes to where a trial of the gauge shows them; None where they are drawn well enough."""
+    off = dict(_axes_off(trial, gauge))
+    if not off:
+        return None
+    turned = copy.deepcopy(gauge)
+    for needle in turned["needles"]:
+        if needle["name"] in off:
+            needle["template"]["at"] = round(needle["template"]["at"] + off[needle["name"]], PLACES)
+    return turned
+
+
+def _recentred(gauge: GaugeDraft, drawn: DrawnPlane, there: XY, *, are_points: bool) -> GaugeDraft:
+    """Draw the gauge around another centre: what was clicked stays where it is in the picture, or at its angle."""
+    moved, around, outer = copy.deepcopy(gauge), drawn.around(there), gauge["radius"][1]
+
+    def carried(angle: float, radius: float) -> float:
+        seen = around.polar(drawn.place(angle, radius))[0]
+        return round(seen - 360.0 * round((seen - angle) / 360.0), PLACES)
+
+    if are_points:
+        for own in (moved, *moved.get("needles", ())):
+            if own.get("scale"):
+                own["scale"] = [[carried(angle, outer), value] for angle, value in own["scale"]]
+        for template in _templates(moved):
+            template["at"] = carried(template["at"], outer * ON_NEEDLE)
+    right, down = (new - old for new, old in zip(there, gauge["centre"], strict=True))
+    if moved.get("rim"):
+        moved["rim"] = [[round(x + right, 3), round(y + down, 3)] for x, y in moved["rim"]]
+    moved["centre"] = [round(each, 3) for each in there]
+    return moved

@@ -1,0 +1,60 @@
+// How a gauge might be drawn better: asked for once it was tried, and offered only where all frames then fit better.
+import { h } from "./dom.js";
+import { written } from "./following.js";
+import { RADIANS } from "./geometry.js";
+import { ask, TAB } from "./server.js";
+
+const IDS = { centre: "usepivot", height: "useheight", around: "findaxes", axes: "useaxis" };
+const AGAIN_MS = 400;
+const WELL_PX = 0.03; // along its circle: an axis that lies nearer is drawn well
+
+const isDrawnWell = ({ moved, axes = {} }, { radius }) => !moved && Object.values(axes).every((off) => Math.abs(off) * RADIANS * radius[1] < WELL_PX);
+
+// What is offered on a gauge, by the result of its trial; null while that is worked out.
+function offersOn(store, result, index) {
+  if (result.offers === undefined) look(store, result, index);
+  return result.offers;
+}
+
+async function look(store, result, index) {
+  result.offers = isDrawnWell(result, store.document.gauges[index]) ? [] : null;
+  if (result.offers) return;
+  const { document, picture } = store.now;
+  try {
+    const answer = await ask("advice", { document: written(document), picture, gauge: index, tab: TAB });
+    result.offers = answer?.offers;
+  } catch {
+    result.offers = [];
+  }
+  if (result.offers) store.tell("trial");
+  else setTimeout(() => store.tell("trial"), AGAIN_MS); // somebody drew meanwhile, or looked at another gauge
+}
+
+// A gauge as it is offered; marks that nobody gave a value stay.
+function take(store, index, gauge) {
+  store.change("advice", (document) => {
+    const open = (document.gauges[index].scale || []).filter(([, value]) => value === null);
+    const scale = gauge.scale && [...gauge.scale, ...open].sort(([one], [other]) => one - other);
+    document.gauges[index] = { ...gauge, ...(scale && { scale }) };
+  });
+}
+
+// The cards of a gauge's offers; what the decoder would say of it where there are none.
+export function advicePart(store, live, index) {
+  const result = live.resultOf(index);
+  if (!result || result.error) return null;
+  const offers = offersOn(store, result, index);
+  const { findings = [] } = result;
+  const health = findings.length ? h("div", { class: "card offer small", id: "health" }, ...findings.map((each) => h("p", {}, `The gauge ${each}.`))) : null;
+  if (!offers) return h("p", { class: "quiet small", id: "advising" }, "Trying whether all frames would fit better another way …");
+  if (!offers.length) return health;
+  return offers.map(({ key, said, does, gain, gauge }) =>
+    h(
+      "div",
+      { class: "card offer small" },
+      h("p", {}, `${said}.`),
+      h("p", { class: "quiet gain" }, `Then in all frames: ${gain}.`),
+      h("button", { id: IDS[key], onclick: () => take(store, index, gauge) }, does),
+    ),
+  );
+}

@@ -1,0 +1,86 @@
+"""Whatever is wrong with a panel is said in our words, for people who know nothing of the library that finds it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from decoder.panel.description import SAID, UNKNOWN, problems_in
+from decoder.panel.panel import Panel
+from tests.programs import FIXTURES
+
+WINDOW = [[80, 60], [160, 60], [160, 84], [80, 84]]
+IN_WINDOWS: dict[str, dict[str, Any]] = {
+    "lamp": {"name": "lamp_on", "lit": True},
+    "digits": {"name": "squawk", "pattern": "#000", "shows": " 720", "text": True},
+    "printed": {"name": "setting", "pattern": "00.00", "shows": "29.92", "rolls": "up", "pitch": 20, "gap": 0.4},
+    "linear": {"name": "trim_pct", "moves": "across", "marks": [[90, 0], [150, 100]], "at": [120, 70], "span": 20},
+    "tape": {"name": "compass_deg", "index": 72, "marks": [[62, 310], [80, 340]], "turn": 360},
+}
+DAMAGE: tuple[Any, ...] = (None, "two words", [], {}, -1, 1e9, True, float("nan"), [1] * 7, {"a": 1})
+
+
+def whole() -> dict[str, Any]:
+    """A panel with an instrument of every kind."""
+    panel: dict[str, Any] = yaml.safe_load((FIXTURES / "oblique" / "odd_small" / "panel.yaml").read_text("utf-8"))
+    horizon = yaml.safe_load((FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml").read_text("utf-8"))
+    kept = {"heading_card", "altimeter"}
+    gauges = [gauge for gauge in panel["gauges"] if gauge["name"] in kept] + horizon["gauges"][:1]
+    ball = {
+        "name": "slip",
+        "ball": {"name": "slip_balls", "tube": [[80, 90, -1], [120, 96, 0], [160, 90, 1]], "width": 9},
+    }
+    windows = [{"name": key, "window": WINDOW, key: own} for key, own in IN_WINDOWS.items()]
+    short = {"anchors": panel["anchors"][:1], "reference_points": panel["reference_points"][:1]}
+    columns = {"columns": {"squawk": {"above": 7000, "means": "none"}}}
+    return panel | short | columns | {"gauges": [*gauges, ball, *windows]}
+
+
+def places(part: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:  # noqa: ANN401 - whatever stands there
+    """The paths of all its parts."""
+    if path:
+        yield path
+    for key, own in part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ():
+        yield from places(own, (*path, key))
+
+
+def damaged() -> Iterator[dict[str, Any]]:
+    """The panel with each of its parts taken away, and then in turn exchanged for what does not belong there."""
+    good = whole()
+    for path in places(good):
+        for bad in (..., *DAMAGE):
+            panel = copy.deepcopy(good)
+            owner: Any = panel
+            for key in path[:-1]:
+                owner = owner[key]
+            if bad is ...:
+                del owner[path[-1]]
+            else:
+                owner[path[-1]] = bad
+            yield panel
+
+
+@pytest.mark.slow
+def test_no_phrase_of_the_library_is_said_whatever_is_wrong() -> None:
+    """Each value of a panel of every kind is damaged in turn: what is wrong is said, and in words of our own."""
+    assert problems_in(Panel, whole(), thing="panel") == []
+    kinds, said, theirs = set(), set(), set()
+    for panel in damaged():
+        said |= {problem for _, problem in problems_in(Panel, panel, thing="panel")}
+        try:
+            Panel.model_validate(panel)
+        except ValidationError as found:
+            errors = [each for each in found.errors() if each["type"] != "value_error"]
+            kinds |= {each["type"] for each in errors}
+            theirs |= {each["msg"].lower() for each in errors}
+
+    assert kinds - {"extra_forbidden"} <= SAID.keys()
+    assert UNKNOWN not in said
+    assert len(theirs) > 15
+    assert not [problem for problem in said if any(phrase in problem.lower() for phrase in theirs)]
+    assert not [problem for problem in said if "{" in problem.replace("{name:", "")]
