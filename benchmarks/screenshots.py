@@ -45,6 +45,7 @@ def main() -> int:
     with sync_playwright() as playwright, TemporaryDirectory() as name:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         setup_pictures(browser, Path(name))
+        found_picture(browser, Path(name), PICTURES / "setup_found_dark.png")
         report = Path(name) / "flight.html"
         written_report(report)
         film_picture(Path(name) / "film.mp4", PICTURES / "film.png")
@@ -75,6 +76,23 @@ def setup_picture(browser: Browser, url: str, scheme: str, gauge: str, path: Pat
     page.wait_for_timeout(500)
     save_small(page.screenshot(), path)
     page.close()
+
+
+def found_picture(browser: Browser, folder: Path, path: Path) -> None:
+    """The set-up page with dials that it found, pointed at the one that is whole."""
+    flight = open_source([FIXTURES / "thesis_a2.mcap"])
+    with chdir(folder), served(flight, Path("new.yaml"), Path("panel.yaml")) as url:
+        page = browser.new_page(viewport=VIEW, color_scheme="dark")  # type: ignore[arg-type]
+        page.goto(url)
+        page.wait_for_selector("body[data-ready]")
+        page.keyboard.press("d")
+        page.locator("#findagain").wait_for(timeout=3 * SLOW_MS)
+        page.locator("#picture").hover(position={"x": 350, "y": 200})
+        page.mouse.wheel(0, -320)
+        page.locator("#found .proposed", has_text="20/20").hover()
+        page.wait_for_timeout(500)
+        save_small(page.screenshot(), path)
+        page.close()
 
 
 def written_report(path: Path) -> None:

@@ -55,7 +55,7 @@ KIND_MODULES = {kind.__module__ for kind in KINDS} | {
 ALCOVES = {
     "instruments": {"kinds", "kinds/dials", "kinds/windows"},
     "panel": {"kinds"},
-    "setup": {"finding"},
+    "setup": {"finding", "proposing"},
 }  # a room may have a folder for what there are many of
 OF_FLIGHT_DATA = {"self.description['needles']", "content['needles']"}  # flight.json has such a key: all its columns
 LONGEST_CHAIN = {"camera_drivers": 13, "decoder": 18, "flight_file": 10, "recorder": 16}

@@ -91,7 +91,7 @@ def _propose(pictures: tuple[Path, ...], target: Path, camera_file: Path | None,
     from decoder.outputs.outputs import refuse_unwritable  # noqa: PLC0415
     from decoder.panel.camera import camera_from_file  # noqa: PLC0415
     from decoder.panel.errors import OutputError  # noqa: PLC0415
-    from decoder.setup.finding.draft import drafted  # noqa: PLC0415
+    from decoder.setup.proposing.draft import drafted  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 

@@ -25,10 +25,13 @@ from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined
 from decoder.setup.drafts import Stale, panel_of_gauge
 from decoder.setup.drawn_plane import height_inches
 from decoder.setup.finding.advice import Sight, advised
+from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.pasting import pasted
 from decoder.setup.proposals import Pictures, Proposal, needle_at, proposed, turning_px
+from decoder.setup.proposing.search import Anchors, Looking, Note, Step, Withdrawn
 from decoder.setup.requests import (
     DraftQuestion,
+    FoundQuestion,
     MarkQuestion,
     NeedlesQuestion,
     PasteQuestion,
@@ -170,6 +173,38 @@ def check_answer(session: SetupSession, asked: DraftQuestion) -> Answer:
     session.keep(asked.document if asked.drawn is None else asked.drawn, asked.picture)
     found = session.problems(asked.document, asked.picture)
     return {"problems": [{"path": each.path, "problem": each.problem} for each in found]}
+
+
+def found_answer(session: SetupSession, asked: FoundQuestion, step: Step) -> Answer:
+    """Tell a step of the search for dials."""
+    match step:
+        case Looking():
+            return {"looking": step.said, "box": step.box}
+        case Note():
+            return {"note": step.said}
+        case Anchors():
+            return {"anchors": list(step.anchors), "note": step.said}
+        case Withdrawn():
+            return {"withdrawn": step.place}
+        case ProposedGauge():
+            return {"proposed": _proposed(session, asked, step)}
+
+
+def _proposed(session: SetupSession, asked: FoundQuestion, found: ProposedGauge) -> Answer:
+    gauge = found.drawn if found.gauge is None else found.gauge
+    drawn = session.planes(asked.document, asked.picture).drawn(tuple(gauge["centre"]), gauge.get("rim"))
+    return {
+        "gauge": gauge,
+        "is_whole": found.gauge is not None,
+        "matrix": drawn.matrix(gauge["radius"][1]),
+        "name": found.name,
+        "centre": found.centre,
+        "rim": found.rim,
+        "marks": [asdict(mark) for mark in found.marks],
+        "evidence": found.evidence,
+        "lacking": found.lacking,
+        "read": found.read,
+    }
 
 
 def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> Answer:

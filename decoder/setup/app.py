@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import secrets
 import socket
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import AsyncGenerator, Callable, Generator
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
@@ -18,16 +19,18 @@ from typing import TypeVar
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
+from starlette.background import BackgroundTask
+from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from decoder.panel.errors import DecoderError, DescriptionError, PictureError
 from decoder.setup import answers, requests
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.guard import BodyTooLarge, Guard
+from decoder.setup.proposing.trying import tried_search
 from decoder.setup.requests import NeedlesQuestion, NotUnderstood, Question, TrialQuestion, question
 from decoder.setup.session import NotValid, SavedElsewhere, SetupSession, WouldReplace
 from decoder.setup.views import Part, part_view, whole_view
@@ -43,6 +46,7 @@ KINDS = {
 PAGE = "index.html"
 MANY = 8
 TRIAL, ADVICE = "/api/trial", "/api/advice"
+FOUND = "/api/found"
 _log = logging.getLogger(__name__)
 Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion, requests.TurningQuestion)
 
@@ -190,6 +194,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
         return Route(path, handler, methods=["POST"])
 
     return [
+        _search(session, turns),
         Route("/api/unwrap", unwrap, methods=["POST"]),
         plain("/api/rim", requests.RimQuestion, answers.rim_answer),
         plain("/api/mark", requests.MarkQuestion, answers.mark_answer),
@@ -201,6 +206,39 @@ def _question_routes(session: SetupSession) -> list[Route]:
         in_turn(TRIAL, requests.TrialQuestion, answers.trial_answer, one_trial),
         in_turn(ADVICE, requests.TrialQuestion, answers.advice_answer, one_trial),
     ]
+
+
+def _search(session: SetupSession, turns: Turns) -> Route:
+    """Search for dials, one search at a time: each step is a line of the answer, told as soon as it is taken."""
+    one_search = asyncio.Semaphore(1)
+
+    def told(asked: requests.FoundQuestion, stale: Stale) -> Generator[answers.Answer, None, None]:
+        try:
+            for step in tried_search(session, asked.document, asked.picture, stale):
+                yield answers.found_answer(session, asked, step)
+        except Superseded:
+            return
+        except (DecoderError, FlightFileError) as error:
+            yield {"error": str(error)}
+            return
+        yield {"done": True}
+
+    async def handler(request: Request) -> Response:
+        asked = await question(request, requests.FoundQuestion)
+        stale = turns.take(f"{FOUND} {asked.tab}")
+
+        async def lines() -> AsyncGenerator[str, None]:
+            async with one_search:
+                with closing(told(asked, stale)) as steps:
+                    async for answer in iterate_in_threadpool(steps):
+                        yield f"{json.dumps(answer)}\n"
+
+        answer = lines()
+        # Also where nobody listens any more: the search is over then, and the next one may begin.
+        over = BackgroundTask(answer.aclose)
+        return StreamingResponse(answer, media_type="application/x-ndjson", background=over)
+
+    return Route(FOUND, handler, methods=["POST"])
 
 
 def _box(request: Request) -> Part:

@@ -134,6 +134,12 @@ class TrialQuestion(DraftQuestion):
     tab: Tab
 
 
+class FoundQuestion(DraftQuestion):
+    """What there is to propose on a picture besides what a draft has."""
+
+    tab: Tab
+
+
 class PasteQuestion(DraftQuestion):
     """A draft to be carried to another picture."""
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from decoder.panel.scale import Scale
 from decoder.setup.drawn_plane import DrawnPlane, Planes
-from decoder.setup.finding.dials import FoundDial, dials_on, page_of, seen_around
-from decoder.setup.finding.draft import drafted
+from decoder.setup.finding.dials import FoundDial, dials_seen, page_of, seen_around
 from decoder.setup.finding.legends import legend_of
 from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.numerals import Text, is_there
 from decoder.setup.finding.scales import fits
+from decoder.setup.proposing.draft import drafted
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
 from tests.programs import FIXTURES, ran
@@ -70,7 +70,8 @@ def between(marks: Mapping[int, float], parts: int) -> list[float]:
 def found(picture: NDArray[np.uint8], texts: list[Text], monkeypatch: pytest.MonkeyPatch) -> list[FoundDial]:
     """The dials of a picture whose print is known."""
     monkeypatch.setattr("decoder.setup.finding.dials.is_there", lambda: False)
-    return dials_on(page_of(picture, picture, Planes.of({}, (400, 400), None), texts))
+    page = page_of(picture, picture, Planes.of({}, (400, 400), None), texts)
+    return [step for step in dials_seen(page) if isinstance(step, FoundDial)]
 
 
 def scale_of(dial: FoundDial) -> Marked:
@@ -160,6 +161,7 @@ def test_numbers_too_small_for_their_unit_are_doubted() -> None:
     """A tachometer of 3 to 35 counts hundreds: where "x100" was not read, its scale is a hundred times too low."""
     assert legend_of(["RPM"]).lacks_factor(35.0)
     assert not legend_of(["RPM", "X100"]).lacks_factor(35.0)
+    assert legend_of(["FEET", "ALT"]).lacks_factor(9.0)
     assert not legend_of(["KNOTS"]).lacks_factor(160.0)
 
 

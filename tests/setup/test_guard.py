@@ -93,7 +93,7 @@ def test_large_body_is_refused(send: Send, says_so: bool) -> None:  # noqa: FBT0
 )
 def test_invalid_body_is_refused(send: Send, body: bytes) -> None:
     """A body that is not what the page sends is answered in one sentence."""
-    for path in ("check", "unwrap", "planes", "rim"):
+    for path in ("check", "unwrap", "planes", "rim", "found"):
         refused(send("POST", f"/api/{path}", body), 400, words="not understood")
     refused(send("PUT", "/api/panel", body), 400, words="not understood")
 

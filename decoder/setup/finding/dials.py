@@ -83,8 +83,16 @@ def seen_around(texts: Sequence[Text], drawn: DrawnPlane, reach_px: float = math
     return found
 
 
-def dials_on(page: Page) -> list[FoundDial]:
-    """Find the dials of a panel, the surest first."""
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place that may be a dial's, and how far from it its marks are."""
+
+    centre: XY
+    radius_px: float
+
+
+def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
+    """Find the dials of a panel, the surest first; each place before it is looked at."""
     aimed = aimed_at(page.strokes, page.picture.shape)
     places = list(peaks(aimed, PLACES, APART_PX))
     looks = sorted(_looks(page, places), key=lambda look: -look[0])
@@ -93,26 +101,31 @@ def dials_on(page: Page) -> list[FoundDial]:
     for group in _groups(looks):
         if {each.at for each in group[0][2].numerals} & taken:
             continue
+        yield Place(group[0][1], group[0][2].radius_px)
         dial = _best(page, [(place, fit.radius_px) for _, place, fit in group], aimed)
         if dial is None or dial.comb.miss_px > RAGGED_PX or any(_same(dial, other) for other in found):
             continue
         found.append(dial)
         taken |= {each.at for fit in dial.fits for each in fit.numerals}
+        yield dial
     for place, directions in places:
         if directions < CLEAR_DIRECTIONS or any(
             math.dist(place, each.centre) < each.comb.rim.radius_px for each in found
         ):
             continue
-        dial = _best(page, [(place, radius_px) for radius_px in _likely(page.strokes, place)], aimed)
+        likely = _likely(page.strokes, place)
+        if likely:
+            yield Place(place, likely[0])
+        dial = _best(page, [(place, radius_px) for radius_px in likely], aimed)
         if dial is None or dial.comb.miss_px > RAGGED_PX or len(dial.comb.ticks) < CLEAR_TICKS:
             continue
         if not any(_same(dial, each) for each in found):
             found.append(dial)
-    return [each for each in found if not _holds_others(each, found)]
+            yield dial
 
 
-def _holds_others(dial: FoundDial, found: Sequence[FoundDial]) -> bool:
-    """Whether a ring goes around the middle of another dial: then it is none."""
+def holds_others(dial: FoundDial, found: Sequence[FoundDial]) -> bool:
+    """Whether a ring goes around the middle of another dial: then it is none, which is known once all are found."""
     inner_px, _ = dial.comb.ring_px
     return any(
         inner_px / 2 < math.dist(dial.centre, other.centre) < inner_px + other.comb.ring_px[0] / 2

@@ -32,7 +32,7 @@ BY_UNIT = {
     "V": "voltmeter", "ft": "altimeter",
 }  # fmt: skip
 # Scales in these units end no lower: with smaller numbers the word that multiplies them was not read.
-LEAST_ENDS = {"rpm": 500.0, "fpm": 500.0}
+LEAST_ENDS = {"rpm": 500.0, "fpm": 500.0, "ft": 500.0}
 # What is counted in thousands and hundreds by a number before it; before other units one is a numeral with its unit.
 COUNTED = ("rpm", "fpm")
 LETTERS = {"C": "degC", "F": "degF"}

@@ -126,21 +126,33 @@ def _text(box: Floats, said: str, sure: float, scale: float) -> Text:
     return Text(said, (float(x), float(y)), size, math.degrees(math.atan2(along[1], along[0])), float(sure))
 
 
-def texts_in(picture: NDArray[np.uint8]) -> list[Text]:
-    """Read a grey picture at several sizes, each place once; the surest reading of it.
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a picture that is read at once, px, and how much it is enlarged."""
 
-    Parameters
-    ----------
-    picture : (H, W)
-    """
-    found = []
-    for scale in ENLARGED:
-        for top, bottom in _parts(picture.shape[0], scale):
-            for left, right in _parts(picture.shape[1], scale):
-                part = np.ascontiguousarray(picture[top:bottom, left:right])
-                whole = top, left, bottom < picture.shape[0], right < picture.shape[1]
-                found += [text.shifted(left, top) for text in seen_at(part, scale) if not _is_cut(text, part, whole)]
-    return texts_once(found)
+    scale: float
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+def parts_of(picture: NDArray[np.uint8]) -> list[Part]:
+    """Divide a picture into the parts that are read one by one, at several sizes."""
+    height, width = picture.shape
+    return [
+        Part(scale, left, top, right, bottom)
+        for scale in ENLARGED
+        for top, bottom in _parts(height, scale)
+        for left, right in _parts(width, scale)
+    ]
+
+
+def texts_in(picture: NDArray[np.uint8], part: Part) -> list[Text]:
+    """Read a part of a grey picture, (H, W); what its edge cuts is another part's."""
+    own = np.ascontiguousarray(picture[part.top : part.bottom, part.left : part.right])
+    beyond = part.top, part.left, part.bottom < picture.shape[0], part.right < picture.shape[1]
+    return [text.shifted(part.left, part.top) for text in seen_at(own, part.scale) if not _is_cut(text, own, beyond)]
 
 
 def _parts(length: int, scale: float) -> list[tuple[int, int]]:

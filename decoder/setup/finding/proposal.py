@@ -6,34 +6,30 @@ A scale of which anything is in doubt is not proposed: a wrong value costs more 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 
-from decoder.imaging.pictures import GreyPicture
 from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import SCORE_THRESHOLD
-from decoder.setup.drafts import Stale
-from decoder.setup.drawn_plane import Planes
-from decoder.setup.finding.anchors import anchors_on
-from decoder.setup.finding.dials import FoundDial, dials_on, page_of, seen_around
+from decoder.setup.finding.dials import FoundDial, seen_around
 from decoder.setup.finding.legends import Legend, legend_of
 from decoder.setup.finding.marks import Marked, marked
-from decoder.setup.finding.motion import hands_turn, turned_deg
-from decoder.setup.finding.numerals import EXTRA, Text, is_there, texts_in
+from decoder.setup.finding.motion import turned_deg
+from decoder.setup.finding.numerals import Text, is_there
 from decoder.setup.finding.scales import fits
 from decoder.setup.proposals import Dial, Pictures, Proposal, proposed
-from decoder.setup.session import Aligned, SetupSession
 
 Document = dict[str, Any]
 
 # Needles are read between these parts of their ticks' inner ends: clear of the hub, short of the marks.
 FROM_PART, TO_PART = 0.3, 0.98
 PLACES = 3
+# Of a dial that nothing tells a sweep of, as the page begins one.
+BEGUN_SWEEP = (135.0, 405.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +51,8 @@ class ProposedGauge:
     ----------
     gauge
         As it stands in `panel.yaml`; None where something that it needs is not known.
+    drawn
+        The same as far as it is known, for somebody to complete: marks of a scale in doubt have no value.
     centre, rim
         Where it is in the picture.
     name
@@ -65,85 +63,29 @@ class ProposedGauge:
         What speaks for it, sentence by sentence.
     lacking
         What was not found, sentence by sentence.
+    read
+        Of how many values that were asked for on the flight how many are read; None where it was not tried.
     """
 
     gauge: Document | None
+    drawn: Document
     centre: tuple[float, float]
     rim: tuple[tuple[float, float], ...]
     name: str
     marks: tuple[SeenMark, ...]
     evidence: tuple[str, ...]
     lacking: tuple[str, ...]
+    read: tuple[int, int] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """All that is proposed on a picture: anchors as `panel.yaml` has them, and gauges, whole or not."""
-
-    anchors: tuple[Document, ...]
-    gauges: tuple[ProposedGauge, ...]
-    notes: tuple[str, ...] = field(default=())
-
-
-def found_on(session: SetupSession, document: Mapping[str, Any], key: str, stale: Stale) -> Found:
-    """Find what there is to propose on a picture of a session.
+def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) -> ProposedGauge:
+    """Propose a dial as far as it is known.
 
     Parameters
     ----------
-    document : the draft so far; its anchors stay
-    key : of the panel picture
-    stale : whether nobody waits for the answer any more
+    taken : names of others
+    hands : whether what moves on it points at its pivot
     """
-    picture = session.store.grey(key)
-    others = [
-        frame.pixels
-        for index, frame in session.frames()
-        if f"frame-{index}" != key and frame.pixels.shape == picture.shape
-    ]
-    anchors = list(document.get("anchors") or [])
-    notes = []
-    if not anchors:
-        proposals = anchors_on(picture, others)
-        anchors = [{"name": f"anchor_{number + 1}", "box": list(each.box)} for number, each in enumerate(proposals)]
-        notes.append(_of_anchors(len(anchors), len(others)))
-    draft = {**document, "anchors": anchors}
-    aligned = session.aligned(draft, key, stale)
-    planes = session.planes(draft, key)
-    seen = Pictures(picture, aligned, planes.optics.own)
-    if not is_there():
-        notes.append(f"no numerals are read: that takes {EXTRA}")
-    texts = texts_in(picture) if is_there() else []
-    laid = _laid(picture, aligned, planes)
-    still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
-    dials = dials_on(page_of(picture, still, planes, texts))
-    gauges: list[ProposedGauge] = []
-    for dial in dials:
-        turns = hands_turn(laid, still, dial.comb.rim, dial.comb.ring_px[0])
-        gauges.append(_proposed(dial, seen, {each.name for each in gauges}, hands=turns))
-    return Found(tuple(anchors), tuple(gauges), tuple(notes))
-
-
-def _of_anchors(count: int, frames: int) -> str:
-    if not count:
-        return "no anchor was found that stays and looks like nothing else; draw one"
-    return f"{count} anchors that look like nothing else" + (f" and stay in {frames} other frames" if frames else "")
-
-
-def _laid(picture: GreyPicture, aligned: Aligned, planes: Planes) -> list[GreyPicture]:
-    """Lay each frame on the panel picture."""
-    height, width = picture.shape
-    columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-    straight = np.asarray(planes.optics.straight(np.stack([columns.ravel(), rows.ravel()])), np.float32)
-    points = np.ascontiguousarray(straight.T.reshape(height, width, 2))
-    laid = []
-    for frame, alignment in aligned:
-        there = np.asarray(alignment.places(points), np.float32)
-        seen = cv2.remap(frame, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        laid.append(np.asarray(seen, np.uint8))
-    return laid
-
-
-def _proposed(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) -> ProposedGauge:
     comb, drawn = dial.comb, dial.comb.rim.drawn
     _, outer_px = comb.ring_px
     evidence = [f"{len(comb.ticks)} ticks around one point, on a ring {comb.miss_px:.1f} px off a circle"]
@@ -155,6 +97,7 @@ def _proposed(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) 
     name = _free(legend.name or ("compass" if is_rose else "dial"), taken)
     marks = () if scale is None else _marks(scale, dial)
     gauge: Document | None = None
+    doubt = ""
     if scale is None:
         lacking.append("no numerals in order around it" if is_there() else "its numerals are not read")
     else:
@@ -169,7 +112,7 @@ def _proposed(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) 
             and legend.name != "altimeter"
         ):
             doubt = "its digits go all the way round, and no word tells what they count"
-        if not doubt and legend.lacks_factor(max(abs(mark.value) for mark in scale.marks)):
+        if scale.fit.family is None and not doubt and legend.lacks_factor(max(abs(mark.value) for mark in scale.marks)):
             doubt = f"its numbers are too small for {legend.unit}: what multiplies them was not read"
         if doubt:
             lacking.append(f"no scale: {doubt}")
@@ -179,7 +122,8 @@ def _proposed(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) 
     if scale is not None and not legend.unit and (scale.fit.family is None or scale.fit.family.name == "altimeter"):
         lacking.append("no word tells its unit")
     ring = tuple((float(x), float(y)) for x, y in drawn.ring(outer_px).T)
-    return ProposedGauge(gauge, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
+    drawn_so_far = _so_far(dial, name, scale, legend, is_told=not doubt)
+    return ProposedGauge(gauge, drawn_so_far, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
 
 
 def _scale(dial: FoundDial, texts: Sequence[Text]) -> Marked | None:
@@ -247,9 +191,7 @@ def _gauge(
     if family is not None:
         # A hand beside others that nobody described turns elsewhere than it seems to: by 1.3 % of a turn, surely.
         return None, ["it has several hands, and which is which is not told: draw them"]
-    pairs = [(mark.angle_deg, mark.value * legend.factor) for mark in scale.marks]
-    shift = 360.0 * math.floor(pairs[0][0] / 360.0)
-    pairs = [(angle - shift, value) for angle, value in pairs]
+    pairs = _pairs(scale, legend.factor)
     sweep = _sweep([angle for angle, _ in pairs])
     needles = _needles(dial, sweep, seen)
     if not needles:
@@ -304,6 +246,26 @@ def _rose(
     card = {"name": column, "index": 270}
     found = [said, "its index is taken to be straight up: look whether it is"]
     return _native({**common, "sweep": [0, 360], "radius": [round(each, 2) for each in ring], "card": card}), found
+
+
+def _so_far(dial: FoundDial, name: str, scale: Marked | None, legend: Legend, *, is_told: bool) -> Document:
+    """Describe what is known of a dial, for somebody to complete; a value that is in doubt is left out."""
+    is_told = is_told and scale is not None and scale.fit.family is None
+    marks = [] if scale is None else _pairs(scale, legend.factor)
+    sweep = _sweep([angle for angle, _ in marks]) if marks else BEGUN_SWEEP
+    so_far = {
+        **_placed(dial, name, sweep),
+        "unit": legend.unit if is_told else "",
+        "scale": [[round(angle, 2), round(value, PLACES) if is_told else None] for angle, value in marks],
+        "needles": [],
+    }
+    return {key: _native(part) for key, part in so_far.items()}
+
+
+def _pairs(scale: Marked, factor: float) -> list[tuple[float, float]]:
+    """List the marks' angles, on the turn that begins at 0, with what they are worth."""
+    shift = 360.0 * math.floor(scale.marks[0].angle_deg / 360.0)
+    return [(mark.angle_deg - shift, mark.value * factor) for mark in scale.marks]
 
 
 def _native(part: Any) -> Any:  # noqa: ANN401 - any part of a draft

@@ -38,6 +38,7 @@ export function showInspector(store, live, closeUp) {
         h(
           "ol",
           { class: "steps small" },
+          h("li", {}, h("b", {}, "Find dials"), " proposes what it finds by itself: accept it, and draw the rest."),
           h("li", {}, "Choose a frame with the needles apart from each other, below the picture."),
           h("li", {}, h("b", {}, "Anchor"), ": box a knob or a label that is found again in every frame. With one anchor add a ", h("b", {}, "level"), " edge."),
           h("li", {}, "Is the view oblique? ", h("b", {}, "Reference"), ": four places known in inches square up every dial; without them an ", h("b", {}, "ellipse"), " does."),

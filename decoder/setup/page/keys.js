@@ -8,6 +8,7 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 
 const KEYS = [
   ["V A L R G W E T N P", "select, anchor, level, reference, gauge, window, ellipse, tick marks, needle, places"],
+  ["D", "find dials: look for them, stop looking, go to the first that was found; there Enter accepts, Delete dismisses"],
   ["Arrows", "move what is selected, or the cross of a tool, by a pixel; with Shift by 10, with Alt by a tenth"],
   ["Enter", "place at the cross; in a tick mark's value: on to the next"],
   ["Delete", "remove what is selected"],
@@ -55,6 +56,7 @@ export function followKeys(store, view, { save, step, ...others }) {
     "-": () => view.zoom(1 / 1.4),
     0: () => view.fit(),
     f: () => closeUp(store, view),
+    d: () => store.tell("find"),
     "[": () => step(-1),
     "]": () => step(1),
     Escape: () => store.use("select"),

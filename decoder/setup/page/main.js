@@ -1,6 +1,7 @@
 // Puts the page together.
 import { byId } from "./dom.js";
 import { showFilm } from "./film.js";
+import { showFound } from "./found.js";
 import { showFrames } from "./frames.js";
 import { showInspector } from "./inspector.js";
 import { closeUp, followKeys, showKeys } from "./keys.js";
@@ -38,6 +39,7 @@ showOutline(store, live, (selection) => {
   close();
 });
 showInspector(store, live, close);
+showFound(store, view);
 showFilm(store, live);
 followWanted(store);
 followPointer(store, view, overlay);

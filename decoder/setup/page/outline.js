@@ -19,7 +19,8 @@ const HOW = {
 };
 
 export function showOutline(store, live, view) {
-  const nav = byId("outline");
+  const nav = h("div");
+  byId("outline").append(nav);
 
   function row(selection, name, { dot = "", count = "" } = {}) {
     const wrong = store.problems.some(({ path }) => {

@@ -48,6 +48,23 @@ export async function ask(path, body, { method = body === undefined ? "GET" : "P
   return answer;
 }
 
+// The answers to a question that takes long, as they come.
+export async function* askAlong(path, body, signal) {
+  const options = { method: "POST", signal, body: JSON.stringify(body), headers: { "Content-Type": "application/json" } };
+  const response = await fetch(new URL(path, BASE), options);
+  if (!response.ok) throw new Declined(await response.json());
+  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  const cut = () => ({ value: `${JSON.stringify({ error: "the answer ended before its time; the terminal where the program was started may say why" })}\n` });
+  let rest = "";
+  for (;;) {
+    const { value, done } = await reader.read().catch(cut);
+    if (done) return;
+    const lines = (rest + value).split("\n");
+    rest = lines.pop();
+    for (const line of lines) yield JSON.parse(line);
+  }
+}
+
 export const pictureAddress = (key, part) => new URL(`pictures/${key}/${part}`, BASE).href;
 
 export function watch() {

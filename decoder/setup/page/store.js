@@ -25,6 +25,7 @@ export class Store extends EventTarget {
     this.firstMark = null; // the angle of the mark that was clicked first of all
     this.placedMark = null; // and of the one that was clicked last with its tool
     this.label = null;
+    this.hint = ""; // what is said while no tool is used
   }
 
   get document() {

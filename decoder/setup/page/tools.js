@@ -282,9 +282,9 @@ export function showTools(store) {
     byId("picture").classList.toggle("select", store.tool === "select");
     const { clicks, hint, needs } = TOOLS[store.tool];
     const left = store.clicks.length ? ` (${store.clicks.length} of ${clicks})` : "";
-    byId("hint").textContent = needs?.(store) || hint + left;
+    byId("hint").textContent = needs?.(store) || hint + left || (store.tool === "select" && store.hint) || "";
   };
-  store.on("tool select", show);
+  store.on("tool select hint", show);
   show();
 }
 

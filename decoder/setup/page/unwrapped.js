@@ -33,7 +33,8 @@ export function showUnwrapped(store) {
 
   function draw() {
     const { gauge, selection } = store;
-    image.hidden = drawing.hidden = blank.hidden = true;
+    image.hidden = blank.hidden = true;
+    drawing.toggleAttribute("hidden", true); // an SVG has no property for it
     if (!gauge || !shown || !areNumbers(gauge.sweep, gauge.radius)) {
       blank.hidden = Boolean(gauge);
       return;

@@ -30,7 +30,7 @@ export function firstOpen(store, index) {
 function take(store, index, kind, usual) {
   store.change("usual", (document) => {
     const gauge = document.gauges[index];
-    gauge.name = free(document.gauges, usual.name);
+    gauge.name = free(document.gauges.filter((each) => each !== gauge), usual.name);
     gauge.unit = usual.unit;
     if (kindOf(store, gauge) !== kind) becomes(store, gauge, kind.key, freeColumn(document, usual.columns[0]));
     if (usual.turn) Object.assign(gauge, { wraps: usual.turn, sweep: [0, 360] });

@@ -1,0 +1,190 @@
+"""The search for dials, step by step: what is looked at is said before, and each proposal comes as soon as it can.
+
+It takes most of a minute of a processor's time for a cockpit, so that people watch it, go on drawing, and may stop it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.matching.thresholds import MIN_VIEWS
+from decoder.setup.drafts import Stale, Superseded
+from decoder.setup.drawn_plane import Planes
+from decoder.setup.finding.anchors import anchors_on
+from decoder.setup.finding.dials import FoundDial, Page, Place, dials_seen, holds_others, page_of
+from decoder.setup.finding.motion import hands_turn
+from decoder.setup.finding.numerals import EXTRA, Text, is_there, parts_of, texts_in, texts_once
+from decoder.setup.finding.proposal import Document, ProposedGauge, gauge_of
+from decoder.setup.proposals import Pictures
+from decoder.setup.session import Aligned, SetupSession
+
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Looking:
+    """What is looked at next, in words, and where in the picture: left, top, width, height, px."""
+
+    said: str
+    box: Box | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What is to be said of the search as a whole, a sentence without its end."""
+
+    said: str
+
+
+@dataclass(frozen=True, slots=True)
+class Anchors:
+    """Anchors that are proposed, as `panel.yaml` has them, and in how many other frames they were seen to stay."""
+
+    anchors: tuple[Document, ...]
+    frames: int
+
+    @property
+    def said(self) -> str:
+        """What there is to say of them."""
+        if not self.anchors:
+            return "no anchor was found that stays and looks like nothing else; draw one"
+        stay = f" and stay in {self.frames} other frames" if self.frames else ""
+        return f"{len(self.anchors)} anchors that look like nothing else{stay}"
+
+
+@dataclass(frozen=True, slots=True)
+class Withdrawn:
+    """A gauge that was proposed, by its place in their order, and is none after all."""
+
+    place: int
+
+
+Step = Looking | Note | Anchors | ProposedGauge | Withdrawn
+
+
+def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: Stale) -> Iterator[Step]:
+    """Find what there is to propose on a picture of a session, the surest dials first.
+
+    Parameters
+    ----------
+    document : the draft so far; its anchors stay, and a dial that is drawn in it is not proposed
+    key : of the panel picture
+    stale : whether nobody waits for the answer any more
+
+    Raises
+    ------
+    Superseded
+        If nobody does.
+    """
+    picture = session.store.grey(key)
+    anchors = list(_parts(document, "anchors"))
+    if not anchors:
+        yield Looking("looking for anchors: what stays in all frames and looks like nothing else")
+        proposed = _anchors(session, picture, key)
+        anchors = list(proposed.anchors)
+        yield proposed
+    draft = {**document, "anchors": anchors}
+    yield Looking("looking where the panel lies in other frames")
+    aligned, planes = session.aligned(draft, key, stale), session.planes(draft, key)
+    texts: list[Text] = []
+    if is_there():
+        parts = parts_of(picture)
+        for number, part in enumerate(parts, 1):
+            box = part.left, part.top, part.right - part.left, part.bottom - part.top
+            yield Looking(f"reading what is printed, part {number} of {len(parts)}", box)
+            _go_on(stale)
+            texts += texts_in(picture, part)
+    else:
+        yield Note(f"no numerals are read: that takes {EXTRA}")
+    yield Looking("looking where ticks point from all round")
+    laid = _laid(picture, aligned, planes)
+    still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
+    seen = Pictures(picture, aligned, planes.optics.own)
+    dials: list[FoundDial] = []
+    names: set[str] = set()
+    for step in _dials(page_of(picture, still, planes, texts_once(texts)), document, stale):
+        if isinstance(step, Looking):
+            yield step
+            continue
+        turns = hands_turn(laid, still, step.comb.rim, step.comb.ring_px[0])
+        gauge = gauge_of(step, seen, names, hands=turns)
+        if gauge.gauge is not None:
+            yield Looking(f"reading {gauge.name} on the flight", _around(step.centre, step.comb.rim.radius_px))
+        yield gauge
+        dials.append(step)
+        names.add(gauge.name)
+    for place, dial in enumerate(dials):
+        if holds_others(dial, dials):
+            yield Withdrawn(place)
+
+
+def _go_on(stale: Stale) -> None:
+    if stale():
+        raise Superseded
+
+
+def _parts(document: Mapping[str, Any], key: str) -> list[Any]:
+    """List what a draft has, which may have anything in a list's place."""
+    parts = document.get(key)
+    return parts if isinstance(parts, list) else []
+
+
+def _anchors(session: SetupSession, picture: GreyPicture, key: str) -> Anchors:
+    others = [
+        frame.pixels
+        for index, frame in session.frames()
+        if f"frame-{index}" != key and frame.pixels.shape == picture.shape
+    ]
+    found = [
+        {"name": f"anchor_{number}", "box": list(each.box)}
+        for number, each in enumerate(anchors_on(picture, others), 1)
+    ]
+    return Anchors(tuple(found), len(others))
+
+
+def _dials(page: Page, document: Mapping[str, Any], stale: Stale) -> Iterator[Looking | FoundDial]:
+    """Look for dials that are not drawn yet."""
+    for step in dials_seen(page):
+        _go_on(stale)
+        if isinstance(step, Place):
+            x, y = step.centre
+            yield Looking(f"looking at a dial around {x:.0f}, {y:.0f}", _around(step.centre, step.radius_px))
+        elif not any(_draws(gauge, step) for gauge in _parts(document, "gauges")):
+            yield step
+
+
+def _around(centre: tuple[float, float], radius_px: float) -> Box:
+    (x, y), side_px = centre, 2 * radius_px
+    return x - radius_px, y - radius_px, side_px, side_px
+
+
+def _draws(gauge: object, dial: FoundDial) -> bool:
+    """Whether a drawn gauge, whole or not, is that dial: their centres lie nearer than half of the smaller radius."""
+    if not isinstance(gauge, Mapping):
+        return False
+    try:
+        (x, y), (_, outer_px) = gauge["centre"], gauge["radius"]
+        return bool(2 * math.dist((x, y), dial.centre) < min(outer_px, dial.comb.rim.radius_px))
+    except (KeyError, TypeError, ValueError):
+        return False
+
+
+def _laid(picture: GreyPicture, aligned: Aligned, planes: Planes) -> list[GreyPicture]:
+    """Lay each frame on the panel picture."""
+    height, width = picture.shape
+    columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    straight = np.asarray(planes.optics.straight(np.stack([columns.ravel(), rows.ravel()])), np.float32)
+    points = np.ascontiguousarray(straight.T.reshape(height, width, 2))
+    laid = []
+    for frame, alignment in aligned:
+        there = np.asarray(alignment.places(points), np.float32)
+        seen = cv2.remap(frame, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        laid.append(np.asarray(seen, np.uint8))
+    return laid
