@@ -25,9 +25,11 @@ FRONT_DOOR = {"__init__.py", "start.py"}
 MAX_ROOMS, MAX_MODULES, MAX_MODULES_OUTSIDE = 12, 15, 20
 MAX_THRESHOLDS, MAX_THRESHOLDS_OUTSIDE = 150, 25
 # Of what only proposes to a person, and decides on no reading: a table of its own.
-PROPOSES, MAX_THRESHOLDS_PROPOSING = "decoder.setup.finding.thresholds", 32
-# Compared, but no choice of ours: units, codes, formats, a JPEG's blocks, unknowns, how finely something is divided.
+PROPOSES, MAX_THRESHOLDS_PROPOSING = "decoder.setup.finding.thresholds", 34
+# Compared, but no choice of ours: units, codes, formats, a JPEG's blocks, where bank scales have marks, unknowns, how
+# finely something is divided.
 CONVERSIONS = {
+    "BESIDES_DEG",
     "COARSE_STEP",
     "DIGITS",
     "DIGITS_OF_FULL_SCALE",
@@ -35,6 +37,7 @@ CONVERSIONS = {
     "FULL_CIRCLE_DEG",
     "HIDDEN",
     "LETTER_WIDTH",
+    "MARKS_DEG",
     "MAD_TO_SIGMA",
     "MIN_PAIRS",
     "MIN_POINTS",

@@ -41,6 +41,7 @@ RadiusPx = Annotated[Positive, at_most(10_000)]
 
 # A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
 OVERLAP_DEG = 2.0
+MOST_DOUBT_DEG = 20.0
 
 KINDS: tuple[type[DescribedKind], ...] = (Needles, Card, Attitude, Ball, Lamp, Linear, Tape, Digits, Printed)
 
@@ -79,6 +80,8 @@ class Gauge(Strict):
     """Five points or more all round a circle about the pivot, on an oblique dial."""
     needle_height_inches: Annotated[float, Field(ge=0, le=2)] = 0.0
     """How high the needles turn above the face; their parallax is then taken out."""
+    doubt_deg: Annotated[float, Field(ge=0, le=MOST_DOUBT_DEG), NO_TRUTH] = 0.0
+    """How far its marks and index may lie beside where they are drawn, one sigma; readings' sigma allows for that."""
     sweep: tuple[Degrees, Degrees]
     """First and last angle that the needle points to, clockwise; may pass 360."""
     stops: tuple[Degrees, Degrees] | None = None

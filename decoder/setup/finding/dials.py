@@ -113,7 +113,7 @@ def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
             math.dist(place, each.centre) < each.comb.rim.radius_px for each in found
         ):
             continue
-        likely = _likely(page.strokes, place)
+        likely = likely_px(page.strokes, place)
         if likely:
             yield Place(place, likely[0])
         dial = _best(page, [(place, radius_px) for radius_px in likely], aimed)
@@ -155,7 +155,7 @@ def _groups(looks: Sequence[tuple[float, XY, Fit]]) -> Iterator[list[tuple[float
         left = [look for look in left if look not in group]
 
 
-def _likely(strokes: Strokes, place: XY) -> list[float]:
+def likely_px(strokes: Strokes, place: XY) -> list[float]:
     """Guess how far a dial's ticks are from its pivot: where most strokes that aim at it are."""
     away = strokes.at - np.array(place)
     far = np.hypot(away[:, 0], away[:, 1])

@@ -105,7 +105,10 @@ def legend_of(said: Sequence[str]) -> Legend:
         # A letter by itself is no unit elsewhere: half a screw is read as one.
         unit = unit or next((LETTERS[word] for _, word in words if word in LETTERS), "")
         name = OIL.get(unit, name)
-    return Legend(name or BY_UNIT.get(unit, ""), unit, factor, tuple(dict.fromkeys(used)))
+    by_unit = BY_UNIT.get(unit, "")
+    if by_unit and name in BY_UNIT.values():
+        name = by_unit  # half of a name may be another's: "SPEED" in feet a minute is a vertical one
+    return Legend(name or by_unit, unit, factor, tuple(dict.fromkeys(used)))
 
 
 def _known(word: str, table: dict[str, str]) -> str:

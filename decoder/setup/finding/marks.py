@@ -6,6 +6,7 @@ equal turns, on an uneven one the long marks, with as many small ones between th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,7 +17,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.setup.finding.scales import Fit, Numeral
-from decoder.setup.finding.thresholds import ENOUGH, LEAST_RUN, NEAR_DEG, OFF_DEG
+from decoder.setup.finding.thresholds import ENOUGH, LEAST_APART_DEG, LEAST_RUN, MOST_BEND, NEAR_DEG, OFF_DEG
 from decoder.setup.finding.ticks import Comb, Tick
 
 
@@ -208,6 +209,7 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
         off = _away(tick.angle_deg, float(angle_deg))
         marks.append(Mark(float(angle_deg + off), float(value), numeral, -off))
         with_tick.append(tick)
+    marks = _trimmed(marks)
     if len(marks) < ENOUGH:
         return Marked(fit, tuple(marks), None, is_even=False, doubt=_doubt_of(fit, len(marks)))
     doubt = _doubt_of(fit, len(marks))
@@ -215,19 +217,39 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
     turns = np.diff([mark.angle_deg for mark in marks])
     if not doubt and not (turns > 0).all():
         doubt = "two numerals would have one mark"
+    if not doubt and _zigzags(turns, np.abs(steps)):
+        doubt = "the turns from one numeral's mark to the next go up and down: one may have another's mark"
+    usual = _usual_step(marks)
     for (one, other), step in zip(pairwise(marks), np.abs(steps), strict=True):
         # Where a scale is uneven, what is not read may be where its divisions change.
-        if (
-            not doubt
-            and step >= 2 * np.abs(steps).min()
-            and _has_long(comb, one.angle_deg, other.angle_deg, HALF * long)
-        ):
+        if not doubt and step >= 2 * usual and _has_long(comb, one.angle_deg, other.angle_deg, HALF * long):
             doubt = f"between {one.numeral.said} and {other.numeral.said} a numeral may not have been read"
     between = [_between(comb, one.angle_deg, other.angle_deg) for one, other in pairwise(marks)]
     ratio = (np.array(between) + 1) / np.abs(steps)
     if not doubt and np.mean(np.abs(ratio / np.median(ratio) - 1) < 0.3) < HALF:  # noqa: PLR2004
         doubt = "the ticks between its numerals do not count evenly"
     return Marked(fit, tuple(marks), None, is_even=False, doubt=doubt)
+
+
+def _zigzags(turns: Floats, steps: Floats) -> bool:
+    """Whether what a unit turns by is somewhere much more than on both sides, or less: a scale bends one way."""
+    bends = np.diff(np.log(np.maximum(turns, LEAST_APART_DEG) / steps), 2)
+    return bool(bends.size and np.abs(bends).max() > math.log(MOST_BEND))
+
+
+def _usual_step(marks: Sequence[Mark]) -> float:
+    """Tell the commonest step from a numeral to the next; a scale may begin with a smaller one, as a tachometer's."""
+    sizes, counts = np.unique(np.abs(np.diff([mark.value for mark in marks])), return_counts=True)
+    return float(sizes[counts.argmax()])
+
+
+def _trimmed(marks: Sequence[Mark]) -> list[Mark]:
+    """Leave out ends that are further off than numerals usually are: one between was not read, or it is none itself."""
+    kept = list(marks)
+    for end in (0, -1):
+        while len(kept) > ENOUGH and abs(kept[end].value - kept[1 if end == 0 else -2].value) > _usual_step(kept):
+            kept.pop(end)
+    return kept
 
 
 def _has_long(comb: Comb, first_deg: float, last_deg: float, length_px: float) -> bool:

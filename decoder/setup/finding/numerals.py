@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.panel.arrays import Floats
-from decoder.setup.finding.thresholds import EDGE_PX, SAME_PLACE
+from decoder.setup.finding.thresholds import EDGE_PX, LEAST_TICKS, MOST_ROLL_DEG, SAME_PLACE, WORD_SHAPE
 
 PACKAGES = ("rapidocr", "onnxruntime")
 EXTRA = "pip install 'image-flight-recorder[ocr]'"
@@ -29,6 +29,10 @@ ENLARGED = (1.0, 2.0)
 LIKED_PX = 740
 # The recognizer takes 190 bytes a pixel: it is shown parts of the picture so large, which overlap by a word.
 PART_PX, OVERLAP_PX = 1280, 192
+
+# A word so long tells how it is turned, to this.
+LONG_PX, LEVEL_DEG = 40.0, 0.5
+PASSES = 6
 
 _NUMBER = re.compile(r"^[^0-9A-Za-z+.]*([+-]?)(\d{1,3}(?:,\d{3})+|\d+\.\d+|\d+)[^0-9A-Za-z]*$")
 _MISREAD = str.maketrans("OoQDIl|", "0000111")
@@ -191,3 +195,26 @@ def _overlap(one: Text, other: Text) -> bool:
     near = SAME_PLACE * min(one.size_px[1], other.size_px[1])
     dx, dy = abs(one.at[0] - other.at[0]), abs(one.at[1] - other.at[1])
     return dy < near and dx < max(near, (one.size_px[0] + other.size_px[0]) / 2 * SAME_PLACE)
+
+
+def level_deg(texts: Sequence[Text], at: tuple[float, float], size_px: tuple[int, ...]) -> float | None:
+    """Tell how the words of a panel are turned at a place of its picture, clockwise; None where they are too few.
+
+    Seen from aside they turn as one goes along the panel: a plane is laid through the turns of all of them.
+    """
+    words = [text for text in texts if text.value is None and text.size_px[0] > WORD_SHAPE * text.size_px[1]]
+    words = [text for text in words if abs(text.turned_deg) < MOST_ROLL_DEG]
+    if len(words) <= LEAST_TICKS:
+        return None
+    away = (np.array([text.at for text in words]) - at) / max(size_px)
+    design = np.concatenate([np.ones((len(words), 1)), away], axis=1)
+    turns = np.array([text.turned_deg for text in words])
+    # A box's edge is told to a pixel, and a panel that is nearly square on turns none of them.
+    lengths = np.array([text.size_px[0] for text in words]) / LONG_PX
+    weights, told = lengths**2, np.zeros(3)
+    for _ in range(PASSES):
+        weighted = design * weights[:, None]
+        told = np.linalg.solve(weighted.T @ design + np.diag([0.0, 0.1, 0.1]), weighted.T @ turns)
+        left = np.abs(design @ told - turns)
+        weights = lengths**2 / (1.0 + (left / (LEVEL_DEG + float(np.median(left)))) ** 2)
+    return float(told[0])

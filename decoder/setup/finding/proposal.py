@@ -6,21 +6,27 @@ A scale of which anything is in doubt is not proposed: a wrong value costs more 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from decoder.matching.thresholds import MIN_VIEWS
+from decoder.panel.arrays import Floats
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
-from decoder.registration.thresholds import SCORE_THRESHOLD
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
+from decoder.setup.drawn_plane import DrawnPlane, Planes
 from decoder.setup.finding.dials import FoundDial, seen_around
+from decoder.setup.finding.geared import GEARED, Face, Geared, GearedDraft, geared_drafts
+from decoder.setup.finding.hands import reaches_across, turning
 from decoder.setup.finding.legends import Legend, legend_of
 from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.motion import turned_deg
-from decoder.setup.finding.numerals import Text, is_there
+from decoder.setup.finding.numerals import Text, is_there, level_deg
 from decoder.setup.finding.scales import fits
+from decoder.setup.finding.thresholds import LEAST_RUN, OFF_DEG
+from decoder.setup.finding.ticks import comb_about, shaped
 from decoder.setup.proposals import Dial, Pictures, Proposal, proposed
 
 Document = dict[str, Any]
@@ -30,6 +36,9 @@ FROM_PART, TO_PART = 0.3, 0.98
 PLACES = 3
 # Of a dial that nothing tells a sweep of, as the page begins one.
 BEGUN_SWEEP = (135.0, 405.0)
+UP_DEG = 270.0
+# What is up on a panel is known so well, one sigma: where its words are level, and where nothing tells.
+LEVEL_DEG, ROLL_DEG = 1.5, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +74,10 @@ class ProposedGauge:
         What was not found, sentence by sentence.
     read
         Of how many values that were asked for on the flight how many are read; None where it was not tried.
+    measured_px
+        Of hands that turn over each other: from where to where each is by itself.
+    otherwise
+        The same dial with fewer of its hands, in case the flight cannot be read with all of them.
     """
 
     gauge: Document | None
@@ -76,14 +89,17 @@ class ProposedGauge:
     evidence: tuple[str, ...]
     lacking: tuple[str, ...]
     read: tuple[int, int] | None = None
+    measured_px: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    otherwise: tuple[ProposedGauge, ...] = ()
 
 
-def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) -> ProposedGauge:
+def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequence[Text], hands: bool) -> ProposedGauge:
     """Propose a dial as far as it is known.
 
     Parameters
     ----------
     taken : names of others
+    words : of all of the picture
     hands : whether what moves on it points at its pivot
     """
     comb, drawn = dial.comb, dial.comb.rim.drawn
@@ -98,6 +114,7 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) -
     marks = () if scale is None else _marks(scale, dial)
     gauge: Document | None = None
     doubt = ""
+    drafts: Sequence[GearedDraft] = ()
     if scale is None:
         lacking.append("no numerals in order around it" if is_there() else "its numerals are not read")
     else:
@@ -117,13 +134,42 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, hands: bool) -
         if doubt:
             lacking.append(f"no scale: {doubt}")
         else:
-            gauge, said = _gauge(dial, scale, legend, name, seen, hands=hands)
-            (evidence if gauge is not None else lacking).extend(said)
+            kind = GEARED.get(scale.fit.family.name) if scale.fit.family is not None else None
+            if kind is not None:
+                name = _free(name.replace("dial", kind.value), taken)
+                drafts, why = _geared(kind, dial, scale, name, seen, legend=legend)
+                if why:
+                    lacking.append(why)
+            else:
+                gauge, said = _gauge(dial, scale, legend, name, seen, words=words, hands=hands)
+                (evidence if gauge is not None else lacking).extend(said)
     if scale is not None and not legend.unit and (scale.fit.family is None or scale.fit.family.name == "altimeter"):
         lacking.append("no word tells its unit")
     ring = tuple((float(x), float(y)) for x, y in drawn.ring(outer_px).T)
-    drawn_so_far = _so_far(dial, name, scale, legend, is_told=not doubt)
-    return ProposedGauge(gauge, drawn_so_far, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
+    so_far = _so_far(dial, name, scale, legend, is_told=not doubt)
+    plain = ProposedGauge(gauge, so_far, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
+    ways = [
+        replace(
+            plain,
+            gauge=_native(each.gauge),
+            evidence=(*plain.evidence, *each.said),
+            lacking=(*plain.lacking, *each.lacking),
+            measured_px=each.measured_px,
+        )
+        for each in drafts
+    ]
+    return replace(ways[0], otherwise=tuple(ways[1:])) if ways else plain
+
+
+def settled(dial: FoundDial, seen: Pictures, planes: Planes, shape: Floats | None) -> FoundDial:
+    """Measure ticks that go part of the way round again, around where the needle turns, as the panel is seen."""
+    comb = dial.comb
+    if comb.is_all_round or planes.inches is not None:
+        return dial
+    flat = DrawnPlane.square_on(dial.centre) if shape is None else shaped(dial.centre, shape)
+    turns = turning(seen, flat, comb.ring_px[0]) if len(seen.frames) >= MIN_VIEWS else None
+    again = comb_about(seen.picture, planes, comb, turns or flat)
+    return dial if again is None else replace(dial, comb=again)
 
 
 def _scale(dial: FoundDial, texts: Sequence[Text]) -> Marked | None:
@@ -183,19 +229,20 @@ def _words(scale: Marked, legend: Legend) -> str:
 
 
 def _gauge(
-    dial: FoundDial, scale: Marked, legend: Legend, name: str, seen: Pictures, *, hands: bool
+    dial: FoundDial, scale: Marked, legend: Legend, name: str, seen: Pictures, *, words: Sequence[Text], hands: bool
 ) -> tuple[Document | None, list[str]]:
     family = scale.fit.family
     if family is not None and family.has_letters:
-        return _rose(dial, scale, name, seen, hands=hands)
-    if family is not None:
-        # A hand beside others that nobody described turns elsewhere than it seems to: by 1.3 % of a turn, surely.
-        return None, ["it has several hands, and which is which is not told: draw them"]
+        return _rose(dial, scale, name, seen, words=words, hands=hands)
     pairs = _pairs(scale, legend.factor)
     sweep = _sweep([angle for angle, _ in pairs])
     needles = _needles(dial, sweep, seen)
     if not needles:
         return None, [f"no needle: nothing moved on it in {len(seen.frames)} frames"]
+    if len(seen.frames) >= MIN_VIEWS and reaches_across(
+        seen, dial.comb.rim.drawn, dial.comb.ring_px[0], needles[0].at_deg
+    ):
+        return None, ["what moves on it reaches as far on the other side of its middle: which end points is not told"]
     column = "_".join(name.split()) + (f"_{_plain(legend.unit)}" if legend.unit else "")
     gauge = {
         **_placed(dial, name, sweep),
@@ -206,8 +253,21 @@ def _gauge(
     return _native(gauge), [f"what moves on it points to {needles[0].at_deg % 360:.0f} degrees here"]
 
 
+def _geared(
+    kind: Geared, dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, legend: Legend
+) -> tuple[Sequence[GearedDraft], str]:
+    """Draft a dial whose hands count for each other."""
+    first = scale.marks[0]
+    zero_deg = (first.angle_deg - first.value * 360.0 / (scale.turn or 360.0)) % 360.0
+    placed = _placed(dial, name, _turn_from(zero_deg))
+    unit = legend.unit if kind.unit is None else kind.unit
+    if len(seen.frames) < MIN_VIEWS:
+        return (), "which of its hands is which takes more pictures to tell"
+    return geared_drafts(kind, Face(placed, dial.comb.rim.drawn, dial.comb.ring_px[0], zero_deg, unit), seen)
+
+
 def _rose(
-    dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, hands: bool
+    dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, words: Sequence[Text], hands: bool
 ) -> tuple[Document | None, list[str]]:
     """Propose a compass: a card if its rose turns between frames, else a rose with a needle over it."""
     start = scale.marks[0].angle_deg - scale.marks[0].value * 360.0 / (
@@ -237,15 +297,77 @@ def _rose(
                 "tail": True,
                 "needles": [{"name": column, "template": {"at": round(tip.at_deg, 2), "span": tip.span_deg}}],
             }
-        ), [f"its rose stands still and something turns over it, at {tip.at_deg % 360:.0f} degrees here"]
+        ), [
+            f"its rose stands still and something turns over it, at {tip.at_deg % 360:.0f} degrees here",
+            "the end of it that shows most clearly is taken for its head: look whether it is",
+        ]
     said = (
         f"its rose turns, by {max(turns):.0f} degrees"
         if turning
         else "its rose stood still, and nothing turned over it: a card that was not turned"
     )
-    card = {"name": column, "index": 270}
-    found = [said, "its index is taken to be straight up: look whether it is"]
-    return _native({**common, "sweep": [0, 360], "radius": [round(each, 2) for each in ring], "card": card}), found
+    index_deg, doubt_deg, told = _index(dial, words, seen.picture.shape)
+    card = {"name": column, "index": round(index_deg, 2)}
+    found = [said, _of_index(told, doubt_deg)]
+    return _native(
+        {
+            **common,
+            "doubt_deg": round(doubt_deg, 2),
+            "sweep": [0, 360],
+            "radius": [round(each, 2) for each in ring],
+            "card": card,
+        }
+    ), found
+
+
+def banked(dial: FoundDial, zero_deg: float, seen: Pictures, taken: set[str], words: Sequence[Text]) -> ProposedGauge:
+    """Propose the bank scale of an attitude indicator, if it turns."""
+    name, (inner_px, outer_px) = _free("bank", taken), dial.comb.ring_px
+    evidence = ["marks at 0, 10, 20, 30 and 60 degrees to both sides of one, as a bank scale has them"]
+    lacking: list[str] = []
+    turns = [
+        abs(turn) for turn, score in turned_deg(seen, dial.comb.rim, (inner_px, outer_px)) if score >= LIKELY_SCORE
+    ]
+    gauge: Document | None = None
+    if sum(turn > 2 * OFF_DEG for turn in turns) < LEAST_RUN:
+        lacking.append("its marks were not seen to turn: what moves is another part")
+    else:
+        index_deg, doubt_deg, told = _index(dial, words, seen.picture.shape)
+        evidence += [
+            f"they turn, by {max(turns):.0f} degrees; banks to the left count down from 360",
+            _of_index(told, doubt_deg),
+        ]
+        gauge = _native(
+            {
+                **_placed(dial, name, (0.0, 360.0)),
+                "radius": [round(inner_px - 1.0, 2), round(outer_px + 1.0, 2)],
+                "unit": "deg",
+                "scale": [[round(zero_deg, 2), 0], [round(zero_deg + 180.0, 2), 180]],
+                "wraps": 360,
+                "doubt_deg": round(doubt_deg, 2),
+                "card": {"name": "_".join(name.split()) + "_deg", "index": round(index_deg, 2)},
+            }
+        )
+    ring = tuple((float(x), float(y)) for x, y in dial.comb.rim.drawn.ring(outer_px).T)
+    so_far = _so_far(dial, name, None, Legend(), is_told=False)
+    return ProposedGauge(gauge, so_far, dial.centre, ring, name, (), tuple(evidence), tuple(lacking))
+
+
+def _of_index(told: str, doubt_deg: float) -> str:
+    return f"its index is taken to be straight up,{told} give or take {doubt_deg:.1f} degrees: look whether it is"
+
+
+def _index(dial: FoundDial, texts: Sequence[Text], size_px: tuple[int, ...]) -> tuple[float, float, str]:
+    """Take a card's index to be straight up: at which angle that is, give or take what, and how it was told."""
+    drawn = dial.comb.rim.drawn
+    level = level_deg(texts, dial.centre, size_px)
+    if level is None:
+        # What is up on a panel that is seen from aside and from above is not up in the picture.
+        skewed_deg = math.degrees(drawn.plane.obliqueness**2 / math.sqrt(8.0))
+        return UP_DEG, math.hypot(ROLL_DEG, skewed_deg), ""
+    turn, reach = math.radians(level), dial.comb.ring_px[0]
+    (x, y), (right, down) = dial.centre, (reach * math.cos(turn), reach * math.sin(turn))
+    return (drawn.polar((x + right, y + down))[0] + UP_DEG) % 360.0, LEVEL_DEG, " as the words around are level,"
 
 
 def _so_far(dial: FoundDial, name: str, scale: Marked | None, legend: Legend, *, is_told: bool) -> Document:

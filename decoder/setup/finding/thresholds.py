@@ -27,7 +27,7 @@ Sources are pictures by others: simulators' cockpits, instruments of npm package
 | LEAST_STROKES | 8 | strokes | around a pivot | four ticks have as many edges |
 | LEAST_TICKS | 5 | ticks | make a comb | five numbers of an ellipse |
 | LEAST_APART_DEG | 0.6 | degrees | nearer are the two edges of one tick | 1 px on a dial of 200 |
-| ALL_ROUND_DEG | 100.0 | degrees | a wider gap, and the comb tells no ellipse | a quarter turn and a tick |
+| ALL_ROUND_DEG | 40.0 | degrees | a wider gap, and the comb tells no ellipse | an altimeter's window takes one tick in ten |
 | RAGGED_PX | 0.8 | px | ends of ticks off their circle, by its place and shape | real dials had 0.7 at most, chance 1.1 |
 | CLEAR_DIRECTIONS | 12.0 | of 18 | a place that is aimed at from so many is a dial's, whatever is printed | letters have fewer |
 | CLEAR_TICKS | 11 | ticks | and has so many | bank marks of a horizon |
@@ -35,6 +35,8 @@ Sources are pictures by others: simulators' cockpits, instruments of npm package
 | LEAST_RADIUS_PX | 12.0 | px | smaller dials show nothing | ticks of 2 px |
 | LONG_PART | 0.25 | of the radius | a shorter edge of what moves is no hand's | hubs |
 | NEAR_PART | 0.12 | of the radius | a hand's edges pass its pivot so nearly | parallax, and half its breadth |
+| WORD_SHAPE | 2.5 | of its height | a longer text is a word whose line tells what is level | with 3 an index was a degree worse |
+| MOST_ROLL_DEG | 20.0 | degrees | no camera is rolled further: what is, is printed so | words along rings |
 | EDGE_PX | 2.0 | px | nearer to the edge of a part of the picture a text is cut | a box's own margin |
 """  # noqa: E501 - a table
 
@@ -63,7 +65,7 @@ LONGEST_PART = 0.4
 LEAST_STROKES = 8
 LEAST_TICKS = 5
 LEAST_APART_DEG = 0.6
-ALL_ROUND_DEG = 100.0
+ALL_ROUND_DEG = 40.0
 RAGGED_PX = 0.8
 CLEAR_DIRECTIONS = 12.0
 CLEAR_TICKS = 11
@@ -71,4 +73,6 @@ MOST_HEIGHTS = 16.0
 LEAST_RADIUS_PX = 12.0
 LONG_PART = 0.25
 NEAR_PART = 0.12
+WORD_SHAPE = 2.5
+MOST_ROLL_DEG = 20.0
 EDGE_PX = 2.0

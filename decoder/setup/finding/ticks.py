@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.motion import jacobian
+from decoder.imaging.planes import DialPlane
 from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
@@ -24,12 +26,14 @@ from decoder.setup.finding.thresholds import (
     ALL_ROUND_DEG,
     FURTHEST,
     LEAST_APART_DEG,
+    LEAST_PX,
     LEAST_STROKES,
     LEAST_TICKS,
     LONGEST_PART,
     MISS_PART,
     MISS_PX,
     NEAREST,
+    OFF_DEG,
 )
 from decoder.setup.thresholds import MAX_FLATNESS
 
@@ -38,6 +42,7 @@ ROUNDS = 3
 ENDS = (("inner_px", 20), ("outer_px", 80))
 ANGLE_STEP_DEG = 0.25
 RADIUS_STEP_PX = 0.5
+PLAIN_STEP = 4
 # What lies this far to either side of a tick is the dial's face.
 BESIDE_DEG = 5.0
 
@@ -71,6 +76,100 @@ class Comb:
         """From where to where its ticks reach, most of them."""
         inner, outer = (np.percentile([getattr(tick, end) for tick in self.ticks], part) for end, part in ENDS)
         return float(inner), float(outer)
+
+    @property
+    def is_all_round(self) -> bool:
+        """Whether its ticks stand all round, so that they tell their centre and how obliquely they are seen."""
+        return _gap_deg(self.ticks) <= ALL_ROUND_DEG
+
+
+def _gap_deg(ticks: Sequence[Tick]) -> float:
+    angles = np.sort([tick.angle_deg for tick in ticks])
+    return float(np.diff(angles, append=angles[0] + 360.0).max())
+
+
+def flat_shape(combs: Sequence[Comb]) -> Floats | None:
+    """(2, 2): how a panel's dials are seen, as those have it whose ticks stand all round; None if there are none."""
+    told = [
+        jacobian(comb.rim.drawn.plane.matrix, (0.0, 0.0)) for comb in combs if comb.is_all_round and comb.rim.points
+    ]
+    if not told:
+        return None
+    shape: Floats = np.median([each / math.sqrt(np.linalg.det(each)) for each in told], axis=0)
+    return shape
+
+
+def shaped(centre: XY, shape: Floats) -> DrawnPlane:
+    """Put the plane of a dial somewhere."""
+    return DrawnPlane(DialPlane.of(np.block([[shape, np.array(centre)[:, None]], [np.zeros((1, 2)), np.eye(1)]])))
+
+
+def comb_about(picture: NDArray[np.uint8], planes: Planes, comb: Comb, drawn: DrawnPlane) -> Comb | None:
+    """Measure a comb again on a plane whose shape stays, from its centre on; None where it is not there.
+
+    Ticks that go part of the way round do not tell how they are seen and their centre together by where they end:
+    either may be far off. Their lines tell the centre, and the panel how it is seen.
+    """
+    inner, outer = comb.ring_px
+    ticks: list[Tick] = []
+    for _ in range(PASSES):
+        ticks = _ticks(picture, drawn, inner, outer)
+        if len(ticks) < max(LEAST_TICKS, HALF * len(comb.ticks)):
+            return None
+        x, y = _radiating(picture, drawn, ticks)
+        if math.hypot(x, y) > HALF * HALF * inner:
+            return None
+        at = drawn.to_picture(np.array([[x], [y]]))[:, 0]
+        drawn = drawn.around((float(at[0]), float(at[1])))
+    ticks = _ticks(picture, drawn, inner, outer)
+    if len(ticks) < max(LEAST_TICKS, HALF * len(comb.ticks)):
+        return None
+    points = rim_of(drawn, outer)
+    rim = Rim(drawn.centre, outer, points, planes.drawn(drawn.centre, points))
+    miss_px = min(float(np.median(np.abs(ends - np.median(ends)))) for ends in _both_ends(ticks))
+    return Comb(rim, tuple(ticks), miss_px, comb.lines)
+
+
+def _radiating(picture: NDArray[np.uint8], drawn: DrawnPlane, ticks: Sequence[Tick]) -> XY:
+    """Tell from where ticks radiate, px from the pivot on the dial: both halves of one lie one way from there."""
+    design, off = [], []
+    for tick in (each for each in ticks if each.length_px > 2 * LEAST_PX):
+        length, turn = tick.length_px, math.radians(tick.angle_deg)
+        inner_deg, outer_deg = (
+            _angle_deg(picture, drawn, tick.angle_deg, start, start + length / 3)
+            for start in (tick.inner_px + length / 10, tick.outer_px - length / 10 - length / 3)
+        )
+        middle_px = length * (1 / 10 + 1 / 6)
+        lean = 1.0 / (tick.inner_px + middle_px) - 1.0 / (tick.outer_px - middle_px)
+        design.append((-lean * math.sin(turn), lean * math.cos(turn)))
+        off.append(math.radians(inner_deg - outer_deg))
+    if len(off) < LEAST_TICKS:
+        return 0.0, 0.0
+    (x, y), weights, lines, leans = np.zeros(2), np.ones(len(off)), np.array(design), np.array(off)
+    for _ in range(PASSES):
+        weighted = lines * weights[:, None]
+        x, y = np.linalg.solve(weighted.T @ lines + 1e-9 * np.eye(2), weighted.T @ leans)
+        left = np.abs(lines @ (x, y) - leans)
+        weights = 1.0 / (1.0 + (left / (3 * float(np.median(left)) + 1e-4)) ** 2) ** 2
+    return float(x), float(y)
+
+
+def _angle_deg(picture: NDArray[np.uint8], drawn: DrawnPlane, near_deg: float, from_px: float, to_px: float) -> float:
+    """Measure the angle of a tick between two distances, by the middle of its light."""
+    away_deg = np.arange(-BESIDE_DEG, BESIDE_DEG + ANGLE_STEP_DEG / 2, ANGLE_STEP_DEG)
+    angles = np.radians(near_deg + away_deg)
+    radii = np.linspace(from_px, to_px, 5)
+    points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
+    x, y = drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
+    light = sampled_at(picture, x, y).mean(axis=1)
+    light = np.abs(light - np.median(light)) * (np.abs(away_deg) <= 2 * OFF_DEG)
+    light[light < HALF * light.max()] = 0.0
+    return math.degrees(float(np.average(angles, weights=light + 1e-9)))
+
+
+def _both_ends(ticks: Sequence[Tick]) -> tuple[Floats, Floats]:
+    inner, outer = (np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS)
+    return inner, outer
 
 
 def comb_around(
@@ -212,8 +311,7 @@ def _bent(
     ring = Ring(drawn, outer_px)
     for _ in range(ROUNDS):
         ticks = _ticks(picture, ring.drawn, inner_px, outer_px)
-        angles = np.sort([tick.angle_deg for tick in ticks])
-        if len(ticks) < 2 * LEAST_TICKS or np.diff(angles, append=angles[0] + 360.0).max() > ALL_ROUND_DEG:
+        if len(ticks) < 2 * LEAST_TICKS or _gap_deg(ticks) > ALL_ROUND_DEG:
             return
         ends = [np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS]
         around = np.radians([tick.angle_deg for tick in ticks])
@@ -255,7 +353,9 @@ def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: floa
     light = sampled_at(picture, x, y)
     beside = round(BESIDE_DEG / ANGLE_STEP_DEG)
     around = np.concatenate([light[-beside:], light, light[:beside]])
-    plain = np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * beside + 1, axis=0), axis=-1)
+    # A face changes slowly: every fourth angle tells it.
+    windows = np.lib.stride_tricks.sliding_window_view(around, 2 * beside + 1, axis=0)[::PLAIN_STEP]
+    plain = np.repeat(np.median(windows, axis=-1), PLAIN_STEP, axis=0)[: len(light)]
     contrast = light - plain
     band = (radii >= low) & (radii <= high)
     profile = contrast[:, band].mean(axis=1)

@@ -6,7 +6,7 @@ It takes most of a minute of a processor's time for a cockpit, so that people wa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +18,12 @@ from decoder.matching.thresholds import MIN_VIEWS
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.drawn_plane import Planes
 from decoder.setup.finding.anchors import anchors_on
+from decoder.setup.finding.bank import banks_on
 from decoder.setup.finding.dials import FoundDial, Page, Place, dials_seen, holds_others, page_of
 from decoder.setup.finding.motion import hands_turn
 from decoder.setup.finding.numerals import EXTRA, Text, is_there, parts_of, texts_in, texts_once
-from decoder.setup.finding.proposal import Document, ProposedGauge, gauge_of
+from decoder.setup.finding.proposal import Document, ProposedGauge, banked, gauge_of, settled
+from decoder.setup.finding.ticks import Comb, flat_shape
 from decoder.setup.proposals import Pictures
 from decoder.setup.session import Aligned, SetupSession
 
@@ -107,19 +109,26 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
     laid = _laid(picture, aligned, planes)
     still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
     seen = Pictures(picture, aligned, planes.optics.own)
+    texts = texts_once(texts)
+    page = page_of(picture, still, planes, texts)
     dials: list[FoundDial] = []
     names: set[str] = set()
-    for step in _dials(page_of(picture, still, planes, texts_once(texts)), document, stale):
+    for step in _settled(_dials(page, document, stale), seen, planes):
         if isinstance(step, Looking):
             yield step
             continue
+        yield Looking("looking at what moves on it", _around(step.centre, step.comb.rim.radius_px))
+        _go_on(stale)
         turns = hands_turn(laid, still, step.comb.rim, step.comb.ring_px[0])
-        gauge = gauge_of(step, seen, names, hands=turns)
+        gauge = gauge_of(step, seen, names, words=texts, hands=turns)
         if gauge.gauge is not None:
             yield Looking(f"reading {gauge.name} on the flight", _around(step.centre, step.comb.rim.radius_px))
         yield gauge
         dials.append(step)
         names.add(gauge.name)
+    yield Looking("looking for the bank scales of horizons")
+    for dial, zero_deg in _banks(page, dials, document, stale):
+        yield banked(dial, zero_deg, seen, names, texts)
     for place, dial in enumerate(dials):
         if holds_others(dial, dials):
             yield Withdrawn(place)
@@ -158,6 +167,33 @@ def _dials(page: Page, document: Mapping[str, Any], stale: Stale) -> Iterator[Lo
             yield Looking(f"looking at a dial around {x:.0f}, {y:.0f}", _around(step.centre, step.radius_px))
         elif not any(_draws(gauge, step) for gauge in _parts(document, "gauges")):
             yield step
+
+
+def _settled(steps: Iterator[Looking | FoundDial], seen: Pictures, planes: Planes) -> Iterator[Looking | FoundDial]:
+    """Settle dials as soon as can be: those whose ticks go part of the way round wait until all others are found."""
+    combs: list[Comb] = []
+    later: list[FoundDial] = []
+    for step in steps:
+        if isinstance(step, FoundDial):
+            combs.append(step.comb)
+            if not step.comb.is_all_round:
+                later.append(step)
+                continue
+        yield step
+    shape = flat_shape(combs)
+    for dial in later:
+        yield Looking("measuring a dial again, as the panel is seen", _around(dial.centre, dial.comb.rim.radius_px))
+        yield settled(dial, seen, planes, shape)
+
+
+def _banks(
+    page: Page, dials: Sequence[FoundDial], document: Mapping[str, Any], stale: Stale
+) -> Iterator[tuple[FoundDial, float]]:
+    """Look for bank scales that are not drawn yet, and where their zero is."""
+    for dial, zero_deg in banks_on(page, dials, flat_shape([each.comb for each in dials])):
+        _go_on(stale)
+        if not any(_draws(gauge, dial) for gauge in _parts(document, "gauges")):
+            yield dial, zero_deg
 
 
 def _around(centre: tuple[float, float], radius_px: float) -> Box:

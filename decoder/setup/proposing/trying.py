@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.panel.errors import PanelError
 from decoder.setup.drafts import Stale, panel_of_gauge
+from decoder.setup.drawn_plane import XY
 from decoder.setup.finding.proposal import ProposedGauge
+from decoder.setup.finding.thresholds import ALIKE
 from decoder.setup.proposals import Dial, Pictures, needle_at
 from decoder.setup.proposing.search import Anchors, Step, search
 from decoder.setup.session import SetupSession
@@ -17,6 +21,8 @@ from decoder.setup.trial import Trial, tried
 
 NEEDLES = "needles"
 AROUND_DEG = 60.0
+# How well marks are measured on a dial that nobody looked at, one sigma.
+DRAWN_DEG = 1.0
 
 
 def tried_search(session: SetupSession, document: Mapping[str, Any], key: str, stale: Stale) -> Iterator[Step]:
@@ -30,21 +36,62 @@ def tried_search(session: SetupSession, document: Mapping[str, Any], key: str, s
     for step in search(session, document, key, stale):
         if isinstance(step, Anchors):
             draft["anchors"] = list(step.anchors)
-        yield _on_the_flight(session, draft, step, key, stale) if isinstance(step, ProposedGauge) else step
+        yield _Flight(session, draft, key, stale).shows(step) if isinstance(step, ProposedGauge) else step
 
 
-def _on_the_flight(
-    session: SetupSession, draft: dict[str, Any], each: ProposedGauge, key: str, stale: Stale
-) -> ProposedGauge:
-    """Read a gauge on the flight's sample as `decode` would; move it to where its needles really turn."""
-    if each.gauge is None or len(session.source.sample) < 2:  # noqa: PLR2004 - nothing to try it on
-        return each
+@dataclass(frozen=True, slots=True)
+class _Flight:
+    """The sample of a session's flight, with a draft on the picture `key`, for as long as somebody waits."""
+
+    session: SetupSession
+    draft: Mapping[str, Any]
+    key: str
+    stale: Stale
+
+    def shows(self, each: ProposedGauge) -> ProposedGauge:
+        """Read a gauge on the sample as `decode` would, and with fewer of its hands if it is not read so."""
+        if each.gauge is None or len(self.session.source.sample) < 2:  # noqa: PLR2004 - nothing to try it on
+            return replace(each, otherwise=())
+        ways = [_read(self, each)]
+        for other in each.otherwise:
+            if ways[-1].gauge is not None:
+                break
+            ways.append(_read(self, other))
+        return replace(next((way for way in ways if way.gauge is not None), ways[0]), otherwise=())
+
+    def trial(self, gauge: Mapping[str, Any]) -> Trial:
+        """Try a gauge."""
+        document = {**self.draft, "gauges": [gauge]}
+        pictures = self.session.pictures(document, self.key)
+        encoded = self.session.encoded(document, self.key)
+        source = panel_of_gauge(document, 0, pictures, self.session.camera, encoded)
+        return tried(self.session.remembered(source, document, self.key), self.session.frames(), self.stale)
+
+    def pointed(self, gauge: dict[str, Any], measured_px: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+        """Measure anew where the needles of a dial point, from where they turn, and between which distances."""
+        draft, key = self.draft, self.key
+        planes = self.session.planes(draft, key)
+        seen = Pictures(self.session.store.grey(key), self.session.aligned(draft, key, self.stale), planes.optics.own)
+        (x, y), (inner, outer) = gauge["centre"], gauge["radius"]
+        whole_px = float(inner), float(outer)
+        plane = planes.drawn((x, y), gauge.get("rim")).plane
+        turned = []
+        for part in gauge.get(NEEDLES, ()):
+            near = part["template"]["at"]
+            between_px = measured_px.get(part["name"], whole_px)
+            found = needle_at(seen, Dial((x, y), between_px, (near - AROUND_DEG, near + AROUND_DEG), plane), near)
+            turned.append({**part, "template": {"at": round(found.at_deg, 2), "span": found.span_deg}})
+        return {**gauge, NEEDLES: turned} if turned else gauge
+
+
+def _read(flight: _Flight, each: ProposedGauge) -> ProposedGauge:
+    """Read a gauge as it is proposed; move it to where its needles really turn."""
+    assert each.gauge is not None  # noqa: S101 - only what is whole is tried
     try:
-        trial = _trial(session, draft, each.gauge, key, stale)
-        gauge = each.gauge
+        trial, gauge = flight.trial(each.gauge), each.gauge
         if trial.moved_px is not None:
-            gauge = _pointed(session, draft, _moved(gauge, trial.moved_px), key, stale)
-            trial = _trial(session, draft, gauge, key, stale)
+            gauge = flight.pointed(_moved(gauge, trial.moved_px), each.measured_px)
+            trial = flight.trial(gauge)
     except PanelError as error:
         return replace(each, gauge=None, lacking=(*each.lacking, error.problem))
     readings = [reading for frame in trial.frames for reading in frame.readings]
@@ -52,11 +99,24 @@ def _on_the_flight(
     columns = max((len(frame.readings) for frame in trial.frames), default=0)
     asked = len(trial.frames) * columns  # where the panel is not found nothing is read
     said = f"tried on {len(trial.frames)} frames, {read} of {asked} values are read"
-    if 2 * read < asked or not asked:
+    together = [reading.status is Status.READ for reading in readings if reading.is_together]
+    if 2 * read < asked or not asked or (together and sum(together) < ALIKE * len(trial.frames)):
         return replace(each, gauge=None, lacking=(*each.lacking, said, *trial.findings), read=(read, asked))
-    gauge = _turned(gauge, trial.axes_deg)
+    gauge = _doubted(_turned(gauge, trial.axes_deg), each.centre)
     evidence, lacking = (*each.evidence, said), (*each.lacking, *trial.findings)
     return replace(each, gauge=gauge, evidence=evidence, lacking=lacking, read=(read, asked))
+
+
+def _doubted(gauge: dict[str, Any], printed: XY) -> dict[str, Any]:
+    """Say how far marks may be from where needles point: they are printed around another place than needles turn about.
+
+    A needle above its dial, seen from aside, moves its tip with its pivot, and its marks are right as they are; one
+    beside the middle of its dial points at marks as they are seen from there. Which it is nothing tells.
+    """
+    if NEEDLES not in gauge:
+        return gauge
+    beside_deg = math.degrees(HALF * math.dist(gauge["centre"], printed) / gauge["radius"][1])
+    return {**gauge, "doubt_deg": round(math.hypot(beside_deg, DRAWN_DEG), 2)}
 
 
 def _turned(gauge: dict[str, Any], axes_deg: Mapping[str, float]) -> dict[str, Any]:
@@ -68,29 +128,6 @@ def _turned(gauge: dict[str, Any], axes_deg: Mapping[str, float]) -> dict[str, A
         }
         for part in gauge.get(NEEDLES, ())
     ]
-    return {**gauge, NEEDLES: turned} if turned else gauge
-
-
-def _trial(session: SetupSession, draft: dict[str, Any], gauge: Mapping[str, Any], key: str, stale: Stale) -> Trial:
-    document = {**draft, "gauges": [gauge]}
-    pictures, encoded = session.pictures(document, key), session.encoded(document, key)
-    source = panel_of_gauge(document, 0, pictures, session.camera, encoded)
-    return tried(session.remembered(source, document, key), session.frames(), stale)
-
-
-def _pointed(
-    session: SetupSession, draft: dict[str, Any], gauge: dict[str, Any], key: str, stale: Stale
-) -> dict[str, Any]:
-    """Measure anew where the needles of a dial point, from where they turn."""
-    planes = session.planes(draft, key)
-    seen = Pictures(session.store.grey(key), session.aligned(draft, key, stale), planes.optics.own)
-    (x, y), (inner, outer) = gauge["centre"], gauge["radius"]
-    plane = planes.drawn((x, y), gauge.get("rim")).plane
-    turned = []
-    for part in gauge.get(NEEDLES, ()):
-        near = part["template"]["at"]
-        found = needle_at(seen, Dial((x, y), (inner, outer), (near - AROUND_DEG, near + AROUND_DEG), plane), near)
-        turned.append({**part, "template": {"at": round(found.at_deg, 2), "span": found.span_deg}})
     return {**gauge, NEEDLES: turned} if turned else gauge
 
 

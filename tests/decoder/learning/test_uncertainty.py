@@ -173,3 +173,19 @@ def test_marks_that_were_clicked_on_a_ring_tell_its_middle(marks: int, *, is_tol
     assert middle_of_marks_px(even) is None
     found = middle_of_marks_px(clicked)
     assert (found == pytest.approx((-3.0, 4.0), abs=0.3)) if is_told else (found is None)
+
+
+def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
+    """Of marks that are said to lie two degrees beside where they are drawn, one sigma; of the other gauges nothing."""
+    drawn = panel_from_file(FIXTURES / "panel.yaml")
+    first, *others = drawn.panel.gauges
+    doubted = replace(
+        drawn,
+        panel=drawn.panel.model_copy(update={"gauges": (first.model_copy(update={"doubt_deg": 2.0}), *others)}),
+    )
+
+    before, after = uncertainties_of(drawn), uncertainties_of(doubted)
+
+    for name, each in after.items():
+        added = 2.0 if name in {quantity.name for quantity in first.quantities} else 0.0
+        assert each.drawn_deg == pytest.approx(math.hypot(before[name].drawn_deg, added))
