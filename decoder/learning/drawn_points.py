@@ -99,7 +99,8 @@ def middle_of_marks_px(gauge: Gauge) -> Vector | None:
     carried_deg = [seen_from(middle, radius_px, angle_deg) for angle_deg in angles_deg]
     odds = log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
     told = (len(angles_deg) - 3) / (len(angles_deg) - 1)  # what its own two numbers explain tells nothing
-    return middle if PRIOR_LOG_ODDS + told * odds > 0.0 else None
+    total = PRIOR_LOG_ODDS + told * odds
+    return middle if total > 0.0 else None
 
 
 def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Floats:

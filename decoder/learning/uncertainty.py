@@ -180,8 +180,9 @@ def _of_card(
 
 def _by_hand_deg(gauge: Gauge, care_part: float) -> float:
     """Estimate how precisely a scale is drawn: as its centre, as is said, and to a fifth of a pixel at best."""
-    careless = min(MARK_PART * care_part, MOST_MARK_PART)
-    return math.hypot(math.degrees(math.hypot(HAND_PX / gauge.arc_px, careless)), gauge.doubt_deg)
+    missed = MARK_PART * care_part
+    hand = math.hypot(HAND_PX / gauge.arc_px, min(missed, MOST_MARK_PART))
+    return math.hypot(math.degrees(hand), gauge.doubt_deg)
 
 
 def _to_allow_for(log_odds: float) -> float:
