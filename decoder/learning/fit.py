@@ -108,7 +108,7 @@ class FittedReader:
                 f"{' with its marks: draw it there with `decode setup`' if self.has_points else '; its marks stay'}"
             )
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
-        if off_deg > math.degrees(MOST_MARK_PART):
+        if off_deg > 3 * math.degrees(MOST_MARK_PART):  # beyond what a careless hand misses marks by
             yield (
                 f"has marks {off_deg:.1f} degrees beside even ones, though what goes round does so evenly: sigma allows"
                 " for that; is it seen from the side, or were they drawn from beside the middle of their ring?"

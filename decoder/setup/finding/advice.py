@@ -2,8 +2,8 @@
 
 The frames tell where needles turn, and where their axes lie. What they tell is drawn and tried once more, on all of
 them, before anybody hears of it: what moves a centre turns axes with it, and one that goes by one picture may fit the
-others worse. An offer reads no fewer values, with no lower score, and leaves at most half of what made it; so offers
-come to an end.
+others worse. An offer reads more values, or as many with no lower score and at most half of what made it left; so
+offers come to an end.
 """
 
 from __future__ import annotations
@@ -110,10 +110,10 @@ class Fit:
         return self.read, self.score, -self.beside_px, -self.off_deg
 
     def is_better_than(self, other: Fit) -> bool:
-        """Whether it is worse in nothing, and clearly better in something."""
-        is_clearly = (
-            self.read > other.read or self.beside_px < HALF * other.beside_px or self.off_deg < HALF * other.off_deg
-        )
+        """Whether more is read with it; or as much, it is worse in nothing, and clearly better in something."""
+        if self.read != other.read:  # what was not read before may well match a little less
+            return self.read > other.read
+        is_clearly = self.beside_px < HALF * other.beside_px or self.off_deg < HALF * other.off_deg
         return is_clearly and all(own >= their for own, their in zip(self.order, other.order, strict=True))
 
     def gain_over(self, other: Fit) -> str:
@@ -255,7 +255,7 @@ def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iter
         words = f"{said}: so does every needle above its face that is seen from the side"
         yield offer("around", words, "Find its axis around there", found(copy.deepcopy(gauge)))
     moved = _recentred(gauge, seen.drawn, there, are_points=trial.are_points)
-    yield offer("centre", said, "Move the centre there", moved)
+    yield offer("centre", said, "Move the centre there", found(moved))
 
 
 def _turned_only(gauge: GaugeDraft, trial: Trial) -> Iterator[Offer]:
@@ -298,7 +298,7 @@ def _with_axes(gauge: GaugeDraft, trial: Trial) -> GaugeDraft | None:
 
 
 def _recentred(gauge: GaugeDraft, drawn: DrawnPlane, there: XY, *, are_points: bool) -> GaugeDraft:
-    """Draw the gauge around another centre: what was clicked stays where it is in the picture, or at its angle."""
+    """Draw the gauge around another centre: needles stay where they are in the picture, marks so or at their angles."""
     moved, around, outer = copy.deepcopy(gauge), drawn.around(there), gauge["radius"][1]
 
     def carried(angle: float, radius: float) -> float:
@@ -309,8 +309,8 @@ def _recentred(gauge: GaugeDraft, drawn: DrawnPlane, there: XY, *, are_points: b
         for own in (moved, *moved.get("needles", ())):
             if own.get("scale"):
                 own["scale"] = [[carried(angle, outer), value] for angle, value in own["scale"]]
-        for template in _templates(moved):
-            template["at"] = carried(template["at"], outer * ON_NEEDLE)
+    for template in _templates(moved):  # they were pointed at in the picture, whatever marks are
+        template["at"] = carried(template["at"], outer * ON_NEEDLE)
     right, down = (new - old for new, old in zip(there, gauge["centre"], strict=True))
     if moved.get("rim"):
         moved["rim"] = [[round(x + right, 3), round(y + down, 3)] for x, y in moved["rim"]]
