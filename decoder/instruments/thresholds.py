@@ -16,7 +16,6 @@
 | MIN_PLACES | 3 | places | beyond one a needle that a pivot must be told by | two unknowns, one to spare |
 | NEEDLE_PART | 0.015 | pixels | of its window that a needle fills at least | the thinnest of strangers' needles |
 | CLEAR_PART | 0.2 | 1 | of the contrast around a needle that no glint changes it by | by choice |
-| CARRY_OFF | 0.25 | digits | a drum may stand so far from where the next lower one has it | half of what would be another digit |
 | LEAST_SHARPNESS | 7.0 | blurs of an edge | as many high, printed digits that nobody taught are told from those that somebody did | drawn: five fonts |
 | AT_HAND_PX | 2**18 | pixels | as many stay in a processor's cache until they are sampled | measured |
 """  # noqa: E501 - a table
@@ -37,6 +36,5 @@ APART_DEG = 3.0
 MIN_PLACES = 3
 NEEDLE_PART = 0.015
 CLEAR_PART = 0.2
-CARRY_OFF = 0.25
 LEAST_SHARPNESS = 7.0
 AT_HAND_PX = 1 << 18

@@ -67,15 +67,17 @@ def _scales(gauge: Gauge) -> Iterator[tuple[Sequence[float], Sequence[float], fl
 
 
 def uneven_deg(quantity: Quantity) -> float:
-    """Tell by how much the marks of a scale are beside even ones, as a spread.
+    """Tell by how much the marks of a scale are beside even ones, as a spread: of all, or of the worst if that is more.
 
     Only of a scale of which a turn has a value it is known that it is even; of another nothing is told.
     """
     if quantity.wraps is None or not quantity.is_measured:
         return 0.0
-    angles_deg, values = zip(*quantity.marks, strict=True)
-    beside = _beside_even(angles_deg, values, quantity.wraps)
-    return math.sqrt(float(beside @ beside) / len(beside))
+    angles_deg, values = (np.array(each, np.float64) for each in zip(*quantity.marks, strict=True))
+    beside_deg = angles_deg - _pace_deg(values, quantity.wraps) * values
+    beside_deg -= beside_deg.mean()
+    spread_deg = math.sqrt(float(beside_deg @ beside_deg) / (len(beside_deg) - 1))
+    return max(spread_deg, float(np.abs(beside_deg).max()) / 2)  # beside it two sigma have to hold it
 
 
 def middle_of_marks_px(gauge: Gauge) -> Vector | None:
@@ -115,7 +117,7 @@ def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: flo
     return beside
 
 
-def _pace_deg(values: Sequence[float], turn: float) -> float:
+def _pace_deg(values: Sequence[float] | Floats, turn: float) -> float:
     """Tell how many degrees a unit is worth; negative where values rise the other way round."""
     return math.copysign(FULL_CIRCLE_DEG / turn, values[-1] - values[0])
 

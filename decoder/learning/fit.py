@@ -135,17 +135,7 @@ class _Round:
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
     source, gauges = reader.source, reader.source.panel.gauges
-    placed, samples = align_sample(reader, sample)
-    starts: list[Vector | None] = [None] * len(gauges)
-    begun, last = _begun(placed, samples, sample, starts, tell)
-    lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
-    coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
-    starts = _middles_of_marks(gauges, begun.paths, last.found)
-    if coloured is not placed or any(starts):
-        del begun, last, samples  # what they hold need not lie in memory beside what is unwrapped later
-        tell("learns in which colours needles show, and where rings of marks have their middle")
-        samples = unwrapped(coloured, sample(frames_wanted(coloured.placement)))
-        begun, last = _begun(coloured, samples, sample, starts, tell)
+    begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
     del begun
     first = last.pivots
@@ -186,6 +176,34 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         has_points=log_odds > 0.0,
         sampled=len(samples),
     )
+
+
+def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
+    """Learn a first time: in the colours in which needles show, and of lost dials where their marks are even."""
+    gauges = reader.source.panel.gauges
+    placed, samples = align_sample(reader, sample)
+    begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
+    lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
+    coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
+    starts = _middles_of_marks(gauges, begun.paths, last.found)
+    if coloured is placed and not any(starts):
+        return begun, last
+    del begun, last, samples  # what they hold need not lie in memory beside what is unwrapped later
+    tell("learns in which colours needles show, and where rings of marks have their middle")
+
+    def again(starts: Sequence[Vector | None]) -> tuple[_Recentred, _Round]:
+        return _begun(coloured, unwrapped(coloured, sample(frames_wanted(placed.placement))), sample, starts, tell)
+
+    begun, last = again(starts)
+    doubted = _doubted(last.found)
+    told = [
+        None if {needle.name for needle in gauge.turning} & doubted else start
+        for gauge, start in zip(gauges, starts, strict=True)
+    ]
+    if told != starts:  # there no needle tells either that its dial lies there
+        del begun, last
+        begun, last = again(told)
+    return begun, last
 
 
 def _middles_of_marks(

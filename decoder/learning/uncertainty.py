@@ -64,6 +64,8 @@ class QuantityUncertainty:
     zero_deg
         The angle at which the needle's zero was set; None for a card, which is read all round: beside its pivot one
         half makes up for the other.
+    marks_deg
+        Where its marks are, rising; none where it is read all round, and no angle lies beyond them.
     """
 
     drawn_deg: float
@@ -73,6 +75,7 @@ class QuantityUncertainty:
     pivot: Pivot
     missed_px: Vector
     zero_deg: float | None
+    marks_deg: tuple[float, ...] = ()
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
         """(N,): a standard uncertainty for readings at these angles."""
@@ -84,10 +87,22 @@ class QuantityUncertainty:
         """(N,): what of it the panel's drawing leaves in doubt."""
         if self.zero_deg is None:
             return np.full_like(angles_deg, self.drawn_deg)
+        drawn_deg = self.drawn_deg * self._lever(angles_deg)
         # Marks and zero are seen from the same centre: they are off as by a pivot that far beside.
         around = self.pivot.beside(np.array(self.missed_px))
-        sigma: Floats = np.hypot(self.drawn_deg, around.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
+        sigma: Floats = np.hypot(drawn_deg, around.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
         return sigma
+
+    def _lever(self, angles_deg: Floats) -> Floats:
+        """(N,): how many times as far a scale is off as one of its marks: beyond the last the last two tell it."""
+        if len(self.marks_deg) < 2:  # noqa: PLR2004 - then nothing lies beyond them
+            return np.ones_like(angles_deg)
+        first, second, *_ = self.marks_deg
+        *_, before, last = self.marks_deg
+        beyond = np.maximum((first - angles_deg) / (second - first), (angles_deg - last) / (last - before))
+        beyond = np.maximum(np.nan_to_num(beyond), 0.0)
+        lever: Floats = np.hypot(1.0 + beyond, beyond)
+        return lever
 
 
 def quantity_uncertainties(
@@ -150,6 +165,7 @@ def quantity_uncertainties(
                     as_needle,
                     drawn_deg=math.hypot(max(as_needle.drawn_deg, marks_deg), anywhere_deg),
                     zero_deg=sum(gauge.sweep) / 2 if zero_deg is None else zero_deg,
+                    marks_deg=() if quantity.wraps is not None else tuple(angle_deg for angle_deg, _ in quantity.marks),
                 )
             else:
                 uncertainties[name] = replace(as_card, drawn_deg=max(as_card.drawn_deg, marks_deg))

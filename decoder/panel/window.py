@@ -17,7 +17,7 @@ Corners = tuple[Point, Point, Point, Point]
 # A pixel along a window counts as a degree: what is uncertain by so many of the one is so by as many of the other.
 WINDOW_ARC_PX = math.degrees(1.0)
 _CORNERS = TypeAdapter(Corners)
-_OF_DIALS = "centre", "radius", "rim", "sweep", "stops", "scale", "wraps"
+_OF_DIALS = "centre", "radius", "rim", "sweep", "stops", "scale", "wraps", "doubt_deg"
 
 
 def as_dial(given: dict[Any, Any]) -> dict[Any, Any]:

@@ -22,7 +22,7 @@ from decoder.registration.features import level_feature
 from decoder.registration.frame_search import FrameSearch
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.sift_localizer import SiftLocalizer
-from decoder.registration.thresholds import FEW_FAILED, KEPT, MIN_SPREAD_LEVELS, MOST_ANCHORED, TURNS_DEG
+from decoder.registration.thresholds import FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS, TURNS_DEG
 
 
 class Aligner:
@@ -161,5 +161,5 @@ def _check_level(level: tuple[tuple[float, float], tuple[float, float]], picture
     height, width = picture.shape
     if not all(0 <= x < width and 0 <= y < height for x, y in level):
         raise PanelError("level", f"lies outside the {width} x {height} panel picture")
-    if float(level_feature(picture, level).pixels.std()) < MIN_SPREAD_LEVELS:
+    if float(level_feature(picture, level).pixels.std()) < NOISE_LEVELS / 4:
         raise PanelError("level", "lies on no visible edge of the panel picture")

@@ -27,9 +27,9 @@ from decoder.panel.gauge import Gauge
 from decoder.registration.thresholds import (
     BESIDE_PX,
     BESIDE_SWEEP_DEG,
+    DIAL_POINTS_ACROSS,
     MAX_BEND_PART,
     MIN_FIRST_SCORE,
-    POINTS_ACROSS,
     REACH,
     SCORE_THRESHOLD,
     SEARCH_PX,
@@ -50,7 +50,7 @@ BEND_LEVELS = 400.0
 def dial_points(gauge: Gauge, plane: DialPlane | None) -> Floats:
     """(2, N) float32: a grid of points on the dial and around it, without those under the panel picture's needles."""
     inner, outer = gauge.radius[0], max(gauge.radius[1] * REACH, gauge.radius[1] + BESIDE_PX)
-    stride = max(1.0, 2 * outer / POINTS_ACROSS)
+    stride = max(1.0, 2 * outer / DIAL_POINTS_ACROSS)
     steps = np.arange(-outer, outer + stride, stride)
     across, down = (grid.ravel() for grid in np.meshgrid(steps, steps))
     radius, angle = np.hypot(across, down), np.degrees(np.arctan2(down, across))

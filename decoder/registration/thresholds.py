@@ -24,7 +24,8 @@
 | MAX_SIGMA_PX | 0.25 | px | at a gauge, of a motion's model that is used | a quarter of a pixel |
 | MIN_SPREAD_LEVELS | 0.2 | levels | of spread: less is rounding | whole grey levels have 0.29 |
 | NOISE_LEVELS | 4.0 | levels | of spread are a sensor's and a JPEG's noise | measured at quality 75 to 90 |
-| POINTS_ACROSS | 48 | 1 | of an anchor or a dial, or along the level edge | more share their noise |
+| POINTS_ACROSS | 44 | 1 | of an anchor, or along the level edge | more share their noise |
+| DIAL_POINTS_ACROSS | 48 | 1 | of a dial | by trial |
 | MIN_REDUCED_PX | 14 | px | an anchor keeps when the frame is made smaller | by trial |
 | MAX_REDUCTION | 3 | 1 | by which a frame is made smaller | by trial |
 | KEPT | 16 | 1 | zooms, registrations or levers are remembered | memory |
@@ -63,7 +64,8 @@ MAX_SHRINKAGE = 0.9
 MAX_SIGMA_PX = 0.25
 MIN_SPREAD_LEVELS = 0.2
 NOISE_LEVELS = 4.0
-POINTS_ACROSS = 48
+POINTS_ACROSS = 44
+DIAL_POINTS_ACROSS = 48
 MIN_REDUCED_PX = 14
 MAX_REDUCTION = 3
 KEPT = 16

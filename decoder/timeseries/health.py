@@ -31,10 +31,7 @@ def doubted(data: FlightData, drawn_sigma_deg: PanelSigmaDeg) -> tuple[FlightDat
         if quantity.is_measured and quantity.name not in data.combined:
             slopes = Scale.of(quantity.marks, quantity.wraps).slopes_at(series.angle_deg)
             sigma_deg = drawn_sigma_deg(quantity.name, series.angle_deg)
-            # A scale of which two marks near each other are drawn is as long as what it shows.
-            shown = series.value[doubtful]
-            full_scale = max(quantity.full_scale, float(np.ptp(shown)) if shown.size else 0.0)
-            parts = np.abs(slopes) * sigma_deg / full_scale
+            parts = np.abs(slopes) * sigma_deg / quantity.full_scale
             doubtful &= parts > SMALLEST_PART
             if doubtful.any():
                 doubts[quantity.gauge].append(

@@ -39,6 +39,7 @@ NO_VALUE: Mapping[tuple[str, str], str] = {
 }
 WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
     ("daylight", "oil_press_psi"): RAISED,
+    ("daylight", "thousands_ft"): RAISED,
     ("oblique", "volts"): RAISED,
     ("night", "heading_deg"): OFF_AXIS,
     ("night", "oil_press_psi"): RAISED,

@@ -244,6 +244,8 @@ def test_hands_that_do_not_count_for_each_other_are_none(turns_of: tuple[float, 
         ([3000.0, 9750.0, 5800.0], False, 1300.0),
         ([300.0, 4000.0], False, -500.0),
         ([200.0, 9700.0], False, None),
+        ([500.0, 9000.0, 12000.0, 14000.0], True, None),
+        ([99980.0, 200.0, 3000.0], True, -500.0),
     ],
 )
 def test_values_begin_where_the_flight_never_was(

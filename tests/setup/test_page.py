@@ -340,7 +340,7 @@ def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenP
     hand.type_into(f"gauges[{index[card]}].card.max_rate", "30")
     page.locator("#outline li button", has_text=stops).click()
     hand.type_into(f"gauges[{index[stops]}].stops[1]", "10")
-    expect(page.locator(f'[data-problem="gauges[{index[stops]}].stops"]')).to_contain_text("must hold the `sweep`")
+    expect(page.locator(f'[data-problem="gauges[{index[stops]}].stops"]')).to_contain_text("must hold the “Sweep”")
     hand.type_into(f"gauges[{index[stops]}].stops[1]", f"{written['gauges'][index[stops]]['stops'][1] + 1:g}")
     expect(page.locator(".problem")).to_have_count(0)
     hand.save()

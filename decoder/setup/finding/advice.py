@@ -18,6 +18,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.learning.thresholds import SETTLED_PX
 from decoder.panel.errors import PanelError
+from decoder.registration.thresholds import CLEAR_SCORE
 from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.thresholds import MAX_MOVE_PX
 
@@ -101,7 +102,7 @@ class Fit:
             of=a_frame * len(trial.frames),
             score=round(sum(filter(math.isfinite, scores)) / max(alone * len(trial.frames), 1), SCORE_PLACES),
             beside_px=beside_px,
-            off_deg=max((abs(off) for _, off in _axes_off(trial, gauge)), default=0.0),
+            off_deg=max((abs(off) for _, off in _axes_off(trial, gauge, math.inf)), default=0.0),
         )
 
     @property
@@ -112,7 +113,7 @@ class Fit:
     def is_better_than(self, other: Fit) -> bool:
         """Whether more is read with it; or as much, it is worse in nothing, and clearly better in something."""
         if self.read != other.read:  # what was not read before may well match a little less
-            return self.read > other.read
+            return self.read > other.read and self.score >= min(other.score, CLEAR_SCORE)
         is_clearly = self.beside_px < HALF * other.beside_px or self.off_deg < HALF * other.off_deg
         return is_clearly and all(own >= their for own, their in zip(self.order, other.order, strict=True))
 
@@ -275,13 +276,13 @@ def _templates(gauge: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [each["template"] for each in needles if isinstance(each["template"].get("at"), int | float)]
 
 
-def _axes_off(trial: Trial, gauge: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """List the needles that lie clearly elsewhere than they are drawn, and by how much, degrees."""
+def _axes_off(trial: Trial, gauge: Mapping[str, Any], most_px: float = MAX_MOVE_PX) -> list[tuple[str, float]]:
+    """List the needles that lie clearly elsewhere than they are drawn, by at most so much, and by how much, degrees."""
     drawn = {each["name"]: each["template"] for each in gauge.get("needles") or ()}
     return [
         (name, off)
         for name, off in trial.axes_deg.items()
-        if "at" in drawn.get(name, {}) and SETTLED_PX <= abs(math.radians(off)) * gauge["radius"][1] <= MAX_MOVE_PX
+        if "at" in drawn.get(name, {}) and SETTLED_PX <= abs(math.radians(off)) * gauge["radius"][1] <= most_px
     ]
 
 

@@ -197,6 +197,10 @@ def _clear_px(hands: Hands, index: int, radius_px: tuple[float, float]) -> tuple
     return max(start_px, inner_px), reach_px
 
 
+# Three hands count ten turns of the second.
+COUNTED_TURNS = 10
+
+
 def lowest(values: Floats, turns: tuple[float, float], *, is_counted: bool) -> float | None:
     """Choose where values begin that go on beyond a turn of the coarsest hand; None where that may be passed.
 
@@ -211,12 +215,12 @@ def lowest(values: Floats, turns: tuple[float, float], *, is_counted: bool) -> f
         if values.min() < fine and values.max() > turn - fine:
             return None
         return _step(max((float(values.min()) + float(values.max()) - turn) / 2, least), fine)
-    inside = max(
-        (values[(values >= low) & (values < low + turn)] for low in np.sort(values)), key=lambda part: part.size
-    )
-    spare = turn - float(np.ptp(inside))
-    begin = max(float(inside.min()) - spare / 2, least)
-    return _step(begin, fine)
+    round_ = COUNTED_TURNS * turn
+    values = np.where(values > round_ - fine, values - round_, values)  # just below 0
+    if float(np.ptp(values)) > turn - fine:
+        return None
+    spare = turn - float(np.ptp(values))
+    return _step(max(float(values.min()) - spare / 2, least), fine)
 
 
 def _step(value: float, fine: float) -> float:

@@ -128,7 +128,9 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
         names.add(gauge.name)
     yield Looking("looking for the bank scales of horizons")
     for dial, zero_deg in _banks(page, dials, document, stale):
-        yield banked(dial, zero_deg, seen, names, texts)
+        gauge = banked(dial, zero_deg, seen, names, texts)
+        names.add(gauge.name)
+        yield gauge
     for place, dial in enumerate(dials):
         if holds_others(dial, dials):
             yield Withdrawn(place)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +21,7 @@ from decoder.learning.pivot_path import PivotPath
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
+from tests.decoder.instruments import altimeters
 from tests.decoder.instruments import test_cards as cards
 from tests.decoder.instruments.dials import CENTRE, Hand, paint, reader_for
 
@@ -203,3 +205,35 @@ def test_needle_that_is_drawn_quite_wrongly_does_not_decide_what_all_marks_are()
     assert abs(log_odds_of_point(40.0, 5.0)) < log_odds_of_point(5.0, 5.0) / 5
     assert log_odds_of_point(1.0, 2.0) == 0.0
     assert log_odds_of_point(5.0, 5.0) == -log_odds_of_point(0.0, 5.0) > 3.0
+
+
+def test_hands_of_an_altimeter_are_read_around_a_centre_that_is_far_off() -> None:
+    """Its ten marks and its hands are clicked, and its centre is missed by a tenth of the radius."""
+    towards, radius_px = math.radians(160.0), altimeters.ALTIMETER["radius"][1]
+    missed_px = (0.1 * radius_px * math.cos(towards), 0.1 * radius_px * math.sin(towards))
+    around = partial(seen_from, missed_px, radius_px)
+    needles = copy.deepcopy(altimeters.ALTIMETER["needles"])
+    for needle in needles:
+        needle["template"]["at"] = around(needle["template"]["at"])
+        if "scale" in needle:
+            needle["scale"] = ring_of_marks(needle["wraps"], around)
+    gauge = altimeters.ALTIMETER | {
+        "centre": [CENTRE[0] + missed_px[0], CENTRE[1] + missed_px[1]],
+        "scale": ring_of_marks(1000.0, around),
+        "needles": needles,
+    }
+    flown_ft = np.random.default_rng(5).uniform(0, 99_999, 17).tolist()
+    *frames, last = [
+        altimeters.drawn(altimeters.angles_of(feet), seed=100 + seed) for seed, feet in enumerate(flown_ft)
+    ]
+
+    fitted = fit_to_flight(reader_for([gauge], altimeters.drawn(altimeters.PANEL_DEG, seed=1)), lambda _: frames)
+
+    found = read_picture(fitted.reader, last).readings["altitude_ft"]
+    assert found.status is Status.READ
+    assert fitted.moved_px["altimeter"] == pytest.approx([-each for each in missed_px], abs=1.0)
+
+
+def ring_of_marks(turn: float, around: Callable[[float], float]) -> list[list[float]]:
+    """Ten marks all round, as they are clicked."""
+    return [[around(270.0 + 36.0 * number), turn / 10 * number] for number in range(10)]

@@ -189,3 +189,21 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
     for name, each in after.items():
         added = 2.0 if name in {quantity.name for quantity in first.quantities} else 0.0
         assert each.drawn_deg == pytest.approx(math.hypot(before[name].drawn_deg, added))
+
+
+def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
+    """The last two marks, each as far off as any, tell it there: half as far beyond as they lie apart, by 1.6 times."""
+    uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 20.0, (0.0, 40.0, 100.0))
+    sigma_deg = uncertainty.drawn_sigma_deg(np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
+
+    assert sigma_deg == pytest.approx(0.1 * np.array([math.hypot(1.5, 0.5), 1.0, 1.0, 1.0, math.hypot(1.5, 0.5)]))
+
+
+def test_one_bad_mark_of_a_turn_is_held_by_two_sigma() -> None:
+    """However many others are good: readings beside it are as far off as it is."""
+    gauge = reader_of().source.panel.gauges[0]
+    marks = [(30.0 * number, 30.0 * number) for number in range(12)]
+    marks[5] = (marks[5][0] + 12.0, marks[5][1])
+    clicked = gauge.model_copy(update={"scale": tuple(marks), "wraps": 360.0})
+
+    assert 2 * uneven_deg(clicked.quantities[0]) >= 11.0

@@ -119,19 +119,16 @@ class _Hands:
         return readings
 
 
-class _LayeredKind(NeedleKind):
-    """Needles above each other, looked for all along: beyond the tip of a short one a first picture shows the dial."""
+class GearedKind(NeedleKind):
+    """Hands that tell one value: an altimeter's, a clock's."""
 
     is_searched = False
 
     def first_look(self, drawn: DrawnInstrument) -> Look:
+        """Cut its hands, short ones up to their tips; what a flight teaches of one may have gaps, and ends there."""
         look = needles_in_picture(drawn)
         ended = {name: without_dial(template, drawn.grid) for name, template in look.templates.items()}
         return replace(look, templates=ended)
-
-
-class GearedKind(_LayeredKind):
-    """Hands that tell one value: an altimeter's, a clock's."""
 
     def owns(self, gauge: Gauge) -> bool:
         return gauge.combination is not None and len(gauge.combination.parts) == len(gauge.needles)
@@ -152,8 +149,10 @@ class _StackFinder:
         return Found.beside(found)
 
 
-class StackKind(_LayeredKind):
+class StackKind(NeedleKind):
     """Needles above each other, each read by what is known of the others."""
+
+    is_searched = False
 
     def owns(self, gauge: Gauge) -> bool:
         return _has_still_face(gauge) and not is_simple(gauge)

@@ -72,7 +72,7 @@ class StackReader:
         names = [needle.name for needle in needles]
         self._above = [all_above(needles, names, index) for index in range(len(needles))]
         self._order = sorted(range(len(needles)), key=lambda index: len(self._above[index]))
-        self._templates = [needle.template for needle in needles]
+        self._templates = [without_dial(needle.template, first.grid) for needle in needles]
         self._coarse = [thinned(template) for template in self._templates]
         self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
         self._axes = [needle.axis for needle in needles]

@@ -21,7 +21,7 @@ from decoder.instruments.appearance import DrawnInstrument, Look
 from decoder.instruments.kinds.windows.printed_strips import DIGITS, Cells, Compared, Print, first_print
 from decoder.instruments.kinds.windows.window import UNIFORM_SIGMA, WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CARRY_OFF, CLEAR_PART, CLEARLY_WORSE, HALF_LIT, LEAST_SHARPNESS
+from decoder.instruments.thresholds import CLEAR_PART, CLEARLY_WORSE, HALF_LIT, LEAST_SHARPNESS
 from decoder.matching.thresholds import MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.errors import PanelError
@@ -105,7 +105,8 @@ def counted(places: Floats) -> tuple[Floats, Mask]:
     moved = np.maximum(places[:, -1] - (DIGITS - 1), 0.0)
     for power, place in enumerate(places[:, -2::-1].T, 1):
         digit = np.rint(place - moved)
-        agrees &= np.abs(place - moved - digit) <= CARRY_OFF
+        # half of what would be another digit, since half a digit further it is nearer to that
+        agrees &= np.abs(place - moved - digit) <= HALF / 2
         digit %= DIGITS
         counts += digit * DIGITS**power
         moved = np.where(digit == DIGITS - 1, moved, 0.0)
