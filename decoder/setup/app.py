@@ -25,6 +25,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
+from starlette.types import Receive
 
 from decoder.panel.errors import DecoderError, DescriptionError, PictureError
 from decoder.setup import answers, requests
@@ -188,6 +189,8 @@ def _question_routes(session: SetupSession) -> list[Route]:
         async def handler(request: Request) -> Response:
             asked = await question(request, model)
             stale = turns.take(f"{path} {asked.tab}")
+            if path == TRIAL:  # nor is it to queue behind advice on what was drawn before: that is asked for again
+                turns.take(f"{ADVICE} {asked.tab}")
             async with room:
                 return JSONResponse(await run_in_threadpool(answer, session, asked, stale))
 
@@ -208,6 +211,19 @@ def _question_routes(session: SetupSession) -> list[Route]:
     ]
 
 
+class _Along(StreamingResponse):
+    """Lines of an answer as they come; `gone` is set as soon as nobody listens, also amidst a long step."""
+
+    def __init__(self, lines: AsyncGenerator[str, None], gone: threading.Event, over: BackgroundTask) -> None:
+        super().__init__(lines, media_type="application/x-ndjson", background=over)
+        self._gone = gone
+
+    async def listen_for_disconnect(self, receive: Receive) -> None:
+        """Wait until nobody listens any more, or the answer is told."""
+        await super().listen_for_disconnect(receive)
+        self._gone.set()
+
+
 def _search(session: SetupSession, turns: Turns) -> Route:
     """Search for dials, one search at a time: each step is a line of the answer, told as soon as it is taken."""
     one_search = asyncio.Semaphore(1)
@@ -220,12 +236,13 @@ def _search(session: SetupSession, turns: Turns) -> Route:
             return
         except (DecoderError, FlightFileError) as error:
             yield {"error": str(error)}
-            return
-        yield {"done": True}
 
     async def handler(request: Request) -> Response:
         asked = await question(request, requests.FoundQuestion)
-        stale = turns.take(f"{FOUND} {asked.tab}")
+        later, gone = turns.take(f"{FOUND} {asked.tab}"), threading.Event()
+
+        def stale() -> bool:
+            return gone.is_set() or later()
 
         async def lines() -> AsyncGenerator[str, None]:
             async with one_search:
@@ -234,9 +251,12 @@ def _search(session: SetupSession, turns: Turns) -> Route:
                         yield f"{json.dumps(answer)}\n"
 
         answer = lines()
+
         # Also where nobody listens any more: the search is over then, and the next one may begin.
-        over = BackgroundTask(answer.aclose)
-        return StreamingResponse(answer, media_type="application/x-ndjson", background=over)
+        async def over() -> None:
+            await answer.aclose()
+
+        return _Along(answer, gone, BackgroundTask(over))
 
     return Route(FOUND, handler, methods=["POST"])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import shutil
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Response, Route, expect
 
 from decoder.panel.panel import parse_content
 from decoder.setup.saving import panel_text
@@ -153,6 +154,9 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
 
     expect(page.locator("#banner")).to_contain_text("The program has ended")
     expect(page.locator("#save")).to_be_disabled()
+    Hand(page).press("d")
+    expect(page.locator("#looking")).to_have_text("Not finished.")
+    expect(page.locator("#banner")).to_contain_text("The program has ended")
     expect(page.locator('[id="f:name"]')).to_have_value("not lost")
 
     again = start(panel=None, save_as=tmp_path / "saved" / "panel.yaml")
@@ -164,6 +168,78 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
     page.locator("#redo").click()
     Hand(page).save()
     assert [path.name for path in again.session.target.parent.glob(".*")] == []
+
+
+def test_what_is_on_the_page_is_kept_whatever_was_judged(server: Running, open_page: OpenPage) -> None:
+    """Also what saving refused before it was checked, and what was undone while what came after it was checked."""
+
+    def keeps(answer: Response) -> bool:
+        return answer.url.endswith("/check") and "460" in (answer.request.post_data or "")
+
+    page = open_page(server, quiet=False)
+    page.locator("#outline li button", has_text="n2").click()
+    with page.expect_response(keeps):
+        page.evaluate(
+            """() => {
+                const field = document.getElementById("f:gauges[1].sweep[0]");
+                field.value = "460";
+                field.dispatchEvent(new Event("change"));
+                document.getElementById("save").click();
+            }"""
+        )
+    assert server.session.draft.document["gauges"][1]["sweep"][0] == 460
+    expect(page.locator("#banner")).to_contain_text("Not saved")
+
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/api/check", hold, times=1)
+    with page.expect_request("**/api/check"):
+        Hand(page).type_into("gauges[1].name", "other")
+    page.locator("#undo").click()
+    page.wait_for_timeout(300)  # until the check of what is there again is due
+    with page.expect_response(keeps):
+        held[0].continue_()
+    assert server.session.draft.document["gauges"][1]["sweep"][0] == 460
+
+
+def test_a_taken_offer_keeps_marks_without_values(server: Running, open_page: OpenPage) -> None:
+    """Those of a needle's own scale too; all move along with the others."""
+    session = server.session
+    drawn = copy.deepcopy(session.document)
+    own = drawn["gauges"][1]
+    own["needles"][0]["scale"] = [*own["scale"], [300.5, None]]
+    own["scale"] = [*own["scale"], [300.5, None]]
+    session.keep(drawn, session.picture_key)
+    offer = copy.deepcopy(session.document["gauges"][1])
+    offer["scale"] = [[angle + 1.0, value] for angle, value in offer["scale"]]
+    offer["needles"][0]["scale"] = offer["scale"]
+    offer["centre"] = [offer["centre"][0], offer["centre"][1] - 1.0]
+
+    def tried(route: Route) -> None:
+        answer = route.fetch()
+        more = {"json": answer.json() | {"moved": [0.0, -1.0]}} if answer.status == 200 else {}
+        route.fulfill(response=answer, **more)
+
+    said = {"key": "centre", "said": "It turns above", "does": "Move it", "gain": "more is read", "gauge": offer}
+    page = open_page(server)
+    page.route("**/api/trial", tried)
+    page.route("**/api/advice", lambda route: route.fulfill(json={"offers": [said]}))
+    page.reload()
+    page.locator("#outline li button", has_text="n2").click()
+    page.locator("#usepivot").click()
+    expect(page.locator('[id="f:gauges[1].centre[1]"]')).to_have_value(f"{offer['centre'][1]:g}")
+    with page.expect_request("**/api/check") as asked:
+        Hand(page).type_into("gauges[1].name", "taken")
+    question: Any = asked.value.post_data_json
+    taken = question["drawn"]["gauges"][1]
+    for place in (taken, taken["needles"][0]):
+        ((angle, _),) = [mark for mark in place["scale"] if mark[1] is None]
+        assert 301.0 < angle < 302.5
+        assert [mark for mark in place["scale"] if mark[1] is not None] == offer["scale"]
+    page.unroute_all(behavior="ignoreErrors")
 
 
 def test_each_anchor_says_in_how_many_frames_it_is_found(start: Start, open_page: OpenPage, tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_picture_gets_the_screen_and_what_folds_gives_it_more(server: Running, o
     expect(page.locator("body")).not_to_have_class(GONE)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1024, 700), (720, 450)])
+@pytest.mark.parametrize(("width", "height"), [(1024, 700), (720, 450), (480, 800)])
 def test_small_screen_has_picture_tools_and_fields(
     server: Running, open_page: OpenPage, width: int, height: int
 ) -> None:
@@ -74,6 +74,10 @@ def test_small_screen_has_picture_tools_and_fields(
         assert 0 <= edge["x"] <= edge["x"] + edge["width"] <= width
     hand.type_into("gauges[1].scale[8][1]", "110.5")
     expect(page.locator("#undo")).to_be_enabled()
+    hand.type_into("gauges[1].sweep[0]", "460")
+    hand.press("Control+s")
+    expect(page.locator("#banner")).to_contain_text("Not saved")
+    assert box(page, "#banner")["height"] < height / 8
     if page.locator("#outline").is_hidden():
         page.locator("#fold-outline").click()
     page.locator("#outline li button", has_text="fuel_flow").click()

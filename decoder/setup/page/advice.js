@@ -1,7 +1,7 @@
 // How a gauge might be drawn better: asked for once it was tried, and offered only where all frames then fit better.
 import { h } from "./dom.js";
-import { written } from "./following.js";
-import { RADIANS } from "./geometry.js";
+import { isGiven, written } from "./following.js";
+import { areNumbers, RADIANS } from "./geometry.js";
 import { ask, TAB } from "./server.js";
 
 const IDS = { centre: "usepivot", height: "useheight", around: "findaxes", axes: "useaxis" };
@@ -30,13 +30,25 @@ async function look(store, result, index) {
   else setTimeout(() => store.tell("trial"), AGAIN_MS); // somebody drew meanwhile, or looked at another gauge
 }
 
-// A gauge as it is offered; marks that nobody gave a value stay.
+// Marks as they are offered, and those that nobody gave a value: where the others moved, they move along.
+function withOpen(offered, drawn, carry) {
+  if (!offered) return {};
+  const isMoved = JSON.stringify(offered) !== JSON.stringify((drawn || []).filter(isGiven));
+  const open = (drawn || []).filter((mark) => !isGiven(mark)).map(([angle, value]) => [isMoved && areNumbers(angle) ? carry(angle) : angle, value]);
+  return { scale: [...offered, ...open].sort(([one], [other]) => one - other) };
+}
+
+// A gauge as it is offered. Its sweep is the one that it was tried with, unless marks still wait for their values.
 function take(store, index, gauge) {
+  const plane = store.planes.of(index);
+  const carry = (angle) => plane.carry(angle, gauge.radius[1], plane.movedTo(gauge.centre));
   store.change("advice", (document) => {
-    const open = (document.gauges[index].scale || []).filter(([, value]) => value === null);
-    const scale = gauge.scale && [...gauge.scale, ...open].sort(([one], [other]) => one - other);
-    document.gauges[index] = { ...gauge, ...(scale && { scale }) };
+    const drawn = document.gauges[index];
+    const needles = gauge.needles?.map((each, place) => ({ ...each, ...withOpen(each.scale, drawn.needles?.[place]?.scale, carry) }));
+    document.gauges[index] = { ...gauge, ...withOpen(gauge.scale, drawn.scale, carry), ...(needles && { needles }) };
   });
+  if (!gauge.sweep || !store.document.gauges[index].scale?.every(isGiven)) return;
+  store.change("advice", (document) => { document.gauges[index].sweep = [...gauge.sweep]; }); // the same step back
 }
 
 // The cards of a gauge's offers; what the decoder would say of it where there are none.

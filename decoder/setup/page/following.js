@@ -77,7 +77,7 @@ function turn(gauge) {
   gauge.scale = [...turned.map(([angle, value]) => [rounded(angle, 4), value]), ...open].sort(([one], [other]) => one - other);
 }
 
-const isGiven = ([, value]) => value !== null && value !== undefined;
+export const isGiven = ([, value]) => value !== null && value !== undefined;
 
 // The draft as it is written: without the marks that nobody gave a value.
 export function written(document) {

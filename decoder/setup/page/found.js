@@ -22,10 +22,10 @@ export function showFound(store, view) {
   const again = h("button", { class: "link", id: "findagain", onclick: run }, "Find again");
   root.append(h("div", { class: "part" }, h("h3", {}, "Found"), again), begin, intro, status, all, list, notes, back);
   root.addEventListener("keydown", (event) => {
+    if (event.key !== "Delete" && event.key !== "Backspace") return;
+    event.stopPropagation(); // what is selected is not meant, wherever in here the focus is
     const offer = event.target.closest("li")?.offer;
-    if (event.key !== "Delete" || !offer) return;
-    event.stopPropagation();
-    search.dismiss(offer);
+    if (offer) search.dismiss(offer);
   });
 
   function run() {
@@ -36,8 +36,11 @@ export function showFound(store, view) {
   // The key: looks for dials, or goes on with what was found.
   function find() {
     const first = list.querySelector(".accept");
-    if (first && !search.isRunning) first.focus();
-    else run();
+    if (!first || search.isRunning) run();
+    else {
+      store.tell("list"); // where the outline is folded nothing in it can have the focus
+      first.focus();
+    }
   }
 
   function row(offer) {
@@ -91,7 +94,7 @@ export function showFound(store, view) {
     tool.classList.toggle("called", isEmpty && isFresh);
     begin.hidden = intro.hidden = !isFresh;
     again.hidden = isFresh || isRunning;
-    status.textContent = isRunning ? `${upper(search.looking.said)} …` : isFresh ? "" : offers.length ? "" : "Nothing more to propose.";
+    status.textContent = isRunning ? `${upper(search.looking.said)} …` : isFresh ? "" : search.broken || (offers.length ? "" : "Nothing more to propose.");
     const dials = sure.filter((offer) => offer !== search.anchors).length;
     all.textContent = sure.length === offers.length ? `Accept all (${dials})` : `Accept ${dials} read`;
     all.title = "All that was read on the flight, with the anchors; one undo takes it back";

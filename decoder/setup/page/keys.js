@@ -22,6 +22,9 @@ const KEYS = [
   ["Ctrl S", "save"],
 ];
 
+const BROWSERS = /^[a-z0-9]$/; // with Alt: its tabs, its address
+const ONCE = /^[dbm1-4]$/; // what a key that is held would turn on and off
+
 export function showKeys() {
   const dialog = byId("dialog");
   const close = h("button", { class: "main", onclick: () => dialog.close() }, "Close");
@@ -104,6 +107,7 @@ export function followKeys(store, view, { save, step, ...others }) {
         return;
       }
     }
+    if ((event.altKey && BROWSERS.test(key)) || (event.repeat && ONCE.test(key))) return;
     if (plain[key]) {
       event.preventDefault();
       plain[key]();

@@ -12,8 +12,10 @@ export class Live {
     this.store = store;
     this.results = new Map(); // what was tried of a gauge, by all that it depends on
     this.latest = new Map(); // the last result of each gauge by its index, while a new one is awaited
+    this.kept = null; // what the program was told last, to judge it and to keep it as the draft
     store.on("change", () => this.later());
     store.on("select", () => this.later());
+    store.on("saved", () => { this.kept = null; }); // a draft that was saved is kept no longer
     this.later();
   }
 
@@ -92,11 +94,13 @@ export class Live {
   async checkOnce() {
     const { document, picture } = this.store.now;
     const asked = JSON.stringify([document, picture]);
-    if (this.store.judged === asked) return;
+    if (this.kept === asked && this.store.judged === asked) return;
+    this.kept = asked;
     try {
       const { problems } = await ask("check", { document: written(document), drawn: document, picture });
       this.store.judge(asked, problems.map(({ path, problem }) => ({ path: asDrawn(document, path), problem })));
     } catch (error) {
+      this.kept = null;
       if (error instanceof Lost) return;
       this.store.judge(asked, []); // what was wrong before it was changed need not be
       this.store.tell("say", error.message);

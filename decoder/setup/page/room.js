@@ -24,7 +24,11 @@ export class Room {
     for (const name of Object.keys(PARTS)) byId(`fold-${name}`).addEventListener("click", () => this.fold(name));
     for (const query of [NARROW, MEDIUM]) query.addEventListener("change", () => this.show());
     store.on("type", () => this.unfold("details")); // where somebody is to type must be seen
-    store.on("select", () => this.covered.delete("outline") && this.show());
+    store.on("list", () => this.unfold("outline"));
+    store.on("select", () => {
+      if (byId("found").contains(document.activeElement)) return; // one after the other is accepted there
+      if (this.covered.delete("outline")) this.show();
+    });
     this.covered = new Set(); // what was opened over the picture, until something is chosen there
     this.show();
   }

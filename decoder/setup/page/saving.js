@@ -47,6 +47,7 @@ export function showSaving(store) {
       const { revision, target } = await ask("panel", body, { method: "PUT" });
       store.revision = revision;
       store.saved = now;
+      store.tell("saved");
       store.judge(asWas, []);
       show();
       say(`Saved to ${target}.`);

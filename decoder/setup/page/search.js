@@ -4,8 +4,9 @@ import { areNumbers, distance, nearest } from "./geometry.js";
 import { free, freeColumn, renameNeedle } from "./items.js";
 import { written } from "./following.js";
 import { Plane } from "./planes.js";
-import { askAlong, TAB } from "./server.js";
+import { askAlong, Lost, TAB } from "./server.js";
 
+const LEAST_POINTS = 3; // fewer tell nothing of how dials are seen, nor does the level edge without them
 const SAME_DEG = 1; // a mark where it was measured, and where it stands in a scale
 
 export class Search {
@@ -19,7 +20,9 @@ export class Search {
 
   // What proposals depend on: the picture, and how its dials are seen.
   get keyNow() {
-    return JSON.stringify(this.store.planes.seen);
+    const { reference_points: points, level, ...seen } = this.store.planes.seen;
+    const whole = (points || []).filter(({ at, inches }) => areNumbers(at, inches));
+    return JSON.stringify(whole.length < LEAST_POINTS ? seen : { ...seen, whole, level });
   }
 
   get isRunning() {
@@ -35,6 +38,7 @@ export class Search {
     this.dismissed = [];
     this.abort = null;
     this.hasAccepted = false;
+    this.broken = ""; // why a search did not come to its end
   }
 
   discard() {
@@ -49,6 +53,7 @@ export class Search {
     this.abort?.abort();
     this.abort = null;
     this.looking = null;
+    this.broken = "Stopped.";
     this.store.tell("found");
   }
 
@@ -69,7 +74,8 @@ export class Search {
       }
     } catch (error) {
       if (this.abort !== own) return;
-      this.store.tell("say", error.message);
+      this.broken = "Not finished.";
+      if (!(error instanceof Lost)) this.store.tell("say", error.message);
     }
     this.abort = null;
     this.looking = null;
@@ -81,8 +87,14 @@ export class Search {
     if (anchors?.length) this.anchors = { anchors, said: note };
     else if (note) this.notes.push(note);
     if (proposed) this.proposals.push({ ...proposed, place: this.proposals.length, plane: new Plane(proposed.matrix) });
-    if (withdrawn !== undefined) this.proposals[withdrawn].isWithdrawn = true;
+    if (withdrawn !== undefined) this.withdraw(this.proposals[withdrawn]);
     if (error) throw new Error(error);
+  }
+
+  withdraw(offer) {
+    offer.isWithdrawn = true;
+    if (!offer.isAccepted || !this.store.document.gauges?.some((other) => same(offer.gauge, other))) return;
+    this.notes.push(`what you accepted as ${offer.name} turned out to be no dial of its own: look at it, or remove it`);
   }
 
   // What waits for an answer: anchors first, then gauges in the order in which they were found.
@@ -110,6 +122,7 @@ export class Search {
     const gauges = offers.filter((offer) => offer !== anchors);
     this.hasAccepted = true;
     const first = store.document.gauges?.length || 0;
+    for (const offer of gauges) offer.isAccepted = true;
     for (const { gauge, matrix } of gauges) if (store.planes.isOblique(gauge)) store.planes.keep(gauge, matrix);
     store.change(label, (document) => {
       if (anchorsOffered) document.anchors = structuredClone(anchors.anchors);

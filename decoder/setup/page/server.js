@@ -26,6 +26,19 @@ function told(now) {
   }
 }
 
+// What the program answers to a request; null if it was called off meanwhile.
+async function reached(path, options) {
+  try {
+    const response = await fetch(new URL(path, BASE), options);
+    told(false);
+    return response;
+  } catch (error) {
+    if (error.name === "AbortError") return null;
+    told(true);
+    throw new Lost("the program has ended");
+  }
+}
+
 // The answer to a question; null if a later question has made it pointless.
 export async function ask(path, body, { method = body === undefined ? "GET" : "POST", signal } = {}) {
   const options = { method, signal };
@@ -33,15 +46,8 @@ export async function ask(path, body, { method = body === undefined ? "GET" : "P
     options.body = JSON.stringify(body);
     options.headers = { "Content-Type": "application/json" };
   }
-  let response;
-  try {
-    response = await fetch(new URL(path, BASE), options);
-  } catch (error) {
-    if (error.name === "AbortError") return null;
-    told(true);
-    throw new Lost("the program has ended");
-  }
-  told(false);
+  const response = await reached(path, options);
+  if (!response) return null;
   if (response.status === 204) return null;
   const answer = await response.json().catch(() => ({ declined: "cannot", error: `the program's answer was not understood (${response.status})` }));
   if (!response.ok || answer.declined) throw new Declined(answer);
@@ -51,7 +57,8 @@ export async function ask(path, body, { method = body === undefined ? "GET" : "P
 // The answers to a question that takes long, as they come.
 export async function* askAlong(path, body, signal) {
   const options = { method: "POST", signal, body: JSON.stringify(body), headers: { "Content-Type": "application/json" } };
-  const response = await fetch(new URL(path, BASE), options);
+  const response = await reached(path, options);
+  if (!response) return;
   if (!response.ok) throw new Declined(await response.json());
   const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
   const cut = () => ({ value: `${JSON.stringify({ error: "the answer ended before its time; the terminal where the program was started may say why" })}\n` });

@@ -202,21 +202,21 @@ export async function placeNeedle(store, click) {
   store.tell("type", `gauges[${index}].needles[${store.selection.needle}].name`);
 }
 
-// The needle next to an angle: its axis, and how much its template should span. It turns around `pivot`, if that is not
-// the gauge's centre. Every needle that was pointed at is looked for, however soon the next one is.
-async function needleAt(store, near, { index = store.selection.index, pivot } = {}) {
+// The needle next to an angle: its axis, and how much its template should span. Every needle that was pointed at is
+// looked for, however soon the next one is.
+async function needleAt(store, near, index = store.selection.index) {
   pointedAt += 1;
-  const found = await ask("needles", { ...needleQuestion(store, index), near, pivot, tab: `${TAB}-near-${pointedAt}` });
+  const found = await ask("needles", { ...needleQuestion(store, index), near, tab: `${TAB}-near-${pointedAt}` });
   return { at: rounded(found.at, 4), span: found.span, reach: found.reach };
 }
 
-export const axisAt = async (store, near, options) => (await needleAt(store, near, options)).at;
+export const axisAt = async (store, near, index) => (await needleAt(store, near, index)).at;
 
-// The axes of all needles of a gauge found again, around where they turn; what is changed meanwhile stays as it is.
-export async function findAxes(store, index, pivot) {
+// The axes of all needles of a gauge found again; what is changed meanwhile stays as it is.
+export async function findAxes(store, index) {
   const found = new Map();
   for (const { template } of store.document.gauges[index].needles || []) {
-    if (typeof template?.at === "number") found.set(template.at, await axisAt(store, template.at, { index, pivot }));
+    if (typeof template?.at === "number") found.set(template.at, await axisAt(store, template.at, index));
   }
   store.change("axes", (document) => {
     document.gauges[index]?.needles?.forEach(({ template }) => {
