@@ -246,6 +246,7 @@ def test_hands_that_do_not_count_for_each_other_are_none(turns_of: tuple[float, 
         ([200.0, 9700.0], False, None),
         ([500.0, 9000.0, 12000.0, 14000.0], True, None),
         ([99980.0, 200.0, 3000.0], True, -500.0),
+        ([1700.0, 3850.0, 10200.0, 49600.0], True, 900.0),
     ],
 )
 def test_values_begin_where_the_flight_never_was(

@@ -217,10 +217,15 @@ def lowest(values: Floats, turns: tuple[float, float], *, is_counted: bool) -> f
         return _step(max((float(values.min()) + float(values.max()) - turn) / 2, least), fine)
     round_ = COUNTED_TURNS * turn
     values = np.where(values > round_ - fine, values - round_, values)  # just below 0
-    if float(np.ptp(values)) > turn - fine:
+    inside = max(
+        (values[(values >= low) & (values < low + turn)] for low in np.sort(values)), key=lambda part: part.size
+    )
+    # What is further off was miscounted; what goes on beyond a turn was flown, and would be read a turn off.
+    around = (values > float(inside.min()) - turn) & (values < float(inside.max()) + turn)
+    if around.sum() > inside.size:
         return None
-    spare = turn - float(np.ptp(values))
-    return _step(max(float(values.min()) - spare / 2, least), fine)
+    spare = turn - float(np.ptp(inside))
+    return _step(max(float(inside.min()) - spare / 2, least), fine)
 
 
 def _step(value: float, fine: float) -> float:
