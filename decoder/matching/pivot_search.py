@@ -119,7 +119,8 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
 
         return score
 
-    found = _best(score_in(CARD_ROW_DEG, COLUMNS), radius_px, reach_px)
+    # A card around a centre that is off by less is not read either, and then no tilt tells.
+    found = _best(score_in(CARD_ROW_DEG, COLUMNS), radius_px, reach_px, near_part=LAST_STEP_PART)
     if found is None:
         return None
     return _finest(score_in(FINE_ROW_DEG, 2 * COLUMNS), np.array(found), LAST_STEP_PART * radius_px / 2)
@@ -306,7 +307,7 @@ def _ncc(images: Floats, template: Floats) -> Floats:
     return scores
 
 
-def _best(score: Score, radius_px: float, reach_px: float) -> Vector | None:
+def _best(score: Score, radius_px: float, reach_px: float, *, near_part: float = FAR_PART) -> Vector | None:
     """Search for the offset that explains frames best; None where that is near, or none explains them clearly better.
 
     Between two that explain as much, as where a needle hardly turns, the nearer one is taken.
@@ -325,7 +326,7 @@ def _best(score: Score, radius_px: float, reach_px: float) -> Vector | None:
     likings = liked(start + steps)
     offset = start + _peak(steps, likings, last_px)
     is_better = -float(likings.max()) < FAR_GAIN * (1.0 - drawn)
-    if not is_better or math.hypot(*offset) < FAR_PART * radius_px:
+    if not is_better or math.hypot(*offset) < near_part * radius_px:
         return None
     return float(offset[0]), float(offset[1])
 

@@ -13,11 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from decoder.instruments.panel_reader import read_picture
+from decoder.instruments.panel_reader import read_picture, unwrapped
 from decoder.instruments.reading import Status
 from decoder.learning.drawn_points import log_odds_of_point, log_odds_of_scales, seen_from
 from decoder.learning.fit import FittedReader, fit_to_flight
+from decoder.learning.flight_appearance import lit_views
 from decoder.learning.pivot_path import PivotPath
+from decoder.matching.pivot_search import card_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
@@ -106,6 +108,20 @@ def test_card_is_read_however_its_centre_is_drawn(towards_deg: float) -> None:
         status, off, _ = cards.off_deg(fitted.reader, cards.draw(turn_deg, 7), turn_deg)
         assert status is Status.READ
         assert off < 0.6
+
+
+@pytest.mark.parametrize("towards_deg", [20.0, 200.0])
+def test_card_that_is_little_off_is_searched_for(towards_deg: float) -> None:
+    """A seventieth of the radius: fine print is not read around there, and then no reading tells where it turns."""
+    gauge = drawn_beside(cards.CARD, 0.014, towards_deg)
+    reader = reader_for([gauge], cards.draw(cards.PANEL_TURN_DEG, 1))
+    frames = [cards.draw(3.0 + 22.5 * step, 100 + step) for step in range(16)]
+    (views,) = lit_views(reader, unwrapped(reader, frames))
+    found = card_pivot(reader.grids[0], [view for view in views if view is not None])
+
+    missed_px = np.array(gauge["centre"]) - CENTRE
+    assert found is not None
+    assert np.array(found) == pytest.approx(-missed_px, abs=0.3)
 
 
 def clicked(part: float, towards_deg: float) -> dict[str, Any]:
