@@ -93,6 +93,14 @@ class QuantityUncertainty:
         sigma: Floats = np.hypot(drawn_deg, around.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
         return sigma
 
+    def doubt_sigma_deg(self, angles_deg: Floats) -> Floats:
+        """(N,): what of it is told by this panel and this flight: its drawing, and how surely its dial is found.
+
+        From which side needles are seen is not: that is only allowed for.
+        """
+        sigma: Floats = np.hypot(self.drawn_sigma_deg(angles_deg), math.degrees(self.place_px / self.radius_px))
+        return sigma
+
     def _lever(self, angles_deg: Floats) -> Floats:
         """(N,): how many times as far a scale is off as one of its marks: beyond the last the last two tell it."""
         if len(self.marks_deg) < 2:  # noqa: PLR2004 - then nothing lies beyond them
