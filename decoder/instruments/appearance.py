@@ -7,6 +7,7 @@ at that radius.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -249,7 +250,8 @@ def _template_picture(
         if picture.shape != source.picture.shape:
             raise PanelError(f"{path}.picture", "is not of the panel picture's size, so `at` has no meaning in it")
         start_deg, end_deg = gauge.sweep
-        if not any(start_deg - 45.0 <= template.at + turn <= end_deg + 45.0 for turn in (-360.0, 0.0, 360.0)):
+        beside_deg = math.remainder(template.at - (start_deg + end_deg) / 2, 360.0)
+        if abs(beside_deg) > (end_deg - start_deg) / 2 + 45.0:
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
         source.check_shows(window.rim(), path)

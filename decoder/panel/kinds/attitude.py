@@ -136,8 +136,12 @@ class Attitude(Plain, Strict):
         return {self.pitch: ((below_deg + half_deg, self.window), (below_deg - half_deg, self.window))}
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
-        """Return it with its index at its true angle; its marks of bank are the gauge's."""
-        return {self.form.key: self.model_copy(update={"index": true_deg(self.index)})}
+        """Return it with its index at its true angle; its marks of bank are the gauge's.
+
+        One that was left out is straight up, which nobody saw from a wrong centre.
+        """
+        index_deg = true_deg(self.index) if "index" in self.model_fields_set else self.index
+        return {self.form.key: self.model_copy(update={"index": index_deg})}
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:

@@ -123,6 +123,21 @@ def flight(*, ring: bool) -> list[GreyPicture]:
     return [draw(*both, 100 + index, ring=ring) for index, both in enumerate(zip(rolls, pitches, strict=True))]
 
 
+@pytest.mark.parametrize(("given", "true_deg"), [({}, 270.0), ({"index": 270.0}, 272.0)])
+def test_an_index_that_was_left_out_is_straight_up_wherever_the_ring_turns(
+    given: dict[str, float], true_deg: float
+) -> None:
+    """Around a centre that was drawn beside the pivot a mark that was clicked lies elsewhere; nobody clicked on this."""
+    drawn = described(ring=True)
+    gauge = Gauge.model_validate({**drawn, "centre": list(CENTRE), "attitude": {**drawn["attitude"], **given}})
+
+    carried = gauge.at_angles(lambda angle_deg: angle_deg + 2.0)
+
+    assert carried.quantities[0].marks[0][0] == pytest.approx(272.0 - PANEL_ROLL_DEG)
+    assert carried.attitude is not None
+    assert carried.attitude.index == true_deg
+
+
 @pytest.fixture(scope="module", params=[True, False], ids=["ring", "no ring"])
 def ring(request: pytest.FixtureRequest) -> bool:
     """Whether a ring of marks turns around the window."""

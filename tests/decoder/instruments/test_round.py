@@ -61,6 +61,18 @@ def test_dial_has_no_seam(compass: PanelReader, angle_deg: float) -> None:
     assert reading.score > 0.95
 
 
+@pytest.mark.parametrize("turns", [-2, 2])
+def test_a_needle_may_be_drawn_turns_away_from_the_sweep(turns: int) -> None:
+    """An angle measured from -180 to 180 is as good as one within a sweep from 270 to 630."""
+    drawn = {"name": "heading_deg", "template": {"at": PANEL_DEG + turns * 360.0, "span": 16}}
+    reader = reader_for([{**HEADING, "needles": [drawn]}], heading(PANEL_DEG, seed=1), [])
+
+    reading = read_picture(reader, heading(31.0, seed=2)).readings["heading_deg"]
+
+    assert reading.status is Status.READ
+    assert apart_deg(reading.angle_deg, 31.0) < 0.25
+
+
 def test_mean_error_is_below_a_tenth_of_a_degree(compass: PanelReader) -> None:
     """Over the whole circle, the ends of the unwrapped gauge among it."""
     angles_deg = [*np.random.default_rng(3).uniform(0, 360, 40), *np.linspace(268.0, 272.0, 20)]
