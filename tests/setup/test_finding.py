@@ -19,7 +19,7 @@ from decoder.setup.drawn_plane import DrawnPlane, Planes
 from decoder.setup.finding.bank import bank_of
 from decoder.setup.finding.dials import FoundDial, dials_seen, page_of, seen_around
 from decoder.setup.finding.geared import lowest
-from decoder.setup.finding.hands import Hands, reaches_across, together
+from decoder.setup.finding.hands import Hands, together, what_is_not_told
 from decoder.setup.finding.legends import legend_of
 from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.numerals import Text, is_there, level_deg
@@ -224,11 +224,23 @@ def test_the_flight_tells_which_hand_is_which() -> None:
 def test_a_tail_as_long_as_the_tip_is_told(tail: float, *, across: bool) -> None:
     """Which end of a needle points nobody knows where both reach as far."""
     turned = [0.61, *(0.1 * step for step in range(8))]
-    picture, *others = (hands_at(turns, (0.75,), (1.0,), tail) for turns in turned)
-    seen = Pictures(picture, [(other, IDENTITY) for other in others])
 
-    at_deg = 270.0 + 360.0 * turned[0]
-    assert reaches_across(seen, DrawnPlane.square_on(CENTRE), 0.9 * RADIUS_PX, at_deg) == across
+    assert ("reaches as far" in needle_of([hands_at(turns, (0.75,), (1.0,), tail) for turns in turned])) == across
+
+
+@pytest.mark.parametrize(("turns_of", "several"), [((1.0, 2.7), True), ((1.0, 1e6), False)], ids=["moves", "stands"])
+def test_two_needles_on_one_scale_are_told(turns_of: tuple[float, float], *, several: bool) -> None:
+    """Of two hands that both move nobody knows which is asked for; one that stands still is none."""
+    turned = [0.61, *(0.07 + 0.1 * step for step in range(8))]
+
+    assert ("more than one hand" in needle_of([hands_at(turns, (0.85, 0.7), turns_of) for turns in turned])) == several
+
+
+def needle_of(pictures: Sequence[NDArray[np.uint8]]) -> str:
+    """What is not told of what moves on a dial, the first picture drawn."""
+    picture, *others = pictures
+    seen = Pictures(picture, [(other, IDENTITY) for other in others])
+    return what_is_not_told(seen, DrawnPlane.square_on(CENTRE), 0.9 * RADIUS_PX, 270.0 + 360.0 * 0.61)
 
 
 @pytest.mark.parametrize("turns_of", [(1.0, 7.0, 100.0), (1.0, 1e6, 1e6)], ids=["another gear", "only one moves"])

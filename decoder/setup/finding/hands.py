@@ -165,22 +165,51 @@ def _axis(lit: Mask, moving: Floats, places: tuple[Floats, float], row: int) -> 
         middle = round(float(at.mean()))
 
 
-def reaches_across(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: float) -> bool:
+def what_is_not_told(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: float) -> str:
+    """Say why what moves on a dial is no one needle whose head is known; nothing if it is.
+
+    Parameters
+    ----------
+    drawn, ring_px : as of tips
+    at_deg : where a needle points in the panel picture
+    """
+    frames = tips_on(seen, turning(seen, drawn, ring_px) or drawn, ring_px)
+    if has_several(frames):
+        return "more than one hand moves on it, and which tells what is not told"
+    if reaches_across(frames[0], at_deg):
+        return "what moves on it reaches as far on the other side of its middle: which end points is not told"
+    return ""
+
+
+def has_several(frames: Sequence[Sequence[Tip]]) -> bool:
+    """Whether something besides the longest hand and its tail is about as long, and was seen to move by itself.
+
+    What is seen at one angle only is no hand: there the face was mostly hidden by one.
+    """
+    others = [
+        tip.angle_deg
+        for longest, *shorter in filter(None, frames)
+        for tip in shorter
+        if tip.reach_px > HALF * longest.reach_px and not _is_near(tip.angle_deg, longest.angle_deg + 180.0)
+    ]
+    apart: list[float] = []
+    for angle_deg in others:
+        if not any(_is_near(angle_deg, other) for other in apart):
+            apart.append(angle_deg)
+    return len(apart) >= LEAST_RUN
+
+
+def reaches_across(tips: Sequence[Tip], at_deg: float) -> bool:
     """Whether a needle goes about as far on the other side, or further: which of its ends points is not told then."""
-    turned = turning(seen, drawn, ring_px) or drawn
-    tips = tips_on(seen, turned, ring_px)[0]
     own, other = (
-        max(
-            (
-                tip.reach_px
-                for tip in tips
-                if abs((tip.angle_deg - middle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0) < 2 * NEAR_DEG
-            ),
-            default=0.0,
-        )
+        max((tip.reach_px for tip in tips if _is_near(tip.angle_deg, middle_deg)), default=0.0)
         for middle_deg in (at_deg, at_deg + 180.0)
     )
     return other > ALIKE * own
+
+
+def _is_near(angle_deg: float, other_deg: float) -> bool:
+    return abs((angle_deg - other_deg + 180.0) % FULL_CIRCLE_DEG - 180.0) < 2 * NEAR_DEG
 
 
 def turning(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> DrawnPlane | None:

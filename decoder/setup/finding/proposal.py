@@ -19,7 +19,7 @@ from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 from decoder.setup.drawn_plane import DrawnPlane, Planes
 from decoder.setup.finding.dials import FoundDial, seen_around
 from decoder.setup.finding.geared import GEARED, Face, Geared, GearedDraft, geared_drafts
-from decoder.setup.finding.hands import reaches_across, turning
+from decoder.setup.finding.hands import turning, what_is_not_told
 from decoder.setup.finding.legends import Legend, legend_of
 from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.motion import turned_deg
@@ -239,10 +239,10 @@ def _gauge(
     needles = _needles(dial, sweep, seen)
     if not needles:
         return None, [f"no needle: nothing moved on it in {len(seen.frames)} frames"]
-    if len(seen.frames) >= MIN_VIEWS and reaches_across(
-        seen, dial.comb.rim.drawn, dial.comb.ring_px[0], needles[0].at_deg
-    ):
-        return None, ["what moves on it reaches as far on the other side of its middle: which end points is not told"]
+    if len(seen.frames) >= MIN_VIEWS:
+        why = what_is_not_told(seen, dial.comb.rim.drawn, dial.comb.ring_px[0], needles[0].at_deg)
+        if why:
+            return None, [why]
     column = "_".join(name.split()) + (f"_{_plain(legend.unit)}" if legend.unit else "")
     gauge = {
         **_placed(dial, name, sweep),

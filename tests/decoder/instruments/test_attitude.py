@@ -127,7 +127,7 @@ def flight(*, ring: bool) -> list[GreyPicture]:
 def test_an_index_that_was_left_out_is_straight_up_wherever_the_ring_turns(
     given: dict[str, float], true_deg: float
 ) -> None:
-    """Around a centre that was drawn beside the pivot a mark that was clicked lies elsewhere; nobody clicked on this."""
+    """Seen from the pivot a mark that was clicked lies elsewhere than from a drawn centre; this nobody clicked on."""
     drawn = described(ring=True)
     gauge = Gauge.model_validate({**drawn, "centre": list(CENTRE), "attitude": {**drawn["attitude"], **given}})
 
