@@ -4,7 +4,7 @@ A flagged reading, one whose score stayed below the threshold, is replaced by th
 were read, never beyond the first or the last of them. Frames in which the panel itself was not found stay missing.
 The uncertainty grows into the gap with how far the needle strays from such lines over gaps as long elsewhere in the
 flight, and with what the speeds before and after do not explain, up to that of a guess; where a needle was seen in
-fewer frames than not, a guess is no value.
+fewer frames than not, a guess is no value. What begins again after a turn is guessed wherever it may have gone round.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.instruments.thresholds import APART_DEG
 from decoder.panel.arrays import Floats, Mask
@@ -115,6 +116,8 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
     pinned = np.interp(time_s[flagged], time_s[known], series.sigma[known])
     guess = series.quantity.full_scale * UNIFORM_SIGMA
     doubt = np.hypot(pinned, _bridge_sigma(seen, time_s[known], time_s[flagged]))
+    if wraps is not None:
+        doubt[_may_have_turned(seen, known, time_s, wraps)[np.searchsorted(known, flagged) - 1]] = NOWHERE
     told = np.isfinite(doubt) | (known.size >= flagged.size)
     flagged, doubt = flagged[told], np.fmin(doubt, guess)[told]
     status[flagged] = CODE[Status.INTERPOLATED]
@@ -122,6 +125,21 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
     value[flagged] = line if wraps is None else in_turn(line, wraps, series.quantity.lowest)
     sigma[flagged] = doubt
     return replace(series, status=status, value=value, sigma=sigma)
+
+
+def _may_have_turned(values: Floats, known: NDArray[np.intp], time_s: Floats, wraps: float) -> Mask:
+    """(N - 1,): whether between two known frames it may have gone further than half a turn, and the other way round.
+
+    How fast it goes frames tell that follow each other: nineteen of twenty steps between such are slower. Without any
+    it may have gone round any number of times.
+    """
+    gaps_s = np.diff(time_s[known])
+    follows = np.diff(known) == 1
+    if not follows.any():
+        return np.ones(len(gaps_s), bool)
+    fastest = np.quantile(np.abs(np.diff(values))[follows] / gaps_s[follows], 0.95)
+    far: Mask = ~follows & (fastest * gaps_s > HALF * wraps)
+    return far
 
 
 def _rising(time_s: Floats) -> Mask:

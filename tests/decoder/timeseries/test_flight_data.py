@@ -113,6 +113,22 @@ def test_line_goes_the_short_way_round(document: dict[str, Any]) -> None:
     assert over.series[0].sigma == pytest.approx(away.series[0].sigma)
 
 
+@pytest.mark.parametrize("steady", [range(30), range(17, 19), ()], ids=["often seen", "seen twice in a row", "never"])
+def test_a_hand_that_may_have_gone_round_in_a_gap_is_guessed_at_most(
+    document: dict[str, Any], steady: Sequence[int]
+) -> None:
+    """Seen in one frame of eight it seems to creep, though it nearly goes round meanwhile."""
+    document["gauges"][0] |= {"sweep": [270, 630], "scale": [[270, 0], [450, 30]], "wraps": 60}
+    pace_deg, shown = 43.9, {*steady, *range(0, 60, 8)}
+    readings = [seen(270.0 + pace_deg * frame % 360.0) if frame in shown else BAD for frame in range(60)]
+    series = speeds(readings, content=document).series[0]
+
+    bridged = series.has(Status.INTERPOLATED)
+    off = (series.value - np.arange(60) * pace_deg / 6.0 + 30.0) % 60.0 - 30.0
+    assert (np.abs(off) <= 1.96 * series.sigma)[bridged].all()
+    assert bridged.any() == (len(steady) == 30)
+
+
 def test_frames_without_panel_stay_missing() -> None:
     """Where the panel itself was lost nothing is interpolated, but flagged frames around it are."""
     data = speeds([seen(120.0), BAD, LOST, BAD, seen(270.0)])
