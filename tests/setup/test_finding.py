@@ -119,6 +119,20 @@ def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+def test_a_rose_begins_at_its_own_mark_however_fine_its_ticks_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a tick every 3 degrees, and long ones behind a needle: a step further on all numerals have ticks, too."""
+    marks = {value: 270.0 + value for value in range(0, 360, 30)}
+    fine = [angle for angle in np.arange(0.0, 360.0, 3.0) if angle not in {60.0, 240.0}]
+
+    (dial,) = found(
+        drawn(fine, [angle for angle in marks.values() if angle % 180.0 != 60.0]), printed(marks), monkeypatch
+    )
+    scale = scale_of(dial)
+
+    assert scale.doubt == ""
+    assert [(mark.angle_deg - mark.value) % 360 for mark in scale.marks] == pytest.approx([270.0] * 12, abs=0.5)
+
+
 def test_numerals_that_disagree_make_no_scale(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two numerals exchanged, as a recognizer may misread them, and nothing is proposed without a word of doubt."""
     wrong = dict(zip([0, 10, 70, 30, 60, 50, 40, 20, 80, 90, 100], EVEN.values(), strict=True))

@@ -17,7 +17,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.setup.finding.scales import Fit, Numeral
-from decoder.setup.finding.thresholds import ENOUGH, LEAST_APART_DEG, LEAST_RUN, MOST_BEND, NEAR_DEG, OFF_DEG
+from decoder.setup.finding.thresholds import ALIKE, ENOUGH, LEAST_APART_DEG, LEAST_RUN, MOST_BEND, NEAR_DEG, OFF_DEG
 from decoder.setup.finding.ticks import Comb, Tick
 
 
@@ -90,15 +90,8 @@ def _all_round(fit: Fit, comb: Comb) -> Marked:
     offs = [_away(each.angle_deg, degrees * value) for each, value in zip(fit.numerals, values, strict=True)]
     begin = offs[0] + float(np.median([_away(off, offs[0]) for off in offs]))
     places = sorted(range(len(values)), key=lambda index: float((degrees * values[index]) % FULL_CIRCLE_DEG))
-    # The turn that brings most places onto ticks, near the one that the numerals say.
-    ticks = np.array([tick.angle_deg for tick in comb.ticks])
     all_places = begin + degrees * np.arange(round(fit.family.turn / fit.family.step)) * fit.family.step
-    best, moved = 0.0, 0.0
-    for turn in np.arange(-NEAR_DEG / 2, NEAR_DEG / 2 + 0.01, 0.1):
-        miss = np.abs((ticks[None, :] - all_places[:, None] - turn + 180.0) % FULL_CIRCLE_DEG - 180.0).min(axis=1)
-        long = float(np.maximum(1.0 - (miss / OFF_DEG) ** 2, 0.0).sum()) - 0.02 * abs(turn)
-        if long > best:
-            best, moved = long, float(turn)
+    moved = _onto_ticks(comb, all_places)
     near = [_nearest(comb, place + moved, OFF_DEG) for place in all_places]
     hit = [
         _away(tick.angle_deg, place + moved) for tick, place in zip(near, all_places, strict=True) if tick is not None
@@ -110,6 +103,23 @@ def _all_round(fit: Fit, comb: Comb) -> Marked:
         marks.append(Mark(at, float(values[index]), fit.numerals[index], _away(fit.numerals[index].angle_deg, at)))
     doubt = "" if len(hit) * 3 >= 2 * len(all_places) else "its numerals stand as on a full dial, but its ticks do not"
     return Marked(fit, tuple(marks), fit.family.turn, is_even=True, doubt=doubt)
+
+
+def _onto_ticks(comb: Comb, places_deg: Floats) -> float:
+    """Turn places onto ticks, near where they are: onto the long ones, and no further than to the first that serve.
+
+    Fine ticks serve as well a step further on, or better where what lies over a dial hides a long one.
+    """
+    ticks, lengths = (np.array([getattr(tick, name) for tick in comb.ticks]) for name in ("angle_deg", "length_px"))
+    long = np.sort(lengths)[-min(len(places_deg), len(lengths))]
+    turns = np.arange(-NEAR_DEG / 2, NEAR_DEG / 2 + 0.01, 0.1)
+    onto = np.empty(len(turns))
+    for index, turn in enumerate(turns):
+        miss = np.abs((ticks - places_deg[:, None] - turn + 180.0) % FULL_CIRCLE_DEG - 180.0)
+        parts = np.minimum(lengths[miss.argmin(axis=1)] / long, 1.0)
+        onto[index] = (parts * np.maximum(1.0 - (miss.min(axis=1) / OFF_DEG) ** 2, 0.0)).sum()
+    serve = turns[onto >= ALIKE * onto.max()]
+    return float(serve[np.abs(serve).argmin()])
 
 
 def _doubt_of(fit: Fit, with_tick: int) -> str:
