@@ -246,3 +246,36 @@ def test_symbol_with_two_wings_alike_is_read_by_both_within_its_sweep() -> None:
         reading = read_picture(reader, draw_aeroplane(turned_deg, number)).readings["rpm"]
         assert reading.status is Status.READ
         assert off_deg(reading, turned_deg) < 0.15
+
+
+@pytest.mark.parametrize(("level", "least"), [(165.0, 0.9), (230.0, 0.0)], ids=["another tone", "the same"])
+@pytest.mark.parametrize("gain", [1.0, 0.7])
+def test_two_needles_of_one_form_are_never_taken_for_each_other(level: float, least: float, gain: float) -> None:
+    """By form each is where the other is; their tones tell them apart in any light, and else nothing does."""
+
+    def draw(one_deg: float, other_deg: float, seed: int, gain: float = 1.0) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(0, 360, 30))
+            canvas.hand(Hand(level=level), other_deg)
+            canvas.hand(Hand(), one_deg)
+
+        return (paint(what, seed=seed).astype(np.float32) * gain).round().astype(np.uint8)
+
+    rng = np.random.default_rng(9)
+    drawn = [
+        {"name": "one", "template": {"at": 160.0, "span": 16}},
+        {"name": "other", "template": {"at": 330.0, "span": 16}},
+    ]
+    gauge = {"name": "volts", "radius": [20, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 30]], "needles": drawn}
+    flown = [draw(*rng.uniform(125, 415, 2), 100 + index) for index in range(16)]
+    reader = reader_for([gauge], draw(160.0, 330.0, 1), flown)
+    pairs = [(one, one + apart) for one in (130.0, 200.0, 270.0) for apart in (40.0, 75.0, 140.0)]
+    pairs += [(other, one) for one, other in pairs]
+
+    read = 0
+    for seed, angles_deg in enumerate(pairs):
+        readings = read_picture(reader, draw(*angles_deg, seed, gain)).readings
+        for name, angle_deg in zip(("one", "other"), angles_deg, strict=True):
+            read += readings[name].status is Status.READ
+            assert readings[name].status is Status.MISSING or off_deg(readings[name], angle_deg) < 1.0
+    assert read >= least * 2 * len(pairs)

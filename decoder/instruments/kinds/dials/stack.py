@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -77,6 +78,12 @@ class StackReader:
         self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
         self._axes = [needle.axis for needle in needles]
         self._half_widths_rows = [needle.half_width_rows for needle in needles]
+        # Those of which each matches where the other is, by their form.
+        self._alike = [
+            (one, other)
+            for one, other in combinations(range(len(needles)), 2)
+            if _likeness(self._templates[one], self._templates[other]) >= SCORE_THRESHOLD
+        ]
 
     def read(self, strips: Floats) -> Found:
         """Find the needles on a gauge in F frames, (F, R, C) float32: (F, K)."""
@@ -88,7 +95,51 @@ class StackReader:
         found = Found.missing((len(strips), len(self._templates)))
         for index in self._order:
             found.put((slice(None), index), self._found(strips, index, places, drawn))
+        for one, other in self._alike:
+            self._tell_apart(strips, (one, other), places, drawn, found)
         return found
+
+    def _tell_apart(
+        self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], drawn: Floats, found: Found
+    ) -> None:
+        """Exchange two needles of one form where that explains clearly more; where neither does, none is read.
+
+        Each by itself matches in any light; both together tell which is the brighter one. One alone may be either.
+        """
+        one, other = both
+        seen = np.isin(found.status[:, both], (READ, EDGE))
+        lone = seen.any(axis=1) & np.isin(found.status[:, both], (MISSING,)).any(axis=1)
+        found.status[np.flatnonzero(lone)[:, None], both] = MISSING
+        rows = found.row[:, both]
+        apart = np.abs(shortest(rows[:, 0] - rows[:, 1], self._turn_rows)) > max(
+            self._half_widths_rows[index] for index in both
+        )
+        open_ = np.flatnonzero(seen.all(axis=1) & apart)
+        if not open_.size:
+            return
+        turned = {index: _part(place, open_) for index, place in places.items()}
+        turned[one], turned[other] = (
+            replace(turned[index], row=rows[open_, at]) for index, at in ((one, 1), (other, 0))
+        )
+        instead = self._drawn(strips[open_], self._order[::-1], turned)
+        beside = np.zeros((len(open_), strips.shape[1]), bool)
+        for index in both:
+            middle = np.rint(found.row[open_, index]).astype(np.intp)[:, None]
+            beside |= np.abs(np.arange(strips.shape[1]) - middle) <= self._axes[index]
+        as_found, exchanged = (
+            np.array(
+                [
+                    1.0 - _correlation(picture[near], strips[at][near]) ** 2
+                    for picture, near, at in zip(pictures, beside, open_, strict=True)
+                ]
+            )
+            for pictures in (drawn[open_], instead)
+        )
+        worse = CLEARLY_WORSE**2  # for each of them
+        swapped = open_[worse * exchanged < as_found]
+        unsure = open_[(worse * exchanged >= as_found) & (exchanged <= worse * as_found)]
+        found.row[swapped[:, None], both] = found.row[swapped[:, None], both[::-1]]
+        found.status[unsure[:, None], both] = MISSING
 
     def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
         """Find the best places for one needle, the others where they seem to be."""
@@ -207,6 +258,22 @@ class StackReader:
             np.where(hidden, np.hypot(sigma_rows, own.reach_rows / math.sqrt(3.0)), own.sigma_rows),
             np.where(hidden, score, own.score),
         )
+
+
+def _part(places: _Places, frames: Indices) -> _Places:
+    """Return the places of some frames."""
+    return _Places(*(getattr(places, each.name)[frames] for each in fields(places)))
+
+
+def _likeness(one: NeedleTemplate, other: NeedleTemplate) -> float:
+    """Correlate the forms of two needles, which may be as dark or as bright as they like."""
+    middles = ((len(each.transparency) - 1) // 2 for each in (one, other))
+    half = min((one.rows - 1) // 2, (other.rows - 1) // 2)
+    forms = [
+        1.0 - each.transparency[middle - half : middle + half + 1]
+        for each, middle in zip((one, other), middles, strict=True)
+    ]
+    return _correlation(*forms)
 
 
 def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
