@@ -5,10 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
-import subprocess
-import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,45 +14,18 @@ import pytest
 import yaml
 from PIL import Image, ImageDraw
 
-from decoder.parallel.processes import ONE_EACH
 from flight_file.reader import open_flight
 from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from tests.programs import A1, A2, FIXTURES, PATIENCE_S, Done, MakeFlight, Run, ran
+from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, Run, ran
 
 
 @pytest.fixture(scope="session")
-def decode_server() -> Iterator[subprocess.Popen[str]]:
-    """Forks `decode` without loading its libraries anew; see decode_server.py."""
-    command = [sys.executable, str(Path(__file__).with_name("decode_server.py"))]
-    # A thread pool that a fork leaves behind must never have been made.
-    environment = {**os.environ, **ONE_EACH}
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as server:
-        yield server
-        server.communicate(timeout=PATIENCE_S)
-
-
-@pytest.fixture(scope="session")
-def run(decode_server: subprocess.Popen[str], tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run() -> Run:
     """Runs a program of ours to its end."""
-    printed = tmp_path_factory.mktemp("printed")
-
-    def run_program(program: str, *words: object) -> Done:
-        if program != "decode":
-            return ran(program, *words)
-        out, err = (printed / name for name in ("out", "err"))
-        ask = {"words": [*map(str, words)], "place": str(Path.cwd()), "out": str(out), "err": str(err)}
-        assert decode_server.stdin is not None
-        assert decode_server.stdout is not None
-        decode_server.stdin.write(json.dumps(ask) + "\n")
-        decode_server.stdin.flush()
-        code = int(decode_server.stdout.readline())
-        texts = (path.read_text(encoding="utf-8") for path in (out, err))
-        return Done(["decode", *map(str, words)], code, *texts)
-
-    return run_program
+    return ran
 
 
 @dataclass(frozen=True, slots=True)
