@@ -51,16 +51,18 @@ def engine(
     from_hz: float = 100.0,
 ) -> Sound:
     """Firings, blades, and what differs from cylinder to cylinder; below `from_hz` the microphone hears little."""
-    turns = np.cumsum(rpm / 60) / RATE_HZ
+    turns, low = np.cumsum(rpm / 60) / RATE_HZ, (60 * from_hz / rpm) ** 4
     made = np.zeros(len(rpm))
     wobbles = [1 + 0.1 * noise(len(rpm), rng, slope=2, from_hz=0.5) for _ in range(5)]
     families = [(cylinders / 2, 0.0, 4.0), (blades / gearing, rng.uniform(-6, 3), 6.0), (0.5, rough_db, 2.0)]
     for step, level_db, fall_db in families if cylinders else families[1:2]:
         orders = np.arange(1, 200) * step if step else np.empty(0)
+        first, phasor = np.exp(2j * np.pi * step * turns), np.ones(len(rpm), complex)
         for number, order in enumerate(orders[orders * rpm.mean() / 60 < HIGHEST_HZ], start=1):
             loud = 10 ** ((level_db + rng.normal(0, 6) - fall_db * np.log2(number)) / 20)
-            loud = loud / np.sqrt(1 + (from_hz / (order * rpm / 60)) ** 4)
-            made += loud * wobbles[number % 5] * np.cos(2 * np.pi * (order * turns + rng.random()))
+            loud = loud / np.sqrt(1 + low / order**4)
+            phasor *= first  # quicker than a cosine for each
+            made += loud * wobbles[number % 5] * (phasor * np.exp(2j * np.pi * rng.random())).real
     return _loud_as_one(made)
 
 
@@ -81,7 +83,7 @@ def voice(count: int, rng: np.random.Generator) -> Sound:
     turns, made = np.cumsum(pitch) / RATE_HZ, np.zeros(count)
     for harmonic in range(1, 30):
         heard = sum(
-            0.5**each / np.hypot(1, (harmonic * pitch - formants[each]) / (50 + 20 * each)) for each in range(3)
+            0.5**each / np.sqrt(1 + ((harmonic * pitch - formants[each]) / (50 + 20 * each)) ** 2) for each in range(3)
         )
         made += np.where(harmonic * pitch < RATE_HZ / 2.2, heard, 0) * loud * np.cos(2 * np.pi * harmonic * turns)
     return _loud_as_one(made)
