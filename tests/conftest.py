@@ -11,11 +11,20 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+import cv2
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
+
+from decoder.parallel.processes import ONE_EACH
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+# One thread, as in the programs: the same bytes everywhere, and small problems are solved in a seventh of the time.
+os.environ.update(ONE_EACH)  # for what is loaded or started later
+cv2.setNumThreads(1)
+threadpool_limits(1)
 
 # Timing is asserted nowhere, and a busy machine is no fault. Each run tries the same examples, so that a change is
 # judged by what it changed; `--hypothesis-profile searching` tries others.

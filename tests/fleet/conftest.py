@@ -21,7 +21,7 @@ from tests.fleet.flights import write_flight
 from tests.fleet.watching import kill_whole
 from tests.programs import FIXTURES, PROGRAMS, Done, Run, ran, until
 
-FLIGHTS, AIRCRAFT, FRAMES = 30, 10, 4
+FLIGHTS, AIRCRAFT, FRAMES = 12, 4, 4
 
 
 @pytest.fixture(scope="session")
@@ -32,12 +32,15 @@ def frames() -> list[Frame]:
 
 @pytest.fixture(scope="session")
 def archive(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Path:
-    """Thirty flights of four frames each, in a folder for each of ten aircraft; every fifth flight has two segments."""
+    """Twelve flights of four frames each, in a folder for each of four aircraft; the first one's have two segments."""
     folder = tmp_path_factory.mktemp("archive")
     for number in range(FLIGHTS):
         chosen = [frames[(number + step) % len(frames)] for step in range(FRAMES)]
         write_flight(
-            folder / f"N{number % AIRCRAFT}", f"flight{number:02d}", chosen, per_segment=2 if number % 5 == 0 else 1000
+            folder / f"N{number % AIRCRAFT}",
+            f"flight{number:02d}",
+            chosen,
+            per_segment=1000 if number % AIRCRAFT else 2,
         )
     return folder
 
@@ -69,7 +72,7 @@ def run() -> Run:
 
 @pytest.fixture(scope="session")
 def home(run: Run, archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results of the thirty flights, decoded on this machine."""
+    """The results of these flights, decoded on this machine."""
     output = tmp_path_factory.mktemp("home")
     done = run(f"{archive}/*/*.mcap", "-o", output, "--jobs", "2")
     assert (done.returncode, done.stderr) == (0, "")
@@ -169,10 +172,10 @@ class Store:
         return {each["Key"]: self.client.get_object(Bucket=bucket, Key=each["Key"])["Body"].read() for each in listed}
 
 
-@pytest.fixture
-def s3(tmp_path: Path) -> Iterator[Store]:
-    """A real S3 server: moto's, as a process of its own."""
-    log = tmp_path / "s3.log"
+@pytest.fixture(scope="session")
+def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """A real S3 server: moto's, as a process of its own; each test has its own buckets."""
+    log = tmp_path_factory.mktemp("s3") / "s3.log"
     with log.open("wb") as stream:
         process = subprocess.Popen(
             [str(PROGRAMS / "moto_server"), "-H", "127.0.0.1", "-p", "0"], stdout=stream, stderr=stream

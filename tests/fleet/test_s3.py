@@ -32,13 +32,13 @@ def without_marks(objects: dict[str, bytes]) -> dict[str, bytes]:
 
 def test_from_store_to_store(s3: Store, run: Run, archive: Path, home: Path) -> None:
     """Flights of a bucket into another one are the bytes of home; a second run keeps them, a new version is decoded."""
-    s3.fill("flights", archive / "N0")
+    s3.fill("archive", archive / "N0")
     s3.client.create_bucket(Bucket="results")
-    words = ["s3://flights/*.mcap", "-o", "s3://results/2026", "--jobs", "2"]
+    words = ["s3://archive/*.mcap", "-o", "s3://results/2026", "--jobs", "2"]
     first = run(*words, env=s3.env)
     objects = s3.content("results")
-    flight = "flight20_0001.mcap"
-    s3.client.upload_file(str(archive / "N0" / "flight10_0001.mcap"), "flights", flight)
+    flight = "flight08_0001.mcap"
+    s3.client.upload_file(str(archive / "N0" / "flight04_0001.mcap"), "archive", flight)
     second = run(*words, env=s3.env)
     rows = list(csv.DictReader(io.StringIO(s3.content("results")["2026/index.csv"].decode())))
 
@@ -48,10 +48,10 @@ def test_from_store_to_store(s3: Store, run: Run, archive: Path, home: Path) -> 
     }
     assert second.returncode == 1
     assert {row["flight"]: row["status"] for row in rows} == {
-        **dict.fromkeys(["flight00", "flight10"], "kept"),
-        "flight20": "failed",
+        **dict.fromkeys(["flight00", "flight04"], "kept"),
+        "flight08": "failed",
     }
-    assert f"s3://flights/{flight} belong to different recordings" in second.stderr
+    assert f"s3://archive/{flight} belong to different recordings" in second.stderr
 
 
 def test_list_and_panel_in_a_store(s3: Store, run: Run, few: Path, tmp_path: Path) -> None:
