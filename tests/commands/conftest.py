@@ -19,13 +19,7 @@ from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, Run, ran
-
-
-@pytest.fixture(scope="session")
-def run() -> Run:
-    """Runs a program of ours to its end."""
-    return ran
+from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,27 +49,27 @@ class Decoded:
 
 
 @pytest.fixture
-def decode(run: Run, tmp_path: Path) -> Callable[..., Decoded]:
+def decode(tmp_path: Path) -> Callable[..., Decoded]:
     """Decodes into a folder of the test."""
 
     def make(*words: object, into: str = "out") -> Decoded:
-        return Decoded(tmp_path / into, run("decode", *words, "-o", tmp_path / into))
+        return Decoded(tmp_path / into, ran("decode", *words, "-o", tmp_path / into))
 
     return make
 
 
 @pytest.fixture(scope="session")
-def decoded_a1(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Decoded:
+def decoded_a1(tmp_path_factory: pytest.TempPathFactory) -> Decoded:
     """The committed flight of twenty frames, decoded as it is; nobody changes it."""
     folder = tmp_path_factory.mktemp("a1") / "out"
-    return Decoded(folder, run("decode", A1, "-o", folder))
+    return Decoded(folder, ran("decode", A1, "-o", folder))
 
 
 @pytest.fixture(scope="session")
-def decoded_a2(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Decoded:
+def decoded_a2(tmp_path_factory: pytest.TempPathFactory) -> Decoded:
     """The committed flight with reflections as CSV, JSON and Parquet; nobody changes it."""
     folder = tmp_path_factory.mktemp("a2") / "out"
-    return Decoded(folder, run("decode", A2, "-o", folder, "--format", "csv,parquet"))
+    return Decoded(folder, ran("decode", A2, "-o", folder, "--format", "csv,parquet"))
 
 
 @pytest.fixture(scope="session")

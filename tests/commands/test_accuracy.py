@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.programs import Run
+from tests.programs import ran
 
 OFFSET_S = -41.37
 NAMES = "ias_kt: {name: IAS, unit: km/h}\nn1_pct: N1\n"
@@ -43,10 +43,10 @@ def tables(tmp_path: Path) -> tuple[Path, Path, Path]:
     return tmp_path / "flight.csv", tmp_path / "fdr.csv", tmp_path / "names.yaml"
 
 
-def test_offset_is_shown_and_not_applied(run: Run, tables: tuple[Path, Path, Path]) -> None:
+def test_offset_is_shown_and_not_applied(tables: tuple[Path, Path, Path]) -> None:
     """Without `--offset` the curves' offset is told with its uncertainty, and nothing is added."""
     flight, fdr, names = tables
-    done = run("decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME")
+    done = ran("decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME")
     words = done.stdout.splitlines()[0]
 
     assert done.returncode == 0, done.stderr
@@ -55,11 +55,11 @@ def test_offset_is_shown_and_not_applied(run: Run, tables: tuple[Path, Path, Pat
     assert words.endswith("to apply it: --offset auto")
 
 
-def test_offset_is_applied_on_demand(run: Run, tables: tuple[Path, Path, Path]) -> None:
+def test_offset_is_applied_on_demand(tables: tuple[Path, Path, Path]) -> None:
     """`--offset auto` and the number itself give errors that are the interpolation's; both say what was added."""
     flight, fdr, names = tables
     for offset in ("auto", str(OFFSET_S)):
-        done = run("decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME", "--offset", offset, "--json")
+        done = ran("decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME", "--offset", offset, "--json")
         found = json.loads(done.stdout)
 
         assert found["clock"]["applied_s"] == pytest.approx(OFFSET_S, abs=0.02)
@@ -71,11 +71,11 @@ def test_offset_is_applied_on_demand(run: Run, tables: tuple[Path, Path, Path]) 
         }
 
 
-def test_limits_are_judged_with_their_sources(run: Run, tables: tuple[Path, Path, Path]) -> None:
+def test_limits_are_judged_with_their_sources(tables: tuple[Path, Path, Path]) -> None:
     """Each parameter passes or fails by the published tables, which are named in full."""
     flight, fdr, names = tables
-    words = ["decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME", "--limits"]
-    good, bad = run(*words, "--offset", "auto"), run(*words, "--offset", "-30")
+    words = ["accuracy", flight, fdr, "--map", names, "--time", "TIME", "--limits"]
+    good, bad = (ran("decode", *words, "--offset", offset) for offset in ("auto", "-30"))
     table = [line.split() for line in good.stdout.splitlines() if line.startswith(("ias_kt", "n1_pct"))]
 
     assert [line[-1] for line in table if "14" in line or "EASA" in line] == ["pass"] * 8
@@ -93,18 +93,16 @@ def test_limits_are_judged_with_their_sources(run: Run, tables: tuple[Path, Path
         (["--time", "CLOCK"], 1, "has no column CLOCK"),
     ],
 )
-def test_what_cannot_be_done_says_why(
-    run: Run, tables: tuple[Path, Path, Path], words: list[str], code: int, says: str
-) -> None:
+def test_what_cannot_be_done_says_why(tables: tuple[Path, Path, Path], words: list[str], code: int, says: str) -> None:
     """A wrong offset, a window too small and a column that is not there are a sentence each."""
     flight, fdr, names = tables
-    done = run("decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME", *words)
+    done = ran("decode", "accuracy", flight, fdr, "--map", names, "--time", "TIME", *words)
 
     assert done.returncode == code
     assert says in done.stderr
 
 
-def test_columns_that_are_left_out_are_named(run: Run, tables: tuple[Path, Path, Path], tmp_path: Path) -> None:
+def test_columns_that_are_left_out_are_named(tables: tuple[Path, Path, Path], tmp_path: Path) -> None:
     """A needle that the truth does not have, and one that has no value where the truth has one; JSON stays as it is."""
     flight, _, _ = tables
     truth = tmp_path / "truth.csv"
@@ -114,7 +112,7 @@ def test_columns_that_are_left_out_are_named(run: Run, tables: tuple[Path, Path,
     rows = [dict(zip(head, line.split(","), strict=True)) for line in lines[1:]]
     blank = {"ias_kt": "", "ias_kt_status": "missing", "ias_kt_sigma": ""}
     flight.write_text("\n".join([lines[0], *(",".join((row | blank).values()) for row in rows)]) + "\n")
-    done = run("decode", "accuracy", flight, truth, "--json")
+    done = ran("decode", "accuracy", flight, truth, "--json")
 
     assert "n1_pct left out: the truth has no such column" in done.stderr
     assert "ias_kt left out: it has no value where the truth has one" in done.stderr

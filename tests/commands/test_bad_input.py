@@ -27,7 +27,7 @@ from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
-from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, Run, says
+from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, ran, says
 
 PANEL = FIXTURES / "panel.yaml"
 Decode = Callable[..., Any]
@@ -76,13 +76,11 @@ def test_truncated_flight_is_decoded_as_far_as_it_goes(decode: Decode, tmp_path:
 
 
 @pytest.mark.parametrize("words", [("frames", "--every", "5", "-o", "pictures"), ("video", "-o", "film.mp4")])
-def test_what_a_truncated_flight_lost_is_named_by_every_command(
-    run: Run, tmp_path: Path, words: tuple[str, ...]
-) -> None:
+def test_what_a_truncated_flight_lost_is_named_by_every_command(tmp_path: Path, words: tuple[str, ...]) -> None:
     """It draws what is there, and says what is not."""
     (tmp_path / "cut.mcap").write_bytes(A1.read_bytes()[:1_000_000])
     command, *options, target = words
-    done = run("decode", command, tmp_path / "cut.mcap", *options, tmp_path / target)
+    done = ran("decode", command, tmp_path / "cut.mcap", *options, tmp_path / target)
 
     assert done.returncode == 3
     assert "lost: cut.mcap: the file ends inside a record" in done.stderr
@@ -99,7 +97,6 @@ def test_what_a_truncated_flight_lost_is_named_by_every_command(
     ids=lambda value: getattr(value, "__name__", None),
 )
 def test_wrong_panel_is_named(
-    run: Run,
     make_flight: MakeFlight,
     pictures: list[bytes],
     tmp_path: Path,
@@ -114,7 +111,7 @@ def test_wrong_panel_is_named(
 
     flight = make_flight(pictures[:2])  # where a panel is found in no frame, each is searched long
 
-    says(run("decode", flight, "--panel", tmp_path / "panel.yaml", "-o", tmp_path / "out"), "decode: ", *words)
+    says(ran("decode", flight, "--panel", tmp_path / "panel.yaml", "-o", tmp_path / "out"), "decode: ", *words)
     assert not (tmp_path / "out").exists()
 
 
@@ -130,14 +127,12 @@ def test_wrong_panel_is_named(
     ],
     ids=["not there", "empty", "of another kind", "a folder", "two recordings", "nowhere to write"],
 )
-def test_what_cannot_be_decoded_is_named(
-    run: Run, tmp_path: Path, flights: list[object], folder: str, words: list[str]
-) -> None:
+def test_what_cannot_be_decoded_is_named(tmp_path: Path, flights: list[object], folder: str, words: list[str]) -> None:
     """A flight that is none, files that are not one flight, and an output folder that cannot be made."""
     (tmp_path / "empty.mcap").touch()
     (tmp_path / "letter.mcap").write_text("Dear Sir or Madam, " * 100)
 
-    says(run("decode", *(tmp_path / str(flight) for flight in flights), "-o", tmp_path / folder), "decode: ", *words)
+    says(ran("decode", *(tmp_path / str(flight) for flight in flights), "-o", tmp_path / folder), "decode: ", *words)
 
 
 def test_bad_pictures_cost_their_own_frames(
@@ -163,10 +158,10 @@ def test_bad_pictures_cost_their_own_frames(
     assert gaps == [(2, 2), (5, 5), (7, 8)]
 
 
-def test_wrong_usage(run: Run, tmp_path: Path) -> None:
+def test_wrong_usage(tmp_path: Path) -> None:
     """A method that does not exist, and a call without a flight, end with 2."""
-    assert run("decode", A1, "--method", "guess", "-o", tmp_path).returncode == 2
-    assert run("decode", "-o", tmp_path).returncode == 2
+    assert ran("decode", A1, "--method", "guess", "-o", tmp_path).returncode == 2
+    assert ran("decode", "-o", tmp_path).returncode == 2
     assert list(tmp_path.iterdir()) == []
 
 
@@ -224,11 +219,11 @@ def elsewhere(pictures: list[bytes]) -> list[bytes]:
 
 
 def test_panel_of_another_cockpit_is_refused_after_a_sample(
-    run: Run, tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes]
+    tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes]
 ) -> None:
     """One sentence says what was looked for, in how many frames, and what to do; nothing is written."""
     flight = make_flight(elsewhere[:FRAMES])
-    done = run("decode", flight, "-o", tmp_path / "out")
+    done = ran("decode", flight, "-o", tmp_path / "out")
 
     assert done.returncode == 1
     assert "none of 16 frames spread over the flight's 24" in done.stderr
@@ -238,11 +233,11 @@ def test_panel_of_another_cockpit_is_refused_after_a_sample(
 
 
 def test_flight_that_begins_elsewhere_is_decoded(
-    run: Run, tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes], pictures: list[bytes]
+    tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes], pictures: list[bytes]
 ) -> None:
     """Two thirds of it show something else: those frames are missing, the others are read."""
     flight = make_flight([*elsewhere[:FRAMES], *pictures[:12]])
-    done = run("decode", flight, "-o", tmp_path / "out")
+    done = ran("decode", flight, "-o", tmp_path / "out")
     rows = (tmp_path / "out" / "flight.csv").read_text().splitlines()[1:]
 
     assert done.returncode == 0

@@ -12,7 +12,7 @@ import pytest
 from decoder.panel.camera import camera_from_file
 from fixtures.calibration.board import SIZE_PX, photographs
 from fixtures.film import film as make_film
-from tests.programs import A1, Run, says
+from tests.programs import A1, ran, says
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("board")]  # one worker renders the photographs
 
@@ -34,11 +34,11 @@ def shoot(tmp_path: Path) -> Callable[..., list[Path]]:
 
 
 @pytest.mark.parametrize("markers", [False, True], ids=["chessboard", "charuco"])
-def test_a_board_gives_the_lens(run: Run, shoot: Callable[..., list[Path]], tmp_path: Path, markers: bool) -> None:  # noqa: FBT001
+def test_a_board_gives_the_lens(shoot: Callable[..., list[Path]], tmp_path: Path, markers: bool) -> None:  # noqa: FBT001
     """Pixels per radian to 0.3 %; what the lens bends at the corner, to half a pixel."""
     file = tmp_path / "camera.yaml"
     options = ["--dictionary", "DICT_5X5_100"] if markers else []
-    done = run("decode", "calibrate", "board", *shoot(markers=markers), "--squares", "9x7", *options, "-o", file)
+    done = ran("decode", "calibrate", "board", *shoot(markers=markers), "--squares", "9x7", *options, "-o", file)
 
     assert done.returncode == 0, done.stderr
     lens = camera_from_file(file).lens(4.45, SIZE_PX)
@@ -49,20 +49,18 @@ def test_a_board_gives_the_lens(run: Run, shoot: Callable[..., list[Path]], tmp_
 
 
 @pytest.mark.parametrize(("model", "scale", "seen_deg"), [("fisheye", 450.0, 60), ("rational", 700.0, 40)])
-def test_a_film_of_a_board_gives_a_wide_lens(
-    run: Run, tmp_path: Path, model: str, scale: float, seen_deg: float
-) -> None:
+def test_a_film_of_a_board_gives_a_wide_lens(tmp_path: Path, model: str, scale: float, seen_deg: float) -> None:
     """An equidistant lens, 130 or 84 degrees wide, from H.264: within a pixel as far out as the board was seen."""
     pictures, flight, film = tmp_path / "pictures", tmp_path / "pictures.mcap", tmp_path / "board.mp4"
     pictures.mkdir()
     for number, jpeg in enumerate(photographs(scale, 0.0, None, fisheye=True)):
         (pictures / f"{number}.jpg").write_bytes(jpeg)
-    run("recorder", "replay", pictures, "-o", flight, "--rate", "2")
+    ran("recorder", "replay", pictures, "-o", flight, "--rate", "2")
     make_film(flight, film)
-    run("recorder", "replay", film, "-o", tmp_path / "board.mcap")
+    ran("recorder", "replay", film, "-o", tmp_path / "board.mcap")
     file = tmp_path / "camera.yaml"
     calibrate = ("decode", "calibrate", "board", tmp_path / "board.mcap", "--squares", "9x7", "--model", model)
-    done = run(*calibrate, "-o", file, "--focal-length-mm", "3", "--json")
+    done = ran(*calibrate, "-o", file, "--focal-length-mm", "3", "--json")
 
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)[0]["model"] == model
@@ -72,45 +70,45 @@ def test_a_film_of_a_board_gives_a_wide_lens(
     seen = lens.distorted(lens.pixels(np.stack([np.tan(angle), np.zeros(20)])))[0] - (SIZE_PX[0] - 1) / 2
     assert camera.only_focal_length_mm == 3.0
     assert seen == pytest.approx(scale * angle, abs=1.0)
-    says(run(*calibrate, "-o", file), "frame 0", "says no focal length", "focal_length_mm")
-    says(run("decode", "calibrate", "board", film, "--squares", "9x7"), "recorder replay")
+    says(ran(*calibrate, "-o", file), "frame 0", "says no focal length", "focal_length_mm")
+    says(ran("decode", "calibrate", "board", film, "--squares", "9x7"), "recorder replay")
 
 
-def test_a_flight_that_breaks_off_is_used_as_far_as_it_goes(run: Run, tmp_path: Path) -> None:
+def test_a_flight_that_breaks_off_is_used_as_far_as_it_goes(tmp_path: Path) -> None:
     """What is lost is told; where nothing is left, that is said."""
     whole = A1.read_bytes()
     for name, part in (("half", whole[: len(whole) // 2]), ("nothing", whole[:40_000])):
         (tmp_path / f"{name}.mcap").write_bytes(part)
     board = ("decode", "calibrate", "board", "--squares", "9x7", "-o", tmp_path / "camera.yaml")
-    done = run(*board, tmp_path / "half.mcap")
+    done = ran(*board, tmp_path / "half.mcap")
 
     assert "lost: half.mcap" in done.stderr
     assert "the board is found in 0 of" in done.stderr
-    says(run(*board, tmp_path / "nothing.mcap"), "nothing.mcap: holds no frame that can be read")
+    says(ran(*board, tmp_path / "nothing.mcap"), "nothing.mcap: holds no frame that can be read")
 
 
-def test_a_focal_length_that_is_known_stays(run: Run, shoot: Callable[..., list[Path]], tmp_path: Path) -> None:
+def test_a_focal_length_that_is_known_stays(shoot: Callable[..., list[Path]], tmp_path: Path) -> None:
     """Unless it is to be replaced."""
     file = tmp_path / "camera.yaml"
     file.write_text(
         "picture_size: [1024, 768]\nfocal: {pixels_per_radian: [0, 200, 0], range_mm: [4, 45]}\n", encoding="utf-8"
     )
     photos = shoot()
-    run("decode", "calibrate", "board", *photos, "--squares", "9x7", "-o", file)
+    ran("decode", "calibrate", "board", *photos, "--squares", "9x7", "-o", file)
     kept = camera_from_file(file)
-    run("decode", "calibrate", "board", *photos, "--squares", "9x7", "-o", file, "--replace-focal")
+    ran("decode", "calibrate", "board", *photos, "--squares", "9x7", "-o", file, "--replace-focal")
 
     assert kept.focal.at(4.45) == pytest.approx(890)
     assert kept.distortion[0].k1 == pytest.approx(-0.1, abs=0.02)
     assert camera_from_file(file).focal.at(4.45) == pytest.approx(TRUE, rel=2e-3)
 
 
-def test_what_is_no_calibration(run: Run, shoot: Callable[..., list[Path]]) -> None:
+def test_what_is_no_calibration(shoot: Callable[..., list[Path]]) -> None:
     """A board that is counted wrong, too few photographs, one that never tilts, markers that do not exist."""
     photos, board = shoot(tilted=False), ("decode", "calibrate", "board")
 
-    says(run(*board, photos[0], "--squares", "9x8"), "found in 0 of 1 photographs at 4.45 mm", "--squares")
-    says(run(*board, *photos[:2], "--squares", "9x7"), "found in 2 of 2", "three are needed")
-    says(run(*board, *photos[:3], "--squares", "9x7"), "faces the camera squarely", "tilt it")
-    says(run(*board, *photos[:3], "--squares", "9x7", "--dictionary", "DICT_NONE"), "DICT_NONE is none of")
-    assert run(*board, *photos, "--squares", "9").returncode == 2
+    says(ran(*board, photos[0], "--squares", "9x8"), "found in 0 of 1 photographs at 4.45 mm", "--squares")
+    says(ran(*board, *photos[:2], "--squares", "9x7"), "found in 2 of 2", "three are needed")
+    says(ran(*board, *photos[:3], "--squares", "9x7"), "faces the camera squarely", "tilt it")
+    says(ran(*board, *photos[:3], "--squares", "9x7", "--dictionary", "DICT_NONE"), "DICT_NONE is none of")
+    assert ran(*board, *photos, "--squares", "9").returncode == 2

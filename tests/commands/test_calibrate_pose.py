@@ -14,7 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from fixtures.calibration.views import projected
-from tests.programs import Run, says
+from tests.programs import ran, says
 
 SIZE = (1616, 1212)
 POINTS = np.array([[-4.0, -3.0], [4.0, -3.0], [-4.0, 3.5], [4.0, 3.5]])
@@ -62,9 +62,9 @@ def cockpit(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.mark.parametrize("count", [3, 4])
-def test_the_camera_is_found(run: Run, cockpit: Callable[..., Path], tmp_path: Path, count: int) -> None:
+def test_the_camera_is_found(cockpit: Callable[..., Path], tmp_path: Path, count: int) -> None:
     """Three points give several solutions of which `level` chooses the right one; four give one."""
-    done = run("decode", "calibrate", "pose", cockpit(POINTS[:count]), "--camera", tmp_path / "camera.yaml", "--json")
+    done = ran("decode", "calibrate", "pose", cockpit(POINTS[:count]), "--camera", tmp_path / "camera.yaml", "--json")
     assert done.returncode == 0, done.stderr
     solutions = json.loads(done.stdout)["solutions"]
     true = -TURN.T @ SHIFT
@@ -78,10 +78,10 @@ def test_the_camera_is_found(run: Run, cockpit: Callable[..., Path], tmp_path: P
     assert best["y"] == "down"
 
 
-def test_the_picture_is_squared_up(run: Run, cockpit: Callable[..., Path], tmp_path: Path) -> None:
+def test_the_picture_is_squared_up(cockpit: Callable[..., Path], tmp_path: Path) -> None:
     """The dots of the panel stand in a square grid, and what should be level and plumb is, to a tenth of a degree."""
     squared = tmp_path / "squared.png"
-    done = run(
+    done = ran(
         "decode", "calibrate", "pose", cockpit(), "--camera", tmp_path / "camera.yaml", "--squared", squared, "--json"
     )
     lines = json.loads(done.stdout)["lines"]
@@ -115,18 +115,18 @@ LINE = [
     ],
 )
 def test_what_tells_no_pose(
-    run: Run, cockpit: Callable[..., Path], tmp_path: Path, changes: dict[str, object], words: list[str]
+    cockpit: Callable[..., Path], tmp_path: Path, changes: dict[str, object], words: list[str]
 ) -> None:
     """Points on one line, none, a focal length outside the calibration, or none."""
-    says(run("decode", "calibrate", "pose", cockpit(**changes), "--camera", tmp_path / "camera.yaml"), *words)
+    says(ran("decode", "calibrate", "pose", cockpit(**changes), "--camera", tmp_path / "camera.yaml"), *words)
 
 
-def test_a_wrong_point_is_named(run: Run, cockpit: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_wrong_point_is_named(cockpit: Callable[..., Path], tmp_path: Path) -> None:
     """More points than are needed show which one is off."""
     points = np.vstack([POINTS, [[0.0, 0.5], [2.0, 2.0], [-2.0, 1.0]]])
     places = [{"at": at, "inches": inches} for at, inches in zip(seen(points).tolist(), points.tolist(), strict=True)]
     places[5]["at"][0] += 60
-    done = run("decode", "calibrate", "pose", cockpit(reference_points=places), "--camera", tmp_path / "camera.yaml")
+    done = ran("decode", "calibrate", "pose", cockpit(reference_points=places), "--camera", tmp_path / "camera.yaml")
 
     assert done.returncode == 0
     assert "most of all reference_points[5]; check" in done.stderr
@@ -136,13 +136,13 @@ def test_a_wrong_point_is_named(run: Run, cockpit: Callable[..., Path], tmp_path
     ("name", "code", "says"), [("panel.png", 1, "panel.png: would be overwritten"), ("a.tiff", 2, ".png or .jpg")]
 )
 def test_picture_squared_up_has_a_name_of_its_own(
-    run: Run, cockpit: Callable[..., Path], tmp_path: Path, name: str, code: int, says: str
+    cockpit: Callable[..., Path], tmp_path: Path, name: str, code: int, says: str
 ) -> None:
     """What is read is never written over, and the ending tells the format."""
     panel = cockpit()
     before = (tmp_path / "panel.png").read_bytes()
     words = (panel, "--camera", tmp_path / "camera.yaml", "--squared", tmp_path / name)
-    done = run("decode", "calibrate", "pose", *words)
+    done = ran("decode", "calibrate", "pose", *words)
 
     assert done.returncode == code
     assert says in done.stderr

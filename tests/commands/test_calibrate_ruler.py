@@ -13,7 +13,7 @@ import yaml
 
 from decoder.panel.camera import camera_from_file
 from fixtures.calibration.ruler import Scene, photograph
-from tests.programs import Run, says
+from tests.programs import ran, says
 
 LENGTHS_MM = (4.45, 8.0, 15.0, 30.0)
 LINE = ("--line", "556,599,1063,612", "--inches", "14.96", "--distance-inches", "36")
@@ -36,10 +36,10 @@ def zooms(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
-def test_one_line_serves_all_zooms(run: Run, zooms: list[Path], tmp_path: Path) -> None:
+def test_one_line_serves_all_zooms(zooms: list[Path], tmp_path: Path) -> None:
     """Pixels per radian are right to 0.05 % over the whole range; plot and camera.yaml are the same bytes each time."""
     out, plot = tmp_path / "camera.yaml", tmp_path / "focal.svg"
-    done = run("decode", "calibrate", "focal", *zooms, *LINE, "-o", out, "--plot", plot)
+    done = ran("decode", "calibrate", "focal", *zooms, *LINE, "-o", out, "--plot", plot)
     camera = camera_from_file(out)
 
     assert done.returncode == 0, done.stderr
@@ -50,12 +50,12 @@ def test_one_line_serves_all_zooms(run: Run, zooms: list[Path], tmp_path: Path) 
         assert camera.focal.at(length) == pytest.approx(true_pixels_per_radian(length), rel=5e-4)
         assert camera.focal.sigma(length) == pytest.approx(camera.focal.at(length) / 16 / 36, rel=0.1)  # the tape's
     assert plot.read_text(encoding="utf-8").count("<circle") == len(zooms)
-    run("decode", "calibrate", "focal", *zooms, *LINE, "-o", tmp_path / "again.yaml", "--plot", tmp_path / "again.svg")
+    ran("decode", "calibrate", "focal", *zooms, *LINE, "-o", tmp_path / "again.yaml", "--plot", tmp_path / "again.svg")
     assert (tmp_path / "again.yaml").read_bytes() == out.read_bytes()
     assert (tmp_path / "again.svg").read_bytes() == plot.read_bytes()
 
 
-def test_a_list_of_photographs_and_points_by_hand(run: Run, zooms: list[Path], tmp_path: Path) -> None:
+def test_a_list_of_photographs_and_points_by_hand(zooms: list[Path], tmp_path: Path) -> None:
     """Lines and points mix; the JSON says both forms."""
     hand = [
         {
@@ -70,7 +70,7 @@ def test_a_list_of_photographs_and_points_by_hand(run: Run, zooms: list[Path], t
     listed = {"picture": str(zooms[0]), "line": [556, 599, 1063, 612], "inches": 14.96}
     file = tmp_path / "ruler.yaml"
     file.write_text(yaml.safe_dump({"distance_inches": 36, "photographs": [listed, *hand]}), encoding="utf-8")
-    done = run("decode", "calibrate", "focal", file, "-o", tmp_path / "camera.yaml", "--json")
+    done = ran("decode", "calibrate", "focal", file, "-o", tmp_path / "camera.yaml", "--json")
     found = [one["fit"] for one in json.loads(done.stdout)["photographs"]]
 
     assert camera_from_file(tmp_path / "camera.yaml").focal.at(15) == pytest.approx(
@@ -79,7 +79,7 @@ def test_a_list_of_photographs_and_points_by_hand(run: Run, zooms: list[Path], t
     assert found[1]["arctangent"] / found[1]["small_angle"] == pytest.approx((3 / 36) / np.arctan(3 / 36))
 
 
-def test_what_the_camera_file_says_else_is_kept(run: Run, zooms: list[Path], tmp_path: Path) -> None:
+def test_what_the_camera_file_says_else_is_kept(zooms: list[Path], tmp_path: Path) -> None:
     """Its distortion stays; a file that is no camera is left alone."""
     out = tmp_path / "camera.yaml"
     out.write_text(
@@ -87,16 +87,16 @@ def test_what_the_camera_file_says_else_is_kept(run: Run, zooms: list[Path], tmp
         "distortion: [{focal_length_mm: 4.45, k1: -0.02}]\n",
         encoding="utf-8",
     )
-    done = run("decode", "calibrate", "focal", *zooms, *LINE, "-o", out)
+    done = ran("decode", "calibrate", "focal", *zooms, *LINE, "-o", out)
 
     assert done.returncode == 0, done.stderr
     assert camera_from_file(out).distortion[0].k1 == -0.02
     out.write_text("- nothing", encoding="utf-8")
-    says(run("decode", "calibrate", "focal", *zooms, *LINE, "-o", out), "holds no camera")
+    says(ran("decode", "calibrate", "focal", *zooms, *LINE, "-o", out), "holds no camera")
     assert out.read_text(encoding="utf-8") == "- nothing"
 
 
-def test_what_is_no_calibration(run: Run, zooms: list[Path], tmp_path: Path) -> None:
+def test_what_is_no_calibration(zooms: list[Path], tmp_path: Path) -> None:
     """Each in one sentence that names the photograph, or the list with its path, where there is one."""
     plain, large, cut, below = (tmp_path / f"{name}.jpg" for name in ("plain", "large", "cut", "below"))
     plain.write_bytes(photograph(Scene(2000.0), None))
@@ -107,16 +107,16 @@ def test_what_is_no_calibration(run: Run, zooms: list[Path], tmp_path: Path) -> 
     listed.write_text("distance_inches: 36\nphotographs: [{picture: a.jpg, inches: 6}]\n", encoding="utf-8")
     focal, there = ("decode", "calibrate", "focal"), ("--inches", "14.96", "--distance-inches", "36")
 
-    says(run(*focal, zooms[0], plain, *LINE), "plain.jpg", "says no focal length")
-    says(run(*focal, *zooms, large, *LINE), "large.jpg is 2048 x 1536, zoom_0.jpg is 1616 x 1212", "one size")
-    says(run(*focal, cut, *LINE), "cut.jpg", "damaged")
-    says(run(*focal, tmp_path / "no.jpg", *LINE), "no.jpg: cannot be read")
-    says(run(*focal, zooms[0], zooms[1], *LINE), "three zooms or more, here are 2")
-    says(run(*focal, *zooms, "--line", "556,530,1063,530", *there), "zoom_0.jpg", "no ticks are found")
-    says(run(*focal, below, "--line", "556,805,1063,805", *there), "below.jpg", "misses the middle")
-    says(run(*focal, listed), "ruler.yaml: photographs[0]: give either `line`")
-    assert run(*focal, *zooms, "--inches", "6").returncode == 2
-    assert run(*focal, *zooms, "--line", "1,2,3").returncode == 2
+    says(ran(*focal, zooms[0], plain, *LINE), "plain.jpg", "says no focal length")
+    says(ran(*focal, *zooms, large, *LINE), "large.jpg is 2048 x 1536, zoom_0.jpg is 1616 x 1212", "one size")
+    says(ran(*focal, cut, *LINE), "cut.jpg", "damaged")
+    says(ran(*focal, tmp_path / "no.jpg", *LINE), "no.jpg: cannot be read")
+    says(ran(*focal, zooms[0], zooms[1], *LINE), "three zooms or more, here are 2")
+    says(ran(*focal, *zooms, "--line", "556,530,1063,530", *there), "zoom_0.jpg", "no ticks are found")
+    says(ran(*focal, below, "--line", "556,805,1063,805", *there), "below.jpg", "misses the middle")
+    says(ran(*focal, listed), "ruler.yaml: photographs[0]: give either `line`")
+    assert ran(*focal, *zooms, "--inches", "6").returncode == 2
+    assert ran(*focal, *zooms, "--line", "1,2,3").returncode == 2
 
 
 CAMERA = (
@@ -144,12 +144,10 @@ def shoot(tmp_path: Path) -> Callable[[Scene], Path]:
 
 
 @pytest.mark.parametrize("k1", [-0.08, 0.02])
-def test_a_bending_lens_is_found_and_measured(
-    run: Run, shoot: Callable[[Scene], Path], tmp_path: Path, k1: float
-) -> None:
+def test_a_bending_lens_is_found_and_measured(shoot: Callable[[Scene], Path], tmp_path: Path, k1: float) -> None:
     """k1 to a percent, though the ruler is tilted; it takes its place in camera.yaml."""
     file, stacked = tmp_path / "camera.yaml", tmp_path / "stacked.png"
-    done = run(
+    done = ran(
         "decode", "calibrate", "distortion", shoot(wide(k1)), *ACROSS, "-o", file, "--stacked", stacked, "--json"
     )
     found = json.loads(done.stdout)
@@ -165,12 +163,10 @@ def test_a_bending_lens_is_found_and_measured(
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 3.0])
-def test_a_straight_lens_is_called_straight(
-    run: Run, shoot: Callable[[Scene], Path], tmp_path: Path, tilt_deg: float
-) -> None:
+def test_a_straight_lens_is_called_straight(shoot: Callable[[Scene], Path], tmp_path: Path, tilt_deg: float) -> None:
     """Whatever the ruler's tilt; camera.yaml stays as it was."""
     photo = shoot(wide(0.0, tilt_deg))
-    done = run("decode", "calibrate", "distortion", photo, *ACROSS, "-o", tmp_path / "camera.yaml")
+    done = ran("decode", "calibrate", "distortion", photo, *ACROSS, "-o", tmp_path / "camera.yaml")
 
     assert done.returncode == 0, done.stderr
     assert "distortion is negligible" in done.stdout
@@ -178,26 +174,26 @@ def test_a_straight_lens_is_called_straight(
 
 
 def test_without_a_camera_file_the_verdict_is_given_all_the_same(
-    run: Run, shoot: Callable[[Scene], Path], tmp_path: Path
+    shoot: Callable[[Scene], Path], tmp_path: Path
 ) -> None:
     """With what to do for a k1."""
-    done = run("decode", "calibrate", "distortion", shoot(wide(-0.08)), *ACROSS, "-o", tmp_path / "other.yaml")
+    done = ran("decode", "calibrate", "distortion", shoot(wide(-0.08)), *ACROSS, "-o", tmp_path / "other.yaml")
 
     assert done.returncode == 0
     assert "barrel distortion" in done.stdout
     assert "run `decode calibrate focal` first" in done.stderr
 
 
-def test_a_ruler_that_is_short_or_misses_the_middle(run: Run, shoot: Callable[[Scene], Path]) -> None:
+def test_a_ruler_that_is_short_or_misses_the_middle(shoot: Callable[[Scene], Path]) -> None:
     """Each in one sentence."""
     photo = shoot(wide(0.0))
 
     says(
-        run("decode", "calibrate", "distortion", photo, "--line", "600,604,1000,607", "--inches", "4.4"),
+        ran("decode", "calibrate", "distortion", photo, "--line", "600,604,1000,607", "--inches", "4.4"),
         "covers 2",
         "cover all",
     )
     says(
-        run("decode", "calibrate", "distortion", photo, "--line", "40,300,1570,300", "--inches", "17"),
+        ran("decode", "calibrate", "distortion", photo, "--line", "40,300,1570,300", "--inches", "17"),
         "misses the middle",
     )

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from flight_file.reader import open_flight
-from tests.programs import FIXTURES, MakeFlight, Run, contents, says
+from tests.programs import FIXTURES, MakeFlight, contents, ran, says
 
 A1, TRUTH = FIXTURES / "thesis_a1.mcap", FIXTURES / "thesis_a1_truth.csv"
 Decode = Callable[..., Any]
@@ -39,12 +39,12 @@ def test_same_flight_gives_the_same_bytes(decode: Decode, decoded_a1: Decoded) -
 
 
 @pytest.mark.parametrize("method", ["xcorr", "normxcorr"])
-def test_both_methods_beat_the_thesis(run: Run, decode: Decode, decoded_a1: Decoded, method: str) -> None:
+def test_both_methods_beat_the_thesis(decode: Decode, decoded_a1: Decoded, method: str) -> None:
     """On table A.1's frames every needle's mean error is at most a third of the published one, by either method."""
     published = {"n1_pct": 0.139, "n2_pct": 0.111, "ftit_c": 0.104, "fuel_flow_pph": 0.764}
     published |= {"noz_pos_pct_open": 1.394, "fuel_al_lb": 0.261, "fuel_fr_lb": 0.152}
     found = decoded_a1 if method == "normxcorr" else decode(A1, "--method", method)
-    table = json.loads(run("decode", "accuracy", found.csv_file, TRUTH, "--json").stdout)
+    table = json.loads(ran("decode", "accuracy", found.csv_file, TRUTH, "--json").stdout)
     wanted = {name: error / 3 for name, error in published.items()}
 
     assert {row["needle"]: row["by_status"]["all"]["mean_abs_pct"] <= wanted[row["needle"]] for row in table} == (
@@ -52,13 +52,13 @@ def test_both_methods_beat_the_thesis(run: Run, decode: Decode, decoded_a1: Deco
     )
 
 
-def test_segments_are_one_flight(run: Run, decode: Decode, decoded_a1: Decoded, tmp_path: Path) -> None:
+def test_segments_are_one_flight(decode: Decode, decoded_a1: Decoded, tmp_path: Path) -> None:
     """Segments in any order give one set of files, the same values as in one piece; a part of them too."""
     (tmp_path / "recorder.yaml").write_text(
         f"camera: {{driver: replay, path: {A1}, pace: fastest}}\n"
         "storage: {directory: segments, segment_s: 1, keep_free_gib: 0}\n"
     )
-    recorded = run("recorder", "run", "--config", tmp_path / "recorder.yaml")
+    recorded = ran("recorder", "run", "--config", tmp_path / "recorder.yaml")
     segments = sorted((tmp_path / "segments").glob("*.mcap"))
     pieces, part = decode(*reversed(segments)), decode(*segments, "--from", "1", "--every", 2, into="part")
 
@@ -71,7 +71,6 @@ def test_segments_are_one_flight(run: Run, decode: Decode, decoded_a1: Decoded, 
 
 @pytest.mark.parametrize("carries_panel", [True, False])
 def test_panel_on_the_command_line_goes_first(
-    run: Run,
     decode: Decode,
     make_flight: MakeFlight,
     pictures: list[bytes],
@@ -89,13 +88,13 @@ def test_panel_on_the_command_line_goes_first(
     assert {row["fan_speed_pct_status"] for row in found.rows} == {"read"}
     assert "n1_pct" not in found.rows[0]
     if not carries_panel:
-        says(run("decode", flight, "-o", tmp_path / "none"), "flight.mcap", "--panel")
+        says(ran("decode", flight, "-o", tmp_path / "none"), "flight.mcap", "--panel")
 
 
-def test_flight_for_viewers(run: Run, decode: Decode, tmp_path: Path) -> None:
+def test_flight_for_viewers(decode: Decode, tmp_path: Path) -> None:
     """`--format mcap,layout --with-images` writes both, the same bytes each time; `--with-images` alone is refused."""
     one, other = (decode(A1, "--format", "mcap,layout", "--with-images", into=name) for name in ("one", "other"))
-    alone = run("decode", A1, "-o", tmp_path / "none", "--with-images")
+    alone = ran("decode", A1, "-o", tmp_path / "none", "--with-images")
     files = contents(one.folder)
 
     assert (one.done.returncode, one.done.stderr) == (0, "")
@@ -108,10 +107,10 @@ def test_flight_for_viewers(run: Run, decode: Decode, tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
-def test_truth_is_never_overwritten(run: Run, tmp_path: Path) -> None:
+def test_truth_is_never_overwritten(tmp_path: Path) -> None:
     """A truth that is called as the flight data would be is refused before anything is decoded."""
     truth = tmp_path / "thesis_a1.csv"
     truth.write_bytes(TRUTH.read_bytes())
 
-    says(run("decode", A1, "-o", tmp_path, "--truth", truth, "--format", "csv,html"), f"{truth}: would be overwritten")
+    says(ran("decode", A1, "-o", tmp_path, "--truth", truth, "--format", "csv,html"), f"{truth}: would be overwritten")
     assert contents(tmp_path) == {truth.name: TRUTH.read_bytes()}

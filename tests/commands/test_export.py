@@ -9,14 +9,14 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
-from tests.programs import Run
+from tests.programs import ran
 
 Decoded = Any
 
 
-def test_parquet_of_the_csv_is_that_of_the_decode(run: Run, decoded_a2: Decoded, tmp_path: Path) -> None:
+def test_parquet_of_the_csv_is_that_of_the_decode(decoded_a2: Decoded, tmp_path: Path) -> None:
     """Column by column the same types, units and numbers, to the last digit: those of the CSV, empty fields nulls."""
-    done = run("decode", "export", decoded_a2.csv_file, "-o", tmp_path / "again.parquet")
+    done = ran("decode", "export", decoded_a2.csv_file, "-o", tmp_path / "again.parquet")
     own = pyarrow.parquet.read_table(decoded_a2.folder / "thesis_a2.parquet")
     again = pyarrow.parquet.read_table(tmp_path / "again.parquet")
 
@@ -33,12 +33,12 @@ def test_parquet_of_the_csv_is_that_of_the_decode(run: Run, decoded_a2: Decoded,
         assert again[name].to_pylist() == [float(row[name]) if row[name] else None for row in rows]
 
 
-def test_pandas_and_polars_read_both_formats(run: Run, decoded_a2: Decoded, tmp_path: Path) -> None:
+def test_pandas_and_polars_read_both_formats(decoded_a2: Decoded, tmp_path: Path) -> None:
     """Both libraries find the columns, UTC times, numbers and missing values of Parquet, CSV and G1000 log."""
     pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
     names = tmp_path / "names.yaml"
     names.write_text("n1_pct: {name: E1 NG, unit: '%'}\nftit_c: E1 ITT\n")
-    done = run("decode", "export", decoded_a2.csv_file, "-o", tmp_path / "g1000.csv", "--map", names)
+    done = ran("decode", "export", decoded_a2.csv_file, "-o", tmp_path / "g1000.csv", "--map", names)
     assert done.returncode == 0
     assert "n1_pct as E1 NG (%)" in done.stdout
     assert "noz_pos_pct_open left out: no column of a G1000 log goes by its name" in done.stderr
@@ -71,22 +71,22 @@ def test_pandas_and_polars_read_both_formats(run: Run, decoded_a2: Decoded, tmp_
         (["-o", "x.csv"], 1, "name them with --map"),
     ],
 )
-def test_what_cannot_be_exported_says_why(run: Run, tmp_path: Path, words: list[str], code: int, says: str) -> None:
+def test_what_cannot_be_exported_says_why(tmp_path: Path, words: list[str], code: int, says: str) -> None:
     """A format, a mapping or a needle that is not there is one sentence."""
     flight = tmp_path / "flight.csv"
     flight.write_text(
         "frame,time_utc,time_s,n1,n1_status,n1_score,n1_sigma\n0,2018-05-04T12:00:00Z,0.0,1.0,read,1.0,0.1\n"
     )
-    done = run("decode", "export", flight, *[tmp_path / word if "." in word else word for word in words])
+    done = ran("decode", "export", flight, *[tmp_path / word if "." in word else word for word in words])
 
     assert done.returncode == code
     assert says in done.stderr
 
 
-def test_flight_data_are_never_overwritten(run: Run, decoded_a2: Decoded) -> None:
+def test_flight_data_are_never_overwritten(decoded_a2: Decoded) -> None:
     """Exporting onto the flight data themselves is refused."""
     before = decoded_a2.csv_file.read_bytes()
-    done = run("decode", "export", decoded_a2.csv_file, "-o", decoded_a2.csv_file)
+    done = ran("decode", "export", decoded_a2.csv_file, "-o", decoded_a2.csv_file)
 
     assert done.returncode == 2
     assert "is the flight data itself" in done.stderr

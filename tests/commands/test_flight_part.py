@@ -13,7 +13,7 @@ from decoder.panel.errors import PartError
 from decoder.timeseries.flight_part import AskedPart, part_of, typed_time
 from flight_file.reader import Flight, open_flight
 from flight_file.records import FileSource
-from tests.programs import A1, MakeFlight, Run
+from tests.programs import A1, MakeFlight, ran
 
 
 def asked(start: str | None = None, end: str | None = None, every: int = 1) -> AskedPart:
@@ -144,9 +144,9 @@ def test_pictures_are_those_of_the_part(decode: Callable[..., Any]) -> None:
         (["--from", "60"], 1, "no frame lies between --from and --to; the flight begins at 2018-05-04T12:00:00Z"),
     ],
 )
-def test_times_that_do_not_fit_are_named(run: Run, tmp_path: Path, words: list[str], code: int, said: str) -> None:
+def test_times_that_do_not_fit_are_named(tmp_path: Path, words: list[str], code: int, said: str) -> None:
     """One sentence that says what a time looks like, or which the flight has; nothing is written."""
-    done = run("decode", A1, "-o", tmp_path / "out", *words)
+    done = ran("decode", A1, "-o", tmp_path / "out", *words)
 
     assert done.returncode == code
     assert said in done.stderr

@@ -13,7 +13,7 @@ import pytest
 
 from decoder.parallel.processes import jobs_for, usable_cores
 from decoder.parallel.thresholds import MIN_SHARED_BYTES
-from tests.programs import A2, MakeFlight, Run, begun, contents, ran
+from tests.programs import A2, MakeFlight, begun, contents, ran
 
 
 @pytest.fixture
@@ -56,10 +56,10 @@ def started(*words: object) -> subprocess.Popen[str]:
 
 
 @pytest.mark.slow
-def test_bytes_are_the_same_with_any_number_of_processes(run: Run, tmp_path: Path) -> None:
+def test_bytes_are_the_same_with_any_number_of_processes(tmp_path: Path) -> None:
     """With one, two or three of them every file is the same, byte for byte."""
     for count in (1, 2, 3):
-        done = run("decode", A2, "-o", tmp_path / str(count), "--jobs", count)
+        done = ran("decode", A2, "-o", tmp_path / str(count), "--jobs", count)
         assert (done.returncode, done.stderr) == (0, "")
 
     assert len(contents(tmp_path / "1")) == 3

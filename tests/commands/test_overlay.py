@@ -21,7 +21,7 @@ from decoder.commands import video
 from decoder.panel.errors import OutputError
 from fixtures.film import film as animation_film
 from flight_file.reader import open_flight
-from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, Run, begun, says, until
+from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, begun, ran, says, until
 from tests.sounds import RATE_HZ, recorded, times_s
 from tests.videos import add_sound
 
@@ -35,10 +35,10 @@ UNSTEADY_S = (0.0, 0.25, 0.3, 2.0, 2.04, 60.0)
 
 
 @pytest.fixture(scope="module")
-def overlay(run: Run, decoded_a1: Decoded, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def overlay(decoded_a1: Decoded, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The film of what was read of a committed flight; nobody changes it."""
     path = tmp_path_factory.mktemp("overlay") / "overlay.mp4"
-    done = run("decode", "video", A1, "-o", path, "--data", decoded_a1.folder)
+    done = ran("decode", "video", A1, "-o", path, "--data", decoded_a1.folder)
     assert (done.returncode, done.stderr, done.stdout) == (0, "", f"20 of 20 frames in {path}\n")
     return path
 
@@ -69,13 +69,13 @@ def test_a_film_is_what_players_want(overlay: Path) -> None:
 
 
 def test_each_frame_is_shown_at_its_own_time(
-    run: Run, tmp_path: Path, pictures: list[bytes], unsteady: Callable[[list[bytes]], Path]
+    tmp_path: Path, pictures: list[bytes], unsteady: Callable[[list[bytes]], Path]
 ) -> None:
     """However unsteady they are, to a tick; of a part the first is at 0, and every second keeps its time."""
     flight = unsteady(pictures[: len(UNSTEADY_S)])
     taken_ns = [frame.captured_ns for frame in open_flight([flight]).frames()]
-    whole = run("decode", "video", flight, "-o", tmp_path / "whole.mp4", "--height", "240")
-    part = run("decode", "video", flight, "-o", tmp_path / "part.mp4", "--from", "0.2", "--every", "2", "--crf", "40")
+    whole = ran("decode", "video", flight, "-o", tmp_path / "whole.mp4", "--height", "240")
+    part = ran("decode", "video", flight, "-o", tmp_path / "part.mp4", "--from", "0.2", "--every", "2", "--crf", "40")
     times_s, shown = seen(tmp_path / "whole.mp4")
 
     assert (whole.returncode, part.returncode) == (0, 0), whole.stderr + part.stderr
@@ -88,7 +88,7 @@ def test_each_frame_is_shown_at_its_own_time(
 
 
 @pytest.fixture
-def unsteady(tmp_path: Path, run: Run) -> Callable[[list[bytes]], Path]:
+def unsteady(tmp_path: Path) -> Callable[[list[bytes]], Path]:
     """Makes a flight of pictures at unsteady times, as a film of them tells."""
 
     def make(jpegs: list[bytes]) -> Path:
@@ -102,7 +102,7 @@ def unsteady(tmp_path: Path, run: Run) -> Callable[[list[bytes]], Path]:
                 packet.stream, packet.time_base = stream, Fraction(1, 1000)
                 packet.pts = packet.dts = round(time_s * 1000)
                 container.mux(packet)
-        made = run("recorder", "replay", source, "-o", tmp_path / "flight.mcap", "--panel", FIXTURES / "panel.yaml")
+        made = ran("recorder", "replay", source, "-o", tmp_path / "flight.mcap", "--panel", FIXTURES / "panel.yaml")
         assert made.returncode == 0, made.stderr
         return tmp_path / "flight.mcap"
 
@@ -110,15 +110,15 @@ def unsteady(tmp_path: Path, run: Run) -> Callable[[list[bytes]], Path]:
 
 
 @pytest.mark.parametrize("with_lens", [False, True])
-def test_what_was_written_is_drawn_as_what_is_decoded(run: Run, tmp_path: Path, *, with_lens: bool) -> None:
+def test_what_was_written_is_drawn_as_what_is_decoded(tmp_path: Path, *, with_lens: bool) -> None:
     """Reading the tables back gives the same film as decoding again, but for rounding; through a bad lens, too."""
     camera = tmp_path / "camera.yaml"
     camera.write_text(CAMERA, encoding="utf-8")
     words = ["--camera", camera] if with_lens else []
     done = [
-        run("decode", A1, "-o", tmp_path, *words),
-        run("decode", "video", A1, "-o", tmp_path / "again.mp4", *words),
-        run("decode", "video", A1, "-o", tmp_path / "written.mp4", *words, "--data", tmp_path),
+        ran("decode", A1, "-o", tmp_path, *words),
+        ran("decode", "video", A1, "-o", tmp_path / "again.mp4", *words),
+        ran("decode", "video", A1, "-o", tmp_path / "written.mp4", *words, "--data", tmp_path),
     ]
     again, written = seen(tmp_path / "again.mp4"), seen(tmp_path / "written.mp4")
 
@@ -128,7 +128,7 @@ def test_what_was_written_is_drawn_as_what_is_decoded(run: Run, tmp_path: Path, 
     assert max(each.mean() for each in apart) < 0.1
 
 
-def test_the_flight_data_given_are_what_is_drawn(run: Run, decoded_a1: Decoded, tmp_path: Path) -> None:
+def test_the_flight_data_given_are_what_is_drawn(decoded_a1: Decoded, tmp_path: Path) -> None:
     """Another status in the table is seen in the film; frames that the table lacks are left out, which is said."""
     folder = tmp_path / "data"
     shutil.copytree(decoded_a1.folder, folder)
@@ -136,7 +136,7 @@ def test_the_flight_data_given_are_what_is_drawn(run: Run, decoded_a1: Decoded, 
     (folder / "thesis_a1.csv").write_text("\n".join(line.replace(",read,", ",hidden,") for line in lines[:11]) + "\n")
     placed = (folder / "thesis_a1_alignment.tsv").read_text(encoding="utf-8").splitlines()
     (folder / "thesis_a1_alignment.tsv").write_text("\n".join(placed[:11]) + "\n")
-    done = run("decode", "video", A1, "-o", tmp_path / "film.mp4", "--data", folder)
+    done = ran("decode", "video", A1, "-o", tmp_path / "film.mp4", "--data", folder)
     _, shown = seen(tmp_path / "film.mp4")
 
     assert done.returncode == 0
@@ -147,7 +147,7 @@ def test_the_flight_data_given_are_what_is_drawn(run: Run, decoded_a1: Decoded, 
 
 
 @pytest.fixture
-def sounding(tmp_path: Path, run: Run) -> Path:
+def sounding(tmp_path: Path) -> Path:
     """The flight filmed with sound, kept: a tone of 300 Hz, and of 600 Hz from the third second on."""
     silent, loud, flight = tmp_path / "silent.mp4", tmp_path / "loud.mp4", tmp_path / "loud.mcap"
     animation_film(A1, silent)
@@ -161,19 +161,19 @@ def sounding(tmp_path: Path, run: Run) -> Path:
             if packet.dts is not None:
                 packet.stream = stream
                 container.mux(packet)
-    done = run("recorder", "replay", loud, "-o", flight, "--panel", FIXTURES / "panel.yaml", "--keep-sound")
+    done = ran("recorder", "replay", loud, "-o", flight, "--panel", FIXTURES / "panel.yaml", "--keep-sound")
     assert done.returncode == 0, done.stderr
     return flight
 
 
 @pytest.mark.parametrize(("start", "change_s"), [((), 2.0), (("--from", "1.5"), 0.5)])
 def test_sound_is_left_out_unless_it_is_asked_for(
-    run: Run, sounding: Path, tmp_path: Path, start: tuple[str, ...], change_s: float
+    sounding: Path, tmp_path: Path, start: tuple[str, ...], change_s: float
 ) -> None:
     """It is then as it was, beside the pictures that it belongs to."""
     plain, heard = tmp_path / "plain.mp4", tmp_path / "heard.mp4"
     for target, words in ((plain, ()), (heard, ("--keep-sound",))):
-        done = run("decode", "video", sounding, "-o", target, "--height", "240", *start, *words)
+        done = ran("decode", "video", sounding, "-o", target, "--height", "240", *start, *words)
         assert (done.returncode, done.stderr) == (0, "")
 
     with av.open(str(plain)) as container:
@@ -208,13 +208,13 @@ def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np
     ],
 )
 def test_other_flight_data_are_refused(
-    run: Run, decoded_a1: Decoded, tmp_path: Path, change: Callable[[Path], None], words: list[str]
+    decoded_a1: Decoded, tmp_path: Path, change: Callable[[Path], None], words: list[str]
 ) -> None:
     """What is missing, of another flight, or not as it is written ends with one sentence and no film."""
     folder = tmp_path / "data"
     shutil.copytree(decoded_a1.folder, folder)
     change(folder)
-    done: Done = run("decode", "video", A1, "-o", tmp_path / "film.mp4", "--data", folder)
+    done: Done = ran("decode", "video", A1, "-o", tmp_path / "film.mp4", "--data", folder)
 
     says(done, *words)
     assert not list(tmp_path.glob("*film*"))
@@ -228,23 +228,21 @@ def spoil(file: Path, old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["panel", "camera"])
-def test_another_panel_or_camera_is_refused(run: Run, decoded_a1: Decoded, tmp_path: Path, what: str) -> None:
+def test_another_panel_or_camera_is_refused(decoded_a1: Decoded, tmp_path: Path, what: str) -> None:
     """Readings would lie where no needle is."""
     (tmp_path / "panel.yaml").write_bytes((FIXTURES / "panel.yaml").read_bytes() + b"# mine\n")
     (tmp_path / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
     (tmp_path / "camera.yaml").write_text(CAMERA, encoding="utf-8")
     words = [f"--{what}", tmp_path / f"{what}.yaml"]
-    done = run("decode", "video", A1, "-o", tmp_path / "film.mp4", "--data", decoded_a1.folder, *words)
+    done = ran("decode", "video", A1, "-o", tmp_path / "film.mp4", "--data", decoded_a1.folder, *words)
 
     says(done, f"thesis_a1.json: is of another {what}; give that with --{what}")
 
 
-def test_a_damaged_picture_is_dark_and_told(
-    run: Run, tmp_path: Path, make_flight: MakeFlight, pictures: list[bytes]
-) -> None:
+def test_a_damaged_picture_is_dark_and_told(tmp_path: Path, make_flight: MakeFlight, pictures: list[bytes]) -> None:
     """The film keeps its place and says why; pictures of another size are fitted in."""
     flight = make_flight([*pictures[:2], pictures[2][:20_000], *pictures[3:6]])
-    done = run("decode", "video", flight, "-o", tmp_path / "film.mp4")
+    done = ran("decode", "video", flight, "-o", tmp_path / "film.mp4")
     _, shown = seen(tmp_path / "film.mp4")
 
     assert done.returncode == 0
@@ -262,21 +260,21 @@ def test_a_damaged_picture_is_dark_and_told(
         (["-o", "film.mp4", "--crf", "0"], 2, "--crf"),
     ],
 )
-def test_what_cannot_be_filmed_is_said(run: Run, tmp_path: Path, words: list[str], code: int, told: str) -> None:
+def test_what_cannot_be_filmed_is_said(tmp_path: Path, words: list[str], code: int, told: str) -> None:
     """And no file appears."""
-    done = run("decode", "video", A1, *words[:1], tmp_path / words[1], *words[2:])
+    done = ran("decode", "video", A1, *words[:1], tmp_path / words[1], *words[2:])
 
     assert done.returncode == code
     assert told in done.stderr
     assert not list(tmp_path.iterdir())
 
 
-def test_the_flight_itself_is_never_replaced(run: Run, tmp_path: Path) -> None:
+def test_the_flight_itself_is_never_replaced(tmp_path: Path) -> None:
     """Not even if it is called as films are."""
     flight = tmp_path / "flight.mp4"
     flight.write_bytes(A2.read_bytes())
 
-    says(run("decode", "video", flight, "-o", flight), "would be overwritten")
+    says(ran("decode", "video", flight, "-o", flight), "would be overwritten")
     assert flight.read_bytes() == A2.read_bytes()
 
 

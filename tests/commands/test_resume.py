@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.programs import MakeFlight, Run, contents
+from tests.programs import MakeFlight, contents, ran
 
 # As the program, but its batches are smaller, and noted from the first on: flights of seconds are too long for a test.
 EAGER = """
@@ -47,9 +47,9 @@ def stopped(running: subprocess.Popen[str], journal: Path, batches: int, how: si
 
 
 @pytest.mark.slow
-def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(run: Run, flight: Path, tmp_path: Path) -> None:
+def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(flight: Path, tmp_path: Path) -> None:
     """Each time it goes on where it was; at the end the files are those of an unbroken decode, and nothing else."""
-    run("decode", flight, "-o", tmp_path / "whole")
+    ran("decode", flight, "-o", tmp_path / "whole")
     journal = tmp_path / "out" / "flight.decode-journal"
     for batches, jobs in ((1, 1), (3, 2), (5, 1)):
         words = (flight, "-o", tmp_path / "out", "--resume", "--jobs", jobs)
@@ -65,11 +65,11 @@ def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(run: Run, fl
 
 
 @pytest.mark.untraced
-def test_interrupted_decode_says_how_to_go_on(run: Run, flight: Path, tmp_path: Path) -> None:
+def test_interrupted_decode_says_how_to_go_on(flight: Path, tmp_path: Path) -> None:
     """Ctrl-C keeps what was read; the same command again starts over, and says so."""
     journal = tmp_path / "out" / "flight.decode-journal"
     said = stopped(eager(flight, "-o", tmp_path / "out", "--jobs", "1"), journal, 2, signal.SIGINT)
-    again = run("decode", flight, "-o", tmp_path / "out")
+    again = ran("decode", flight, "-o", tmp_path / "out")
 
     assert "frames; --resume goes on from there" in said
     assert "decode: interrupted; nothing was written" in said
@@ -79,11 +79,11 @@ def test_interrupted_decode_says_how_to_go_on(run: Run, flight: Path, tmp_path: 
     assert not journal.exists()
 
 
-def test_changed_options_are_not_resumed(run: Run, flight: Path, tmp_path: Path) -> None:
+def test_changed_options_are_not_resumed(flight: Path, tmp_path: Path) -> None:
     """A journal of the whole flight is none of a part of it, nor of the other method."""
     journal = tmp_path / "out" / "flight.decode-journal"
     stopped(eager(flight, "-o", tmp_path / "out"), journal, 2, signal.SIGKILL)
-    part = run("decode", flight, "-o", tmp_path / "out", "--resume", "--every", "20", "--method", "xcorr")
+    part = ran("decode", flight, "-o", tmp_path / "out", "--resume", "--every", "20", "--method", "xcorr")
 
     assert part.returncode == 0
     assert "is of another decode (method, part), so this decode starts at the beginning" in part.stderr

@@ -19,7 +19,7 @@ from flight_file.reader import open_flight
 from flight_file.session import Session
 from flight_file.untrusted import file_name
 from flight_file.writer import SegmentWriter
-from tests.programs import A1, FIXTURES, Run, ran, says
+from tests.programs import A1, FIXTURES, ran, says
 
 FRAMES = 3
 NS = 10**9
@@ -67,9 +67,7 @@ def tree(folder: Path) -> dict[str, bytes | None]:
 
 
 @pytest.mark.parametrize("recording", ["../victim", "{tmp}/victim", "..", "\x1b[2J\x1b]0;x\x07", "x" * 5000], ids=ascii)
-def test_recording_stays_in_the_output_folder(
-    run: Run, write_flight: WriteFlight, tmp_path: Path, recording: str
-) -> None:
+def test_recording_stays_in_the_output_folder(write_flight: WriteFlight, tmp_path: Path, recording: str) -> None:
     """All outputs in all formats lie in -o under one plain name, and nothing printed does anything on a terminal."""
     recording = recording.format(tmp=tmp_path)
     flight = write_flight(recording)
@@ -79,7 +77,7 @@ def test_recording_stays_in_the_output_folder(
         (tmp_path / "box").mkdir(exist_ok=True)
         (tmp_path / "box" / f"victim.{suffix}").write_text("mine")
     before = tree(tmp_path)
-    done = run("decode", flight, "-o", out, "--format", "csv,mcap,html,layout,parquet", "--with-images")
+    done = ran("decode", flight, "-o", out, "--format", "csv,mcap,html,layout,parquet", "--with-images")
 
     name = file_name(recording)
     assert done.returncode == 0, done.stderr
@@ -91,7 +89,7 @@ def test_recording_stays_in_the_output_folder(
     assert "\x1b" not in (out / f"{name}.html").read_text(encoding="utf-8")
 
 
-def test_pictures_of_gauges_stay_and_stay_apart(run: Run, write_flight: WriteFlight, tmp_path: Path) -> None:
+def test_pictures_of_gauges_stay_and_stay_apart(write_flight: WriteFlight, tmp_path: Path) -> None:
     """Gauges may be called what they like: each gets its picture in -o, also where only the case differs."""
     names = ["../../n1", "N2", "n2"]
 
@@ -101,7 +99,7 @@ def test_pictures_of_gauges_stay_and_stay_apart(run: Run, write_flight: WriteFli
 
     flight = write_flight("../../victim", attachments=panel_with(rename))
     wanted = [word for name in names for word in ("--gauge", name)]
-    done = run("decode", "frames", flight, "-o", tmp_path / "a" / "b" / "out", "--every", 99, *wanted)
+    done = ran("decode", "frames", flight, "-o", tmp_path / "a" / "b" / "out", "--every", 99, *wanted)
 
     assert done.returncode == 0, done.stderr
     made = [path for path in tmp_path.rglob("*.jpg") if path.is_file()]
@@ -120,13 +118,13 @@ JOURNAL = "thesis_a1.decode-journal"
 @pytest.mark.parametrize(
     "planted", [[name for name in PLANTED if name != JOURNAL], [JOURNAL]], ids=["outputs", "journal"]
 )
-def test_planted_links_are_not_followed(run: Run, tmp_path: Path, planted: list[str]) -> None:
+def test_planted_links_are_not_followed(tmp_path: Path, planted: list[str]) -> None:
     """A link in the output folder is replaced, left or refused; what it points to is never written."""
     (tmp_path / "out").mkdir()
     for name in planted:
         (tmp_path / f"victim of {name}").write_text("mine")
         (tmp_path / "out" / name).symlink_to(tmp_path / f"victim of {name}")
-    done = run("decode", A1, "-o", tmp_path / "out", "--every", 7)
+    done = ran("decode", A1, "-o", tmp_path / "out", "--every", 7)
 
     is_journal = planted == [JOURNAL]
     assert done.returncode == is_journal, done.stderr
@@ -138,63 +136,63 @@ def test_planted_links_are_not_followed(run: Run, tmp_path: Path, planted: list[
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight.mcap.part"])
-def test_input_is_never_overwritten(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_input_is_never_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Decoding into the flight's own folder leaves the flight as it is, finished or in work."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / name).write_bytes(A1.read_bytes())
-    done = run("decode", name, "-o", ".", "--format", "csv,mcap", "--every", 7)
+    done = ran("decode", name, "-o", ".", "--format", "csv,mcap", "--every", 7)
 
     assert (done.returncode == 1) == ("would be overwritten" in done.stderr) == (name == "flight.mcap"), done.stderr
     assert (tmp_path / name).read_bytes() == A1.read_bytes()
 
 
-def test_another_recording_of_that_name_is_not_replaced(run: Run, write_flight: WriteFlight, tmp_path: Path) -> None:
+def test_another_recording_of_that_name_is_not_replaced(write_flight: WriteFlight, tmp_path: Path) -> None:
     """A recording called as another one's safe name is does not take its place without a word."""
     first = write_flight("../victim", name="one_0000.mcap")
     second = write_flight(file_name("../victim"), name="two_0000.mcap")
-    assert run("decode", first, "-o", tmp_path / "out").returncode == 0
+    assert ran("decode", first, "-o", tmp_path / "out").returncode == 0
     before = tree(tmp_path / "out")
-    done = run("decode", second, "-o", tmp_path / "out")
+    done = ran("decode", second, "-o", tmp_path / "out")
 
     assert done.returncode == 1
     assert "is of the recording ../victim" in done.stderr
     assert tree(tmp_path / "out") == before
-    assert run("decode", first, "-o", tmp_path / "out").returncode == 0
+    assert ran("decode", first, "-o", tmp_path / "out").returncode == 0
 
 
-def test_file_name_that_is_no_text(run: Run, tmp_path: Path) -> None:
+def test_file_name_that_is_no_text(tmp_path: Path) -> None:
     """A flight file whose name is not even UTF-8 is decoded, and its files can be read."""
     flight = tmp_path / os.fsdecode(b"fl\xffght.mcap")
     flight.write_bytes(A1.read_bytes())
-    done = run("decode", flight, "-o", tmp_path / "out", "--every", 7, "--format", "csv,html,mcap")
+    done = ran("decode", flight, "-o", tmp_path / "out", "--every", 7, "--format", "csv,html,mcap")
 
     assert done.returncode == 0, done.stderr
     (description,) = (tmp_path / "out").glob("fl*.json")
     assert json.loads(description.read_text(encoding="utf-8"))["flight_files"][0]["name"] == "fl\\udcffght.mcap"
 
 
-def test_anchor_is_no_formula(run: Run, write_flight: WriteFlight, tmp_path: Path) -> None:
+def test_anchor_is_no_formula(write_flight: WriteFlight, tmp_path: Path) -> None:
     """The name of an anchor that failed is text in the table, whatever a spreadsheet thinks of it."""
     extra = {"name": "=1+1", "box": [10, 10, 40, 40]}
 
     def add(content: Content) -> None:
         content["anchors"].append(extra)
 
-    done = run("decode", write_flight("rec", attachments=panel_with(add)), "-o", tmp_path / "out")
+    done = ran("decode", write_flight("rec", attachments=panel_with(add)), "-o", tmp_path / "out")
     table = (tmp_path / "out" / "rec_alignment.tsv").read_text(encoding="utf-8") if done.returncode == 0 else ""
 
     assert "\t=" not in table
 
 
 @pytest.mark.parametrize("planted", ["link", "dangling"])
-def test_extracted_pictures_follow_no_link(run: Run, tmp_path: Path, planted: str) -> None:
+def test_extracted_pictures_follow_no_link(tmp_path: Path, planted: str) -> None:
     """`recorder extract` makes its own files, and leaves what lies in their place."""
     (tmp_path / "out").mkdir()
     victim = tmp_path / "victim"
     if planted == "link":
         victim.write_text("mine")
     (tmp_path / "out" / "000000.jpg").symlink_to(victim)
-    done = run("recorder", "extract", A1, "-o", tmp_path / "out")
+    done = ran("recorder", "extract", A1, "-o", tmp_path / "out")
 
     assert done.returncode == 1
     assert "is there already" in done.stderr
@@ -202,9 +200,9 @@ def test_extracted_pictures_follow_no_link(run: Run, tmp_path: Path, planted: st
 
 
 @pytest.mark.parametrize("words", [["info"], ["verify"], ["recover"]])
-def test_box_commands_print_what_they_read(run: Run, write_flight: WriteFlight, words: list[str]) -> None:
+def test_box_commands_print_what_they_read(write_flight: WriteFlight, words: list[str]) -> None:
     """A recording's name moves no cursor, whichever command prints it."""
-    done = run("recorder", *words, write_flight("\x1b[2Jname\x07\nlosses: none"))
+    done = ran("recorder", *words, write_flight("\x1b[2Jname\x07\nlosses: none"))
 
     assert "\x1b" not in done.stdout + done.stderr
     assert "\x07" not in done.stdout + done.stderr
