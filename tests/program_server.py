@@ -11,6 +11,7 @@ import json
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from importlib import import_module
 
@@ -36,6 +37,7 @@ def become(program: str, words: list[str], place: str, env: dict[str, str], file
     os.environ.update(env)
     if TRACED not in env:
         sys.settrace(None)
+        threading.settrace(None)
     sys.argv = [program, *words]
     MAINS[program]()
 

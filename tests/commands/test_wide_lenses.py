@@ -81,6 +81,7 @@ LENSES = {
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 @pytest.mark.parametrize("model", LENSES)
 def test_a_flight_through_a_wide_lens_is_read(
     model: str, decode: Callable[..., Decoded], make_flight: MakeFlight, tmp_path: Path

@@ -100,6 +100,7 @@ def run_all(lines: list[str], folder: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_commands_of_flight_data_run(tmp_path: Path) -> None:
     """Every command in docs/flight-data.md writes what it says."""
     (tmp_path / "names.yaml").write_text("n1_pct: {name: E1 NG, unit: '%'}\n", encoding="utf-8")
@@ -117,6 +118,7 @@ def test_commands_of_flight_data_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_commands_of_the_report_run(tmp_path: Path) -> None:
     """Every command in docs/report.md runs; the truth is in the page, by frame and by a clock."""
     (tmp_path / "names.yaml").write_text("n1_pct: {name: NG, unit: '%'}\n", encoding="utf-8")

@@ -18,6 +18,7 @@ def test_readme_and_tutorial_show_samples() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 @pytest.mark.parametrize("document", SHOWN, ids=lambda path: path.name)
 def test_commands_print_what_the_document_shows(document: Path, tmp_path: Path) -> None:
     """Every command, one after the other; if the change is meant, `make docs-samples` renews what is shown."""

@@ -143,6 +143,7 @@ def take_offers(hand: Hand, gauges: list[str]) -> list[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.untraced
 def test_oblique_panel_drawn_by_hand_reads_like_the_written_one(
     start: Callable[..., Any], open_page: Callable[..., Any], tmp_path: Path
 ) -> None:

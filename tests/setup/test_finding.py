@@ -352,6 +352,7 @@ WHOLE = {
 
 @pytest.mark.shared
 @pytest.mark.slow
+@pytest.mark.untraced
 @pytest.mark.skipif(not is_there(), reason="numerals are read by the extra `ocr`")
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared is absent")
 @pytest.mark.parametrize("cockpit", WHOLE)
