@@ -29,12 +29,15 @@ MakeFlight = Callable[..., Path]
 Place = tuple[str | int, ...]
 
 
+# As before any test: whichever asks first, programs can be traced for coverage. And a thread pool that a fork leaves
+# behind must never have been made.
+_ENVIRONMENT = {**os.environ, **ONE_EACH}
+
+
 def _server() -> subprocess.Popen[str]:
     """Forks our programs without loading their libraries anew; see program_server.py."""
     command = [sys.executable, "-P", str(Path(__file__).with_name("program_server.py"))]
-    # A thread pool that a fork leaves behind must never have been made.
-    environment = {**os.environ, **ONE_EACH}
-    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
+    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=_ENVIRONMENT)
     atexit.register(server.communicate)
     return server
 
