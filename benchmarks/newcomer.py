@@ -1,4 +1,4 @@
-"""How much a newcomer clicks and types to draw six flight instruments on the set-up page, and what `decode` then reads.
+"""How much a newcomer clicks and types to set up six flight instruments on the page, and what `decode` then reads.
 
 A person is played in a real Chromium by mouse and keyboard alone: what they look at is the screen, and each click lands
 a pixel beside what it means. The flight is a simulator's (`real_pictures`), so the truth of every frame is known.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,7 +37,7 @@ XY = tuple[float, float]
 MOST_CLICKS, MOST_KEYS = 40, 60
 OFF_PX = 1.0
 VIEW = {"width": 1440, "height": 900}
-SLOW_MS = 120_000
+SLOW_MS, SEARCH_MS = 400_000, 600_000
 # What is drawn lies on the screen a frame later; nobody clicks on what is not there yet.
 DRAWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 # Where on the screen a place of the picture is seen.
@@ -140,6 +140,10 @@ class Instrument:
     typed: tuple[str, ...]
     more: tuple[XY, ...] = ()
     """Marks that are clicked besides; their values are the grey numbers that the page shows."""
+    hub: XY | None = None
+    """Where its needle is seen to turn, which is clicked if the page asks for it."""
+    found: str = ""
+    """What the page calls it where it finds it by itself, if that is something else."""
 
 
 SIX_PACK = (
@@ -151,8 +155,13 @@ SIX_PACK = (
     ),
     Instrument("altimeter", ((1049.5, 121.2), (1164.5, 275.4), (935.8, 278.9)), ("0",)),
     Instrument("vertical speed", ((1132.8, 815.6), (966.2, 640.7), (1132.8, 635.8)), ("-1500", "500", "")),
-    Instrument("turn coordinator", ((365.8, 713.7), (359.6, 761.0), (95.1, 713.7)), ("0", "1")),
-    Instrument("heading", ((717.3, 635.4), (736.9, 804.8), (566.7, 822.8)), ("0",)),
+    Instrument(
+        "turn coordinator",
+        ((365.8, 713.7), (359.6, 761.0), (101.3, 761.0)),
+        ("0", "1", ""),
+        hub=(231.0, 715.0),
+    ),
+    Instrument("heading", ((717.3, 635.4), (736.9, 804.8), (566.7, 822.8)), ("0",), found="compass"),
     Instrument("attitude", ((593.4, 97.0), (749.0, 131.4), (486.6, 216.1)), ("0",)),
 )
 HORIZON = 725.0, 214.5
@@ -161,32 +170,60 @@ HORIZON = 725.0, 214.5
 
 def draw(person: Person) -> None:
     """Draw the six instruments on an empty page, and save them."""
+    choose_picture(person)
+    for corners in ANCHORS:
+        with person.doing("anchors"):
+            person.press("a")
+            person.drag(*corners)
+    for instrument in SIX_PACK:
+        with person.doing(instrument.usual):
+            dial(person, instrument)
+    with person.doing("saving"):
+        save(person)
+
+
+def find(person: Person) -> None:
+    """Let the page find what it can, accept that, draw the others, and save them."""
+    page = person.page
+    choose_picture(person)
+    with person.doing("finding dials, accepting them"):
+        person.press("d")
+        page.locator("#findagain").wait_for(timeout=SEARCH_MS)
+        person.push(page.locator("#acceptall"))
+    there = page.locator("#outline .of-gauge .name").all_text_contents()
+    for instrument in SIX_PACK:
+        if (instrument.found or instrument.usual) not in there:
+            with person.doing(instrument.usual):
+                dial(person, instrument)
+    with person.doing("saving"):
+        save(person)
+
+
+def choose_picture(person: Person) -> None:
+    """Take a frame of the flight for the panel picture."""
     page = person.page
     begin = (THUMB_PX / 2 + FRAME / (FRAMES - 1) * (SLIDER_PX - THUMB_PX)) / SLIDER_PX
     with person.doing("the picture"):
         person.push(page.locator("#frame"), (begin, 0.5))
         person.push(page.locator("#useframe"))
         page.locator("#lookback").wait_for(state="hidden", timeout=SLOW_MS)
-    for corners in ANCHORS:
-        with person.doing("anchors"):
-            person.press("a")
-            person.drag(*corners)
-    for index, instrument in enumerate(SIX_PACK):
-        with person.doing(instrument.usual):
-            dial(person, index, instrument)
-    with person.doing("saving"):
-        save(person)
 
 
-def dial(person: Person, index: int, instrument: Instrument) -> None:
+def dial(person: Person, instrument: Instrument) -> None:
     """Draw one instrument; what the page still offers then is taken where it says by how much it reads better."""
     page = person.page
+    index = page.locator("#outline .of-gauge").count()
     if page.locator("#picture:focus").count():
         person.press("g")
     else:  # where the cursor stands in a field, letters are typed into it
         person.push(page.get_by_label("Add: Gauges"))
     for place in instrument.rim:
         person.point(place)
+    drawn, asked = page.locator("#outline .of-gauge").nth(index), page.locator("#hint", has_text="Now click the hub")
+    drawn.or_(asked).first.wait_for(timeout=SLOW_MS)
+    if instrument.hub is not None and asked.count():
+        person.point(instrument.hub)
+    drawn.wait_for(timeout=SLOW_MS)
     person.push(page.locator(f'button[data-usual="{instrument.usual}"]'))
     for value in instrument.typed:
         page.wait_for_selector("#inspector input[aria-label^='value of the mark']:focus", timeout=SLOW_MS)
@@ -236,7 +273,10 @@ SOURCE = next(source for source in SOURCES if source.panel == PANELS / "sixpack.
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What one column shows: its truth's name, its unit, a turn's value, and how far it may be off."""
+    """What one column shows: its truth's name, its unit, a turn's value, and how far it may be off.
+
+    `found` is the column's name where the page found its dial by itself, if that is another.
+    """
 
     column: str
     truth: str
@@ -244,6 +284,11 @@ class Shown:
     limit: float
     turn: float | None = None
     stop: float = math.inf
+    found: str = ""
+
+    def among(self, columns: Collection[str]) -> str:
+        """Its name among these."""
+        return self.found if self.found in columns else self.column
 
 
 SHOWN = (
@@ -251,7 +296,7 @@ SHOWN = (
     Shown("altitude_ft", "alt_ft", "ft", 100.0),
     Shown("vertical_speed_fpm", "vsi_fpm", "fpm", 125.0, stop=2000.0),
     Shown("turn_rate", "turn_rate_norm", "standard rates", 0.1),
-    Shown("heading_deg", "hi_heading_deg", "deg", 2.5, 360.0),
+    Shown("heading_deg", "hi_heading_deg", "deg", 2.5, 360.0, found="compass_deg"),
     Shown("roll_deg", "ai_roll_deg", "deg", 1.0, 360.0),
     Shown("pitch_deg", "ai_pitch_deg", "deg", 1.0),
 )
@@ -259,7 +304,7 @@ SHOWN = (
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One column held against its truth, in its unit: parts of the frames with a value and read, errors of these."""
+    """One column held against its truth, in its unit: parts of the frames with a value and read, errors of values."""
 
     shown: Shown
     valued: float
@@ -271,7 +316,7 @@ class Held:
 
     @property
     def holds(self) -> bool:
-        """Whether 95 % of what is read is within the limit."""
+        """Whether 95 % of the frames have a value within the limit."""
         return self.within_limit >= CONFIDENT
 
     @property
@@ -290,17 +335,18 @@ CONFIDENT = 0.95
 
 def held(shown: Shown, flight: Table, truth: Floats) -> Held:
     """Hold a column against its truth."""
-    value, sigma = flight.numbers(shown.column), flight.numbers(f"{shown.column}_sigma")
+    name = shown.among(flight.columns)
+    value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
     error = np.abs(shortest(value - np.clip(truth, -shown.stop, shown.stop), shown.turn))
-    valued, read = np.isfinite(error), np.array(flight.columns[f"{shown.column}_status"]) == Status.READ
-    known = error[valued & read]
+    valued, read = np.isfinite(error), np.array(flight.columns[f"{name}_status"]) == Status.READ
+    known = error[valued]
     return Held(
         shown,
         float(valued.mean()),
         float(read.mean()),
         float(known.mean()) if known.size else math.nan,
         float(known.max(initial=0.0)),
-        float((known <= shown.limit).mean()) if known.size else 0.0,
+        float((error <= shown.limit).mean()),
         float((error <= CONFIDENCE_SIGMAS * sigma)[valued].mean()) if valued.any() else math.nan,
     )
 
@@ -315,8 +361,8 @@ class Drawn:
     columns: list[Held]
 
 
-def drawn_six_pack(browser: str, source: Source = SOURCE, seed: int = 5) -> Drawn:
-    """Draw the six instruments, decode the flight with that panel, and hold it against the truth."""
+def drawn_six_pack(browser: str, work: Callable[[Person], None], source: Source = SOURCE, seed: int = 5) -> Drawn:
+    """Have a person do their work, decode the flight with the panel they saved, and hold it against the truth."""
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - for development only
 
     pictures = sorted(source.folder.glob(source.pictures))
@@ -334,7 +380,7 @@ def drawn_six_pack(browser: str, source: Source = SOURCE, seed: int = 5) -> Draw
             page.goto(url)
             page.wait_for_selector("body[data-ready]")
             person = Person(page, seed)
-            draw(person)
+            work(person)
             chrome.close()
         record_flight(pictures, saved, folder / "flight.mcap")
         decode(folder / "flight.mcap", folder)
@@ -345,14 +391,19 @@ def drawn_six_pack(browser: str, source: Source = SOURCE, seed: int = 5) -> Draw
 
 LEGEND = """\
 Six flight instruments of a simulator's cockpit (airspeed, altimeter, vertical speed, turn coordinator, heading,
-attitude), drawn on the set-up page from an empty panel by mouse and keyboard in Chromium, each click a pixel of the
-picture beside what it means, in a direction by chance. A press of the mouse's button is a click, also where it drags;
-every key counts. Then `decode` reads all 90 frames with that panel, beside the simulator's own values.
+attitude), from an empty page in Chromium by mouse and keyboard, each click a pixel of the picture beside what it means,
+in a direction by chance. A press of the mouse's button is a click, also where it drags; every key counts. Then `decode`
+reads all 90 frames with that panel, beside the simulator's own values.
 
 The limits are what 14 CFR 91 Appendix E, note 1, lets a recording add to what an instrument shows, 100 ft of altitude,
-and a tenth of a standard rate. A column holds if 95 % of what is `read` is within its limit. Errors are absolute,
-over frames with status `read`; `in 95 %` is the part of values whose truth lies within 1.96 sigma.
+and a tenth of a standard rate. A column holds if 95 % of all frames have a value within its limit. Errors are absolute,
+over frames with a value; `in 95 %` is the part of values whose truth lies within 1.96 sigma. `read` is the part that is
+not in doubt: a pixel beside a turn coordinator's marks, which stand 20 degrees apart, leaves all of its scale in doubt.
 """
+WORKS: Mapping[str, Callable[[Person], None]] = {
+    "The page finds what it can, the rest is drawn": find,
+    "All of it drawn by hand": draw,
+}
 
 
 def newcomer_page(seed: int = 5) -> str:
@@ -360,11 +411,16 @@ def newcomer_page(seed: int = 5) -> str:
     browser = chromium()
     if browser is None or not any(SOURCE.folder.glob(SOURCE.pictures)):
         return "Not measured: there is no Chromium on this machine, or the pictures are not there.\n"
-    drawn = drawn_six_pack(browser, seed=seed)
+    parts = [f"### {title}\n\n{_tables(drawn_six_pack(browser, work, seed=seed))}" for title, work in WORKS.items()]
+    return "\n".join([LEGEND, *parts])
+
+
+def _tables(drawn: Drawn) -> str:
+    """What it took, and what came of it."""
     enough = drawn.clicks <= MOST_CLICKS and drawn.keys <= MOST_KEYS
     spent = [[what, str(clicks), str(keys)] for what, (clicks, keys) in drawn.spent.items()]
     total = ["together", str(drawn.clicks), str(drawn.keys)]
     most = [f"at most{'' if enough else ': NOT HELD'}", str(MOST_CLICKS), str(MOST_KEYS)]
     header = ["column", "unit", "valued", "read", "mean", "largest", "limit", "within it", "in 95 %", "holds"]
     counts = markdown(["drawing", "clicks", "keys"], [*spent, total, most])
-    return f"{LEGEND}\n{counts}\n\n{markdown(header, [each.row for each in drawn.columns])}\n"
+    return f"{counts}\n\n{markdown(header, [each.row for each in drawn.columns])}\n"

@@ -60,7 +60,9 @@ class QuantityUncertainty:
     pivot
         Its gauge's.
     missed_px
-        From how far beside it marks and zero may have been seen, (x, y) at that radius.
+        From how far beside it marks and zero may have been seen, (x, y).
+    rim_px
+        How far out its marks are. The needle was seen along all of its length, on average at `radius_px`.
     zero_deg
         The angle at which the needle's zero was set; None for a card, which is read all round: beside its pivot one
         half makes up for the other.
@@ -74,6 +76,7 @@ class QuantityUncertainty:
     radius_px: float
     pivot: Pivot
     missed_px: Vector
+    rim_px: float
     zero_deg: float | None
     marks_deg: tuple[float, ...] = ()
 
@@ -88,9 +91,8 @@ class QuantityUncertainty:
         if self.zero_deg is None:
             return np.full_like(angles_deg, self.drawn_deg)
         drawn_deg = self.drawn_deg * self._lever(angles_deg)
-        # Marks and zero are seen from the same centre: they are off as by a pivot that far beside.
-        around = self.pivot.beside(np.array(self.missed_px))
-        sigma: Floats = np.hypot(drawn_deg, around.sigma_deg(angles_deg, self.zero_deg, self.radius_px))
+        around_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
+        sigma: Floats = np.hypot(drawn_deg, np.hypot(around_deg, self._missed_deg(angles_deg, self.zero_deg)))
         return sigma
 
     def doubt_sigma_deg(self, angles_deg: Floats) -> Floats:
@@ -100,6 +102,13 @@ class QuantityUncertainty:
         """
         sigma: Floats = np.hypot(self.drawn_sigma_deg(angles_deg), math.degrees(self.place_px / self.radius_px))
         return sigma
+
+    def _missed_deg(self, angles_deg: Floats, zero_deg: float) -> Floats:
+        """(N,): by how much marks and zero are off if they were seen from that far beside: what is nearer by more."""
+        missed_px = np.array(self.missed_px)
+        marks, zero = across(angles_deg) @ missed_px, across(np.array([zero_deg])) @ missed_px
+        off_deg: Floats = np.degrees(np.abs(marks / self.rim_px - zero / self.radius_px))
+        return off_deg
 
     def _lever(self, angles_deg: Floats) -> Floats:
         """(N,): how many times as far a scale is off as one of its marks: beyond the last the last two tell it."""
@@ -150,7 +159,7 @@ def quantity_uncertainties(
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
         gauge, as_told, pivot, place_px, path = parts
         as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care_part=care_part)
-        missed = _to_allow_for(-abs(log_odds)) * gauge.arc_px / gauge.radius[1]
+        missed = _to_allow_for(-abs(log_odds))
         as_needle = replace(
             as_card,
             drawn_deg=_by_hand_deg(gauge, care_part),
@@ -198,6 +207,7 @@ def _of_card(
         radius_px=gauge.arc_px,
         pivot=pivot.blurred(_height_px(drawn, index)),
         missed_px=(0.0, 0.0),
+        rim_px=rim_px,
         zero_deg=None,
     )
 

@@ -98,6 +98,8 @@ class Usual:
         What a full turn of it, or of the finest of several needles, is worth.
     together
         The column of what several needles show together, each worth ten times the finer one.
+    both_ends
+        Whether both ends of its needle point to marks, as a turn coordinator's wings do.
     """
 
     name: str
@@ -105,6 +107,7 @@ class Usual:
     columns: tuple[str, ...]
     turn: float | None = None
     together: str = ""
+    both_ends: bool = False
 
 
 @dataclass(frozen=True, slots=True)

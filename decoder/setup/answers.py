@@ -21,7 +21,7 @@ from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import PanelError, PictureError
 from decoder.panel.gauge import KINDS, Gauge
 from decoder.panel.vocabulary import Method
-from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, refined
+from decoder.setup.dial_edges import Rim, Ring, around_hub, begun, centre_doubt_px, mark_angle_deg, refined
 from decoder.setup.drafts import Stale, panel_of_gauge
 from decoder.setup.drawn_plane import height_inches
 from decoder.setup.finding.advice import Sight, advised
@@ -43,8 +43,10 @@ from decoder.setup.requests import (
 )
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import PANEL_KEY
+from decoder.setup.thresholds import MAX_MOVE_PX
 from decoder.setup.trial import FrameTrial, Trial, tried
 from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view, unwrapped_view
+from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 
 Answer = dict[str, Any]
 
@@ -80,10 +82,15 @@ def planes_answer(session: SetupSession, asked: PlaneQuestion) -> Answer:
 
 
 def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
-    """Find the rim that clicks mean."""
+    """Find the rim that clicks mean; of a new one, how far its centre is in doubt, if far."""
     picture, planes = session.store.grey(asked.picture), session.planes(asked.seen, asked.picture)
     if asked.ring is None:
-        return _rim(begun(picture, planes, asked.points))
+        clicks, hub = asked.points[:3], asked.points[3:]
+        if hub:
+            return _rim(around_hub(planes, clicks, hub[0]))
+        doubt_px = CONFIDENCE_SIGMAS * centre_doubt_px(planes, clicks)
+        in_doubt = {"doubt_px": round(doubt_px)} if doubt_px > MAX_MOVE_PX else {}
+        return {**_rim(begun(picture, planes, clicks)), **in_doubt}
     ring = Ring(planes.drawn(asked.ring.centre, asked.ring.rim), asked.ring.radius)
     return _rim(refined(picture, planes, ring, asked.points))
 

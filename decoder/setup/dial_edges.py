@@ -286,6 +286,27 @@ def begun(picture: GreyPicture, planes: Planes, clicks: Sequence[XY]) -> Rim:
     return _kept(planes, circle, oblique=False)
 
 
+def centre_doubt_px(planes: Planes, clicks: Sequence[XY]) -> float:
+    """Tell how far three clicks on a rim, each a little beside it, leave its centre in doubt, one sigma.
+
+    Raises
+    ------
+    PictureError
+        If they lie on a line.
+    """
+    circle = circle_through(planes.drawn(clicks[0]), clicks)
+    across, along = circle.drawn.to_dial(np.array(clicks, np.float64).T)
+    design = _design(np.arctan2(along, across), Freedom.CIRCLE)
+    covariance = np.linalg.inv(design.T @ design)
+    return LIKELY_PX * math.sqrt(float(np.trace(covariance[:2, :2])))
+
+
+def around_hub(planes: Planes, clicks: Sequence[XY], hub: XY) -> Rim:
+    """Draw the circle around a hub that passes clicks as near as can be."""
+    drawn = planes.drawn(hub)
+    return _kept(planes, Ring(drawn, mean_radius_px(drawn, np.array(clicks, np.float64).T)), oblique=False)
+
+
 def refined(picture: GreyPicture, planes: Planes, ring: Ring, clicks: Sequence[XY]) -> Rim:
     """Bend a rim through clicks, and fit it to the marks that are there.
 

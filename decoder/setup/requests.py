@@ -73,15 +73,15 @@ class DrawnRing(Strict):
 
 
 class RimQuestion(SeenQuestion):
-    """Three clicks on a rim; or any number more that bend the `ring` that is drawn already."""
+    """Three clicks on a rim, and its hub if need be; or any number that bend the `ring` that is drawn already."""
 
     points: Annotated[tuple[Point, ...], Field(min_length=1, max_length=60)]
     ring: DrawnRing | None = None
 
     @model_validator(mode="after")
     def _three_begin_one(self) -> Self:
-        if self.ring is None and len(self.points) != 3:  # noqa: PLR2004 - as many tell a circle
-            raise ValueError("a new rim takes three points")
+        if self.ring is None and len(self.points) not in {3, 4}:
+            raise ValueError("a new rim takes three points, and its hub if they leave that in doubt")
         return self
 
 

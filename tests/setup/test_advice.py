@@ -17,7 +17,7 @@ from decoder.instruments.reading import Status
 from decoder.setup.answers import advice_answer
 from decoder.setup.drafts import panel_of_gauge
 from decoder.setup.drawn_plane import DrawnPlane
-from decoder.setup.finding.advice import Fit, Sight, advised
+from decoder.setup.finding.advice import Fit, Sight, advised, shows_the_same
 from decoder.setup.requests import TrialQuestion
 from decoder.setup.session import SetupSession
 from decoder.setup.trial import FrameTrial, NeedleTrial, Trial, tried
@@ -118,10 +118,11 @@ def test_taking_each_offer_comes_to_an_end_and_makes_no_altimeter_worse(
     assert error_ft <= first_ft + WITHIN_FT
 
 
-GAUGE = {
+GAUGE: dict[str, Any] = {
     "name": "dial", "centre": [100.0, 100.0], "radius": [10.0, 50.0], "sweep": [0.0, 300.0],
     "scale": [[0.0, 0.0], [300.0, 10.0]], "needles": [{"name": "x", "template": {"at": 90.0, "span": 10.0}}],
 }  # fmt: skip
+BESIDE_DEG = math.degrees(3.0 / (0.7 * 50.0))  # of a needle straight down, from a centre 3 px to the right
 
 
 def trial_of(score: float, moved_px: tuple[float, float] | None, axis_deg: float) -> Trial:
@@ -131,12 +132,12 @@ def trial_of(score: float, moved_px: tuple[float, float] | None, axis_deg: float
 
 
 def offered(after: dict[str, Trial]) -> list[str]:
-    """What is offered of a gauge 3 px and a degree off, by how it is tried where centre or axis are elsewhere."""
+    """What is offered of a gauge a pixel and a degree off, by how it is tried where centre or axis are elsewhere."""
 
     def tries(gauge: dict[str, Any]) -> Trial:
         if gauge["centre"] != GAUGE["centre"]:
             return after["centre"]
-        return after["axis"] if gauge["needles"][0]["template"]["at"] != 90.0 else trial_of(0.95, (3.0, 0.0), 1.0)
+        return after["axis"] if gauge["needles"][0]["template"]["at"] != 90.0 else trial_of(0.95, (1.0, 0.0), 1.0)
 
     sight = Sight(DrawnPlane.square_on((100.0, 100.0)), is_oblique=False, height_inches=None)
     return [each.gain for each in advised(GAUGE, lambda _: sight, tries, lambda _, near, __: near)]
@@ -144,11 +145,26 @@ def offered(after: dict[str, Trial]) -> list[str]:
 
 def test_only_what_fits_better_is_offered() -> None:
     """A centre that scores lower, or only swings to the other side, is none; then the axis alone is looked at."""
-    worse, swung = trial_of(0.94, None, 0.0), trial_of(0.95, (-3.0, 0.0), -1.0)
+    worse, swung = trial_of(0.94, None, 0.0), trial_of(0.95, (-1.0, 0.0), -1.0)
     assert offered({"centre": worse, "axis": worse}) == []
     assert offered({"centre": swung, "axis": swung}) == []
     (gain,) = offered({"centre": trial_of(0.97, None, 0.0), "axis": worse})
-    assert gain.startswith("values read 10 of 10, mean score 0.950 → 0.970, needles turn 3.00 → 0.00 px beside it")
+    assert gain.startswith("values read 10 of 10, mean score 0.950 → 0.970, needles turn 1.00 → 0.00 px beside it")
     assert gain.endswith("axes are 1.00 → 0.00° off")
-    assert len(offered({"centre": worse, "axis": trial_of(0.95, (3.0, 0.0), 0.0)})) == 1
+    assert len(offered({"centre": worse, "axis": trial_of(0.95, (1.0, 0.0), 0.0)})) == 1
     assert math.isclose(Fit.of_trial(worse, GAUGE).score, 0.94)
+
+
+def test_a_centre_from_which_the_needle_shows_another_value_is_not_offered() -> None:
+    """Frames tell where a needle turns, and not what it points at there: a scale may go along with it or stay."""
+    moved = copy.deepcopy(GAUGE) | {"centre": [103.0, 100.0]}
+    moved["needles"][0]["template"]["at"] = 90.0 + BESIDE_DEG
+    along = moved | {"scale": [[BESIDE_DEG, 0.0], [300.0 + BESIDE_DEG, 10.0]]}
+    around = {"scale": [[0.0, 0.0], [180.0, 500.0]], "wraps": 1000.0}
+
+    assert not shows_the_same(GAUGE, moved)
+    assert shows_the_same(GAUGE, along)
+    assert not shows_the_same(GAUGE | around, moved | around)
+    nearer = copy.deepcopy(moved | around)
+    nearer["needles"][0]["template"]["at"] = 90.0 - 360.0 + 3.5
+    assert shows_the_same(GAUGE | around, nearer)

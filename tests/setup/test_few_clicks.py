@@ -105,3 +105,38 @@ def test_a_balls_way_is_clicked(start: Start, open_page: OpenPage) -> None:
         page.wait_for_selector('[id="f:gauges[0].ball.tube"]:focus')
         typed(page, value)
     expect(page.locator('[id="f:gauges[0].ball.tube"]')).to_have_value("80 90 -1, 120 96 0, 160 90 1")
+
+
+def test_ends_too_near_each_other_to_tell_a_centre_ask_for_the_hub(start: Start, open_page: OpenPage) -> None:
+    """The page says how far off the centre may be; the hub is clicked then, and what was clicked are its marks."""
+    page = open_page(start())
+    hand = Hand(page)
+    hand.press("g")
+    for angle in (150.0, 165.0, 180.0):
+        turn = math.radians(angle)
+        hand.click((CENTRE[0] + RING_PX * math.cos(turn), CENTRE[1] + RING_PX * math.sin(turn)))
+    expect(page.locator("#hint")).to_contain_text("Now click the hub")
+    expect(page.locator("#outline .of-gauge")).to_have_count(0)
+    hand.click(CENTRE)
+    for axis in (0, 1):
+        centre = float(page.locator(f'[id="f:gauges[0].centre[{axis}]"]').input_value())
+        assert centre == pytest.approx(CENTRE[axis], abs=0.5)
+    assert len(values(page)) == 3
+
+
+def test_marks_at_both_ends_of_a_turn_coordinator_count_for_the_first(start: Start, open_page: OpenPage) -> None:
+    """Its wings are one needle: a mark that the left one points to stands where the right one then is."""
+    page = open_page(start())
+    hand = Hand(page)
+    hand.press("g")
+    for angle in (0.0, 20.0, 160.0):
+        turn = math.radians(angle)
+        hand.click((CENTRE[0] + RING_PX * math.cos(turn), CENTRE[1] + RING_PX * math.sin(turn)))
+    expect(page.locator("#hint")).to_contain_text("Now click the hub")
+    hand.click(CENTRE)
+    page.locator("button[data-usual='turn coordinator']").click()
+    expect(page.locator(f"{VALUE}:focus")).to_have_count(1)
+    typed(page, "0")
+    typed(page, "1")
+    typed(page, "")
+    assert values(page) == ["-1", "0", "1"]

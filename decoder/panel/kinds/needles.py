@@ -113,7 +113,7 @@ class Needles(Plain):
                 "altimeter", "ft", ("hundreds_ft", "thousands_ft", "ten_thousands_ft"), 1000.0, together="altitude_ft"
             ),
             Usual("vertical speed", "fpm", ("vertical_speed_fpm",)),
-            Usual("turn coordinator", "standard rate", ("turn_rate",)),
+            Usual("turn coordinator", "standard rate", ("turn_rate",), both_ends=True),
             Usual("tachometer", "rpm", ("tach_rpm",)),
         ),
     )

@@ -3,7 +3,8 @@
 The frames tell where needles turn, and where their axes lie. What they tell is drawn and tried once more, on all of
 them, before anybody hears of it: what moves a centre turns axes with it, and one that goes by one picture may fit the
 others worse. An offer reads more values, or as many with no lower score and at most half of what made it left; so
-offers come to an end.
+offers come to an end. And where no more is read, the panel picture shows the same values after it as before: frames
+tell where a needle turns, not what it points at.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
+import numpy as np
+
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.learning.thresholds import SETTLED_PX
 from decoder.panel.errors import PanelError
+from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, shortest
 from decoder.registration.thresholds import CLEAR_SCORE
 from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.thresholds import MAX_MOVE_PX
+from decoder.timeseries.thresholds import SMALLEST_PART
 
 GaugeDraft = dict[str, Any]
 """A gauge in the words of `panel.yaml`."""
@@ -204,12 +209,33 @@ def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries
             replace(offer, gauge=drawn, after=after)
             for offer in group
             for drawn, after in _settled(offer.gauge, tries)
-            if after.is_better_than(before)
+            if after.is_better_than(before) and (after.read > before.read or shows_the_same(now, drawn))
         ]
         if offers:
             best = max(offers, key=lambda each: each.after.order)
             return [replace(best, before=before)]
     return []
+
+
+def shows_the_same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether needles show the same where they are drawn on two drafts of a gauge, or nearly so."""
+    pairs = zip(_drawn_values(one), _drawn_values(other), strict=True)
+    return all(
+        abs(shortest(np.array(value - before), turn)) <= SMALLEST_PART * full_scale
+        for (before, full_scale, turn), (value, _, _) in pairs
+    )
+
+
+def _drawn_values(gauge: Mapping[str, Any]) -> Iterator[tuple[float, float, float | None]]:
+    """By needle that is cut from the panel picture: what it shows there, its full scale, and the value of a turn."""
+    for needle in gauge.get("needles") or ():
+        own = needle if needle.get("scale") else gauge
+        marks, turn, at = sorted(own.get("scale") or ()), own.get("wraps"), needle["template"].get("at")
+        if at is not None and len(marks) > 1:
+            middle = (marks[0][0] + marks[-1][0]) / 2
+            angle = middle + float(shortest(np.array(at - middle), FULL_CIRCLE_DEG))
+            value = float(Scale.of(marks, turn).values_at(np.array([angle]))[0])
+            yield value, turn or abs(marks[-1][1] - marks[0][1]), turn
 
 
 def _settled(gauge: GaugeDraft, tries: Try) -> Iterator[tuple[GaugeDraft, Fit]]:

@@ -54,7 +54,12 @@ export const TOOLS = {
     hint: "Click three outer ends of tick marks, well apart; the rim finds the ring they stand on, round or oblique.",
     done: async (store, points) => {
       const rim = await ask("rim", { ...store.planes.seen, points });
-      addGauge(store, rim, await anglesOf(store, rim, points));
+      if (rim.doubt_px) {
+        store.clicks = points; // one more, on the hub
+        store.tell("say", `From these three ends the centre may lie ${rim.doubt_px} pixels off: click the hub as well, where its needle turns.`);
+        return;
+      }
+      addGauge(store, rim, await anglesOf(store, rim, points.slice(0, 3)));
       store.use("select");
       store.tell("type", `gauges[${store.selection.index}].name`);
     },
@@ -258,7 +263,8 @@ export async function click(store, point) {
   store.clicks = [];
   try {
     await tool.done(store, points);
-    if (!tool.stays && TOOLS[store.tool] === tool) store.use("select");
+    if (store.clicks.length) store.tell("tool"); // they do not tell enough
+    else if (!tool.stays && TOOLS[store.tool] === tool) store.use("select");
     else store.tell("tool");
   } catch (error) {
     store.tell("say", error.message);
@@ -281,7 +287,7 @@ export function showTools(store) {
     Object.keys(TOOLS).forEach((name, place) => buttons[place].setAttribute("aria-pressed", store.tool === name));
     byId("picture").classList.toggle("select", store.tool === "select");
     const { clicks, hint, needs } = TOOLS[store.tool];
-    const left = store.clicks.length ? ` (${store.clicks.length} of ${clicks})` : "";
+    const left = !store.clicks.length ? "" : store.clicks.length < clicks ? ` (${store.clicks.length} of ${clicks})` : " Now click the hub.";
     byId("hint").textContent = needs?.(store) || hint + left || (store.tool === "select" && store.hint) || "";
   };
   store.on("tool select hint", show);

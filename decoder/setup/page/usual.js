@@ -34,6 +34,7 @@ function take(store, index, kind, usual) {
     gauge.unit = usual.unit;
     if (kindOf(store, gauge) !== kind) becomes(store, gauge, kind.key, freeColumn(document, usual.columns[0]));
     if (usual.turn) Object.assign(gauge, { wraps: usual.turn, sweep: [0, 360] });
+    if (usual.both_ends) gauge.scale = atOneEnd(gauge.scale, store.firstMark);
   });
   const next = firstOpen(store, index);
   if (next) store.tell("type", next);
@@ -41,6 +42,12 @@ function take(store, index, kind, usual) {
   if (kind.begun) return;
   wanted.set(store.document.gauges[index].name, usual);
   lookForNeedles(store, index);
+}
+
+// Marks of a needle whose both ends point to marks, all as one end points to them: that of the mark clicked first.
+function atOneEnd(marks, first) {
+  const opposite = (angle) => angle - 180 * Math.round((angle - first) / 180);
+  return marks.map(([angle, value]) => [rounded(opposite(angle), 4), value]).sort(([one], [other]) => one - other);
 }
 
 const WITHIN = 0.97; // a window ends a little before the ring around it, which begins a little after its edge

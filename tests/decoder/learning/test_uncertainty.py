@@ -75,7 +75,7 @@ def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() ->
 def test_all_parts_add_in_squares() -> None:
     """The drawing, the place and the pivot know nothing of each other."""
     pivot = replace(KNOWN, covariance_px2=0.04 * np.eye(2))
-    uncertainty = QuantityUncertainty(0.03, 0.04, 0.1, 50.0, pivot, (0.0, 0.0), 20.0)
+    uncertainty = QuantityUncertainty(0.03, 0.04, 0.1, 50.0, pivot, (0.0, 0.0), 50.0, 20.0)
     drawn_deg = math.hypot(0.03, math.degrees(0.2 * 2.0 / 50.0))
     expected_deg = math.hypot(drawn_deg, 0.04, math.degrees(0.1 / 50.0))
 
@@ -101,8 +101,8 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
     assert found.drawn_deg == pytest.approx(math.degrees(HAND_PX / drawn.panel.gauges[0].arc_px))
 
 
-def test_marks_that_may_be_points_are_doubted_but_where_the_needle_was_cut() -> None:
-    """Mark and needle are seen from the same wrong centre: there one makes up for the other, and not elsewhere."""
+def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -> None:
+    """Mark and needle are seen from the same wrong centre: there one makes up for the other but for their distances."""
     drawn = reader_of().source
     gauge = drawn.panel.gauges[0]
     (zero_deg,) = (needle.at_deg for needle in gauge.turning)
@@ -112,9 +112,10 @@ def test_marks_that_may_be_points_are_doubted_but_where_the_needle_was_cut() -> 
     undecided, decided = (uncertainties_of(drawn, path=path, log_odds=odds)["speed_kt"] for odds in (0.0, 12.0))
     here, opposite = np.array([zero_deg]), np.array([zero_deg + 180.0])
 
-    assert undecided.drawn_sigma_deg(here) == pytest.approx([undecided.drawn_deg])
-    both_deg = math.degrees(2 * 2.0 / gauge.radius[1])
-    assert undecided.drawn_sigma_deg(opposite) == pytest.approx([math.hypot(undecided.drawn_deg, both_deg)])
+    mark_deg, needle_deg = (math.degrees(2.0 / radius_px) for radius_px in (gauge.radius[1], gauge.arc_px))
+    for angles_deg, beside_deg in ((here, needle_deg - mark_deg), (opposite, needle_deg + mark_deg)):
+        expected_deg = math.hypot(undecided.drawn_deg, beside_deg)
+        assert undecided.drawn_sigma_deg(angles_deg) == pytest.approx([expected_deg])
     assert decided.drawn_sigma_deg(opposite) < undecided.drawn_sigma_deg(opposite) / 10
 
 
@@ -195,7 +196,7 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
 
 def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
     """The last two marks, each as far off as any, tell it there: half as far beyond as they lie apart, by 1.6 times."""
-    uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 20.0, (0.0, 40.0, 100.0))
+    uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, (0.0, 40.0, 100.0))
     sigma_deg = uncertainty.drawn_sigma_deg(np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
 
     assert sigma_deg == pytest.approx(0.1 * np.array([math.hypot(1.5, 0.5), 1.0, 1.0, 1.0, math.hypot(1.5, 0.5)]))
