@@ -168,13 +168,14 @@ def quantity_uncertainties(
         )
         as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # what is written was drawn by nobody
         zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
+        # Marks that are uneven were seen from beside their middle, and so was all else on the dial.
+        marks_deg = max((uneven_deg(quantity) for quantity in as_told.quantities), default=0.0)
         span_deg, mistaken = gauge.sweep[1] - gauge.sweep[0], _mistaken(gauge, pivot, found)
         for quantity in as_told.quantities:
             name = quantity.name
             if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[name] = as_written
                 continue
-            marks_deg = uneven_deg(quantity)
             if name in zeros_deg:
                 zero_deg = zeros_deg[name]
                 anywhere_deg = ANYWHERE * span_deg if name in mistaken else 0.0

@@ -119,18 +119,7 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
         lacking.append("no numerals in order around it" if is_there() else "its numerals are not read")
     else:
         evidence.append(_words(scale, legend))
-        doubt = scale.doubt
-        if not doubt and scale.fit.is_centred and legend.unit not in ("fpm", "A"):
-            doubt = "it rises to both sides of 0, and nothing tells which is positive"
-        if (
-            not doubt
-            and scale.fit.family is not None
-            and scale.fit.family.name == "altimeter"
-            and legend.name != "altimeter"
-        ):
-            doubt = "its digits go all the way round, and no word tells what they count"
-        if scale.fit.family is None and not doubt and legend.lacks_factor(max(abs(mark.value) for mark in scale.marks)):
-            doubt = f"its numbers are too small for {legend.unit}: what multiplies them was not read"
+        doubt = scale.doubt or _doubt_of_values(scale, legend)
         if doubt:
             lacking.append(f"no scale: {doubt}")
         else:
@@ -159,6 +148,18 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
         for each in drafts
     ]
     return replace(ways[0], otherwise=tuple(ways[1:])) if ways else plain
+
+
+def _doubt_of_values(scale: Marked, legend: Legend) -> str:
+    """Say why marks whose numerals are known may be worth something else; nothing if they are not."""
+    family, largest = scale.fit.family, max(abs(mark.value) for mark in scale.marks)
+    if scale.fit.is_centred and legend.unit not in ("fpm", "A"):
+        return "it rises to both sides of 0, and nothing tells which is positive"
+    if family is not None and family.name == "altimeter" and legend.name != "altimeter":
+        return "its digits go all the way round, and no word tells what they count"
+    if family is None and legend.lacks_factor(largest):
+        return f"its numbers are too small for {legend.unit}: what multiplies them was not read"
+    return ""
 
 
 def settled(dial: FoundDial, seen: Pictures, planes: Planes, shape: Floats | None) -> FoundDial:

@@ -210,3 +210,16 @@ def test_one_bad_mark_of_a_turn_is_held_by_two_sigma() -> None:
     clicked = gauge.model_copy(update={"scale": tuple(marks), "wraps": 360.0})
 
     assert 2 * uneven_deg(clicked.quantities[0]) >= 11.0
+
+
+def test_a_horizon_is_doubted_by_how_uneven_its_marks_of_bank_are() -> None:
+    """They tell how far beside its middle the dial is drawn, and pitch is measured from there."""
+    drawn = panel_from_file(FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml")
+    (gauge,) = drawn.panel.gauges
+    uneven = gauge.model_copy(
+        update={"scale": tuple((seen_from((0.0, 0.08), 1.0, angle_deg), value) for angle_deg, value in gauge.scale)}
+    )
+    before, after = uncertainties_of(drawn), uncertainties_of(drawn, told=(uneven,))
+
+    assert before["pitch_deg"].drawn_deg < 1.0
+    assert after["pitch_deg"].drawn_deg == after["roll_deg"].drawn_deg > 2 * before["pitch_deg"].drawn_deg
