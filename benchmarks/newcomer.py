@@ -304,7 +304,10 @@ SHOWN = (
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One column held against its truth, in its unit: parts of the frames with a value and read, errors of values."""
+    """One column held against its truth, in its unit: parts of the frames with a value and read, errors of the latter.
+
+    Where its drawing leaves all of a column in doubt, and nothing is read, they are those of all its values.
+    """
 
     shown: Shown
     valued: float
@@ -316,8 +319,8 @@ class Held:
 
     @property
     def holds(self) -> bool:
-        """Whether 95 % of the frames have a value within the limit."""
-        return self.within_limit >= CONFIDENT
+        """Whether 95 % of the frames have a value, and of what counts 95 % is within the limit."""
+        return min(self.valued, self.within_limit) >= CONFIDENT
 
     @property
     def row(self) -> list[str]:
@@ -339,14 +342,14 @@ def held(shown: Shown, flight: Table, truth: Floats) -> Held:
     value, sigma = flight.numbers(name), flight.numbers(f"{name}_sigma")
     error = np.abs(shortest(value - np.clip(truth, -shown.stop, shown.stop), shown.turn))
     valued, read = np.isfinite(error), np.array(flight.columns[f"{name}_status"]) == Status.READ
-    known = error[valued]
+    known = error[valued & read] if (valued & read).any() else error[valued]
     return Held(
         shown,
         float(valued.mean()),
         float(read.mean()),
         float(known.mean()) if known.size else math.nan,
         float(known.max(initial=0.0)),
-        float((error <= shown.limit).mean()),
+        float((known <= shown.limit).mean()) if known.size else 0.0,
         float((error <= CONFIDENCE_SIGMAS * sigma)[valued].mean()) if valued.any() else math.nan,
     )
 
@@ -396,9 +399,10 @@ in a direction by chance. A press of the mouse's button is a click, also where i
 reads all 90 frames with that panel, beside the simulator's own values.
 
 The limits are what 14 CFR 91 Appendix E, note 1, lets a recording add to what an instrument shows, 100 ft of altitude,
-and a tenth of a standard rate. A column holds if 95 % of all frames have a value within its limit. Errors are absolute,
-over frames with a value; `in 95 %` is the part of values whose truth lies within 1.96 sigma. `read` is the part that is
-not in doubt: a pixel beside a turn coordinator's marks, which stand 20 degrees apart, leaves all of its scale in doubt.
+and a tenth of a standard rate. A column holds if 95 % of the frames have a value, and 95 % of what is `read` is within
+its limit; errors are absolute, and those of what is `read`. Where nothing is, all values count: a pixel beside a turn
+coordinator's marks, which stand 20 degrees apart, leaves all of its scale in doubt, and every value says so. `in 95 %`
+is the part of all values whose truth lies within 1.96 sigma.
 """
 WORKS: Mapping[str, Callable[[Person], None]] = {
     "The page finds what it can, the rest is drawn": find,

@@ -82,15 +82,14 @@ def planes_answer(session: SetupSession, asked: PlaneQuestion) -> Answer:
 
 
 def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
-    """Find the rim that clicks mean; of a new one, how far its centre is in doubt, if far."""
+    """Find the rim that clicks mean; or only how far they leave the centre of a new one in doubt, if far."""
     picture, planes = session.store.grey(asked.picture), session.planes(asked.seen, asked.picture)
     if asked.ring is None:
         clicks, hub = asked.points[:3], asked.points[3:]
         if hub:
             return _rim(around_hub(planes, clicks, hub[0]))
         doubt_px = CONFIDENCE_SIGMAS * centre_doubt_px(planes, clicks)
-        in_doubt = {"doubt_px": round(doubt_px)} if doubt_px > MAX_MOVE_PX else {}
-        return {**_rim(begun(picture, planes, clicks)), **in_doubt}
+        return {"doubt_px": round(doubt_px)} if doubt_px > MAX_MOVE_PX else _rim(begun(picture, planes, clicks))
     ring = Ring(planes.drawn(asked.ring.centre, asked.ring.rim), asked.ring.radius)
     return _rim(refined(picture, planes, ring, asked.points))
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
-from decoder.instruments.thresholds import APART_DEG
+from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.scale import in_turn
 from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
@@ -130,12 +130,12 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
 def _may_have_turned(values: Floats, known: NDArray[np.intp], time_s: Floats, wraps: float) -> Mask:
     """(N - 1,): whether between two known frames it may have gone further than half a turn, and the other way round.
 
-    How fast it goes frames tell that follow each other: nineteen of twenty steps between such are slower. Without any
-    it may have gone round any number of times.
+    How fast it goes frames tell that follow each other: nineteen of twenty steps between such are slower. Where too few
+    do, it may have gone round any number of times.
     """
     gaps_s = np.diff(time_s[known])
     follows = np.diff(known) == 1
-    if not follows.any():
+    if follows.sum() < FRAMES_TO_LEARN:
         return np.ones(len(gaps_s), bool)
     fastest = np.quantile(np.abs(np.diff(values))[follows] / gaps_s[follows], 0.95)
     far: Mask = ~follows & (fastest * gaps_s > HALF * wraps)

@@ -131,13 +131,13 @@ def trial_of(score: float, moved_px: tuple[float, float] | None, axis_deg: float
     return Trial(tuple(FrameTrial(index, None, "", (reading,)) for index in range(10)), moved_px, (), {"x": axis_deg})
 
 
-def offered(after: dict[str, Trial]) -> list[str]:
-    """What is offered of a gauge a pixel and a degree off, by how it is tried where centre or axis are elsewhere."""
+def offered(after: dict[str, Trial], off_px: float = 1.0) -> list[str]:
+    """What is offered of a gauge a degree and so far off, by how it is tried where centre or axis are elsewhere."""
 
     def tries(gauge: dict[str, Any]) -> Trial:
         if gauge["centre"] != GAUGE["centre"]:
             return after["centre"]
-        return after["axis"] if gauge["needles"][0]["template"]["at"] != 90.0 else trial_of(0.95, (1.0, 0.0), 1.0)
+        return after["axis"] if gauge["needles"][0]["template"]["at"] != 90.0 else trial_of(0.95, (off_px, 0.0), 1.0)
 
     sight = Sight(DrawnPlane.square_on((100.0, 100.0)), is_oblique=False, height_inches=None)
     return [each.gain for each in advised(GAUGE, lambda _: sight, tries, lambda _, near, __: near)]
@@ -149,6 +149,7 @@ def test_only_what_fits_better_is_offered() -> None:
     assert offered({"centre": worse, "axis": worse}) == []
     assert offered({"centre": swung, "axis": swung}) == []
     (gain,) = offered({"centre": trial_of(0.97, None, 0.0), "axis": worse})
+    assert offered({"centre": trial_of(0.97, None, 0.0), "axis": worse}, off_px=3.0) == []  # it shows another value
     assert gain.startswith("values read 10 of 10, mean score 0.950 → 0.970, needles turn 1.00 → 0.00 px beside it")
     assert gain.endswith("axes are 1.00 → 0.00° off")
     assert len(offered({"centre": worse, "axis": trial_of(0.95, (1.0, 0.0), 0.0)})) == 1

@@ -69,6 +69,7 @@ export class Store extends EventTarget {
     to.push(this.now);
     this.now = from.pop();
     this.label = null;
+    this.clicks = [];
     if (!this.exists(this.selection)) this.selection = { kind: "panel" };
     this.tell("change");
   }
@@ -80,6 +81,7 @@ export class Store extends EventTarget {
     this.revision = session.revision;
     this.saved = JSON.stringify(this.now);
     this.selection = { kind: "panel" };
+    this.clicks = [];
     this.tell("change");
   }
 

@@ -53,8 +53,10 @@ export const TOOLS = {
     clicks: 3,
     hint: "Click three outer ends of tick marks, well apart; the rim finds the ring they stand on, round or oblique.",
     done: async (store, points) => {
+      const { picture } = store.now;
       const rim = await ask("rim", { ...store.planes.seen, points });
       if (rim.doubt_px) {
+        if (store.tool !== "gauge" || store.clicks.length || store.now.picture !== picture) return; // somebody went on
         store.clicks = points; // one more, on the hub
         store.tell("say", `From these three ends the centre may lie ${rim.doubt_px} pixels off: click the hub as well, where its needle turns.`);
         return;

@@ -44,10 +44,15 @@ function take(store, index, kind, usual) {
   lookForNeedles(store, index);
 }
 
-// Marks of a needle whose both ends point to marks, all as one end points to them: that of the mark clicked first.
-function atOneEnd(marks, first) {
-  const opposite = (angle) => angle - 180 * Math.round((angle - first) / 180);
-  return marks.map(([angle, value]) => [rounded(opposite(angle), 4), value]).sort(([one], [other]) => one - other);
+const SAME_DEG = 1; // two marks, one at each end, that show the same
+
+// Marks of a needle whose both ends point to marks, as one end points to them: that of the mark that was clicked first.
+function atOneEnd(marks, clicked) {
+  if (!marks?.length) return marks || [];
+  const first = marks.some(([angle]) => angle === clicked) ? clicked : marks[0][0];
+  const folded = marks.map(([angle, value]) => [rounded(angle - 180 * Math.round((angle - first) / 180), 4), value]);
+  const kept = folded.filter(([angle], place) => !folded.slice(0, place).some(([other]) => Math.abs(angle - other) < SAME_DEG));
+  return kept.sort(([one], [other]) => one - other);
 }
 
 const WITHIN = 0.97; // a window ends a little before the ring around it, which begins a little after its edge

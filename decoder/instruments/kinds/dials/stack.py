@@ -129,7 +129,7 @@ class StackReader:
         as_found, exchanged = (
             np.array(
                 [
-                    1.0 - _correlation(picture[near], strips[at][near]) ** 2
+                    1.0 - max(_correlation(picture[near], strips[at][near]), 0.0) ** 2
                     for picture, near, at in zip(pictures, beside, open_, strict=True)
                 ]
             )
@@ -138,7 +138,8 @@ class StackReader:
         worse = CLEARLY_WORSE**2  # for each of them
         swapped = open_[worse * exchanged < as_found]
         unsure = open_[(worse * exchanged >= as_found) & (exchanged <= worse * as_found)]
-        found.row[swapped[:, None], both] = found.row[swapped[:, None], both[::-1]]
+        for values in (found.status, found.row, found.sigma_rows, found.score):
+            values[swapped[:, None], both] = values[swapped[:, None], both[::-1]]
         found.status[unsure[:, None], both] = MISSING
 
     def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
