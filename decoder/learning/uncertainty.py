@@ -21,7 +21,7 @@ from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, shortest
 from decoder.registration.pivot import Pivot, across
 from decoder.registration.thresholds import CERTAIN_SIGMAS
 
@@ -167,27 +167,34 @@ def quantity_uncertainties(
             missed_px=(missed * path.beside_px[0], missed * path.beside_px[1]),
         )
         as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # what is written was drawn by nobody
-        zeros_deg = {needle.name: needle.at_deg for needle in gauge.turning}
         # Marks that are uneven were seen from beside their middle, and so was all else on the dial.
         marks_deg = max((uneven_deg(quantity) for quantity in as_told.quantities), default=0.0)
-        span_deg, mistaken = gauge.sweep[1] - gauge.sweep[0], _mistaken(gauge, pivot, found)
+        as_card, as_needle = (replace(each, drawn_deg=max(each.drawn_deg, marks_deg)) for each in (as_card, as_needle))
+        needles, mistaken = {needle.name for needle in gauge.turning}, _mistaken(gauge, pivot, found)
         for quantity in as_told.quantities:
             name = quantity.name
             if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[name] = as_written
-                continue
-            if name in zeros_deg:
-                zero_deg = zeros_deg[name]
-                anywhere_deg = ANYWHERE * span_deg if name in mistaken else 0.0
-                uncertainties[name] = replace(
-                    as_needle,
-                    drawn_deg=math.hypot(max(as_needle.drawn_deg, marks_deg), anywhere_deg),
-                    zero_deg=sum(gauge.sweep) / 2 if zero_deg is None else zero_deg,
-                    marks_deg=() if quantity.wraps is not None else tuple(angle_deg for angle_deg, _ in quantity.marks),
-                )
+            elif name in needles:
+                uncertainties[name] = _of_needle(as_needle, gauge, quantity, is_mistaken=name in mistaken)
             else:
-                uncertainties[name] = replace(as_card, drawn_deg=max(as_card.drawn_deg, marks_deg))
+                uncertainties[name] = as_card
     return uncertainties
+
+
+def _of_needle(
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, *, is_mistaken: bool
+) -> QuantityUncertainty:
+    """Estimate it for one needle of a dial; one that may be another thing may point anywhere along the sweep."""
+    first_deg, last_deg = gauge.sweep
+    (zero_deg,) = (needle.at_deg for needle in gauge.turning if needle.name == quantity.name)
+    anywhere_deg = ANYWHERE * (last_deg - first_deg) if is_mistaken else 0.0
+    return replace(
+        dial,
+        drawn_deg=math.hypot(dial.drawn_deg, anywhere_deg),
+        zero_deg=(first_deg + last_deg) / 2 if zero_deg is None else zero_deg,
+        marks_deg=() if quantity.wraps is not None else tuple(angle_deg for angle_deg, _ in quantity.marks),
+    )
 
 
 def _of_card(

@@ -19,13 +19,19 @@ MARKS_DEG = {60: 150.0, 80: 255.4545, 100: 360.909}
 VALUE = "#inspector input[aria-label^='value of the mark']"
 
 
-def three_marks(page: Page, usual: str) -> Hand:
-    """Three outer ends of marks of the flight's first dial, and the press that says which instrument it is."""
+def ends(page: Page, *angles_deg: float) -> Hand:
+    """Clicks on the ring of the flight's first dial."""
     hand = Hand(page)
     hand.press("g")
-    for angle in MARKS_DEG.values():
-        turn = math.radians(angle)
+    for angle_deg in angles_deg:
+        turn = math.radians(angle_deg)
         hand.click((CENTRE[0] + RING_PX * math.cos(turn), CENTRE[1] + RING_PX * math.sin(turn)))
+    return hand
+
+
+def three_marks(page: Page, usual: str) -> Hand:
+    """Three outer ends of marks of the flight's first dial, and the press that says which instrument it is."""
+    hand = ends(page, *MARKS_DEG.values())
     page.locator(f"button[data-usual='{usual}']").click()
     expect(page.locator(f"{VALUE}:focus")).to_have_count(1)
     return hand
@@ -110,11 +116,7 @@ def test_a_balls_way_is_clicked(start: Start, open_page: OpenPage) -> None:
 def test_ends_too_near_each_other_to_tell_a_centre_ask_for_the_hub(start: Start, open_page: OpenPage) -> None:
     """The page says how far off the centre may be; the hub is clicked then, and what was clicked are its marks."""
     page = open_page(start())
-    hand = Hand(page)
-    hand.press("g")
-    for angle in (150.0, 165.0, 180.0):
-        turn = math.radians(angle)
-        hand.click((CENTRE[0] + RING_PX * math.cos(turn), CENTRE[1] + RING_PX * math.sin(turn)))
+    hand = ends(page, 150.0, 165.0, 180.0)
     expect(page.locator("#hint")).to_contain_text("Now click the hub")
     expect(page.locator("#outline .of-gauge")).to_have_count(0)
     hand.click(CENTRE)
@@ -127,11 +129,7 @@ def test_ends_too_near_each_other_to_tell_a_centre_ask_for_the_hub(start: Start,
 def test_marks_at_both_ends_of_a_turn_coordinator_count_for_the_first(start: Start, open_page: OpenPage) -> None:
     """Its wings are one needle: a mark that the left one points to stands where the right one then is."""
     page = open_page(start())
-    hand = Hand(page)
-    hand.press("g")
-    for angle in (0.0, 20.0, 160.0):
-        turn = math.radians(angle)
-        hand.click((CENTRE[0] + RING_PX * math.cos(turn), CENTRE[1] + RING_PX * math.sin(turn)))
+    hand = ends(page, 0.0, 20.0, 160.0)
     expect(page.locator("#hint")).to_contain_text("Now click the hub")
     hand.click(CENTRE)
     page.locator("button[data-usual='turn coordinator']").click()

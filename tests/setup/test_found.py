@@ -266,12 +266,13 @@ def test_what_was_read_is_only_ever_text(start: Start, open_page: OpenPage, sear
 
 def test_a_search_that_fails_is_said(start: Start, open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was found until then stays, and the page goes on; what was accepted and then withdrawn is said too."""
-    going_on = threading.Event()
+    going_on, is_said = threading.Event(), threading.Event()
 
     def failing(*_: object) -> Iterator[Step]:
         yield from (WHOLE, PART)
         going_on.wait(60)
         yield Withdrawn(0)
+        is_said.wait(60)  # a connection that breaks takes along what is still on its way
         raise RuntimeError("nobody expected this")
 
     monkeypatch.setattr("decoder.setup.app.tried_search", failing)
@@ -280,6 +281,8 @@ def test_a_search_that_fails_is_said(start: Start, open_page: OpenPage, monkeypa
     expect(offered(page)).to_have_count(2)
     page.locator("#found .accept").first.click()
     going_on.set()
+    expect(page.locator("#found .notes")).to_contain_text("What you accepted as tachometer turned out")
+    is_said.set()
     expect(page.locator("#banner")).to_contain_text("ended before its time")
     expect(page.locator("#looking")).to_have_text("Not finished.")
     expect(page.locator("#found .notes")).to_contain_text("What you accepted as tachometer turned out")

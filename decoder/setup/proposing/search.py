@@ -6,7 +6,7 @@ It takes most of a minute of a processor's time for a cockpit, so that people wa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,21 +95,11 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
     draft = {**document, "anchors": anchors}
     yield Looking("looking where the panel lies in other frames")
     aligned, planes = session.aligned(draft, key, stale), session.planes(draft, key)
-    texts: list[Text] = []
-    if is_there():
-        parts = parts_of(picture)
-        for number, part in enumerate(parts, 1):
-            box = part.left, part.top, part.right - part.left, part.bottom - part.top
-            yield Looking(f"reading what is printed, part {number} of {len(parts)}", box)
-            _go_on(stale)
-            texts += texts_in(picture, part)
-    else:
-        yield Note(f"no numerals are read: that takes {EXTRA}")
+    texts = yield from _printed(picture, stale)
     yield Looking("looking where ticks point from all round")
     laid = _laid(picture, aligned, planes)
     still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
     seen = Pictures(picture, aligned, planes.optics.own)
-    texts = texts_once(texts)
     page = page_of(picture, still, planes, texts)
     dials: list[FoundDial] = []
     names: set[str] = set()
@@ -134,6 +124,21 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
     for place, dial in enumerate(dials):
         if holds_others(dial, dials):
             yield Withdrawn(place)
+
+
+def _printed(picture: GreyPicture, stale: Stale) -> Generator[Step, None, Sequence[Text]]:
+    """Read what is printed on a picture, part by part; return all of it, each once."""
+    if not is_there():
+        yield Note(f"no numerals are read: that takes {EXTRA}")
+        return ()
+    texts: list[Text] = []
+    parts = parts_of(picture)
+    for number, part in enumerate(parts, 1):
+        box = part.left, part.top, part.right - part.left, part.bottom - part.top
+        yield Looking(f"reading what is printed, part {number} of {len(parts)}", box)
+        _go_on(stale)
+        texts += texts_in(picture, part)
+    return texts_once(texts)
 
 
 def _go_on(stale: Stale) -> None:
