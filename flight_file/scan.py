@@ -51,6 +51,8 @@ _CHUNK_START = re.compile(
     re.DOTALL,
 )
 _CHUNK_START_BYTES = RECORD_HEADER.size + CHUNK_HEAD_BYTES
+# Most damage is short: a search begins with little, and reads on in ever larger steps.
+_FIRST_REACH_BYTES = 2**12
 
 _HEAD_BYTES = 12
 _BOXES = frozenset((b"ftyp", b"moov", b"mdat", b"wide", b"skip"))
@@ -263,15 +265,16 @@ class _ChunkSearch:
 
     def first_from(self, start: int) -> int | None:
         """Offset of the first chunk at or behind `start` that its CRC proves to be one; None if none is found."""
-        position = start
+        position, reach = start, _FIRST_REACH_BYTES
         while position < self._source.size:
-            window = self._source.read_at(position, BLOCK_BYTES + _CHUNK_START_BYTES)
+            window = self._source.read_at(position, reach + _CHUNK_START_BYTES)
             for match in _CHUNK_START.finditer(window, 0):
-                if match.start() < BLOCK_BYTES and self._is_chunk(position + match.start()):
+                if match.start() < reach and self._is_chunk(position + match.start()):
                     return position + match.start()
                 if self._left_bytes < 0:
                     return None
-            position += BLOCK_BYTES
+            position += reach
+            reach = min(2 * reach, BLOCK_BYTES)
         return None
 
     def _is_chunk(self, offset: int) -> bool:
