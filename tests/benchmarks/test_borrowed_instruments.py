@@ -24,7 +24,6 @@ RAISED = (
     "needles turn above the marks, and the hub was clicked where it is seen: sigma allows for 11 degrees from the side,"
     " and this dial is seen from further aside, or learned with the needle's shadow"
 )
-OFF_AXIS = "a card that is seen from further aside than sigma allows for where a dial is drawn as square on"
 UNPLACED = "the dim dial's own marks score 0.73 to 0.80, under SCORE_THRESHOLD, so registration does not place the dial"
 DIM = "in the dim altimeter the value is read, but not each pointer: they score under SCORE_THRESHOLD or are doubted"
 DIM_SIGMA = "the dim pointer is read 2 degrees off on average, by more than its fit tells; why is not known"
@@ -41,8 +40,6 @@ WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
     ("daylight", "oil_press_psi"): RAISED,
     ("daylight", "thousands_ft"): RAISED,
     ("oblique", "volts"): RAISED,
-    ("night", "heading_deg"): OFF_AXIS,
-    ("night", "oil_press_psi"): RAISED,
     ("night", "thousands_ft"): DIM_SIGMA,
 }
 
