@@ -181,7 +181,11 @@ def face_moments(faces: Floats, template: NeedleTemplate, masks: Floats | None =
 
 
 def partial_normxcorr(
-    gauges: Floats, faces: Floats, template: NeedleTemplate, masks: Floats | None = None
+    gauges: Floats,
+    faces: Floats,
+    template: NeedleTemplate,
+    masks: Floats | None = None,
+    moments: FaceMoments | None = None,
 ) -> tuple[Floats, FaceMoments]:
     """Return the partial correlation of gauges with a needle, given their faces, and the moments that it took.
 
@@ -190,6 +194,8 @@ def partial_normxcorr(
     gauges, faces : (..., R, C) float32
     masks : (..., R, C) float32
         0 where pixels are left out.
+    moments
+        Of faces and masks, if they are known already.
 
     Returns
     -------
@@ -203,7 +209,7 @@ def partial_normxcorr(
         [none, one, none],
         [one * light, one * cover, none],
     ]
-    known = face_moments(faces, template, masks)
+    known = moments or face_moments(faces, template, masks)
     seen = gauges if masks is None else masks * gauges
     mean, square, with_face, with_needle = _sums_over(kernels, seen, seen * faces, seen * gauges) / known.total
     return partial_ncc(known, mean, square, with_face, with_needle), known

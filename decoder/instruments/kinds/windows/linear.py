@@ -18,7 +18,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, SURE_SCORE
-from decoder.matching.correlation import partial_normxcorr
+from decoder.matching.correlation import face_moments, partial_normxcorr
 from decoder.matching.faces import bare_face, in_light_of, learn_face
 from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
 from decoder.matching.needle_layer import cut_over, first_layer, in_local_light, layer_over, layered
@@ -111,6 +111,7 @@ class SlideReader:
         pixels = [min(1.0, slide.grid.cell_px[0] * slide.grid.cell_px[1])]
         self._fitter = WindowFitter([picture.pointer], pixels)
         self._lit_fitter = WindowFitter([picture.pointer], pixels, _lights(height, columns))
+        self._moments = face_moments(picture.face[None], picture.pointer)
         self._faces = blocks_of(picture.face.astype(np.float32), height)
         count = len(picture.face) - height + 1
         places_px = slide.px_of(np.arange(count) + self._axis)
@@ -161,7 +162,7 @@ class SlideReader:
 
     def _scores(self, window: Floats) -> Floats:
         """(1, N): the partial NCC with the pointer, its first row on each row of the window."""
-        scores, _ = partial_normxcorr(window[None], self._face[None], self._pointer)
+        scores, _ = partial_normxcorr(window[None], self._face[None], self._pointer, moments=self._moments)
         return scores
 
     def _settled(self, along: Floats, places: Floats) -> Settled:
