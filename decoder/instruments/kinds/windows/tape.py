@@ -295,8 +295,9 @@ class TapeFinder:
             found.rows[open_] = np.where(
                 usable, here + limited(np.nan_to_num(step), -MAX_PEAK_ROWS, MAX_PEAK_ROWS), here
             )
-            trusted[open_] = _trusted(left, weights)
-            open_ = open_[usable & (np.abs(np.nan_to_num(step)) >= STILL_ROWS)]
+            moves = usable & (np.abs(np.nan_to_num(step)) >= STILL_ROWS)
+            open_ = open_[moves]
+            trusted[open_] = _trusted(left[moves], weights[moves])
         return found
 
     def changes(self, rows: Floats, shifts: Floats) -> Floats:
