@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.appearance import DrawnInstrument, Look
@@ -351,7 +351,7 @@ def _lights(rows: int, columns: int) -> Floats:
 def _trusted(left: Floats, weights: Floats) -> Floats:
     """(F, R, C): 1 where fits leave no more than they leave as a rule where there is weight, else 0."""
     off = np.abs(left)
-    spread = [float(np.median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
+    spread = [float(median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
     most = OUTLIER_SPREADS * np.maximum(MAD_TO_SIGMA * np.array(spread, np.float32), NOISE_LEVELS)
     return np.asarray(off <= most[:, None, None], np.float32)
 
