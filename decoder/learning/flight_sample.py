@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from decoder.imaging.alignment import Alignment, Matrix, is_rigid
+from decoder.imaging.motion import Model
 from decoder.imaging.picture_block import PictureBlock, TopOfFrame, coloured_by
 from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.imaging.sorting import median, median_of
@@ -21,6 +22,7 @@ from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.errors import PictureError
 from decoder.registration.frame_placer import UnwrappedFrame
 from decoder.registration.placement import Placement
+from decoder.registration.thresholds import SIGNIFICANT_SIGMAS
 from flight_file.frame import Frame
 from flight_file.reader import Flight, spread
 
@@ -133,12 +135,17 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
     """Align and unwrap a sample, once it is known where the camera stands and whether dials move."""
     samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     usual = None if 2 * len(samples) >= SAMPLE_FRAMES else _first_sight(reader, sample, len(samples))
+    usual = usual or _second_sight(reader, sample)
     if usual is not None:
         reader = reader.with_placement(replace(reader.placement, usual=usual))
         samples = unwrapped(reader, sample(SAMPLE_FRAMES))
+    if _is_upright(reader, samples):
+        reader = reader.with_placement(replace(reader.placement, is_upright=True))
+        samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     if _camera_moves(reader, samples):
         agree = _anchors_agree(reader, samples)
-        one_by_one = reader.with_placement(replace(reader.placement, dials_move=True, anchors_agree=agree))
+        there = with_usual_place(reader, samples)  # anchors that are seen obliquely are looked for as they are seen
+        one_by_one = there.with_placement(replace(there.placement, dials_move=True, anchors_agree=agree))
         if _dials_move(one_by_one, sample):
             return one_by_one, unwrapped(one_by_one, sample(frames_wanted(one_by_one.placement)))
     return reader, samples
@@ -206,6 +213,21 @@ def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> boo
     return max(shifts_px, default=0.0) > STILL_PX
 
 
+def _is_upright(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
+    """Whether a lone anchor tells the same roll in all frames, within what that is uncertain by."""
+    panel, usual = reader.source.panel, reader.placement.usual
+    if len(panel.anchors) > 1 or panel.level is not None:
+        return False  # they tell it surely
+    sigmas = []
+    for alignment in (sample.alignment for sample in samples):
+        known = alignment.covariance
+        if known is None or known.model is not Model.RIGID:
+            return False
+        roll_px = math.radians(alignment.roll_deg - usual.roll_deg) * known.axes.lever_px
+        sigmas.append(roll_px / math.sqrt(known.covariance[2, 2]))
+    return bool(sigmas) and float(np.sqrt(np.mean(np.square(sigmas)))) <= SIGNIFICANT_SIGMAS
+
+
 def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
     """Whether all anchors tell the same, in most frames."""
     return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
@@ -245,6 +267,28 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
             seen.append(at_panels_zoom / at_panels_zoom[2, 2])
         if len(seen) == MIN_VIEWS:
             break
+    return _medoid(seen)
+
+
+def _second_sight(reader: PanelReader, sample: Sample) -> Alignment | None:
+    """Where the camera stands, if most frames show the panel in another perspective than its anchors can tell."""
+    aligner = reader.aligner
+    seen: list[Matrix] = []
+    for frame in () if aligner.tells_perspective else _pictures(sample(MIN_VIEWS)):
+        height, width = frame.pixels.shape
+        try:
+            motion = aligner.sight(frame.pixels, frame.focal_length_mm)
+            zoom = aligner.optics.zoom(frame.focal_length_mm, (width, height))
+        except PictureError:
+            continue
+        if motion is not None:
+            at_panels_zoom = np.linalg.inv(zoom) @ motion
+            seen.append(at_panels_zoom / at_panels_zoom[2, 2])
+    return _medoid(seen) if 2 * len(seen) > MIN_VIEWS else None
+
+
+def _medoid(seen: Sequence[Matrix]) -> Alignment | None:
+    """Take of some motions the one that is least far from the others."""
     if not seen:
         return None
     apart = [sum(float(np.abs(one - other)[:2, 2].sum()) for other in seen) for one in seen]

@@ -11,7 +11,8 @@ from copy import copy
 
 import numpy as np
 
-from decoder.imaging.alignment import IDENTITY, Alignment
+from decoder.imaging.alignment import IDENTITY, Alignment, Matrix
+from decoder.imaging.motion import Model, carried
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.arrays import Floats
@@ -19,10 +20,10 @@ from decoder.panel.errors import AlignmentLost, PanelError
 from decoder.panel.panel import Panel
 from decoder.registration.anchors import check_anchor
 from decoder.registration.features import level_feature
-from decoder.registration.frame_search import FrameSearch
+from decoder.registration.frame_search import AlignmentRefiner, FrameSearch
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.sift_localizer import SiftLocalizer
-from decoder.registration.thresholds import FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS, TURNS_DEG
+from decoder.registration.thresholds import CONSISTENT_PX, FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS, TURNS_DEG
 
 
 class Aligner:
@@ -47,12 +48,13 @@ class Aligner:
         self._picture = picture
         self.localizer = SiftLocalizer(picture)
         self.optics = optics or Optics((width, height), panel.focal_length_mm)
+        self._is_upright = False
         self._seen: OrderedDict[tuple[float | None, int, int], SeenPanel] = OrderedDict()
 
-    def at(self, usual: Alignment) -> Aligner:
-        """Align frames of a camera that mostly was there."""
+    def at(self, usual: Alignment, *, is_upright: bool = False) -> Aligner:
+        """Align frames of a camera that mostly was there, and perhaps never rolled."""
         other = copy(self)
-        vars(other).update(usual=usual, _seen=OrderedDict())
+        vars(other).update(usual=usual, _is_upright=is_upright, _seen=OrderedDict())
         return other
 
     @property
@@ -117,6 +119,34 @@ class Aligner:
             raise lost
         return found
 
+    @property
+    def tells_perspective(self) -> bool:
+        """Whether the anchors are many enough, and stand well enough, to tell from where they are seen."""
+        return self._own.model(self._own.features) >= Model.AFFINE
+
+    def sight(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Matrix | None:
+        """(3, 3): where first sight has the panel, if its features show more of a perspective than they can tell.
+
+        Few anchors are aligned by less than a perspective; what their own pixels show beyond that says at least that
+        the camera stands elsewhere.
+
+        Raises
+        ------
+        AlignmentLost, PictureError
+            As `align`.
+        """
+        seen = self._seen_in(frame, focal_length_mm)
+        settled = self.align(frame, focal_length_mm)
+        if not AlignmentRefiner(seen, frame).leans(settled):
+            return None
+        motion = self.localizer.find(frame)
+        if motion is None:
+            return None
+        off_px = carried(motion @ np.linalg.inv(seen.usual), seen.gauges) - carried(
+            settled.matrix @ np.linalg.inv(seen.usual), seen.gauges
+        )
+        return motion if float(np.hypot(*off_px).max()) > CONSISTENT_PX else None
+
     def seen_at(self, focal_length_mm: float | None, size_px: tuple[int, int]) -> SeenPanel:
         """Return the panel as frames of one size and zoom usually show it.
 
@@ -130,7 +160,9 @@ class Aligner:
             zoom = self.optics.zoom(focal_length_mm, size_px)
             lens = self.optics.frame_lens(focal_length_mm, size_px)
             usual = self.usual.matrix if (zoom == np.eye(3)).all() else zoom @ self.usual.matrix
-            self._seen[key] = SeenPanel(self._panel, self._picture, usual, self.optics, lens)
+            self._seen[key] = SeenPanel(
+                self._panel, self._picture, usual, self.optics, lens, is_upright=self._is_upright
+            )
             if len(self._seen) > KEPT:
                 self._seen.popitem(last=False)
         return self._seen[key]

@@ -133,7 +133,7 @@ class FramePlacer:
     def __init__(self, drawn: UnwrappedPanel, placement: Placement) -> None:
         source, grids = drawn.source, drawn.grids
         self.unwrapper = drawn.unwrapper
-        self.aligner = drawn.aligner.at(placement.usual)
+        self.aligner = drawn.aligner.at(placement.usual, is_upright=placement.is_upright)
         self._placement, self._grids, self._own = placement, grids, source.optics.own
         self._placers = [
             GaugePlacer(gauge, grid.plane, source.picture, source.optics.own) if gauge.kind.has_still_face else None

@@ -178,6 +178,12 @@ class AlignmentRefiner:
                 settled = wider
         return settled
 
+    def leans(self, settled: Alignment) -> bool:
+        """Whether the features' own pixels show a shear, beyond doubt, that their alignment leaves out."""
+        there = settled.after(np.linalg.inv(self._seen.usual))
+        wider = self._refined(self._seen.wider(self._seen.features, Model.AFFINE), there, is_far=True)
+        return wider is not None and self._is_believed(wider, Registered(there, self.scores(there)))
+
     def _is_believed(self, wider: Registered, settled: Registered) -> bool:
         covariance = wider.alignment.covariance
         if covariance is None or sum(wider.scores.values()) <= sum(settled.scores.values()):

@@ -90,6 +90,8 @@ class Placement:
         Whether anchors lie in one plane, so that all of them tell where dials are to be looked for.
     lifts
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
+    is_upright
+        Whether the camera never rolled, as far as a lone anchor tells: then its roll is not sought.
     rows
         How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
     """
@@ -99,12 +101,13 @@ class Placement:
     dials_move: bool = False
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
+    is_upright: bool = False
     rows: int | None = None
 
     def searches_as(self, other: Placement) -> bool:
         """Whether the panel and its dials are looked for in frames in the same way with another placement."""
-        return self.usual is other.usual and (self.dials_move, self.anchors_agree, self.lifts) == (
-            other.dials_move,
-            other.anchors_agree,
-            other.lifts,
+        one, two = (
+            (placement.dials_move, placement.anchors_agree, placement.lifts, placement.is_upright)
+            for placement in (self, other)
         )
+        return self.usual is other.usual and one == two

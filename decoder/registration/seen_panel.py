@@ -38,14 +38,26 @@ class SeenPanel:
         (3, 3): the panel picture to such frames, both without distortion.
     lens
         Of such frames, where it is known.
+    is_upright
+        Whether their camera does not roll: a lone anchor need not tell by how much.
     """
 
-    def __init__(self, panel: Panel, picture: GreyPicture, usual: Matrix, optics: Optics, lens: Lens | None) -> None:
+    def __init__(
+        self,
+        panel: Panel,
+        picture: GreyPicture,
+        usual: Matrix,
+        optics: Optics,
+        lens: Lens | None,
+        *,
+        is_upright: bool = False,
+    ) -> None:
         self.usual = usual
         self.start = Alignment.of(np.eye(3), 1.0, lens=lens)
         self._panel, self._taken = panel, picture
         self._optics = optics
         self._lens = lens
+        self._is_upright = is_upright
         self._picture = _as_sharp_as_frames(picture, self._scale(picture))
         anchors = [anchor_feature(anchor.name, self._picture, anchor.box) for anchor in panel.anchors]
         level = [] if panel.level is None else [level_feature(self._picture, panel.level)]
@@ -59,7 +71,9 @@ class SeenPanel:
 
     def at(self, usual: Matrix) -> SeenPanel:
         """Return the same panel as frames show it in which it lies elsewhere."""
-        return SeenPanel(self._panel, self._taken, usual, self._optics, self._lens)
+        return SeenPanel(
+            self._panel, self._taken, usual, self._optics, self._lens, is_upright=self._is_upright
+        )
 
     def carry(self, points: Floats) -> Floats:
         """(2, N) points of the panel picture, as taken, where such frames usually have them, without distortion."""
@@ -139,7 +153,7 @@ class SeenPanel:
             return Model.AFFINE  # one is covered: what is left tells most of a perspective
         if anchors > 1:
             return Model.SIMILARITY
-        return Model.RIGID if len(features) > 1 else Model.SHIFT
+        return Model.SHIFT if self._is_upright and len(features) == 1 else Model.RIGID
 
     def _worst_sigma_px(self, registration: Registration) -> float:
         return float(registration.predicted(NOISE_LEVELS).sigma_px(self.gauges).max())
