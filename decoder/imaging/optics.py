@@ -19,9 +19,9 @@ from decoder.panel.lens import Lens
 Size = tuple[int, int]
 """Width and height in pixels."""
 
-# Sizes that a camera rounds differ in shape by up to this; pictures that somebody cut to size by more.
+# Sizes that a camera rounds differ in shape by up to this; pictures that somebody cut, of whose place in the whole
+# nothing is known, by more.
 SHAPE_TOLERANCE = 0.004
-CUT_SHAPE_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +100,13 @@ class Optics:
         Raises
         ------
         PictureError
-            If the frame has another shape or quite another zoom, or the camera's calibration does not cover it.
+            If the frame has quite another size or zoom, or the camera's calibration does not cover it, nor its shape.
         """
         (width, height), (own_width, own_height) = size_px, self.size_px
         part = width / own_width
-        tolerance = CUT_SHAPE_TOLERANCE if self.camera is None else SHAPE_TOLERANCE
-        same_shape = abs(height / (own_height * part) - 1.0) <= tolerance
-        if not same_shape or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:
+        # Without a camera nothing hangs on where a picture was cut: the search goes from its middle.
+        fits = self.camera is None or abs(height / (own_height * part) - 1.0) <= SHAPE_TOLERANCE
+        if not fits or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:
             raise PictureError(f"the picture is {width} x {height}, the panel's {own_width} x {own_height}")
         own_lens, lens = self.lens, self.frame_lens(focal_length_mm, size_px)
         if own_lens is not None and lens is not None:

@@ -135,7 +135,7 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
     """Align and unwrap a sample, once it is known where the camera stands and whether dials move."""
     samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     usual = None if 2 * len(samples) >= SAMPLE_FRAMES else _first_sight(reader, sample, len(samples))
-    usual = usual or _second_sight(reader, sample)
+    usual = usual or (_second_sight(reader, sample) if samples else None)
     if usual is not None:
         reader = reader.with_placement(replace(reader.placement, usual=usual))
         samples = unwrapped(reader, sample(SAMPLE_FRAMES))

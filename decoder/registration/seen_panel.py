@@ -71,9 +71,7 @@ class SeenPanel:
 
     def at(self, usual: Matrix) -> SeenPanel:
         """Return the same panel as frames show it in which it lies elsewhere."""
-        return SeenPanel(
-            self._panel, self._taken, usual, self._optics, self._lens, is_upright=self._is_upright
-        )
+        return SeenPanel(self._panel, self._taken, usual, self._optics, self._lens, is_upright=self._is_upright)
 
     def carry(self, points: Floats) -> Floats:
         """(2, N) points of the panel picture, as taken, where such frames usually have them, without distortion."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import islice
 
 from decoder.imaging.picture_block import batch_frames
 from decoder.instruments.frame_batch import Batch, Outcome, RawFrame, ReadBatches, Unread, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_sample import FlightSample, Tell, nobody
-from decoder.panel.errors import FlightUnreadable
+from decoder.learning.thresholds import SAMPLE_FRAMES
+from decoder.panel.errors import AlignmentLost, FlightUnreadable, PictureError
 from decoder.panel.panel import NEEDLE_SUFFIXES, Panel
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 from decoder.timeseries.flight_part import FlightPart
@@ -61,7 +63,11 @@ def decode_flight(
     fitted = fit_to_flight(reader, sample, tell=tell)
     tell("")
     if part is None and not fitted.sampled and 0 < len(sample.opened) < flight.count():
-        raise FlightUnreadable(_nowhere(flight, fitted.panel, len(sample.opened)))
+        looked = len(sample.opened)
+        (refused,) = fitted.reader.placer.placed(islice(sample(SAMPLE_FRAMES), 1))
+        if isinstance(refused, PictureError) and not isinstance(refused, AlignmentLost):  # it was not even searched
+            raise FlightUnreadable(_why(flight.paths[0].name, looked, Counter([str(refused)])))
+        raise FlightUnreadable(_nowhere(flight, fitted.panel, looked))
     height, width = reader.source.picture.shape
     frames_of_part = progress(flight.shown(None if part is None else part.ranks))
     cut = batches(frames_of_part, batch_frames((width, height)), sample.given_up)

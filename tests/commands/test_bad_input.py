@@ -44,14 +44,6 @@ def no_picture(_: Panel, picture: Path) -> None:
     picture.unlink()
 
 
-def wider_picture(_: Panel, picture: Path) -> None:
-    """The panel was drawn on a picture of another size than the flight's."""
-    narrow = Image.open(picture).convert("RGB")
-    wider = Image.new("RGB", (narrow.width + 64, narrow.height), (70, 70, 70))
-    wider.paste(narrow)
-    wider.save(picture, quality=95)
-
-
 def another_cockpit(panel: Panel, picture: Path) -> None:
     """The panel's anchor is in no frame at all."""
     left, top, width, height = panel["anchors"][0]["box"]
@@ -91,7 +83,6 @@ def test_what_a_truncated_flight_lost_is_named_by_every_command(tmp_path: Path, 
     [
         (key_spelt_otherwise, ["gauges[1].center: is not a key", "did you mean centre?"]),
         (no_picture, ["panel.jpg"]),
-        (wider_picture, ["1024 x 768", "1088 x 768"]),
         (another_cockpit, ["flight.mcap", "none of its 2 frames", "knob"]),
     ],
     ids=lambda value: getattr(value, "__name__", None),
@@ -138,18 +129,16 @@ def test_what_cannot_be_decoded_is_named(tmp_path: Path, flights: list[object], 
 def test_bad_pictures_cost_their_own_frames(
     decode: Decode, make_flight: MakeFlight, cover_knob: Callable[[bytes], bytes], pictures: list[bytes]
 ) -> None:
-    """One cut short, one of another shape, two without the anchor: missing with a reason; the others are read."""
+    """One cut short, one too small, two without the anchor: missing with a reason; the others are read."""
     small = io.BytesIO()
-    Image.open(io.BytesIO(pictures[2])).resize((512, 300)).save(small, "JPEG")
+    Image.open(io.BytesIO(pictures[2])).resize((32, 24)).save(small, "JPEG")
     bad = {2: pictures[2][:30_000], 5: small.getvalue(), 7: cover_knob(pictures[7]), 8: cover_knob(pictures[8])}
     found = decode(make_flight(bad.get(number, jpeg) for number, jpeg in enumerate(pictures)))
     told = [line.partition("missing: ") for line in found.done.stderr.splitlines()]
 
     assert found.done.returncode == 0
     assert [frame.strip() for frame, *_ in told[:2]] == ["frame 2", "frame 5"]
-    for (*_, reason), known in zip(
-        told, ("the picture is damaged", "the picture is 512 x 300", "anchor"), strict=False
-    ):
+    for (*_, reason), known in zip(told, ("the picture is damaged", "the picture is 32 x 24", "anchor"), strict=False):
         assert reason.startswith(known)
     for number, row in enumerate(found.rows):
         assert row["n1_pct_status"] == ("missing" if number in bad else "read")

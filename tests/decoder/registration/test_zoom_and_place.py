@@ -63,6 +63,16 @@ def test_frames_of_twice_the_size_are_read_with_the_same_panel() -> None:
     assert furthest_px(found.matrix, doubled) < 0.15
 
 
+@pytest.mark.parametrize("size_px", [(640, 360), (480, 640), (900, 400)], ids=str)
+def test_frames_of_another_shape_are_searched_as_any_others(size_px: tuple[int, int]) -> None:
+    """A film of 16:9 with a photograph of 4:3, and one held upright: nothing hangs on how the sensor was cut."""
+    aligner = Aligner(panel_of(ALL), see(np.eye(3), noise=1.0, seed=5))
+    truth = turn(shift_px=(size_px[0] / 2 - 320.0, size_px[1] / 2 - 240.0), roll_deg=1.0, scale=0.7)
+    found = aligner.align(see(truth, size_px=size_px, **NOISE))
+
+    assert furthest_px(found.matrix, truth) < 0.2
+
+
 @pytest.mark.parametrize(
     ("size_px", "focal_length_mm", "says"),
     [
@@ -73,7 +83,7 @@ def test_frames_of_twice_the_size_are_read_with_the_same_panel() -> None:
 def test_frame_of_another_shape_or_uncalibrated_zoom_is_refused(
     size_px: tuple[int, int], focal_length_mm: float, says: str
 ) -> None:
-    """It is missing, and says both sizes, or what is calibrated."""
+    """With a camera's calibration: it is missing, and says both sizes, or what is calibrated."""
     aligner = Aligner(panel_of(ALL), see(np.eye(3)), optics=Optics(SIZE_PX, 5.0, camera_of(0.0)))
 
     with pytest.raises(PictureError, match=says):
