@@ -142,9 +142,8 @@ class Aligner:
         motion = self.localizer.find(frame)
         if motion is None:
             return None
-        off_px = carried(motion @ np.linalg.inv(seen.usual), seen.gauges) - carried(
-            settled.matrix @ np.linalg.inv(seen.usual), seen.gauges
-        )
+        there, points = np.linalg.inv(seen.usual), seen.gauges.astype(np.float64)
+        off_px = carried(motion @ there, points) - carried(settled.matrix @ there, points)
         return motion if float(np.hypot(*off_px).max()) > CONSISTENT_PX else None
 
     def seen_at(self, focal_length_mm: float | None, size_px: tuple[int, int]) -> SeenPanel:
