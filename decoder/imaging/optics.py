@@ -5,6 +5,7 @@ Without a camera a picture counts as free of distortion, and enlarged with the f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,8 +106,9 @@ class Optics:
         (width, height), (own_width, own_height) = size_px, self.size_px
         part = width / own_width
         # Without a camera nothing hangs on where a picture was cut: the search goes from its middle.
-        fits = self.camera is None or abs(height / (own_height * part) - 1.0) <= SHAPE_TOLERANCE
-        if not fits or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:
+        tolerance = math.inf if self.camera is None else SHAPE_TOLERANCE
+        same_shape = abs(height / (own_height * part) - 1.0) <= tolerance
+        if not same_shape or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:
             raise PictureError(f"the picture is {width} x {height}, the panel's {own_width} x {own_height}")
         own_lens, lens = self.lens, self.frame_lens(focal_length_mm, size_px)
         if own_lens is not None and lens is not None:
