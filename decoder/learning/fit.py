@@ -398,10 +398,10 @@ def around_pivots(
         each.model_copy(update={"centre": gauge.centre if step is None else _moved(gauge.centre, plane, own, step)})
         for each, gauge, plane, step in zip(drawn, source.panel.gauges, planes, steps_px, strict=True)
     ]
-    placement = Placement(
-        usual=placed.usual,
-        dials_move=placed.dials_move,
-        anchors_agree=placed.anchors_agree,
+    placement = replace(
+        placed,
+        motions=(),
+        rows=None,
         lifts=tuple(lift + more for lift, more in zip(lifts, lifts_missing, strict=False)),
     )
     moved = replace(

@@ -132,14 +132,17 @@ def _size(frame: Frame, taken: Taken) -> int:
 
 
 def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list[UnwrappedFrame]]:
-    """Align and unwrap a sample, once it is known where the camera stands and whether dials move."""
+    """Align and unwrap a sample, once it is known where the camera stands, and whether it rolls or dials move."""
+    panel = reader.source.panel
+    if len(panel.anchors) == 1 and panel.level is None:
+        reader = reader.with_placement(replace(reader.placement, is_upright=False))
     samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     usual = None if 2 * len(samples) >= SAMPLE_FRAMES else _first_sight(reader, sample, len(samples))
     usual = usual or (_second_sight(reader, sample) if samples else None)
     if usual is not None:
         reader = reader.with_placement(replace(reader.placement, usual=usual))
         samples = unwrapped(reader, sample(SAMPLE_FRAMES))
-    if _is_upright(reader, samples):
+    if not reader.placement.is_upright and _never_rolls(reader, samples):
         reader = reader.with_placement(replace(reader.placement, is_upright=True))
         samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     if _camera_moves(reader, samples):
@@ -213,19 +216,15 @@ def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> boo
     return max(shifts_px, default=0.0) > STILL_PX
 
 
-def _is_upright(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
-    """Whether a lone anchor tells the same roll in all frames, within what that is uncertain by."""
-    panel, usual = reader.source.panel, reader.placement.usual
-    if len(panel.anchors) > 1 or panel.level is not None:
-        return False  # they tell it surely
+def _never_rolls(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
+    """Whether a lone anchor tells the usual roll in all frames, within what that is uncertain by."""
     sigmas = []
     for alignment in (sample.alignment for sample in samples):
         known = alignment.covariance
-        if known is None or known.model is not Model.RIGID:
-            return False
-        roll_px = math.radians(alignment.roll_deg - usual.roll_deg) * known.axes.lever_px
-        sigmas.append(roll_px / math.sqrt(known.covariance[2, 2]))
-    return bool(sigmas) and float(np.sqrt(np.mean(np.square(sigmas)))) <= SIGNIFICANT_SIGMAS
+        if known is not None and known.model is Model.RIGID:  # else it cannot tell
+            roll_px = math.radians(alignment.roll_deg - reader.placement.usual.roll_deg) * known.axes.lever_px
+            sigmas.append(roll_px / math.sqrt(known.covariance[2, 2]))
+    return not sigmas or float(np.sqrt(np.mean(np.square(sigmas)))) <= SIGNIFICANT_SIGMAS
 
 
 def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:

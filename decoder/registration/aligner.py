@@ -48,11 +48,11 @@ class Aligner:
         self._picture = picture
         self.localizer = SiftLocalizer(picture)
         self.optics = optics or Optics((width, height), panel.focal_length_mm)
-        self._is_upright = False
+        self._is_upright = True
         self._seen: OrderedDict[tuple[float | None, int, int], SeenPanel] = OrderedDict()
 
-    def at(self, usual: Alignment, *, is_upright: bool = False) -> Aligner:
-        """Align frames of a camera that mostly was there, and perhaps never rolled."""
+    def at(self, usual: Alignment, *, is_upright: bool = True) -> Aligner:
+        """Align frames of a camera that mostly was there, and perhaps rolls."""
         other = copy(self)
         vars(other).update(usual=usual, _is_upright=is_upright, _seen=OrderedDict())
         return other

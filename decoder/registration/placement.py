@@ -91,7 +91,7 @@ class Placement:
     lifts
         By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
     is_upright
-        Whether the camera never rolled, as far as a lone anchor tells: then its roll is not sought.
+        Whether the camera is not known to roll: then a lone anchor is not asked by how much.
     rows
         How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
     """
@@ -101,7 +101,7 @@ class Placement:
     dials_move: bool = False
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
-    is_upright: bool = False
+    is_upright: bool = True
     rows: int | None = None
 
     def searches_as(self, other: Placement) -> bool:

@@ -50,7 +50,7 @@ class SeenPanel:
         optics: Optics,
         lens: Lens | None,
         *,
-        is_upright: bool = False,
+        is_upright: bool = True,
     ) -> None:
         self.usual = usual
         self.start = Alignment.of(np.eye(3), 1.0, lens=lens)

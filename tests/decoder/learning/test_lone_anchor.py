@@ -11,7 +11,7 @@ from decoder.imaging.motion import carried
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader
-from decoder.learning.fit import reader_from_panel
+from decoder.learning.fit import around_pivots, reader_from_panel
 from decoder.learning.flight_sample import align_sample
 from decoder.panel.arrays import Floats
 from decoder.panel.panel import parse_panel
@@ -66,8 +66,9 @@ def aligned(motions: list[Floats]) -> tuple[PanelReader, float]:
 def test_lone_anchor_holds_dials_in_place_however_the_camera_moves(
     motions: list[Floats], *, is_upright: bool | None
 ) -> None:
-    """The rim lies within two pixels wherever the camera is; where it does not roll, none is read out of noise."""
+    """The rim lies within two pixels wherever the camera is; what rolls keeps rolling where a pivot is moved."""
     reader, off_px = aligned(motions)
 
     assert off_px < 2.0
-    assert is_upright is None or reader.placement.is_upright is is_upright
+    moved = around_pivots(reader, [(1.0, 0.0)], drawn=reader.source.panel.gauges)
+    assert is_upright is None or moved.placement.is_upright is reader.placement.is_upright is is_upright
