@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from itertools import islice
 
-from decoder.imaging.picture_block import batch_frames
+from decoder.imaging.picture_block import TopOfFrame, batch_frames
+from decoder.imaging.pictures import FramePicture
 from decoder.instruments.frame_batch import Batch, Outcome, RawFrame, ReadBatches, Unread, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_sample import FlightSample, Tell, nobody
 from decoder.learning.thresholds import SAMPLE_FRAMES
-from decoder.panel.errors import AlignmentLost, FlightUnreadable, PictureError
+from decoder.panel.errors import FlightUnreadable, PictureError
 from decoder.panel.panel import NEEDLE_SUFFIXES, Panel
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
 from decoder.timeseries.flight_part import FlightPart
@@ -64,9 +64,9 @@ def decode_flight(
     tell("")
     if part is None and not fitted.sampled and 0 < len(sample.opened) < flight.count():
         looked = len(sample.opened)
-        (refused,) = fitted.reader.placer.placed(islice(sample(SAMPLE_FRAMES), 1))
-        if isinstance(refused, PictureError) and not isinstance(refused, AlignmentLost):  # it was not even searched
-            raise FlightUnreadable(_why(flight.paths[0].name, looked, Counter([str(refused)])))
+        refused = Counter(filter(None, (_refusal(reader, frame) for frame in sample(SAMPLE_FRAMES))))
+        if refused.total() == looked:  # none was even searched
+            raise FlightUnreadable(_why(flight.paths[0].name, looked, refused))
         raise FlightUnreadable(_nowhere(flight, fitted.panel, looked))
     height, width = reader.source.picture.shape
     frames_of_part = progress(flight.shown(None if part is None else part.ranks))
@@ -120,6 +120,15 @@ def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:
         builder.add_missing(frame.sequence, frame.captured_ns, outcome.reason, outcome.failed)
     else:
         builder.add(frame.sequence, frame.captured_ns, outcome)
+
+
+def _refusal(reader: PanelReader, frame: FramePicture | TopOfFrame) -> str | None:
+    """Say why a frame is not searched at all; None if it is."""
+    try:
+        reader.aligner.optics.zoom(frame.focal_length_mm, (frame.pixels.shape[1], frame.height_px))
+    except PictureError as error:
+        return str(error)
+    return None
 
 
 def _nowhere(flight: Flight, panel: Panel, looked: int) -> str:

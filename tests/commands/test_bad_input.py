@@ -221,6 +221,20 @@ def test_panel_of_another_cockpit_is_refused_after_a_sample(
     assert list((tmp_path / "out").glob("*.csv")) == []
 
 
+def test_flight_that_its_cameras_calibration_does_not_cover_says_so(
+    tmp_path: Path, make_flight: MakeFlight, pictures: list[bytes]
+) -> None:
+    """Frames of another shape are not looked into then: nothing is said of what was looked for in them."""
+    cut = io.BytesIO()
+    Image.open(io.BytesIO(pictures[0])).crop((0, 0, 1024, 600)).save(cut, "JPEG")
+    camera = tmp_path / "camera.yaml"
+    camera.write_text("picture_size: [1024, 768]\nfocal: {pixels_per_radian: [0, 1100, 0], range_mm: [4, 5]}\n")
+    flight = make_flight([cut.getvalue()] * 20)
+
+    words = ["none of its 16 frames fits", "the picture is 1024 x 600, the panel's 1024 x 768"]
+    says(ran("decode", flight, "--camera", camera, "-o", tmp_path / "out"), "decode: ", *words)
+
+
 def test_flight_that_begins_elsewhere_is_decoded(
     tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes], pictures: list[bytes]
 ) -> None:
