@@ -184,16 +184,21 @@ class PanelReader:
         return inside(grid.at(reading.angle_deg, 1).rim(), frame.alignment, *frame.size_px)
 
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
-        """By needle its reading; doubted needles that do not match well are missing."""
+        """By needle its reading; doubted needles that do not match well are missing.
+
+        So is a doubted value that some of these tell together: the score is of the hands that show, and those that do
+        not may count its turns.
+        """
         checked = dict(readings)
         for gauge, grid, is_whole in zip(self.source.panel.gauges, self.grids, frame.whole, strict=True):
             if not is_whole and isinstance(grid, PolarGrid) and _may_be_cut(gauge):
                 (needle,) = gauge.turning
                 if not self._needle_in_sight(frame, grid, checked[needle.name]):
                     checked[needle.name] = replace(checked[needle.name], status=Status.MISSING)
-        for name in self.appearance.doubted:
-            if checked[name].score < SURE_SCORE:
-                checked[name] = replace(checked[name], status=Status.MISSING)
+        doubtful = {name for name in self.appearance.doubted if checked[name].score < SURE_SCORE}
+        together = {each.quantity.name for each in self.source.panel.combinations if doubtful.intersection(each.parts)}
+        for name in doubtful | (together & self.appearance.doubted):
+            checked[name] = replace(checked[name], status=Status.MISSING)
         return checked
 
     def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
