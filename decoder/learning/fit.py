@@ -118,9 +118,9 @@ class FittedReader:
         """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
         return self.uncertainties[name].sigma_deg(angles_deg)
 
-    def doubt_sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
-        """(N,): what of that the panel's drawing leaves in doubt, and the places where its dial is found."""
-        return self.uncertainties[name].doubt_sigma_deg(angles_deg)
+    def allowed_sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
+        """(N,): what of that neither this panel nor this flight tells, but is allowed for."""
+        return np.full_like(angles_deg, self.uncertainties[name].seen_deg)
 
 
 @dataclass(frozen=True, slots=True)

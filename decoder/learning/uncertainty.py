@@ -52,7 +52,7 @@ class QuantityUncertainty:
     drawn_deg
         By its scale, as somebody drew it.
     seen_deg
-        By the side from which the camera sees it.
+        By the side from which the camera sees it: that is only allowed for, as nothing in a flight tells it.
     place_px
         By where its dial is found.
     radius_px
@@ -93,14 +93,6 @@ class QuantityUncertainty:
         drawn_deg = self.drawn_deg * self._lever(angles_deg)
         around_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
         sigma: Floats = np.hypot(drawn_deg, np.hypot(around_deg, self._missed_deg(angles_deg, self.zero_deg)))
-        return sigma
-
-    def doubt_sigma_deg(self, angles_deg: Floats) -> Floats:
-        """(N,): what of it is told by this panel and this flight: its drawing, and how surely its dial is found.
-
-        From which side needles are seen is not: that is only allowed for.
-        """
-        sigma: Floats = np.hypot(self.drawn_sigma_deg(angles_deg), math.degrees(self.place_px / self.radius_px))
         return sigma
 
     def _missed_deg(self, angles_deg: Floats, zero_deg: float) -> Floats:

@@ -81,7 +81,7 @@ def decode_flight(
         columns=fitted.panel.columns,
     )
     data = with_gps(fill_gaps(built), flight.fixes())
-    data, doubts = doubted(data, fitted.doubt_sigma_deg)
+    data, doubts = doubted(data, fitted.allowed_sigma_deg)
     findings = {gauge: (*found, *doubts.get(gauge, ())) for gauge, found in fitted.findings.items()}
     return replace(data, health=gauge_health(data, findings))
 

@@ -19,24 +19,25 @@ from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, SMALLEST_PART
 WELL = "drawn well"
 
 
-def doubted(data: FlightData, doubt_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
-    """Take no value for read that its gauge's drawing or place leaves in doubt, and say by gauge why.
+def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
+    """Take no value for read that its gauge's drawing or place, or its frame, leaves in doubt, and say by gauge why.
 
-    A whole needle matched there, but its scale, its pivot or its dial may be off: a value that is wrong costs more
-    than ten that are told to be doubtful.
+    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hardly to be seen: a value
+    that is wrong costs more than ten that are told to be doubtful. What is only allowed for does not count.
     """
     found, doubts = [], defaultdict(list)
     for series in data.series:
         quantity, doubtful = series.quantity, series.has(Status.READ)
         if quantity.is_measured and quantity.name not in data.combined:
             slopes = Scale.of(quantity.marks, quantity.wraps).slopes_at(series.angle_deg)
-            sigma_deg = doubt_sigma_deg(quantity.name, series.angle_deg)
-            parts = np.abs(slopes) * sigma_deg / quantity.full_scale
+            allowed = np.abs(slopes) * allowed_sigma_deg(quantity.name, series.angle_deg)
+            parts = np.sqrt(np.maximum(series.sigma**2 - allowed**2, 0.0)) / quantity.full_scale
             doubtful &= parts > SMALLEST_PART
             if doubtful.any():
                 doubts[quantity.gauge].append(
-                    f"{quantity.name} is `edge`, not `read`, in {doubtful.sum()} frames: as its centre and marks are"
-                    f" drawn and found it may be off by {CONFIDENCE_SIGMAS * parts[doubtful].max():.0%} of full scale;"
+                    f"{quantity.name} is `edge`, not `read`, in {doubtful.sum()} frames: as it is seen, and as its"
+                    " centre and marks are drawn and found, it may be off by"
+                    f" {CONFIDENCE_SIGMAS * parts[doubtful].max():.0%} of full scale;"
                     " draw them more precisely with `decode setup`"
                 )
                 status = np.where(doubtful, CODE[Status.EDGE], series.status).astype(np.uint8)

@@ -101,6 +101,21 @@ def test_pointer_below_another_is_where_the_value_has_it(readers: dict[str, Pane
     assert abs(float(shortest(np.array(found["thousands_ft"].angle_deg - truth_deg), 360.0))) < 7.2
 
 
+@pytest.mark.slow
+def test_value_that_few_frames_show_needs_all_of_its_pointers(readers: dict[str, PanelReader]) -> None:
+    """The one that shows may be sure of itself, but does not count its own turns."""
+    reader, hides = readers["slim below"], drawn(angles_of(51_111.1), SLIM_BELOW)
+    doubtful = frozenset({"thousands_ft", "altitude_ft"})
+    dim, rare = (
+        reader.with_appearance(replace(reader.appearance, doubted=each))
+        for each in (doubtful - {"altitude_ft"}, doubtful)
+    )
+
+    assert altitude(dim, hides)[0].status is Status.READ
+    assert altitude(rare, hides)[0].status is Status.MISSING
+    assert altitude(rare, drawn(angles_of(23_456.0), SLIM_BELOW))[0].status is Status.READ
+
+
 def _without(hand: int) -> Callable[[float], GreyPicture]:
     """An altimeter that has lost one of its pointers."""
     rest = [index for index in range(len(FORMS)) if index != hand]

@@ -81,8 +81,6 @@ def test_all_parts_add_in_squares() -> None:
 
     assert uncertainty.sigma_deg(AT_DEG) == pytest.approx([expected_deg])
     assert uncertainty.drawn_sigma_deg(AT_DEG) == pytest.approx([drawn_deg])
-    # What takes a value the name of read: not from which side needles may be seen, which no flight tells.
-    assert uncertainty.doubt_sigma_deg(AT_DEG) == pytest.approx([math.hypot(drawn_deg, math.degrees(0.1 / 50.0))])
     assert replace(uncertainty, zero_deg=None).sigma_deg(AT_DEG) < expected_deg
 
 
