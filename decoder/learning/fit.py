@@ -166,6 +166,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             care_part=care_part(paths, pivots, gauges),
             dials_move=last.reader.placement.dials_move,
             found=last.found,
+            templates=last.reader.appearance.templates,
         ),
         moved_px={
             gauge.name: (gauge.centre[0] - drawn.centre[0], gauge.centre[1] - drawn.centre[1])

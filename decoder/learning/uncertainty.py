@@ -11,14 +11,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.sorting import median
+from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.drawn_points import uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
+from decoder.matching.needle_template import NeedleTemplate
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, shortest
@@ -124,6 +128,7 @@ def quantity_uncertainties(
     care_part: float,
     dials_move: bool,
     found: Sequence[Mapping[str, Reading]] = (),
+    templates: Mapping[str, NeedleTemplate] = MappingProxyType({}),
 ) -> dict[str, QuantityUncertainty]:
     """Estimate, by quantity, what its readings are uncertain by beyond what their frames tell.
 
@@ -145,6 +150,8 @@ def quantity_uncertainties(
         Whether each dial is found by itself.
     found
         By frame of a sample, what was read.
+    templates
+        By needle, what it looks like to the flight.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     uncertainties = {}
@@ -162,7 +169,7 @@ def quantity_uncertainties(
         # Marks that are uneven were seen from beside their middle, and so was all else on the dial.
         marks_deg = max((uneven_deg(quantity) for quantity in as_told.quantities), default=0.0)
         as_card, as_needle = (replace(each, drawn_deg=max(each.drawn_deg, marks_deg)) for each in (as_card, as_needle))
-        needles, mistaken = {needle.name for needle in gauge.turning}, _mistaken(gauge, pivot, found)
+        needles, mistaken = {needle.name for needle in gauge.turning}, _mistaken(gauge, pivot, found, templates)
         for quantity in as_told.quantities:
             name = quantity.name
             if quantity.written is not None or not quantity.is_drawn:
@@ -227,25 +234,41 @@ def _to_allow_for(log_odds: float) -> float:
     return math.sqrt(min(10.0 * (1.0 + math.tanh(log_odds / 2)), 1.0))
 
 
-def _mistaken(gauge: Gauge, pivot: Pivot, found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
-    """Name needles that may not be what was cut for them: around a centre that far off it may be the dial beside them.
+def _mistaken(
+    gauge: Gauge, pivot: Pivot, found: Sequence[Mapping[str, Reading]], templates: Mapping[str, NeedleTemplate]
+) -> frozenset[str]:
+    """Name needles that may not be what was cut for them, but the dial beside or beyond them.
 
-    What was found elsewhere than where it was cut is a needle for all that.
+    The cut may lie beside a needle around a centre that is far off, and beyond its tip where `radius` begins there.
+    Around such a centre what was found elsewhere than where it was cut is a needle for all that; what was cut beyond a
+    tip is if it mostly moves, by more than its readings are uncertain by. Hands that tell one value may stand still for
+    long, but must go together.
     """
     mistaken = set()
+    agreeing = () if gauge.combination is None else gauge.combination.parts
     for needle in gauge.turning:
         if needle.at_deg is not None and needle.hides_deg is not None:
             at_deg, half_deg = np.array([needle.at_deg]), needle.hides_deg / 2
             sideways = across(at_deg)[0]
             beside_deg = math.degrees(math.sqrt(sideways @ pivot.covariance_px2 @ sideways) / gauge.arc_px)
             read = [each[needle.name] for each in found if each[needle.name].status is not Status.MISSING]
-            angles_deg = np.array([reading.angle_deg for reading in read])
-            if (
-                CERTAIN_SIGMAS * beside_deg > half_deg
-                and not (np.abs(shortest(angles_deg - at_deg, FULL_CIRCLE_DEG)) > half_deg).any()
-            ):
+            off_deg = shortest(np.array([reading.angle_deg for reading in read]) - at_deg, FULL_CIRCLE_DEG)
+            sigma_deg = np.array([reading.sigma_deg for reading in read])
+            moves = np.abs(off_deg - (median(off_deg) if read else 0.0)) > CERTAIN_SIGMAS * sigma_deg
+            is_beside = CERTAIN_SIGMAS * beside_deg > half_deg and not (np.abs(off_deg) > half_deg).any()
+            is_beyond = needle.name not in agreeing and needle in gauge.over_face
+            is_beyond &= not _comes_from_hub(templates.get(needle.name))
+            if is_beside or (is_beyond and moves.sum() <= HALF * len(read)):
                 mistaken.add(needle.name)
     return frozenset(mistaken)
+
+
+def _comes_from_hub(template: NeedleTemplate | None) -> bool:
+    """Whether something covers a needle's axis in the inner half of where it is looked for, as far as is known."""
+    if template is None:
+        return True
+    covers = 1.0 - template.transparency[template.rows // 2]
+    return float(covers[: -(-len(covers) // 2)].mean()) > HALF
 
 
 def _parallax_deg(drawn: PanelPictures, index: int) -> float:

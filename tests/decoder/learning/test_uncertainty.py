@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
+from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.drawn_points import middle_of_marks_px, seen_from, uneven_deg
+from decoder.learning.fit import fit_to_flight
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import HAND_PX
 from decoder.learning.uncertainty import (
@@ -27,6 +29,7 @@ from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.registration.pivot import Pivot
 from tests.decoder.cockpit import reader_of
+from tests.decoder.instruments import dials
 from tests.programs import FIXTURES
 
 KNOWN = Pivot((0.0, 0.0), np.zeros((2, 2)))
@@ -70,6 +73,35 @@ def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() ->
     assert uncertainty_of_speed(reader, pivot=scattered).place_px == pytest.approx(0.3)
     assert uncertainty_of_speed(reader, pivot=quiet).place_px == 0.0
     assert uncertainty_of_speed(reader, pivot=quiet, dials_move=True).place_px == FOUND_PX
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("inner_px", "moves", "is_needle"),
+    [(14, True, True), (14, False, True), (40, True, True), (46, True, False), (52, True, False)],
+)
+@pytest.mark.parametrize("ring_level", [dials.FACE_LEVEL, 220.0])
+def test_what_is_cut_beyond_the_tip_and_stands_still_may_be_no_needle(
+    *, inner_px: int, moves: bool, is_needle: bool, ring_level: float
+) -> None:
+    """The dial beyond a tip matches itself in each frame; a needle that stands still is one by where it comes from."""
+
+    def frame(angle_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: dials.Canvas) -> None:
+            canvas.dial([130 + 28 * tick for tick in range(11)])
+            canvas.disc(dials.CENTRE, 68.0, ring_level)
+            canvas.disc(dials.CENTRE, 58.0, dials.FACE_LEVEL)
+            canvas.hand(dials.Hand(tip=44.0), angle_deg)
+
+        return dials.paint(what, seed=seed)
+
+    needle = {"name": "speed_kt", "template": {"at": 250.0, "span": 14}}
+    gauge = {"name": "dial", "radius": [inner_px, 70], "sweep": [120, 420], "scale": [[130, 0], [410, 100]]}
+    turned_deg = np.random.default_rng(3).uniform(135.0, 405.0, 16) if moves else np.full(16, 250.0)
+    reader = dials.reader_for([{**gauge, "needles": [needle]}], frame(250.0, 1))
+    fitted = fit_to_flight(reader, lambda _: [frame(each, 10 + seed) for seed, each in enumerate(turned_deg.tolist())])
+
+    assert (fitted.sigma_deg("speed_kt", np.array([250.0]))[0] < 2.0) == is_needle
 
 
 def test_all_parts_add_in_squares() -> None:
