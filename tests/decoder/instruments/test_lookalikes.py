@@ -248,9 +248,12 @@ def test_symbol_with_two_wings_alike_is_read_by_both_within_its_sweep() -> None:
         assert off_deg(reading, turned_deg) < 0.15
 
 
-@pytest.mark.parametrize(("level", "least"), [(165.0, 0.9), (230.0, 0.0)], ids=["another tone", "the same"])
+@pytest.mark.parametrize(("level", "least"), [(165.0, 0.85), (230.0, 0.0)], ids=["another tone", "the same"])
 @pytest.mark.parametrize("gain", [1.0, 0.7])
-def test_two_needles_of_one_form_are_never_taken_for_each_other(level: float, least: float, gain: float) -> None:
+@pytest.mark.parametrize("below", [{}, {"covered_by": "one"}], ids=["beside", "below"])
+def test_two_needles_of_one_form_are_never_taken_for_each_other(
+    level: float, least: float, gain: float, below: dict[str, str]
+) -> None:
     """By form each is where the other is; their tones tell them apart in any light, and else nothing does."""
 
     def draw(one_deg: float, other_deg: float, seed: int, gain: float = 1.0) -> GreyPicture:
@@ -264,18 +267,19 @@ def test_two_needles_of_one_form_are_never_taken_for_each_other(level: float, le
     rng = np.random.default_rng(9)
     drawn = [
         {"name": "one", "template": {"at": 160.0, "span": 16}},
-        {"name": "other", "template": {"at": 330.0, "span": 16}},
+        {"name": "other", "template": {"at": 330.0, "span": 16}, **below},
     ]
     gauge = {"name": "volts", "radius": [20, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 30]], "needles": drawn}
     flown = [draw(*rng.uniform(125, 415, 2), 100 + index) for index in range(16)]
     reader = reader_for([gauge], draw(160.0, 330.0, 1), flown)
-    pairs = [(one, one + apart) for one in (130.0, 200.0, 270.0) for apart in (40.0, 75.0, 140.0)]
+    pairs = [(one, one + apart) for one in (130.0, 200.0, 270.0) for apart in (9.0, 40.0, 75.0, 140.0)]
     pairs += [(other, one) for one, other in pairs]
 
     read = 0
     for seed, angles_deg in enumerate(pairs):
         readings = read_picture(reader, draw(*angles_deg, seed, gain)).readings
         for name, angle_deg in zip(("one", "other"), angles_deg, strict=True):
+            off = off_deg(readings[name], angle_deg)
             read += readings[name].status is Status.READ
-            assert readings[name].status is Status.MISSING or off_deg(readings[name], angle_deg) < 1.0
+            assert readings[name].status is Status.MISSING or off < max(1.0, 2.0 * readings[name].sigma_deg)
     assert read >= least * 2 * len(pairs)

@@ -24,7 +24,7 @@ from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
 from decoder.matching.searching import COARSE_STEP, Search, SearchTarget, collected, peaks_of, thinned
 from decoder.matching.strips import blocks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, WHOLE_VISIBLE
-from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
@@ -121,6 +121,7 @@ class NeedleReader:
         self._look_through_light(frames, found)
         for pair in range(len(self._pairs)):
             self._read_pair(frames, pair, peaks, found)
+            self._tell_apart(frames, pair, peaks, found)
         return found
 
     def _searched(self, frames: Sequence[Samples]) -> list[Levels]:
@@ -259,6 +260,28 @@ class NeedleReader:
             alone = ~is_above[rest] & (below.status[rest] == READ) & (below.score[rest] > one.score)
             found.put((rest, upper), one.instead(alone, one.as_missing()))
             found.put((rest, lower), other.instead(alone, below.part(rest)))
+
+    def _tell_apart(self, frames: Sequence[Samples], pair: int, peaks: Peaks, found: Found) -> None:
+        """Do not take two needles for each other of which each matches where the other is; one alone may be either."""
+        stack, both = self._stacks[pair], np.array(self._pairs[pair])
+        if not stack.has_alike:
+            return
+        seen = np.isin(found.status[:, both], (READ, EDGE))
+        lone = (seen & np.isin(found.status[:, both[::-1]], (MISSING,))).T
+        alike = seen.all(axis=1)
+        for at, (one, other) in enumerate((both, both[::-1])):
+            there = np.rint((np.nan_to_num(found.row[:, one]) - self._rows[one, 0]) / COARSE_STEP)
+            there = limited(there, 0, peaks.scores.shape[2] - 1).astype(np.intp)[:, None]
+            own, its = (np.take_along_axis(peaks.scores[:, each], there, axis=1)[:, 0] for each in (one, other))
+            alike &= its >= LIKELY_SCORE
+            lone[at] &= 1.0 - np.maximum(its, 0.0) ** 2 <= CLEARLY_WORSE * (1.0 - np.maximum(own, 0.0) ** 2)
+        index = self._needles[both[0]].gauge_index
+        for which, told in ((lone.any(axis=0), lambda strips, _: stack.read(strips)), (alike, stack.tell_apart)):
+            where = np.flatnonzero(which)
+            if where.size:
+                strips = self._sampler.strips([frames[number] for number in where.tolist()], index)
+                at_both = where[:, None], both
+                found.put(at_both, told(strips, found.part(at_both)))
 
 
 class _Windows:

@@ -85,6 +85,11 @@ class StackReader:
             if _likeness(self._templates[one], self._templates[other]) >= SCORE_THRESHOLD
         ]
 
+    @property
+    def has_alike(self) -> bool:
+        """Whether some of its needles are of one form."""
+        return bool(self._alike)
+
     def read(self, strips: Floats) -> Found:
         """Find the needles on a gauge in F frames, (F, R, C) float32: (F, K)."""
         places: dict[int, _Places] = {}
@@ -99,22 +104,35 @@ class StackReader:
             self._tell_apart(strips, (one, other), places, drawn, found)
         return found
 
+    def tell_apart(self, strips: Floats, found: Found) -> Found:
+        """Two needles that were both found in F frames by other means, (F, 2): of one form maybe exchanged, or lost."""
+        found = found.part(np.arange(len(strips)))
+        if self._alike:
+            every, none = np.ones(len(strips)), np.full(len(strips), -1)
+            places = {
+                index: _Places(
+                    found.row[:, index], found.sigma_rows[:, index], every, every, 0 * every, none, 0 * every
+                )
+                for index in self._order
+            }
+            self._tell_apart(strips, self._alike[0], places, self._drawn(strips, self._order[::-1], places), found)
+        return found
+
     def _tell_apart(
         self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], drawn: Floats, found: Found
     ) -> None:
         """Exchange two needles of one form where that explains clearly more; where neither does, none is read.
 
-        Each by itself matches in any light; both together tell which is the brighter one. One alone may be either.
+        Each by itself matches in any light; both together tell which is the brighter one. One alone may be either. Of
+        two that touch each is as far off as the other, at most.
         """
         one, other = both
         seen = np.isin(found.status[:, both], (READ, EDGE))
         lone = seen.any(axis=1) & np.isin(found.status[:, both], (MISSING,)).any(axis=1)
         found.status[np.flatnonzero(lone)[:, None], both] = MISSING
         rows = found.row[:, both]
-        apart = np.abs(shortest(rows[:, 0] - rows[:, 1], self._turn_rows)) > max(
-            self._half_widths_rows[index] for index in both
-        )
-        open_ = np.flatnonzero(seen.all(axis=1) & apart)
+        apart_rows = np.abs(shortest(rows[:, 0] - rows[:, 1], self._turn_rows))
+        open_ = np.flatnonzero(seen.all(axis=1))
         if not open_.size:
             return
         turned = {index: _part(place, open_) for index, place in places.items()}
@@ -140,7 +158,10 @@ class StackReader:
         unsure = open_[(worse * exchanged >= as_found) & (exchanged <= worse * as_found)]
         for values in (found.status, found.row, found.sigma_rows, found.score):
             values[swapped[:, None], both] = values[swapped[:, None], both[::-1]]
-        found.status[unsure[:, None], both] = MISSING
+        apart = apart_rows > max(self._half_widths_rows[index] for index in both)
+        found.status[unsure[apart[unsure], None], both] = MISSING
+        touching = unsure[~apart[unsure], None]
+        found.sigma_rows[touching, both] = np.hypot(found.sigma_rows[touching, both], apart_rows[touching])
 
     def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
         """Find the best places for one needle, the others where they seem to be."""
