@@ -52,11 +52,11 @@ class Attitude(Plain, Strict):
         "an `attitude`: a horizon behind a window",
         "a horizon: attitude",
         "a horizon",
-        begun={"index": UP_DEG, "roll": "roll_deg", "pitch": "pitch_deg"},
+        begun={"roll": "roll_deg", "pitch": "pitch_deg"},
         controls=(
             Control("roll", "Name of roll"),
             Control("pitch", "Name of pitch"),
-            Control("index", "Bank read at", "number", "degrees; 270 is up", is_angle=True),
+            Control("index", "Bank read at", "optional", "degrees; 270, straight up", is_angle=True),
             Control("window", "Horizon seen to", "number", "pixels from the centre"),
             Control("ring", "Bank ring from", "optional", "pixels from the centre, if it turns"),
             Control(
