@@ -18,7 +18,7 @@ from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.instruments.reading import Status
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import Decoded
-from decoder.outputs.report import write_report
+from decoder.outputs.report.report import write_report
 from decoder.timeseries.flight_data import CODE, AlignmentSeries, FlightData, NeedleSeries
 from flight_file.frame import ClockReading, Exif, Frame, HostTimes
 from flight_file.reader import open_flight

@@ -17,7 +17,7 @@ from benchmarks.programs import RENDERED
 from benchmarks.setup_page import FIXTURES, chromium, served
 from decoder.outputs.film import drawn_film, write_film
 from decoder.outputs.frame_picture import flagged, matched_frames
-from decoder.outputs.report import write_report
+from decoder.outputs.report.report import write_report
 from decoder.panel.vocabulary import Method
 from decoder.parallel.decoding import decoded_flight
 from decoder.setup.sources import open_source

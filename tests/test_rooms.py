@@ -56,7 +56,9 @@ KIND_MODULES = {kind.__module__ for kind in KINDS} | {
     for path in (DECODER / "instruments" / "kinds").glob("*/*.py")
 }
 ALCOVES = {
+    "commands": {"calibrate"},
     "instruments": {"kinds", "kinds/dials", "kinds/windows"},
+    "outputs": {"report"},
     "panel": {"kinds"},
     "setup": {"finding", "proposing"},
 }  # a room may have a folder for what there are many of

@@ -33,10 +33,10 @@ COMMANDS = {
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
 }
 CALIBRATIONS = {
-    "focal": ("decoder.commands.calibrate_ruler:focal", "Pixels per radian over focal length, from a ruler."),
-    "distortion": ("decoder.commands.calibrate_ruler:distortion", "Whether the lens bends a ruler, and by how much."),
-    "board": ("decoder.commands.calibrate_board", "Focal length and distortion from a chessboard or ChArUco board."),
-    "pose": ("decoder.commands.calibrate_pose", "Where the camera was, from reference points; squares a picture up."),
+    "focal": ("decoder.commands.calibrate.ruler:focal", "Pixels per radian over focal length, from a ruler."),
+    "distortion": ("decoder.commands.calibrate.ruler:distortion", "Whether the lens bends a ruler, and by how much."),
+    "board": ("decoder.commands.calibrate.board", "Focal length and distortion from a chessboard or ChArUco board."),
+    "pose": ("decoder.commands.calibrate.pose", "Where the camera was, from reference points; squares a picture up."),
 }
 DEFAULT_COMMAND = "flight"
 

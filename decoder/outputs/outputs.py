@@ -29,7 +29,7 @@ from flight_file.untrusted import file_name, printable, read_beside
 if TYPE_CHECKING:
     from decoder.imaging.panel_pictures import PanelPictures
     from decoder.outputs.json_output import Provenance
-    from decoder.outputs.report_truth import TruthSection
+    from decoder.outputs.report.truth import TruthSection
     from decoder.panel.camera import Camera
     from decoder.timeseries.flight_data import FlightData
     from flight_file.frame import Frame

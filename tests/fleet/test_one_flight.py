@@ -217,7 +217,7 @@ def test_results_of_other_versions_are_not_kept(
     assert status(decode_one(flight, replace(order(), versions=other))) is State.DECODED
 
 
-@pytest.mark.parametrize("file", ["outputs/report_page/main.js", "outputs/report_page/style.css", "start.py"])
+@pytest.mark.parametrize("file", ["outputs/report/page/main.js", "outputs/report/page/style.css", "start.py"])
 def test_every_file_of_the_code_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
     """A report's page decides about bytes as the Python code does; what Python made of that does not."""
     package = tmp_path / "decoder"

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.instruments.reading import Status
 from decoder.outputs.outputs import Decoded
-from decoder.outputs.report import PLOTLY, plotly, write_report
-from decoder.outputs.report_drawings import panel_drawing
-from decoder.outputs.report_facts import checked
-from decoder.outputs.report_flags import Kind, find_flags, scattered_order
-from decoder.outputs.report_truth import truth_section
+from decoder.outputs.report.drawings import panel_drawing
+from decoder.outputs.report.facts import checked
+from decoder.outputs.report.flags import Kind, find_flags, scattered_order
+from decoder.outputs.report.report import PLOTLY, plotly, write_report
+from decoder.outputs.report.truth import truth_section
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.vocabulary import TruthRequest
 from decoder.parallel.decoding import decoded_flight

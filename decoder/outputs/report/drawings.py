@@ -14,7 +14,7 @@ from decoder.imaging.alignment import Point
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.unwrapping import PolarGrid, gauge_grid
-from decoder.outputs.report_flags import jpeg_text
+from decoder.outputs.report.flags import jpeg_text
 from decoder.outputs.thresholds import PICTURE_PX
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera

@@ -29,15 +29,15 @@ from numpy.typing import NDArray
 
 from decoder.imaging.pictures import colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
-from decoder.outputs import report_facts
 from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, ReadingPlaces, label_decimals
 from decoder.outputs.film import film_times_s
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded
-from decoder.outputs.report_drawings import calibration_charts, panel_drawing
-from decoder.outputs.report_facts import AlignmentTrack, Order, alignment_tracks, order_of
-from decoder.outputs.report_flags import KINDS, Evidence, Flag, Kind, evidence, find_flags, picture_plan
+from decoder.outputs.report import facts
+from decoder.outputs.report.drawings import calibration_charts, panel_drawing
+from decoder.outputs.report.facts import AlignmentTrack, Order, alignment_tracks, order_of
+from decoder.outputs.report.flags import KINDS, Evidence, Flag, Kind, evidence, find_flags, picture_plan
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PictureError
@@ -46,7 +46,7 @@ from decoder.timeseries.cross_checks import cross_checks, parameters_of
 from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
 from flight_file.frame import Frame
 
-PAGE = files("decoder.outputs") / "report_page"
+PAGE = files("decoder.outputs.report") / "page"
 SHARED = files("decoder.setup") / "page"
 PLOTLY = files("decoder.outputs") / "vendor" / "plotly-basic.min.js"
 STYLES = ("style.css", "parts.css", "print.css")
@@ -197,7 +197,7 @@ def _evidence_of(
 
 def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
     environment = Environment(
-        loader=PackageLoader("decoder.outputs", "report_page"),
+        loader=PackageLoader("decoder.outputs.report", "page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -214,7 +214,7 @@ def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
         **{name: Markup(text) for name, text in scripts.items()},  # noqa: S704 - our own, and plotly's
         flight_json=Markup(_json(_flight(report, flags, order, tracks))),  # noqa: S704 - no `<` is left in it
         charts_json=Markup(_json(charts)),  # noqa: S704 - the same
-        alignment=report_facts.alignment_facts(tracks),
+        alignment=facts.alignment_facts(tracks),
         charts=charts,
     )
     return page
@@ -223,36 +223,36 @@ def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
 def _texts(report: Decoded, flags: Sequence[Flag], order: Order) -> dict[str, Any]:
     """Gather what the template says outside its scripts."""
     data, source, provenance = report.data, report.source, report.provenance
-    listed, left_out = report_facts.listed_flags(data, flags, _positions(order))
+    listed, left_out = facts.listed_flags(data, flags, _positions(order))
     counts = [(kind.value, sum(flag.kind is kind for flag in flags)) for kind in KINDS]
-    checked = report_facts.checked(report.check())
+    checked = facts.checked(report.check())
     return {
         "provenance": provenance,
-        "when": report_facts.when(data),
-        "clock": report_facts.clock(data, report.session),
+        "when": facts.when(data),
+        "clock": facts.clock(data, report.session),
         "checks": cross_checks(data),
         "sections": _sections(report),
-        "facts": report_facts.head_facts(
+        "facts": facts.head_facts(
             data,
             flags,
             provenance.losses,
-            report_facts.Fact("recording's chain", INTEGRITY_SAYS[checked[0].state], checked[0].state),
+            facts.Fact("recording's chain", INTEGRITY_SAYS[checked[0].state], checked[0].state),
         ),
-        "alerts": report_facts.alerts(data, provenance.losses, order),
-        "statuses": report_facts.STATUS_WORDS,
+        "alerts": facts.alerts(data, provenance.losses, order),
+        "statuses": facts.STATUS_WORDS,
         "status_colours": {status.value: colour for status, colour in STATUS_COLOURS.items()},
         "has_outliers": any(flag.kind is Kind.OUTLIER for flag in flags),
-        "needles": [report_facts.needle_facts(series) for series in data.series],
+        "needles": [facts.needle_facts(series) for series in data.series],
         "kinds": [(kind, count) for kind, count in counts if count],
         "flags": listed,
         "left_out": left_out,
         "json_name": f"{report.name}.json",
         "truth": report.truth,
-        "failed_anchors": report_facts.failed_anchors(data.alignments),
+        "failed_anchors": facts.failed_anchors(data.alignments),
         "panel": source.panel,
         "drawing": panel_drawing(source, dict(data.moved_pivots_px)),
         "has_points": bool(source.panel.reference_points),
-        "gauge_rows": report_facts.gauge_rows(source, data),
+        "gauge_rows": facts.gauge_rows(source, data),
         "camera_words": _camera_words(report.camera),
         "checked": checked,
         "files": _files(report),
@@ -344,7 +344,7 @@ def _made_with(report: Decoded) -> list[tuple[str, str]]:
         ("method", report.provenance.method),
         ("command", report.command),
     ]
-    return [*own, *report_facts.recorded_by(report.session)]
+    return [*own, *facts.recorded_by(report.session)]
 
 
 def _camera_words(camera: Camera | None) -> str:

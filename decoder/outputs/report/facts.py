@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.instruments.reading import Status
 from decoder.outputs.csv_output import moment_text, utc_text
-from decoder.outputs.report_flags import KINDS, Flag, Kind
+from decoder.outputs.report.flags import KINDS, Flag, Kind
 from decoder.outputs.thresholds import MOST_FLAGS, MOST_LISTED
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Quantity

@@ -17,7 +17,7 @@ from decoder.calibration.march import March, march
 from decoder.calibration.measurements import Measured, measure_alike, measure_listed, read_measurements
 from decoder.calibration.photographs import Photograph, read_photograph, same_size
 from decoder.calibration.profile import Line
-from decoder.commands.calibrate_pose import picture_file
+from decoder.commands.calibrate.pose import picture_file
 from decoder.commands.options import camera_output
 from decoder.outputs.csv_output import text_table
 from decoder.outputs.outputs import as_text, refuse_overwriting, write_all
