@@ -30,6 +30,7 @@ COMMANDS = {
     "rpm": ("decoder.commands.rpm", "Read the engine's speed by its sound, beside the tachometer."),
     "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
+    "explain": ("decoder.commands.explain", "Tell how sure one value is, and why."),
     "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
 }
 CALIBRATIONS = {
@@ -50,6 +51,7 @@ Examples:
   decode rpm flight.mcap -o results/rpm.csv --cylinders 4 --blades 2
   decode export results/flight.csv -o flight.parquet
   decode setup flight.mcap --panel panel.yaml
+  decode explain results/flight.csv oil_press_psi --frame 57
   decode accuracy results/flight.csv truth.csv
 """
 

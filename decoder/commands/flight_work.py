@@ -14,7 +14,7 @@ from decoder.instruments.frame_batch import read_here
 from decoder.outputs.csv_output import summary_table
 from decoder.outputs.json_output import Provenance
 from decoder.outputs.outputs import JOURNAL_SUFFIX, Decoded, Write, output_name, write_all
-from decoder.outputs.report.truth import truth_section
+from decoder.outputs.report_truth import truth_section
 from decoder.outputs.thresholds import MOST_LISTED
 from decoder.panel.errors import DecoderError, FlightUnreadable
 from decoder.panel.vocabulary import TruthRequest

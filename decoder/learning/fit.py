@@ -24,6 +24,7 @@ from decoder.instruments.panel_reader import PanelReader, appearance_from_panel,
 from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
+from decoder.learning.budget import Budget, budgets
 from decoder.learning.drawn_points import (
     PRIOR_LOG_ODDS,
     log_odds_of_points,
@@ -117,6 +118,12 @@ class FittedReader:
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
         return self.uncertainties[name].sigma_deg(angles_deg)
+
+    @property
+    def budgets(self) -> dict[str, Budget]:
+        """By quantity what of that has which cause, over its values."""
+        quantities = [quantity for gauge in self.panel.gauges for quantity in gauge.quantities]
+        return budgets(quantities, self.panel.combinations, lambda name, at: self.uncertainties[name].parts_deg(at))
 
     def allowed_sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): what of that neither this panel nor this flight tells, but is allowed for."""

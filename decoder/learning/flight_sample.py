@@ -221,7 +221,8 @@ def _never_rolls(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool
     sigmas = []
     for alignment in (sample.alignment for sample in samples):
         known = alignment.covariance
-        if known is not None and known.model is Model.RIGID:  # else it cannot tell
+        # A round anchor cannot tell, nor can what is aligned by a shift.
+        if known is not None and known.model is Model.RIGID and known.covariance[2, 2] > 0.0:
             roll_px = math.radians(alignment.roll_deg - reader.placement.usual.roll_deg) * known.axes.lever_px
             sigmas.append(roll_px / math.sqrt(known.covariance[2, 2]))
     return not sigmas or float(np.sqrt(np.mean(np.square(sigmas)))) <= SIGNIFICANT_SIGMAS

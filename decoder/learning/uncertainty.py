@@ -8,8 +8,9 @@ scatter of those tilts does).
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -19,6 +20,7 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.sorting import median
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Reading, Status
+from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
@@ -86,18 +88,20 @@ class QuantityUncertainty:
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
         """(N,): a standard uncertainty for readings at these angles."""
-        constant_deg = math.hypot(self.seen_deg, math.degrees(self.place_px / self.radius_px))
-        sigma: Floats = np.hypot(constant_deg, self.drawn_sigma_deg(angles_deg))
-        return sigma
+        return _together(self.parts_deg(angles_deg).values())
 
-    def drawn_sigma_deg(self, angles_deg: Floats) -> Floats:
-        """(N,): what of it the panel's drawing leaves in doubt."""
-        if self.zero_deg is None:
-            return np.full_like(angles_deg, self.drawn_deg)
-        drawn_deg = self.drawn_deg * self._lever(angles_deg)
-        around_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
-        sigma: Floats = np.hypot(drawn_deg, np.hypot(around_deg, self._missed_deg(angles_deg, self.zero_deg)))
-        return sigma
+    def parts_deg(self, angles_deg: Floats) -> dict[Cause, Floats]:
+        """(N,) by cause: what the standard uncertainty is the root of the sum of squares of."""
+        drawn_deg, pivot_deg = np.full_like(angles_deg, self.drawn_deg), np.zeros_like(angles_deg)
+        if self.zero_deg is not None:
+            drawn_deg = np.hypot(drawn_deg * self._lever(angles_deg), self._missed_deg(angles_deg, self.zero_deg))
+            pivot_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
+        return {
+            Cause.DRAWN: drawn_deg,
+            Cause.PIVOT: pivot_deg,
+            Cause.VIEWED: np.full_like(angles_deg, self.seen_deg),
+            Cause.PLACED: np.full_like(angles_deg, math.degrees(self.place_px / self.radius_px)),
+        }
 
     def _missed_deg(self, angles_deg: Floats, zero_deg: float) -> Floats:
         """(N,): by how much marks and zero are off if they were seen from that far beside: what is nearer by more."""
@@ -309,6 +313,11 @@ def _places_px(pivots: Sequence[Pivot], least_px: float) -> list[float]:
         (pivot.tilts * pivot.scatter_px2 + SHARED_TILTS * shared_px2) / (pivot.tilts + SHARED_TILTS) for pivot in pivots
     ]
     return [math.hypot(least_px, math.sqrt(max(value, 0.0))) for value in own_px2]
+
+
+def _together(parts: Iterable[Floats]) -> Floats:
+    total: Floats = functools.reduce(np.hypot, parts)
+    return total
 
 
 def _middling(values: Sequence[float]) -> float:

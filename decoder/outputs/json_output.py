@@ -13,7 +13,9 @@ from typing import IO, Any
 import numpy as np
 
 from decoder.instruments.reading import Status
+from decoder.learning.budget import Budget
 from decoder.outputs.csv_output import moment_text, write_csv
+from decoder.panel.arrays import Floats
 from decoder.timeseries.cross_checks import CrossCheck, cross_checks
 from decoder.timeseries.events import Event, find_events
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans, status_counts
@@ -61,7 +63,9 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "start_utc": (moment_text(data, int(data.time_ns[0])) or None) if len(data.frame) else None,
         "end_utc": (moment_text(data, int(data.time_ns[-1])) or None) if len(data.frame) else None,
         "duration_s": round(float(data.time_s[-1] - data.time_s[0]), 6) if len(data.frame) else 0.0,
-        "needles": {series.quantity.name: _needle(series) for series in data.series},
+        "needles": {
+            series.quantity.name: _needle(series, data.budgets.get(series.quantity.name)) for series in data.series
+        },
         "moved_pivots_px": {name: [round(x, 3), round(y, 3)] for name, (x, y) in data.moved_pivots_px.items()},
         "warnings": list(data.warnings),
         "health": {gauge: health_line(findings) for gauge, findings in data.health.items()},
@@ -116,7 +120,7 @@ def _gps(data: FlightData, gps: GpsData) -> dict[str, Any]:
     }
 
 
-def _needle(series: NeedleSeries) -> dict[str, Any]:
+def _needle(series: NeedleSeries, budget: Budget | None) -> dict[str, Any]:
     quantity = series.quantity
     scale_min, scale_max = quantity.range
     return {
@@ -132,7 +136,23 @@ def _needle(series: NeedleSeries) -> dict[str, Any]:
         ),
         "frames": status_counts(series),
         "lowest_score": series.lowest_score,
+        **({} if budget is None else {"uncertainty": _uncertainty(budget)}),
     }
+
+
+def _uncertainty(budget: Budget) -> dict[str, Any]:
+    """Describe a budget; of a cause that is the same at all values one number."""
+    causes = {cause.value: _rounded(sigma) for cause, sigma in budget.sigmas.items()}
+    is_even = all(len(set(sigma)) == 1 for sigma in causes.values())
+    return {
+        **({} if is_even else {"values": _rounded(budget.values)}),
+        **({} if is_even or budget.turn is None else {"turn": budget.turn}),
+        **{cause: sigma[0] if len(set(sigma)) == 1 else sigma for cause, sigma in causes.items()},
+    }
+
+
+def _rounded(numbers: Floats) -> list[float]:
+    return [float(f"{number:.4g}") for number in numbers.tolist()]
 
 
 def _outlier(data: FlightData, outlier: Outlier) -> dict[str, Any]:

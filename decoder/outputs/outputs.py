@@ -29,7 +29,7 @@ from flight_file.untrusted import file_name, printable, read_beside
 if TYPE_CHECKING:
     from decoder.imaging.panel_pictures import PanelPictures
     from decoder.outputs.json_output import Provenance
-    from decoder.outputs.report.truth import TruthSection
+    from decoder.outputs.report_truth import TruthSection
     from decoder.panel.camera import Camera
     from decoder.timeseries.flight_data import FlightData
     from flight_file.frame import Frame
@@ -139,7 +139,7 @@ FORMATS: dict[str, Format] = {
     "csv": Format(_late("csv_output:write_csv", "data", is_text=True)),
     "mcap": Format(_late("mcap_output:write_mcap"), takes_images=True),
     "layout": Format(_late("mcap_output:write_layout", is_text=True), suffix="layout.json"),
-    "html": Format(_late("report:write_report"), needs=("jinja2", "report")),
+    "html": Format(_late("report.report:write_report"), needs=("jinja2", "report")),
     "film": Format(_late("film:write_report_film"), needs=("av", "video"), suffix="film.mp4"),
     "parquet": Format(_late("parquet_output:write_parquet", "data", "provenance"), needs=("pyarrow", "parquet")),
 }

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment, Point
 from decoder.instruments.reading import FrameReadings, Status
+from decoder.learning.budget import Budget
 from decoder.panel.arrays import Floats
 from decoder.panel.lens import Lens
 from decoder.panel.panel import Panel
@@ -174,6 +175,8 @@ class FlightData:
         What the camera's GPS says at the frames; None if the flight has none.
     columns
         What the panel says of columns besides how they are read, by name.
+    budgets
+        By name what of its sigma has which cause, of quantities that are measured.
     """
 
     frame: NDArray[np.int64]
@@ -189,6 +192,7 @@ class FlightData:
     time_of_day: str = ""
     gps: GpsData | None = None
     columns: Mapping[str, Column] = field(default_factory=dict)
+    budgets: Mapping[str, Budget] = field(default_factory=dict)
 
     @property
     def knows_time_of_day(self) -> bool:

@@ -79,6 +79,7 @@ def decode_flight(
         part=part,
         time_of_day=flight.session.time_of_day,
         columns=fitted.panel.columns,
+        budgets=fitted.budgets,
     )
     data = with_gps(fill_gaps(built), flight.fixes())
     data, doubts = doubted(data, fitted.allowed_sigma_deg)

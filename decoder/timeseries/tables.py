@@ -86,10 +86,18 @@ class FlightTable:
     names: tuple[str, ...]
     description: Mapping[str, Any]
 
+    def said_of(self, needle: str) -> Mapping[str, Any]:
+        """Look up all that the description says of a needle; nothing where it does not."""
+        try:
+            said = self.description["needles"][needle]
+        except (KeyError, TypeError):
+            return {}
+        return said if isinstance(said, dict) else {}
+
     def described(self, needle: str) -> Described:
         """Look up what is known of a needle."""
         try:
-            needle_says = self.description["needles"][needle]
+            needle_says = self.said_of(needle)
             full_scale = float(needle_says["scale_max"]) - float(needle_says["scale_min"])
             wraps = needle_says.get("wraps")
             numbers = [full_scale] if wraps is None else [full_scale, float(wraps)]

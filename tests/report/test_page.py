@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from decoder.instruments.reading import Status
+from decoder.learning.budget import Budget, Cause
 from decoder.outputs.outputs import Decoded
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
@@ -93,6 +94,27 @@ def click_row(page: Page, plot: int, row: int) -> None:
         [plot, row],
     )
     host.click(position={"x": x, "y": 40})
+
+
+def test_a_value_says_what_its_uncertainty_is_made_of(open_report: OpenReport) -> None:
+    """The parts of the square in percent, the largest first; opened once it stays open from frame to frame."""
+    values, even = np.array([0.0, 110.0]), np.zeros(2)
+    sigmas = {Cause.DRAWN: even + 0.08, Cause.PIVOT: even + 0.04, Cause.VIEWED: even, Cause.PLACED: even}
+    made = make_report(60)
+    page = open_report(
+        written(replace(made, data=replace(made.data, budgets={"n1_pct": Budget(values, None, sigmas)})))
+    )
+
+    click_row(page, 0, 12)
+    why = page.locator("#evidence-strip .reading", has_text="n1_pct").locator("details.why")
+    why.locator("summary").click()
+    page.keyboard.press("ArrowRight")
+
+    expect(page.locator("#evidence-title")).to_have_text("Frame 13")
+    expect(page.locator("#evidence-strip details.why")).to_have_count(1)
+    expect(why.locator("li")).to_have_text(
+        [re.compile("48 % how precisely"), re.compile("40 % how sharply"), re.compile("12 % where it turns")]
+    )
 
 
 def test_every_status_is_shown(page: Page) -> None:

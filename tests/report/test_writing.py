@@ -20,7 +20,7 @@ from decoder.outputs.report.drawings import panel_drawing
 from decoder.outputs.report.facts import checked
 from decoder.outputs.report.flags import Kind, find_flags, scattered_order
 from decoder.outputs.report.report import PLOTLY, plotly, write_report
-from decoder.outputs.report.truth import truth_section
+from decoder.outputs.report_truth import truth_section
 from decoder.outputs.thresholds import LARGEST_BYTES
 from decoder.panel.vocabulary import TruthRequest
 from decoder.parallel.decoding import decoded_flight

@@ -33,14 +33,6 @@ TRACKS = (
 
 DOTS = {Kind.LOST: Kind.MISSING.value, Kind.EXCEEDED: "exceeded"}
 
-STATUS_WORDS = (
-    (Status.READ, "the whole needle matched"),
-    (Status.EDGE, "a part of it is covered; what is left matched. Or its gauge is drawn too carelessly"),
-    (Status.HIDDEN, "wholly under another needle; it takes that needle's place"),
-    (Status.INTERPOLATED, "not seen; on the line between the nearest frames in which it was"),
-    (Status.MISSING, "there is no value"),
-)
-
 
 @dataclass(frozen=True, slots=True)
 class AlignmentTrack:

@@ -29,8 +29,10 @@ from numpy.typing import NDArray
 
 from decoder.imaging.pictures import colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
+from decoder.learning.budget import Budget
 from decoder.outputs.csv_output import moment_text
 from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, ReadingPlaces, label_decimals
+from decoder.outputs.explanation import CAUSE_WORDS, FRAME_WORDS, STATUS_WORDS
 from decoder.outputs.film import film_times_s
 from decoder.outputs.frame_picture import matched_frames
 from decoder.outputs.outputs import Decoded
@@ -117,11 +119,12 @@ def columns(data: FlightData, order: Order) -> dict[str, Any]:
         "since_first_ms": float(data.time_ns[0] - start_ns) / 1e6 - float(data.time_s[0]) * 1e3 if order.size else 0.0,
         "time_ms": packed((data.time_ns[order] - start_ns) / 1e6, "f8"),
         "frame": packed(data.frame[order], "f8"),
-        "needles": [_needle(series, order, is_signed=name in signed) for name, series in named],
+        "needles": [_needle(series, order, data.budgets.get(name), is_signed=name in signed) for name, series in named],
+        "frame_causes": {status.value: words for status, words in FRAME_WORDS.items()},
     }
 
 
-def _needle(series: NeedleSeries, order: Order, *, is_signed: bool) -> dict[str, Any]:
+def _needle(series: NeedleSeries, order: Order, budget: Budget | None, *, is_signed: bool) -> dict[str, Any]:
     """Encode a needle; bank has a sign here also where a ring of marks counts it from 0 to 360."""
     quantity = series.quantity
     value = shortest(series.value[order], quantity.wraps) if is_signed else series.value[order]
@@ -138,6 +141,13 @@ def _needle(series: NeedleSeries, order: Order, *, is_signed: bool) -> dict[str,
         "sigma": packed(series.sigma[order], "f4"),
         "score": packed(series.score[order], "f4"),
         "status": packed(series.status[order], "u1"),
+        "budget": None
+        if budget is None
+        else {
+            "values": budget.values.tolist(),
+            "turn": budget.turn,
+            "sigmas": [[CAUSE_WORDS[cause], packed(sigma, "f4")] for cause, sigma in budget.sigmas.items()],
+        },
     }
 
 
@@ -239,7 +249,7 @@ def _texts(report: Decoded, flags: Sequence[Flag], order: Order) -> dict[str, An
             facts.Fact("recording's chain", INTEGRITY_SAYS[checked[0].state], checked[0].state),
         ),
         "alerts": facts.alerts(data, provenance.losses, order),
-        "statuses": facts.STATUS_WORDS,
+        "statuses": [*STATUS_WORDS.items()],
         "status_colours": {status.value: colour for status, colour in STATUS_COLOURS.items()},
         "has_outliers": any(flag.kind is Kind.OUTLIER for flag in flags),
         "needles": [facts.needle_facts(series) for series in data.series],

@@ -13,6 +13,7 @@ from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
+from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import middle_of_marks_px, seen_from, uneven_deg
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.pivot_path import PivotPath
@@ -25,6 +26,7 @@ from decoder.learning.uncertainty import (
     QuantityUncertainty,
     quantity_uncertainties,
 )
+from decoder.panel.arrays import Floats
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
 from decoder.registration.pivot import Pivot
@@ -63,6 +65,13 @@ def uncertainties_of(
 def uncertainty_of_speed(reader: PanelReader, *, pivot: Pivot = KNOWN, dials_move: bool = False) -> QuantityUncertainty:
     """Of a panel's first gauge, all pivots alike."""
     return uncertainties_of(reader.source, pivot=pivot, dials_move=dials_move)["speed_kt"]
+
+
+def _drawn_sigma_deg(uncertainty: QuantityUncertainty, angles_deg: Floats) -> Floats:
+    """(N,): what of it the panel's drawing leaves in doubt: its marks and its pivot."""
+    parts = uncertainty.parts_deg(angles_deg)
+    sigma_deg: Floats = np.hypot(parts[Cause.DRAWN], parts[Cause.PIVOT])
+    return sigma_deg
 
 
 def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() -> None:
@@ -112,7 +121,7 @@ def test_all_parts_add_in_squares() -> None:
     expected_deg = math.hypot(drawn_deg, 0.04, math.degrees(0.1 / 50.0))
 
     assert uncertainty.sigma_deg(AT_DEG) == pytest.approx([expected_deg])
-    assert uncertainty.drawn_sigma_deg(AT_DEG) == pytest.approx([drawn_deg])
+    assert _drawn_sigma_deg(uncertainty, AT_DEG) == pytest.approx([drawn_deg])
     assert replace(uncertainty, zero_deg=None).sigma_deg(AT_DEG) < expected_deg
 
 
@@ -145,8 +154,8 @@ def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -
     mark_deg, needle_deg = (math.degrees(2.0 / radius_px) for radius_px in (gauge.radius[1], gauge.arc_px))
     for angles_deg, beside_deg in ((here, needle_deg - mark_deg), (opposite, needle_deg + mark_deg)):
         expected_deg = math.hypot(undecided.drawn_deg, beside_deg)
-        assert undecided.drawn_sigma_deg(angles_deg) == pytest.approx([expected_deg])
-    assert decided.drawn_sigma_deg(opposite) < undecided.drawn_sigma_deg(opposite) / 10
+        assert _drawn_sigma_deg(undecided, angles_deg) == pytest.approx([expected_deg])
+    assert _drawn_sigma_deg(decided, opposite) < _drawn_sigma_deg(undecided, opposite) / 10
 
 
 def test_hand_that_misses_centres_misses_marks() -> None:
@@ -227,7 +236,7 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
 def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
     """The last two marks, each as far off as any, tell it there: half as far beyond as they lie apart, by 1.6 times."""
     uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, (0.0, 40.0, 100.0))
-    sigma_deg = uncertainty.drawn_sigma_deg(np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
+    sigma_deg = _drawn_sigma_deg(uncertainty, np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
 
     assert sigma_deg == pytest.approx(0.1 * np.array([math.hypot(1.5, 0.5), 1.0, 1.0, 1.0, math.hypot(1.5, 0.5)]))
 

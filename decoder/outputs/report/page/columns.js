@@ -18,6 +18,7 @@ export function loadFlight() {
   flight.film_s &&= numbers(flight.film_s);
   for (const needle of flight.needles) {
     for (const name of ["value", "sigma", "score", "status"]) needle[name] = numbers(needle[name]);
+    for (const cause of needle.budget?.sigmas ?? []) cause[1] = numbers(cause[1]);
     needle.truth = needle.truth ? numbers(needle.truth) : null;
   }
   for (const check of flight.checks) for (const name of ["one", "other"]) check[name] = numbers(check[name]);

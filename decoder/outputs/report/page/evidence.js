@@ -1,4 +1,5 @@
 // The evidence: the gauges as they are in the picture of the chosen frame, and over them where the needles were found.
+import { percentText, shares } from "./budget.js";
 import { byId, h, s } from "./dom.js";
 import { enlarge, useEnlarged } from "./enlarge.js";
 import { durationText, frameText, secondsText, spreadText, utcText, valueText } from "./words.js";
@@ -119,5 +120,17 @@ function reading(flight, needle, row) {
   return h("div", { class: "reading" },
     h("span", { class: "name" }, needle.name),
     h("span", { class: "value" }, valueText(needle, row), " ", h("small", {}, spreadText(needle, row))),
-    h("span", { class: "note" }, h("i", { class: `dot ${status}`, "aria-hidden": "true" }), status, Number.isFinite(score) ? ` · score ${score.toFixed(3)}` : ""));
+    h("span", { class: "note" }, h("i", { class: `dot ${status}`, "aria-hidden": "true" }), status, Number.isFinite(score) ? ` · score ${score.toFixed(3)}` : ""),
+    ...why(flight, needle, row));
+}
+
+const opened = new Set(); // of which needles people read it from frame to frame
+
+// What its uncertainty is made of, to be opened.
+function why(flight, needle, row) {
+  const causes = shares(flight, needle, row);
+  if (!causes.length) return [];
+  const items = causes.map(([words, , part]) => h("li", {}, h("b", {}, percentText(part)), ` ${words}`));
+  const ontoggle = (event) => (event.target.open ? opened.add(needle.name) : opened.delete(needle.name));
+  return [h("details", { class: "why", open: opened.has(needle.name) || undefined, ontoggle }, h("summary", {}, "why"), h("ul", {}, ...items))];
 }

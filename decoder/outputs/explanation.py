@@ -1,0 +1,263 @@
+"""What is to be said of one value of a flight: how sure it is, why, and what else bears on it.
+
+All of it is in the files that `decode` wrote: the value's row, and the description of the flight data beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from decoder.instruments.reading import Status
+from decoder.learning.budget import Budget, Cause
+from decoder.panel.errors import TableError
+from decoder.timeseries.health import WELL
+from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
+from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
+
+STATUS_WORDS = {
+    Status.READ: "the whole needle matched",
+    Status.EDGE: "a part of it is covered; what is left matched. Or its gauge is drawn too carelessly",
+    Status.HIDDEN: "wholly under another needle; it takes that needle's place",
+    Status.INTERPOLATED: "not seen; on the line between the nearest frames in which it was",
+    Status.MISSING: "there is no value",
+}
+CAUSE_WORDS = {
+    Cause.DRAWN: "how precisely the scale's marks are drawn",
+    Cause.PIVOT: "where it turns",
+    Cause.VIEWED: "from which side the camera sees what turns above its marks",
+    Cause.PLACED: "where its dial is found in the frames",
+}
+FRAME_WORDS = {
+    Status.READ: "how sharply it and the panel are seen in this frame",
+    Status.EDGE: "how sharply it and the panel are seen in this frame, and what hides a part of it",
+    Status.HIDDEN: "how far it can be from where it is taken to be, hidden as it is",
+    Status.INTERPOLATED: "what it may have done between the frames in which it was seen",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """What one cause has in a value's uncertainty: a standard uncertainty in its unit, and its part of the square."""
+
+    cause: str
+    sigma: float
+    part: float
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """One value, as its files tell of it.
+
+    Attributes
+    ----------
+    value, status, score
+        As in the CSV; "" where a field is empty.
+    sigma, low_95, high_95
+        Of what is measured, in its unit.
+    shares
+        What sigma is made of, the largest first; none where the description has no budget.
+    remarks
+        What else is to be known of it, a sentence each.
+    """
+
+    name: str
+    frame: int
+    time_utc: str
+    time_s: str
+    value: str
+    unit: str
+    status: str
+    score: str
+    sigma: float | None
+    low_95: float | None
+    high_95: float | None
+    shares: tuple[Share, ...]
+    remarks: tuple[str, ...]
+
+
+def explained(flight: FlightTable, name: str, row: int, alignments: Table | None = None) -> Explanation:
+    """Explain the value of a column in one row; `alignments` are what was written beside it of where the panel lay.
+
+    Raises
+    ------
+    TableError
+        If there is no such column, or the files are not what `decode` writes.
+    """
+    wanted = ("frame", "time_utc", "time_s", name, name + STATUS_SUFFIX, f"{name}_score", f"{name}_sigma")
+    if name not in flight.names or not set(wanted) <= set(flight.table.columns):
+        raise TableError(f"{flight.table.path}: has no {name}; its columns are {', '.join(flight.names)}")
+    _, time_utc, time_s, value, status_text, score, _ = (flight.table.columns[each][row] for each in wanted)
+    status, described = _status(status_text, flight.table), flight.described(name)
+    number = float(flight.table.numbers(name, described.written)[row])
+    sigma = float(flight.table.numbers(f"{name}_sigma")[row])
+    is_known = math.isfinite(sigma) and math.isfinite(number)
+    return Explanation(
+        name=name,
+        frame=int(flight.table.numbers("frame")[row]),
+        time_utc=time_utc,
+        time_s=time_s,
+        value=value,
+        unit="" if described.written is not None and not is_known else described.unit,
+        status=status.value,
+        score=score,
+        sigma=sigma if is_known else None,
+        low_95=number - CONFIDENCE_SIGMAS * sigma if is_known else None,
+        high_95=number + CONFIDENCE_SIGMAS * sigma if is_known else None,
+        shares=tuple(_shares(budget, number, sigma, status))
+        if is_known and (budget := _budget(flight.said_of(name).get("uncertainty"))) is not None
+        else (),
+        remarks=tuple(_remarks(flight, name, row, status, alignments)),
+    )
+
+
+def row_of_frame(flight: FlightTable, frame: int) -> int:
+    """Find the row of a frame by its sequence number.
+
+    Raises
+    ------
+    TableError
+        If the flight data do not have it.
+    """
+    frames = flight.table.numbers("frame")
+    rows = np.flatnonzero(frames == frame)
+    if not rows.size:
+        raise TableError(f"{flight.table.path}: has no frame {frame}; it has {frames.min():.0f} to {frames.max():.0f}")
+    return int(rows[0])
+
+
+def row_at(flight: FlightTable, time_s: float) -> int:
+    """Find the row that is nearest to a time in seconds since the flight's first frame.
+
+    Raises
+    ------
+    TableError
+        If the flight data begin later or end before.
+    """
+    times_s = flight.table.numbers("time_s")
+    if not np.nanmin(times_s) <= time_s <= np.nanmax(times_s):
+        lasts = f"it lasts from {np.nanmin(times_s):g} to {np.nanmax(times_s):g} s"
+        raise TableError(f"{flight.table.path}: has nothing at {time_s:g} s; {lasts}")
+    return int(np.nanargmin(np.abs(times_s - time_s)))
+
+
+def explanation_text(told: Explanation) -> str:
+    """Put an explanation in words, several lines."""
+    when = f"{told.time_utc}, {told.time_s} s" if told.time_utc else f"{told.time_s} s"
+    lines = [f"{told.name} in frame {told.frame} ({when}): {told.status}"]
+    if told.value:
+        score = f", score {told.score}" if told.score else ""
+        lines.append(f"  value    {told.value} {told.unit}".rstrip() + score)
+    if told.sigma is not None:
+        decimals = len(told.value.partition(".")[2])
+        lines.append(f"  95 %     {told.low_95:.{decimals}f} to {told.high_95:.{decimals}f} {told.unit}")
+        lines.append(f"  sigma    {told.sigma:.3g} {told.unit}" + (", of its square" if told.shares else ""))
+    lines += [f"    {_percent(share.part)}   {share.sigma:<9.3g} {share.cause}" for share in told.shares]
+    return "\n".join([*lines, *(f"  - {remark}" for remark in told.remarks)])
+
+
+def _percent(part: float) -> str:
+    text = f"{part:4.0%}"
+    return " <1%" if text == "  0%" else text
+
+
+def _status(text: str, table: Table) -> Status:
+    try:
+        return Status(text)
+    except ValueError as error:
+        raise TableError(f"{table.path}: {text!r} is no status; give the CSV that `decode` wrote") from error
+
+
+def _budget(said: object) -> Budget | None:
+    """Read a budget back; None if there is none, or none that could be meant."""
+    if not isinstance(said, dict):
+        return None
+    try:
+        values = np.array(said.get("values", [0.0]), np.float64)
+        turn = None if said.get("turn") is None else float(said["turn"])
+        sigmas = {cause: np.broadcast_to(np.array(said[cause.value], np.float64), values.shape) for cause in Cause}
+    except (KeyError, TypeError, ValueError):
+        return None
+    return Budget(values, turn, sigmas) if values.ndim == 1 and values.size and turn != 0 else None
+
+
+def _shares(budget: Budget, value: float, sigma: float, status: Status) -> Iterator[Share]:
+    """Divide a value's variance; what no cause of the flight's explains is its own frame's."""
+    parts = {CAUSE_WORDS[cause]: own for cause, own in budget.at(value).items()}
+    own_frame = math.sqrt(max(sigma**2 - sum(part**2 for part in parts.values()), 0.0))
+    parts[FRAME_WORDS.get(status, FRAME_WORDS[Status.READ])] = own_frame
+    whole = sum(part**2 for part in parts.values())
+    for cause, part in sorted(parts.items(), key=lambda item: -item[1]):
+        if part > 0.0:
+            yield Share(cause, part, part**2 / whole)
+
+
+def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignments: Table | None) -> Iterator[str]:
+    description, frame = flight.description, int(flight.table.numbers("frame")[row])
+    yield f"{status.value}: {STATUS_WORDS[status]}"
+    for run in _runs(description.get("missing_frames"), frame):
+        yield f"the frame could not be read: {run.get('reason', 'no reason is known')}"
+    if status in (Status.INTERPOLATED, Status.MISSING, Status.HIDDEN):
+        yield from _seen_around(flight, name, row)
+    if alignments is not None and row < len(alignments.columns.get("alignment_score", ())):
+        yield from _alignment(alignments, row)
+    gauge, health = flight.said_of(name).get("gauge"), description.get("health")
+    if isinstance(gauge, str) and isinstance(health, dict):
+        yield f"its gauge, {gauge}: {health.get(gauge, WELL)}"
+    for run in _runs(description.get("outliers"), frame):
+        if run.get("needle") == name:
+            yield f"an outlier: {run.get('reason')}"
+    for run in _runs(description.get("events"), frame):
+        if run.get("needle") == name:
+            yield f"{run.get('what')}: {run.get('words')}"
+    yield from _cross_checks(description.get("cross_checks"), name, frame)
+
+
+def _seen_around(flight: FlightTable, name: str, row: int) -> Iterator[str]:
+    """Say when it was last and next seen."""
+    columns = flight.table.columns
+    is_seen = np.isin(columns[name + STATUS_SUFFIX], [Status.READ.value, Status.EDGE.value])
+    before, after = np.flatnonzero(is_seen[:row]), np.flatnonzero(is_seen[row + 1 :]) + row + 1
+    for words, rows in (("last seen", before[-1:]), ("next seen", after[:1])):
+        for there in rows.tolist():
+            yield f"{words} in frame {columns['frame'][there]}, at {columns['time_s'][there]} s: {columns[name][there]}"
+        if not rows.size:
+            yield f"{words}: never"
+
+
+def _alignment(alignments: Table, row: int) -> Iterator[str]:
+    score, failed = alignments.columns["alignment_score"][row], alignments.columns.get("failed", [""] * (row + 1))[row]
+    if score:
+        yield f"the panel was found with a score of {score}" + (f"; not found: {failed}" if failed else "")
+
+
+def _cross_checks(checks: object, name: str, frame: int) -> Iterator[str]:
+    """Say what the other instruments that show the same say of it."""
+    for check in checks if isinstance(checks, list) else []:
+        columns = check.get("columns") if isinstance(check, dict) else None
+        if not isinstance(columns, list) or name not in columns:
+            continue
+        runs = list(_runs(check.get("disagreements"), frame))
+        unit, compared = check.get("unit", ""), check.get("frames_compared", 0)
+        for run in runs:
+            yield (
+                f"{check.get('what')}: apart by {run.get('apart')} {unit} here, of which {run.get('explained')} {unit}"
+                " would be explained"
+            )
+        if not runs and compared:
+            yield f"{check.get('what')}: no disagreement here ({compared} frames of the flight compared)"
+
+
+def _runs(runs: object, frame: int) -> Sequence[Mapping[str, Any]]:
+    """Of runs of frames in a description those that a frame is in."""
+    found = [run for run in (runs if isinstance(runs, list) else []) if isinstance(run, dict)]
+    ends = [(run.get("first_frame"), run.get("last_frame")) for run in found]
+    return [
+        run
+        for run, (first, last) in zip(found, ends, strict=True)
+        if isinstance(first, int) and isinstance(last, int) and first <= frame <= last
+    ]
