@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
+from decoder.learning.budget import Budget, Cause
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, Scale, shortest
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries, PanelSigmaDeg
 from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, SMALLEST_PART
 
 WELL = "drawn well"
+SEEN = "it is hardly to be seen there"
+MOSTLY = {
+    Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
+    Cause.PIVOT: "it is not known where it turns: draw its centre more precisely with `decode setup`",
+    Cause.PLACED: "its dial is not found where it should be: box an anchor nearer to it with `decode setup`",
+}
 
 
 def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
@@ -34,16 +41,24 @@ def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightD
             parts = np.sqrt(np.maximum(series.sigma**2 - allowed**2, 0.0)) / quantity.full_scale
             doubtful &= parts > SMALLEST_PART
             if doubtful.any():
+                worst = int(np.where(doubtful, parts, 0.0).argmax())
                 doubts[quantity.gauge].append(
-                    f"{quantity.name} is `edge`, not `read`, in {doubtful.sum()} frames: as it is seen, and as its"
-                    " centre and marks are drawn and found, it may be off by"
-                    f" {CONFIDENCE_SIGMAS * parts[doubtful].max():.0%} of full scale;"
-                    " draw them more precisely with `decode setup`"
+                    f"{quantity.name} is `edge`, not `read`, in {doubtful.sum()} frames: it may be off by"
+                    f" {CONFIDENCE_SIGMAS * parts[worst]:.0%} of full scale, mostly because"
+                    f" {_mostly(data.budgets.get(quantity.name), series, worst)}"
                 )
                 status = np.where(doubtful, CODE[Status.EDGE], series.status).astype(np.uint8)
                 series = replace(series, status=status)  # noqa: PLW2901
         found.append(series)
     return replace(data, series=tuple(found)), doubts
+
+
+def _mostly(budget: Budget | None, series: NeedleSeries, row: int) -> str:
+    """Say what most of a value's doubt comes from, beyond what is only allowed for."""
+    sigmas = {} if budget is None else budget.at(float(series.value[row]))
+    own_frame = float(series.sigma[row]) ** 2 - sum(sigma**2 for sigma in sigmas.values())
+    causes = [(sigmas[cause] ** 2, words) for cause, words in MOSTLY.items() if cause in sigmas]
+    return max([(own_frame, SEEN), *causes])[1]
 
 
 def gauge_health(data: FlightData, fitted: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:

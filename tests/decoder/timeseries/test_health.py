@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from decoder.instruments.reading import Status
+from decoder.learning.budget import Budget, Cause
 from decoder.panel.scale import Combination, Quantity
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries
 from decoder.timeseries.flight_decoder import decode_flight
@@ -102,6 +103,27 @@ def test_value_that_may_be_off_is_not_read(allowed_deg: float) -> None:
     assert (a.value, a.sigma) == (before.value, before.sigma)
     assert exact is data.series[1]
     assert [each.split(":")[0] for each in doubts["dial"]] == ["a is `edge`, not `read`, in 1 frames"]
+
+
+@pytest.mark.parametrize(
+    ("cause", "advice"),
+    [
+        (Cause.DRAWN, "draw its centre, radius and marks more precisely"),
+        (Cause.PIVOT, "it is not known where it turns"),
+        (Cause.PLACED, "box an anchor nearer to it"),
+        (Cause.VIEWED, "it is hardly to be seen there"),  # what is only allowed for is no reason
+    ],
+)
+def test_doubt_is_said_with_what_most_of_it_comes_from(cause: Cause, advice: str) -> None:
+    """Each cause has a remedy of its own; what none explains is the frame's."""
+    data = flight_of(replace(series_of([10, 80]), sigma=np.array([0.1, 5.0])))
+    sigmas = {each: np.full(2, 4.0 if each is cause else 0.5) for each in Cause}
+    if cause is Cause.VIEWED:
+        sigmas[cause] = np.full(2, 0.5)
+    data = replace(data, budgets={"a": Budget(np.array([0.0, 100.0]), None, sigmas)})
+    (said,) = doubted(data, lambda _, values: np.zeros_like(values))[1]["dial"]
+
+    assert advice in said
 
 
 @pytest.mark.parametrize("status", [Status.MISSING, Status.INTERPOLATED, Status.HIDDEN])
