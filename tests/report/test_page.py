@@ -65,7 +65,7 @@ def long_page(long: bytes, open_report: OpenReport) -> Page:
 
 def until(page: Page, condition: str, arg: object = None) -> None:
     """Waits until a condition holds; the page's security policy lets nobody else evaluate code in it."""
-    for _ in range(200):
+    for _ in range(1200):
         if page.evaluate(condition, arg):
             return
         page.wait_for_timeout(50)
