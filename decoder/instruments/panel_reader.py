@@ -170,18 +170,23 @@ class PanelReader:
 
     def _shown(self, frame: UnwrappedFrame) -> list[bool]:
         """By gauge whether it is to be read: all of it lies in the frame, or enough of a dial with one needle."""
-        if all(frame.whole) or frame.size_px is None or frame.dial_shifts_px:
+        if all(frame.whole) or frame.size_px is None:
             return list(frame.whole)
-        return [
-            is_whole or (_may_be_cut(gauge) and part_inside(rim, frame.alignment, *frame.size_px) >= HALF)
-            for is_whole, gauge, rim in zip(frame.whole, self.source.panel.gauges, self.drawn.rims, strict=True)
-        ]
+        return [is_whole or self._is_half_in_sight(frame, index) for index, is_whole in enumerate(frame.whole)]
 
-    def _needle_in_sight(self, frame: UnwrappedFrame, grid: PolarGrid, reading: Reading) -> bool:
-        """Whether the whole of a needle that was read lies in the frame, and is the needle beyond doubt."""
-        if reading.score < SURE_SCORE or frame.size_px is None:
+    def _is_half_in_sight(self, frame: UnwrappedFrame, gauge_index: int) -> bool:
+        """Whether the frame shows half of a dial with one needle."""
+        alignment = frame.alignment_of(gauge_index)
+        if frame.size_px is None or alignment is None or not _may_be_cut(self.source.panel.gauges[gauge_index]):
             return False
-        return inside(grid.at(reading.angle_deg, 1).rim(), frame.alignment, *frame.size_px)
+        return part_inside(self.drawn.rims[gauge_index], alignment, *frame.size_px) >= HALF
+
+    def _needle_in_sight(self, frame: UnwrappedFrame, gauge_index: int, reading: Reading) -> bool:
+        """Whether the whole of a needle that was read lies in the frame, and is the needle beyond doubt."""
+        alignment, grid = frame.alignment_of(gauge_index), self.grids[gauge_index]
+        if reading.score < SURE_SCORE or frame.size_px is None or alignment is None or not isinstance(grid, PolarGrid):
+            return False
+        return inside(grid.at(reading.angle_deg, 1).rim(), alignment, *frame.size_px)
 
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
         """By needle its reading; doubted needles that do not match well are missing.
@@ -190,10 +195,10 @@ class PanelReader:
         not may count its turns.
         """
         checked = dict(readings)
-        for gauge, grid, is_whole in zip(self.source.panel.gauges, self.grids, frame.whole, strict=True):
-            if not is_whole and isinstance(grid, PolarGrid) and _may_be_cut(gauge):
+        for index, (gauge, is_whole) in enumerate(zip(self.source.panel.gauges, frame.whole, strict=True)):
+            if not is_whole and _may_be_cut(gauge):
                 (needle,) = gauge.turning
-                if not self._needle_in_sight(frame, grid, checked[needle.name]):
+                if not self._needle_in_sight(frame, index, checked[needle.name]):
                     checked[needle.name] = replace(checked[needle.name], status=Status.MISSING)
         doubtful = {name for name in self.appearance.doubted if checked[name].score < SURE_SCORE}
         together = {each.quantity.name for each in self.source.panel.combinations if doubtful.intersection(each.parts)}
@@ -253,7 +258,7 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture |
 
 def _may_be_cut(gauge: Gauge) -> bool:
     """Whether a gauge that lies in part outside a picture can be read where its needle shows."""
-    return len(gauge.turning) == 1
+    return len(gauge.turning) == len(gauge.pointers) == 1
 
 
 def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None) -> Appearance:

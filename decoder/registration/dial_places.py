@@ -153,7 +153,7 @@ class GaugePlacer:
     def __init__(self, gauge: Gauge, plane: DialPlane | None, picture: GreyPicture, own: Alignment) -> None:
         points = dial_points(gauge, plane)
         points = points[:, _on(picture, points, own)]
-        self._points = PointMap.of([points])
+        self._points, self._points_px = PointMap.of([points]), points
         self._centre = gauge.centre if plane is None else _carried(plane.matrix, (0.0, 0.0))
         self._pixels = self._points.sample(picture, own).astype(np.float64)
         right, down = np.array([[0.5], [0]], np.float32), np.array([[0], [0.5]], np.float32)
@@ -198,7 +198,10 @@ class GaugePlacer:
         held = np.zeros(len(self._held))
         for spread_levels in SPREADS_LEVELS:
             seen = self._points.sample(frame, alignment.after(motion)).astype(np.float64)
-            weights = self._weights(seen, spread_levels)
+            shows = _on(frame, self._points_px, alignment.after(motion))
+            if float(shows @ self._strength) < HALF:
+                return None
+            weights = self._weights(seen, shows, spread_levels)
             weighted = self._columns * weights[:, None]
             normal = weighted.T @ self._columns
             normal[np.diag_indices(len(normal))] += 1e-9 * normal.trace() + self._held
@@ -211,11 +214,11 @@ class GaugePlacer:
             motion = motion @ self._axes.matrix(step.tolist(), Model.AFFINE)
             if spread_levels == SPREADS_LEVELS[-1] and float(np.abs(step).max()) < SETTLED_PX / 2:
                 break
-        return self._place(alignment, motion, seen, normal)
+        return self._place(alignment, motion, seen, shows, normal)
 
-    def _weights(self, seen: Floats, spread_levels: float) -> Floats:
-        """(N,): 0 for pixels that show something else than the dial, such as the needle."""
-        weights = np.ones_like(seen)
+    def _weights(self, seen: Floats, shows: Mask, spread_levels: float) -> Floats:
+        """(N,): 0 for pixels that show something else than the dial, such as the needle, or that the frame lacks."""
+        weights = shows.astype(np.float64)
         for _ in range(2):
             wanted = self._pixels
             total = weights.sum()
@@ -223,13 +226,15 @@ class GaugePlacer:
             centred = weights * (wanted - mean)
             gain = float(centred @ (seen - seen_mean)) / max(float(centred @ (wanted - mean)), 1e-9)
             off = seen - seen_mean - gain * (wanted - mean)
-            off -= median(off)
-            spread = max(MAD_TO_SIGMA * float(median(np.abs(off))), spread_levels)
-            weights = np.maximum(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
+            off -= median(off[shows])
+            spread = max(MAD_TO_SIGMA * float(median(np.abs(off[shows]))), spread_levels)
+            weights = shows * np.maximum(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
         return weights
 
-    def _place(self, alignment: Alignment, motion: Matrix, seen: Floats, normal: Floats) -> GaugePlace | None:
-        weights = self._weights(seen, SPREADS_LEVELS[-1])
+    def _place(
+        self, alignment: Alignment, motion: Matrix, seen: Floats, shows: Mask, normal: Floats
+    ) -> GaugePlace | None:
+        weights = self._weights(seen, shows, SPREADS_LEVELS[-1])
         total = float(weights.sum())
         wanted = self._pixels
         one = wanted - (weights * wanted).sum() / total

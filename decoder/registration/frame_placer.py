@@ -92,8 +92,8 @@ class UnwrappedFrame:
     """One frame's alignment, and its unwrapped gauges in the panel's order.
 
     `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
-    `dial_shifts_px` are how far dials that were found by themselves lie from where the anchors have them, and
-    `dial_sigmas_px` how uncertain that is.
+    Of dials that are found by themselves: `dial_shifts_px` are how far they lie from where the anchors have them,
+    `dial_sigmas_px` how uncertain that is, and `dial_alignments` where they lie; None is one that was not found.
     """
 
     alignment: Alignment
@@ -103,6 +103,11 @@ class UnwrappedFrame:
     size_px: tuple[int, int] | None = None
     dial_shifts_px: Sequence[Point] = ()
     dial_sigmas_px: Sequence[float] = ()
+    dial_alignments: Sequence[Alignment | None] = ()
+
+    def alignment_of(self, gauge_index: int) -> Alignment | None:
+        """Return where a gauge lies; None if it is looked for by itself and was not found."""
+        return self.dial_alignments[gauge_index] if self.dial_alignments else self.alignment
 
 
 Placed = tuple[FramePicture | TopOfFrame, UnwrappedFrame]
@@ -250,7 +255,7 @@ class FramePlacer:
         height, width = frame.shape
         in_colour = cache(picture.in_colour)
         lifts = self._placement.lifts or (0.0,) * len(self._grids)
-        gauges, whole, shifts, sigmas = [], [], [], []
+        gauges, whole, shifts, sigmas, alignments = [], [], [], [], []
         places = place_all(self._placers, frame, alignment)
         for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
             there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
@@ -258,7 +263,8 @@ class FramePlacer:
             whole.append(place is not None and inside(rim, there, width, height))
             shifts.append((0.0, 0.0) if place is None else place.shift_px)
             sigmas.append(0.0 if place is None else place.sigma_px)
-        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas)
+            alignments.append(None if place is None else there)
+        return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas, alignments)
 
     def rows_at_first(self) -> int | None:
         """As `rows_wanted` before any frame was seen: as if the camera stood where the panel picture was taken."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -109,10 +109,14 @@ def test_dial_without_its_needle_has_no_reading(reader: PanelReader, spoil: Call
 
 @pytest.mark.parametrize("shift_x", [-40.0, -60.0, -75.0])
 @pytest.mark.parametrize("angle_deg", [150.0, 180.0, 210.0, 290.0, 360.0])
-def test_dial_partly_outside_the_frame_is_not_guessed(reader: PanelReader, shift_x: float, angle_deg: float) -> None:
+@pytest.mark.parametrize("dials_move", [False, True], ids=["with the panel", "each by itself"])
+def test_dial_partly_outside_the_frame_is_not_guessed(
+    reader: PanelReader, shift_x: float, angle_deg: float, *, dials_move: bool
+) -> None:
     """Where part of a dial lies outside the frame its needle is read where it is, or is missing."""
+    placed = reader.with_placement(replace(reader.placement, dials_move=dials_move))
     try:
-        reading = speed(reader, draw(hands(angle_deg), shift_px=(shift_x, 0.0)))
+        reading = speed(placed, draw(hands(angle_deg), shift_px=(shift_x, 0.0)))
     except PictureError:
         return
 
