@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.engine_sound import SpeedStatus, engine_speed
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from tests.engines import HARDER, HEARD, peaks_of, sounding, truth_of
 
 SEEDS = range(10, 14)  # others than the tests have

@@ -13,9 +13,9 @@ import numpy as np
 
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import shortest
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.accuracy import truth_at
 from decoder.timeseries.tables import Table, flight_table
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 
 WIDTH, STRIP, TOP, BOTTOM = 800, 64, 34, 34
 LEFT, RIGHT = 166, 700

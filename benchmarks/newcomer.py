@@ -24,9 +24,9 @@ from benchmarks.setup_page import chromium, served
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import shortest
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.setup.sources import open_source
 from decoder.timeseries.tables import Table, read_table
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from fixtures.recordings import record_flight
 
 if TYPE_CHECKING:

@@ -25,8 +25,8 @@ from decoder.imaging.panel_pictures import panel_from_file
 from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Quantity
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.tables import Table, read_table
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from fixtures.recordings import record_flight
 
 PICTURES = Path(__file__).parents[2] / "shared" / "data"

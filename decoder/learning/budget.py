@@ -78,6 +78,8 @@ def _budget(quantity: Quantity, finest: Quantity, parts_deg: PartsDeg) -> Budget
     values = np.linspace(low, high, PLACES)
     scale = Scale.of(finest.marks, finest.wraps)
     angles_deg = scale.angles_of(values)
-    slopes = np.abs(scale.slopes_at(angles_deg))
-    sigmas = {cause: slopes * sigma_deg for cause, sigma_deg in parts_deg(finest.name, angles_deg).items()}
+    own_deg = parts_deg(finest.name, angles_deg)
+    all_deg = np.sqrt(sum((np.square(sigma_deg) for sigma_deg in own_deg.values()), np.zeros(PLACES)))
+    per_deg = scale.steepest_at(angles_deg, all_deg)
+    sigmas = {cause: per_deg * sigma_deg for cause, sigma_deg in own_deg.items()}
     return Budget(values, finest.wraps, sigmas)

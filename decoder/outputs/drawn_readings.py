@@ -24,8 +24,8 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Polar
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.flight_data import STATUSES, FlightData, NeedleSeries
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""

@@ -15,9 +15,9 @@ import numpy as np
 from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
 from decoder.panel.errors import TableError
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.health import WELL
 from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 
 STATUS_WORDS = {
     Status.READ: "the whole needle matched",

@@ -39,10 +39,10 @@ from decoder.outputs.json_output import Provenance, write_json
 from decoder.outputs.outputs import Decoded
 from decoder.panel.errors import CameraError, OutputError
 from decoder.panel.lens import DistortionModel, Lens
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.units import FOOT_M
 from decoder.timeseries.flight_data import STATUSES, NeedleSeries
 from decoder.timeseries.gps import GpsData
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 from flight_file.frame import NS_PER_S, Frame, storable
 from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, VIDEO_TOPIC, Topic, encode_image, picture_topic
 from flight_file.untrusted import file_name

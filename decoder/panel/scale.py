@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from decoder.panel.arrays import Degrees, Floats, Mask, Number
-from decoder.panel.thresholds import LEAST_DEG, LEAST_VALUE
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS, LEAST_DEG, LEAST_VALUE
 from decoder.panel.written import ValueType, Written
 
 FULL_CIRCLE_DEG = 360.0
@@ -98,15 +98,38 @@ class Scale:
 
     def values_at(self, angles_deg: Floats) -> Floats:
         """Read the values at angles; NaN stays NaN."""
-        angles_deg = self._in_turn(angles_deg)
+        values = self._within(self._in_turn(angles_deg))
+        return values if self.wraps is None else in_turn(values, self.wraps)
+
+    def _within(self, angles_deg: Floats) -> Floats:
+        """(...): the values at angles of the first turn."""
         part = self._part(self.angles_deg, angles_deg)
         values: Floats = self.values[part] + (angles_deg - self.angles_deg[part]) * self._slopes[part]
-        return values if self.wraps is None else in_turn(values, self.wraps)
+        return values
 
     def slopes_at(self, angles_deg: Floats) -> Floats:
         """Units per degree at angles; negative where values fall clockwise."""
         slopes: Floats = self._slopes[self._part(self.angles_deg, self._in_turn(angles_deg))]
         return slopes
+
+    def steepest_at(self, angles_deg: Floats, sigmas_deg: Floats) -> Floats:
+        """Units per degree at angles (...) that are uncertain by so many degrees: of the side that is steeper.
+
+        A needle on a flat part of the scale may stand beyond the next mark, where a degree counts for more.
+        """
+        reach_deg = np.clip(CONFIDENCE_SIGMAS * sigmas_deg, LEAST_DEG, FULL_CIRCLE_DEG)
+        here = self._going_on(angles_deg)
+        sides = [np.abs(self._going_on(angles_deg + side * reach_deg) - here) for side in (-1.0, 1.0)]
+        steepest: Floats = np.maximum(*sides) / reach_deg
+        return steepest
+
+    def _going_on(self, angles_deg: Floats) -> Floats:
+        """(...): the values at angles, those of further turns beyond those of the first."""
+        if self.wraps is None:
+            return self._within(angles_deg)
+        within = self._in_turn(angles_deg)
+        turns = np.round((angles_deg - within) / FULL_CIRCLE_DEG)
+        return self._within(within) + turns * math.copysign(self.wraps, self.values[-1] - self.values[0])
 
     def angles_of(self, values: Floats) -> Floats:
         """Compute the angles at which the needle shows values."""

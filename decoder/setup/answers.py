@@ -20,6 +20,7 @@ from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import PanelError, PictureError
 from decoder.panel.gauge import KINDS, Gauge
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, around_hub, begun, centre_doubt_px, mark_angle_deg, refined
 from decoder.setup.drafts import Stale, panel_of_gauge
@@ -46,7 +47,6 @@ from decoder.setup.sources import PANEL_KEY
 from decoder.setup.thresholds import MAX_MOVE_PX
 from decoder.setup.trial import FrameTrial, Trial, tried
 from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view, unwrapped_view
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
 
 Answer = dict[str, Any]
 

@@ -27,9 +27,10 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError, UnitError
 from decoder.panel.parameters import WORDS
 from decoder.panel.scale import shortest
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.units import converted, engine_stem_of, stem_of
 from decoder.timeseries.tables import Described, FlightTable, Table
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, NEEDED_PART
+from decoder.timeseries.thresholds import NEEDED_PART
 
 ALL_VALUED = "all"
 

@@ -20,18 +20,12 @@ from decoder.instruments.thresholds import MISSING_SPREADS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.errors import UnitError
 from decoder.panel.scale import shortest
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.units import converted
 from decoder.timeseries.cross_checks import CLIMB, MINUTE_S, parameters_of
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, spans
 from decoder.timeseries.outliers import LONGEST_FRAMES, pauses_before
-from decoder.timeseries.thresholds import (
-    BACK_PART,
-    CONFIDENCE_SIGMAS,
-    LEAST_KT,
-    MIN_ROWS,
-    SMALLEST_PART,
-    WINDOW_S,
-)
+from decoder.timeseries.thresholds import BACK_PART, LEAST_KT, MIN_ROWS, SMALLEST_PART, WINDOW_S
 
 SEEN = (Status.READ, Status.EDGE)
 

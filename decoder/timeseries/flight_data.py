@@ -310,7 +310,7 @@ def _series(quantity: Quantity, column: _Column, panel_sigma_deg: Callable[[Floa
         quantity=quantity,
         status=status,
         value=np.where(valued, value, NOWHERE),
-        sigma=np.where(valued, np.abs(scale.slopes_at(angle_deg)) * sigma_deg, NOWHERE),
+        sigma=np.where(valued, scale.steepest_at(angle_deg, sigma_deg) * sigma_deg, NOWHERE),
         score=np.array(column.score),
         angle_deg=angle_deg,
     )

@@ -21,13 +21,9 @@ from decoder.instruments.reading import Status
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.scale import in_turn
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
-from decoder.timeseries.thresholds import (
-    CONFIDENCE_SIGMAS,
-    MOST_STRETCHED,
-    MOST_TRIED,
-    SHORTER,
-)
+from decoder.timeseries.thresholds import MOST_STRETCHED, MOST_TRIED, SHORTER
 from flight_file.reader import spread
 
 # Of a uniform distribution the standard deviation, for each unit of its width: a guess by who has not looked.

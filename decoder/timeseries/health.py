@@ -14,8 +14,9 @@ from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, Scale, shortest
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries, PanelSigmaDeg
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS, SMALLEST_PART
+from decoder.timeseries.thresholds import SMALLEST_PART
 
 WELL = "drawn well"
 SEEN = "it is hardly to be seen there"
@@ -36,8 +37,9 @@ def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightD
     for series in data.series:
         quantity, doubtful = series.quantity, series.has(Status.READ)
         if quantity.is_measured and quantity.name not in data.combined:
-            slopes = Scale.of(quantity.marks, quantity.wraps).slopes_at(series.angle_deg)
-            allowed = np.abs(slopes) * allowed_sigma_deg(quantity.name, series.angle_deg)
+            allowed_deg = allowed_sigma_deg(quantity.name, series.angle_deg)
+            scale = Scale.of(quantity.marks, quantity.wraps)
+            allowed = scale.steepest_at(series.angle_deg, allowed_deg) * allowed_deg
             parts = np.sqrt(np.maximum(series.sigma**2 - allowed**2, 0.0)) / quantity.full_scale
             doubtful &= parts > SMALLEST_PART
             if doubtful.any():

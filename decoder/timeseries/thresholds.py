@@ -6,7 +6,6 @@
 | MAX_COARSE_ROWS | 2000 | rows | of a flight that are looked at while offsets are tried | tells the offset to a step |
 | MIN_ROWS | 12 | rows | that two curves must share to be compared | fewer fit by chance |
 | MIN_OVERLAP | 0.3 | - | part of the flight's rows within the truth | less fits by chance |
-| CONFIDENCE_SIGMAS | 1.96 | sigma | hold 95 % of errors | normal distribution |
 | NEEDED_PART | 0.95 | - | of a needle's values within a recorder's limit | a truth at 1 Hz is interpolated |
 | SMALLEST_PART | 0.01 | - | of full scale; outliers, and 1 sigma by drawing, below: no consequence | rendered flights |
 | BACK_PART | 1 / 3 | - | of how far an outlier went, that may be left when it is back | steps stay above |
@@ -26,7 +25,6 @@ STEP_S = 0.5
 MAX_COARSE_ROWS = 2000
 MIN_ROWS = 12
 MIN_OVERLAP = 0.3
-CONFIDENCE_SIGMAS = 1.96
 NEEDED_PART = 0.95
 SMALLEST_PART = 0.01
 BACK_PART = 1 / 3

@@ -21,7 +21,7 @@ from decoder.panel.camera import Camera
 from decoder.panel.errors import CameraError
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
-from decoder.timeseries.thresholds import CONFIDENCE_SIGMAS
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 
 JPEG_QUALITY = 78
 ARC_STEP_DEG = 4.0

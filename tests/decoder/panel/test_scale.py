@@ -47,6 +47,30 @@ def test_scale_never_turns_back(scale: Scale, parts: tuple[float, float]) -> Non
     assert (after - before) * (scale.values[-1] - scale.values[0]) >= 0
 
 
+@given(scale=scales(), part=st.floats(-0.2, 1.2), sigma_deg=st.floats(0.01, 20.0))
+def test_interval_holds_all_values_that_the_angles_interval_has(scale: Scale, part: float, sigma_deg: float) -> None:
+    """However uneven the marks, a value's 95 % interval reaches as far as its angle's, on the further side."""
+    angle_deg = np.array([scale.angles_deg[0] + part * np.ptp(scale.angles_deg)])
+    reach_deg = 1.96 * sigma_deg * np.array([-1.0, 0.0, 1.0])
+    low, value, high = scale.values_at(angle_deg + reach_deg)
+    further = max(abs(low - value), abs(high - value))
+
+    sigma = scale.steepest_at(angle_deg, np.array([sigma_deg])) * sigma_deg
+
+    assert 1.96 * sigma == pytest.approx(further, rel=1e-6, abs=1e-9)
+
+
+def test_interval_goes_on_through_the_seam_of_a_full_turn() -> None:
+    """Next to north a compass is as sure as elsewhere, and steeper marks behind the seam count."""
+    even, uneven = Scale.of([(-90, 0), (90, 180)], 360.0), Scale.of([(0, 0), (90, 180)], 360.0)
+    north_deg, sigma_deg = np.array([-90.01, -90.0, 269.9]), np.full(3, 5.0)
+
+    assert even.steepest_at(north_deg, sigma_deg) == pytest.approx(1.0)
+    assert uneven.steepest_at(np.array([359.0, -1.0, 350.0]), np.array([0.1, 5.0, 5.0])) == pytest.approx(
+        [180 / 270, (8.8 * 2 + 180 / 270) / 9.8, 180 / 270], rel=1e-6
+    )
+
+
 @pytest.mark.parametrize(
     ("marks", "angles_deg", "values"),
     [
