@@ -61,11 +61,6 @@ class NeedleTemplate:
             self._made[make] = make(self)
         return cast("T", self._made[make])
 
-    @cached_property
-    def both_layers(self) -> Floats:
-        """(H, 2 C): light and transparency side by side."""
-        return np.concatenate([self.light, self.transparency], axis=1)
-
     @property
     def rows(self) -> int:
         """H, an odd number."""

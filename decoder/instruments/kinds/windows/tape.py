@@ -47,8 +47,6 @@ from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 FIT_STEPS = 6
-# Light that falls off along a window leaves so much of it at least.
-LEAST_GAIN_PART = 0.3
 # What is not explained lies in patches, not in pixels: the window has so many along.
 PATCHES = 12
 # Samples that lie beside each other err together.
