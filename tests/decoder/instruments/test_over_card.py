@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight
@@ -44,12 +46,15 @@ POINTER: dict[str, Any] = {
 ARROW = Hand(tip=62.0, tail=44.0)
 
 
-def with_bug(turn_deg: float, bug: float | None, seed: int = 0, level: float = BUG_LEVEL) -> GreyPicture:
-    """Draws the card with a bug on it, darker than its marks, at a heading."""
+def with_bug(
+    turn_deg: float, bug: float | None, seed: int = 0, level: float = BUG_LEVEL, parallax_deg: float = 0.0
+) -> GreyPicture:
+    """Draws the card with a bug on it, darker than its marks, at a heading; seen from the left it lies to the right."""
 
     def over(canvas: Canvas) -> None:
         if bug is not None:
             at_deg = INDEX_DEG + turn_deg + bug
+            at_deg -= parallax_deg * math.sin(math.radians(at_deg))
             canvas.bar(at_deg, (52.0, 70.0), (2.0, 4.5), level)
 
     return draw(turn_deg, seed, over)
@@ -106,6 +111,53 @@ def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: floa
     assert (card.status, off(card, CARD["scale"], heading_of(turn_deg)) < 0.1) == (Status.READ, True)
     assert own.status is Status.READ or not is_free(turn_deg + bug)
     assert is_honest(own, CARD["scale"], bug)
+
+
+def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
+    """It swings by its height above the card as it goes round, and stays where it was set: the swing is taken off."""
+    parallax_deg, settings_ = 1.2, [60.0] * 6 + [148.0] * 6 + [275.0] * 6
+    at_deg = INDEX_DEG + PANEL_TURN_DEG + PANEL_BUG
+    drawn = copy.deepcopy(BUG)
+    drawn["needles"][0]["template"]["at"] = at_deg - parallax_deg * math.sin(math.radians(at_deg))
+    first = with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, parallax_deg=parallax_deg)
+    turns_deg = [3.0 + 47.0 * step for step in range(len(settings_))]
+    frames = [
+        with_bug(turn_deg, bug, 300 + number, parallax_deg=parallax_deg)
+        for number, (turn_deg, bug) in enumerate(zip(turns_deg, settings_, strict=True))
+    ]
+    reader = fitted(drawn, first, frames)
+
+    readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
+    errors = [
+        off(own, CARD["scale"], bug) for own, bug in zip(readings, settings_, strict=True) if own.status is Status.READ
+    ]
+
+    assert len(errors) >= len(frames) // 2
+    assert max(errors) < parallax_deg / 4
+
+
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.integers(0, 1000))
+def test_parallax_is_told_by_what_goes_round_with_its_card(right_deg: float, down_deg: float, seed: int) -> None:
+    """Even though somebody sets it now and then."""
+    rng = np.random.default_rng(seed)
+    seen_deg, set_deg = rng.uniform(0, 360, 24), np.repeat(rng.uniform(0, 360, 4), 6)
+    swing_deg = right_deg * np.cos(np.radians(seen_deg)) + down_deg * np.sin(np.radians(seen_deg))
+
+    told = parallax_of(seen_deg, set_deg + swing_deg + rng.normal(0, 0.03, 24), 0.03)
+
+    assert (told.right_deg, told.down_deg) == pytest.approx((right_deg, down_deg), abs=0.12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_parallax_is_told_by_what_does_not_show_it(seed: int) -> None:
+    """What goes its own ways, what hardly goes round, and what is seen from straight ahead."""
+    rng = np.random.default_rng(seed)
+    seen_deg, set_deg, noise_deg = rng.uniform(0, 360, 24), np.repeat([10.0, 200.0], 12), rng.normal(0, 0.03, 24)
+
+    assert parallax_of(seen_deg, rng.uniform(0, 360, 24), 0.03) == CardParallax()
+    assert parallax_of(seen_deg / 360, set_deg + noise_deg, 0.03) == CardParallax()
+    assert parallax_of(seen_deg, set_deg + noise_deg, 0.03) == CardParallax()
+    assert parallax_of(seen_deg[:1], set_deg[:1], 0.03) == CardParallax()
 
 
 @given(turn_deg=st.floats(0.0, 360.0), at_deg=st.floats(0.0, 360.0), seed=st.integers(0, 1000))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cv2
@@ -48,6 +48,7 @@ from decoder.instruments.kinds.dials.card import (
     shared,
     turned,
 )
+from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
 from decoder.instruments.needle_learner import NeedleLearner
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
@@ -72,6 +73,7 @@ from decoder.registration.pivot import Pivot
 from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 3
+NO_PARALLAX = CardParallax()
 # Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
 ELSEWHERE = 3
 LIGHT_PASSES = 2
@@ -97,6 +99,8 @@ class OverCardPicture:
         (P, C): where something stands still over the card, in one turn of the dial.
     doubted
         Needles that no frame tells from what lies behind them in the panel picture.
+    parallaxes
+        By needle, where a flight told it.
     """
 
     card: CardPicture
@@ -105,6 +109,7 @@ class OverCardPicture:
     drawn: UnwrappedGauge
     over: Mask
     doubted: frozenset[str]
+    parallaxes: Mapping[str, CardParallax] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -222,6 +227,14 @@ class _Seen:
     back: UnwrappedGauge
     found: Mapping[str, Reading]
 
+    def at_deg(self, name: str, step_deg: float) -> float:
+        """Return where a needle is seen on the dial."""
+        return self.found[name].angle_deg + self.back_rows * step_deg
+
+    def turned_deg(self, step_deg: float) -> float:
+        """Return how far the card is turned."""
+        return self.turn.rows * step_deg
+
 
 class OverCardReader:
     """Reads card and needles of one gauge."""
@@ -313,11 +326,12 @@ class OverCardReader:
             own = found[needle.name]
             is_sure = own.score >= SURE_SCORE or needle.name not in self._picture.doubted
             status = own.status if is_sure else Status.MISSING
-            at_deg = own.angle_deg + seen.back_rows * step_deg
+            at_deg = seen.at_deg(needle.name, step_deg)
+            at_deg -= self._picture.parallaxes.get(needle.name, NO_PARALLAX).at(at_deg)
             on_card = Reading(
                 status if card.status is Status.READ else Status.MISSING,
-                first_deg + (at_deg - turn.rows * step_deg - first_deg) % FULL_CIRCLE_DEG,
-                math.hypot(own.sigma_deg, card.sigma_deg),
+                first_deg + (at_deg - seen.turned_deg(step_deg) - first_deg) % FULL_CIRCLE_DEG,
+                self.sigma_on_card_deg(seen, needle.name),
                 own.score,
             )
             if needle.scale is None:
@@ -328,6 +342,10 @@ class OverCardReader:
             if needle.on_card is not None:
                 readings[needle.on_card] = on_card
         return readings
+
+    def sigma_on_card_deg(self, seen: _Seen, name: str) -> float:
+        """Return how uncertain a needle's place on the card is."""
+        return math.hypot(seen.found[name].sigma_deg, self._card.reading(seen.turn).sigma_deg)
 
 
 def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCardPicture) -> OverCardPicture:
@@ -351,7 +369,20 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
             given = known
         known = _learned(dial, given, known, views)
-    return known
+    return replace(known, parallaxes=_parallaxes(dial, reader, seen))
+
+
+def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) -> dict[str, CardParallax]:
+    """By needle that is read on the card alone, as a bug is: those that somebody sets stay there for a while."""
+    step_deg, found = dial.grid.step_deg, {}
+    for needle in dial.gauge.needles:
+        own = [seen for seen in frames if seen.found[needle.name].status is Status.READ]
+        if needle.scale is None and len(own) >= FRAMES_TO_LEARN:
+            at_deg = np.array([seen.at_deg(needle.name, step_deg) for seen in own])
+            on_card_deg = at_deg - [seen.turned_deg(step_deg) for seen in own]
+            sigmas_deg = [reader.sigma_on_card_deg(seen, needle.name) for seen in own]
+            found[needle.name] = parallax_of(at_deg, on_card_deg, float(np.median(sigmas_deg)))
+    return found
 
 
 def _without_overlays(dial: _Dial, known: OverCardPicture, parts: Sequence[UnwrappedGauge]) -> OverCardPicture:
