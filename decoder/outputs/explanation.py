@@ -86,19 +86,22 @@ def explained(flight: FlightTable, name: str, row: int, alignments: Table | None
     Raises
     ------
     TableError
-        If there is no such column, or the files are not what `decode` writes.
+        If there is no such column, the row has no frame, or the files are not what `decode` writes.
     """
     wanted = ("frame", "time_utc", "time_s", name, name + STATUS_SUFFIX, f"{name}_score", f"{name}_sigma")
     if name not in flight.names or not set(wanted) <= set(flight.table.columns):
         raise TableError(f"{flight.table.path}: has no {name}; its columns are {', '.join(flight.names)}")
     _, time_utc, time_s, value, status_text, score, _ = (flight.table.columns[each][row] for each in wanted)
+    frame = float(flight.table.numbers("frame")[row])
+    if not math.isfinite(frame):
+        raise TableError(f"{flight.table.path}: row {row + 1} has no number in `frame`")
     status, described = _status(status_text, flight.table), flight.described(name)
     number = float(flight.table.numbers(name, described.written)[row])
     sigma = float(flight.table.numbers(f"{name}_sigma")[row])
     is_known = math.isfinite(sigma) and math.isfinite(number)
     return Explanation(
         name=name,
-        frame=int(flight.table.numbers("frame")[row]),
+        frame=int(frame),
         time_utc=time_utc,
         time_s=time_s,
         value=value,
@@ -154,8 +157,8 @@ def explanation_text(told: Explanation) -> str:
         lines.append(f"  value    {told.value} {told.unit}".rstrip() + score)
     if told.sigma is not None:
         decimals = len(told.value.partition(".")[2])
-        lines.append(f"  95 %     {told.low_95:.{decimals}f} to {told.high_95:.{decimals}f} {told.unit}")
-        lines.append(f"  sigma    {told.sigma:.3g} {told.unit}" + (", of its square" if told.shares else ""))
+        lines.append(f"  95 %     {told.low_95:.{decimals}f} to {told.high_95:.{decimals}f} {told.unit}".rstrip())
+        lines.append(f"  sigma    {told.sigma:.3g} {told.unit}".rstrip() + (", of its square" if told.shares else ""))
     lines += [f"    {_percent(share.part)}   {share.sigma:<9.3g} {share.cause}" for share in told.shares]
     return "\n".join([*lines, *(f"  - {remark}" for remark in told.remarks)])
 
@@ -180,7 +183,7 @@ def _budget(said: object) -> Budget | None:
         values = np.array(said.get("values", [0.0]), np.float64)
         turn = None if said.get("turn") is None else float(said["turn"])
         sigmas = {cause: np.broadcast_to(np.array(said[cause.value], np.float64), values.shape) for cause in Cause}
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return None
     return Budget(values, turn, sigmas) if values.ndim == 1 and values.size and turn != 0 else None
 
@@ -188,12 +191,13 @@ def _budget(said: object) -> Budget | None:
 def _shares(budget: Budget, value: float, sigma: float, status: Status) -> Iterator[Share]:
     """Divide a value's variance; what no cause of the flight's explains is its own frame's."""
     parts = {CAUSE_WORDS[cause]: own for cause, own in budget.at(value).items()}
-    own_frame = math.sqrt(max(sigma**2 - sum(part**2 for part in parts.values()), 0.0))
+    known = math.hypot(*parts.values())
+    own_frame = math.sqrt(max(sigma - known, 0.0)) * math.sqrt(sigma + known)
     parts[FRAME_WORDS.get(status, FRAME_WORDS[Status.READ])] = own_frame
-    whole = sum(part**2 for part in parts.values())
+    whole = math.hypot(known, own_frame)
     for cause, part in sorted(parts.items(), key=lambda item: -item[1]):
         if part > 0.0:
-            yield Share(cause, part, part**2 / whole)
+            yield Share(cause, part, (part / whole) ** 2)
 
 
 def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignments: Table | None) -> Iterator[str]:

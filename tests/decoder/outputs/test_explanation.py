@@ -115,6 +115,17 @@ def test_frames_and_times_that_are_not_there_are_refused(data: FlightData) -> No
         explained(flight, "speed", 0)
 
 
+def test_a_row_whose_frame_was_deleted_is_refused(data: FlightData) -> None:
+    """As a spreadsheet may leave it; the others are told all the same."""
+    flight = table_of(data)
+    frames = ("", *flight.table.columns["frame"][1:])
+    spoilt = replace(flight, table=replace(flight.table, columns={**flight.table.columns, "frame": frames}))
+
+    assert explained(spoilt, NAME, 1).frame == 1
+    with pytest.raises(TableError, match="row 1 has no number in `frame`"):
+        explained(spoilt, NAME, row_at(spoilt, 0.0))
+
+
 KEYS = st.sampled_from(
     [NAME, "gauge", "unit", "uncertainty", "columns", "disagreements", "first_frame", "last_frame", "needle", "turn"]
 )
@@ -132,6 +143,8 @@ CAUSES = ("values", "turn", *(cause.value for cause in Cause))
     ),
     budget=st.fixed_dictionaries({}, optional=dict.fromkeys(CAUSES, ANYTHING)),
 )
+@example(said=dict.fromkeys(("needles", "health")), budget={**dict.fromkeys(CAUSES, 1.0), "drawn": 10**400})
+@example(said=dict.fromkeys(("needles", "health")), budget={**dict.fromkeys(CAUSES, 1.0), "drawn": 1e200, "values": [0]})
 @example(said={"cross_checks": [{"columns": 3}], "health": {}, "needles": {NAME: {"gauge": []}}}, budget={})
 def test_a_description_that_somebody_spoilt_takes_no_value_away(
     data: FlightData, said: dict[str, Any], budget: dict[str, Any]
