@@ -151,6 +151,6 @@ def middle_of(anchor: Anchor) -> Floats:
 def _reduced(picture: GreyPicture, factor: int) -> GreyPicture:
     if factor == 1:
         return picture
-    height, width = (side // factor for side in picture.shape)
+    height, width = (max(side // factor, 1) for side in picture.shape)
     whole = picture[: height * factor, : width * factor]
     return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

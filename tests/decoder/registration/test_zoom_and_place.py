@@ -14,7 +14,7 @@ from decoder.imaging.optics import Optics
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.planes import Raised, camera_over_panel
 from decoder.panel.camera import Camera, parse_camera
-from decoder.panel.errors import PanelError, PictureError
+from decoder.panel.errors import AlignmentLost, PanelError, PictureError
 from decoder.panel.lens import Lens
 from decoder.registration.aligner import Aligner
 from tests.decoder.registration.plane import furthest_px, panel_of, see, turn
@@ -71,6 +71,13 @@ def test_frames_of_another_shape_are_searched_as_any_others(size_px: tuple[int, 
     found = aligner.align(see(truth, size_px=size_px, **NOISE))
 
     assert furthest_px(found.matrix, truth) < 0.2
+
+
+def test_a_strip_thinner_than_what_is_searched_for_is_lost_not_a_crash() -> None:
+    """Any shape may come: of one row nothing is left where frames are searched at a part of their size."""
+    aligner = Aligner(panel_of(ALL), see(np.eye(3), noise=1.0, seed=5))
+    with pytest.raises(AlignmentLost):
+        aligner.align(np.random.default_rng(0).integers(0, 255, (1, 640)).astype(np.uint8))
 
 
 @pytest.mark.parametrize(
