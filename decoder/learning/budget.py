@@ -13,9 +13,12 @@ import numpy as np
 
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, Quantity, Scale, in_turn
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 
-# Over a scale, or over the turn of a pointer, causes change no faster than a sine does over a turn.
+# Over a scale, or over the turn of a pointer, causes change no faster than a sine does over a turn, in degrees; what a
+# degree is worth changes as far around each mark as a value's interval reaches.
 PLACES = 17
+AROUND = (-1.0, 0.0, 1.0)
 
 
 class Cause(StrEnum):
@@ -75,11 +78,21 @@ def _budget(quantity: Quantity, finest: Quantity, parts_deg: PartsDeg) -> Budget
     low, high = quantity.range
     if finest.wraps is not None:
         high = low + finest.wraps
-    values = np.linspace(low, high, PLACES)
     scale = Scale.of(finest.marks, finest.wraps)
+    reach_deg = CONFIDENCE_SIGMAS * _whole(parts_deg(finest.name, scale.angles_deg))
+    around_marks = scale.values_at(np.concatenate([scale.angles_deg + side * reach_deg for side in AROUND]))
+    if finest.wraps is not None:
+        around_marks = in_turn(around_marks, finest.wraps, low)
+    within = around_marks[(low < around_marks) & (around_marks < high)]
+    values = np.unique(np.concatenate([np.linspace(low, high, PLACES), within]))
     angles_deg = scale.angles_of(values)
     own_deg = parts_deg(finest.name, angles_deg)
-    all_deg = np.sqrt(sum((np.square(sigma_deg) for sigma_deg in own_deg.values()), np.zeros(PLACES)))
-    per_deg = scale.steepest_at(angles_deg, all_deg)
+    per_deg = scale.steepest_at(angles_deg, _whole(own_deg))
     sigmas = {cause: per_deg * sigma_deg for cause, sigma_deg in own_deg.items()}
     return Budget(values, finest.wraps, sigmas)
+
+
+def _whole(parts: Mapping[Cause, Floats]) -> Floats:
+    """(N,): all causes together."""
+    whole: Floats = np.sqrt(np.sum([np.square(part) for part in parts.values()], axis=0))
+    return whole

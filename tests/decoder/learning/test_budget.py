@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from decoder.learning.budget import Budget, Cause, budgets
 from decoder.panel.arrays import Floats
-from decoder.panel.scale import Combination, Quantity
+from decoder.panel.scale import Combination, Quantity, Scale
 
 MARKS = ((20.0, 0.0), (110.0, 50.0), (200.0, 200.0))
 
@@ -38,6 +38,26 @@ def test_a_degree_counts_by_how_much_the_scale_shows_there() -> None:
     assert own.at(10.0)[Cause.DRAWN] == pytest.approx(50.0 / 90.0)
     assert own.at(150.0)[Cause.DRAWN] == pytest.approx(150.0 / 90.0)
     assert own.at(1000.0) == own.at(200.0)
+
+
+@given(st.floats(-0.9, 0.9), st.sampled_from([None, 300.0]), st.booleans())
+def test_a_degree_counts_as_much_beside_a_mark_as_it_does_in_the_value(
+    part: float,
+    wraps: float | None,
+    falls: bool,  # noqa: FBT001
+) -> None:
+    """It is worth more where the interval reaches over a mark to a steeper side, whichever way the scale goes round."""
+    marks = ((20.0, 200.0), (40.0, 33.0), (200.0, 0.0)) if falls else ((20.0, 0.0), (180.0, 167.0), (200.0, 200.0))
+    scale = Scale.of(marks, wraps)
+    reach_deg = 1.96 * float(np.linalg.norm(list(parts_deg("speed", np.array(marks[1][0])).values())))
+    angle_deg = np.array([marks[1][0] + part * reach_deg])
+    parts = parts_deg("speed", angle_deg)
+    whole = np.sqrt(np.sum([np.square(each) for each in parts.values()], axis=0))
+
+    own = budget_of("speed", [quantity("speed", marks, wraps)], []).at(float(scale.values_at(angle_deg)[0]))
+
+    worth = float(scale.steepest_at(angle_deg, whole)[0]) * parts[Cause.DRAWN][0]
+    assert own[Cause.DRAWN] == pytest.approx(worth, rel=0.25)
 
 
 @given(st.floats(0.0, 99_999.0))
