@@ -99,21 +99,19 @@ def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
         scale = _scale(spreads, len(seen) - len(solution), least=PLACED_SCALE if shifts.any() else 0.0)
         weights = np.minimum(1.0, HUBER_SPREADS * scale / np.maximum(spreads, 1e-9)) / (scale * sigma) ** 2
     covariances = np.linalg.inv(rows.T @ (weights[:, None] * rows) + prior)
-    covariance = covariances[:2, :2]
     places = sum(places_of(tilt.angle_deg for tilt in tilts if tilt.needle == name) for name in names)
-    if places < MIN_PLACES + len(names):  # as many as unknowns: what spoils one place would move the pivot
-        covariance = covariance + np.outer(solution[:2], solution[:2])
     left = seen - rows @ solution
     scatter_px2 = (MAD_TO_SIGMA * float(median(np.abs(left)))) ** 2 * len(left) / max(len(left) - rows.shape[1], 1)
     own_px2 = float(median(np.array([tilt.sigma_px for tilt in tilts]))) ** 2
-    return Pivot(
+    pivot = Pivot(
         offset_px=(float(solution[0]), float(solution[1])),
-        covariance_px2=covariance,
+        covariance_px2=covariances[:2, :2],
         lift=float(solution[-1]),
         lift_sigma=math.sqrt(float(covariances[-1, -1])),
         scatter_px2=scatter_px2 - own_px2,
         tilts=len(left),
     )
+    return pivot.doubted() if places < MIN_PLACES + len(names) else pivot  # as many places as unknowns
 
 
 def places_of(angles_deg: Iterable[float]) -> int:

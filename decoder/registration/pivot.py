@@ -14,6 +14,8 @@ from decoder.registration.thresholds import CERTAIN_SIGMAS, SIGNIFICANT_SIGMAS
 PRIOR_PX = 0.5
 # A needle stands a few millimetres above a dial that lies some centimetres from the anchors' plane.
 PRIOR_LIFT = 0.2
+# A direction of which less is told, beside the other, is not told at all.
+LEAST_TOLD = 1e-9
 
 
 def across(angles_deg: Floats) -> Floats:
@@ -101,6 +103,20 @@ class Pivot:
     def unsettled(self) -> Pivot:
         """Add what is left of the offset to the covariance: the pivot was looked for, and not found."""
         return self.beside(np.array(self.offset_px))
+
+    def doubted(self) -> Pivot:
+        """Doubt what needles told by as much as it is: few places told it, and what spoils one of them would move it.
+
+        That is of what they told alone, without the prior: doubting both as one leaves a pull with nothing behind it.
+        """
+        prior = np.eye(2) / PRIOR_PX**2
+        inverse = np.linalg.inv(self.covariance_px2)
+        pull = inverse @ np.array(self.offset_px)
+        information = inverse - prior
+        share = 1.0 / (1.0 + float(pull @ np.linalg.pinv(information, LEAST_TOLD, hermitian=True) @ pull))
+        covariance = np.linalg.inv(information - share * np.outer(pull, pull) + prior)
+        x, y = (covariance @ (share * pull)).tolist()
+        return replace(self, offset_px=(x, y), covariance_px2=covariance)
 
     def beside(self, offset_px: Floats) -> Pivot:
         """Add to the covariance that it may as well lie by so much, (2,), to one side or the other."""

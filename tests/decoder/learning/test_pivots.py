@@ -18,7 +18,7 @@ from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.vocabulary import Method
-from decoder.registration.pivot import UNKNOWN, Pivot
+from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
 from tests.decoder.cockpit import BETWEEN_MARKS_DEG, angles_of, between_marks, draw, reader_of
 from tests.programs import FIXTURES
 
@@ -99,7 +99,9 @@ def test_needle_in_two_places_moves_no_pivot() -> None:
     pivot = pivot_of_tilts(tilts)
 
     assert not pivot.is_certain
-    assert pivot.sigma_deg(np.array([208.0]), 200.0, 50.0) > 0.1
+    assert np.hypot(*pivot.offset_px) < PRIOR_PX
+    nobody_told, told = (each.sigma_deg(np.array([208.0]), 200.0, 50.0) for each in (UNKNOWN, pivot))
+    assert told > 0.9 * nobody_told
 
 
 def test_tilts_that_scatter_less_than_they_claim_tell_more() -> None:

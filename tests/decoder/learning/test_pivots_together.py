@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from decoder.learning.pivots import CARELESS_PART, PivotPath, empirical_bayes, lifts_missing
 from decoder.panel.arrays import Floats
@@ -49,6 +51,25 @@ def test_needle_that_stands_still_is_doubted_where_the_others_are_drawn_badly() 
     assert sigma_px(still) > 0.3
     for pivot, alone in zip(others, CARELESS, strict=True):
         assert pivot.offset_px == pytest.approx(alone.offset_px, abs=0.01)
+
+
+@given(st.floats(0.0, 6.3), st.floats(0.01, 6.0), st.floats(0.02, 5.0), st.floats(0.02, 5.0))
+def test_pivot_that_few_places_tell_goes_no_further_than_they_say(
+    way: float, far_px: float, along_px: float, across_px: float
+) -> None:
+    """Its own doubt leaves no pull with nothing behind it, and no panel's care makes it surer than it was."""
+    axis = np.array([np.cos(way), np.sin(way)])
+    information = np.outer(axis, axis) / along_px**2 + (np.eye(2) - np.outer(axis, axis)) / across_px**2
+    covariance = np.linalg.inv(information + np.eye(2) / PRIOR_PX**2)
+    x, y = (covariance @ information @ (far_px * axis)).tolist()
+
+    doubted = Pivot((x, y), covariance).doubted()
+    (one,) = empirical_bayes([doubted], [HERE], [REACH_PX])
+
+    assert not doubted.is_certain
+    assert np.hypot(*doubted.offset_px) <= np.hypot(x, y) + 1e-6
+    assert np.hypot(*one.offset_px) <= far_px + 1e-6
+    assert np.hypot(*one.offset_px) <= 2.0 * sigma_px(one) + 1e-6
 
 
 def test_pivot_that_is_surely_elsewhere_stays_there() -> None:

@@ -156,8 +156,7 @@ class CardReader:
             return UNKNOWN  # from so far the pixels do not tell it: `card_pivot` does
         pivot = replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
         places = places_of(rows * self._grid.step_deg for _, rows in views)
-        # What spoils one place would move the pivot.
-        return pivot.unsettled() if places <= MIN_PLACES else pivot
+        return pivot.doubted() if places <= MIN_PLACES else pivot
 
     def _told(self, view: Floats, way: Floats) -> tuple[Floats, Floats, Floats]:
         """Set up one frame's least squares for an offset that shows in it, turned back, turned by `way`.
