@@ -1,4 +1,4 @@
-"""A whole oblique panel, drawn with clicks and keys only, reads as well as the one written with the truth.
+"""Dials of an oblique panel, drawn with clicks and keys only, read as well as those written with the truth.
 
 The hand is unsteady, and sees no more than a person does: where marks, needles and labels stand in one frame.
 """
@@ -30,6 +30,8 @@ FIXTURES = Path(__file__).parents[2] / "fixtures" / "oblique"
 FLIGHT, TRUTH = FIXTURES / f"{NAME}.mcap", FIXTURES / f"{NAME}_truth.csv"
 WITHIN_PCT_OF_FULL_SCALE = 0.05
 MARKS_WITHIN_DEG, AXES_WITHIN_DEG = 0.6, 0.6
+# One whose scale is uneven, and one whose values rise anticlockwise.
+DRAWN = ("itt", "oil_press")
 # In this frame no needle points at a mark.
 FRAME = 16
 
@@ -45,9 +47,9 @@ class Eyes:
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """Boxes and places of that frame."""
+        """Boxes and places of that frame, of the dials that are drawn."""
         content: dict[str, Any] = yaml.safe_load(panel_yaml(self.panel.name, self.state.view))
-        return content
+        return content | {"gauges": [gauge for gauge in content["gauges"] if gauge["name"] in DRAWN]}
 
     def place(self, gauge: str, angle_deg: float, part: float, further_px: float = 0.0) -> XY:
         """A place on a dial: a part of the way from its pivot to where its marks end, and some pixels further."""
@@ -144,10 +146,10 @@ def take_offers(hand: Hand, gauges: list[str]) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.untraced
-def test_oblique_panel_drawn_by_hand_reads_like_the_written_one(
+def test_oblique_dials_drawn_by_hand_read_like_the_written_ones(
     start: Callable[..., Any], open_page: Callable[..., Any], tmp_path: Path
 ) -> None:
-    """All dials of an oblique flight, from nothing, are within 0.05 % of full scale of the written panel."""
+    """Two dials of an oblique flight, from nothing, are within 0.05 % of full scale of the written panel."""
     written = decoding(tmp_path / "written")
     running, eyes = start(FLIGHT), Eyes(FRAME)
     hand = Hand(open_page(running))
@@ -167,7 +169,7 @@ def test_oblique_panel_drawn_by_hand_reads_like_the_written_one(
         for needle, (_, angle_deg) in zip(gauge["needles"], eyes.needles(gauge["name"]), strict=True):
             off_deg = (needle["template"]["at"] - angle_deg + 180.0) % 360.0 - 180.0
             assert off_deg == pytest.approx(0.0, abs=AXES_WITHIN_DEG)
-    assert list(drawn) == list(best) == [needle.name for _, needle in eyes.panel.needles]
+    assert list(drawn) == [needle["name"] for gauge in eyes.document["gauges"] for needle in gauge["needles"]]
     assert {
-        name: drawn[name] - best[name] for name in best if drawn[name] - best[name] > WITHIN_PCT_OF_FULL_SCALE
+        name: drawn[name] - best[name] for name in drawn if drawn[name] - best[name] > WITHIN_PCT_OF_FULL_SCALE
     } == {}, (taken, saved)
