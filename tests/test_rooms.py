@@ -15,6 +15,8 @@ import pytest
 
 from decoder.panel.gauge import KINDS
 
+pytestmark = pytest.mark.xdist_group("rooms")  # one worker reads all modules
+
 ROOT = Path(__file__).parents[1]
 DECODER = ROOT / "decoder"
 ROOMS = sorted(path.parent for path in DECODER.glob("*/__init__.py"))

@@ -11,6 +11,7 @@ from benchmarks.whole_panel import SOURCES
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.untraced,
     pytest.mark.skipif(not PICTURES.exists(), reason="needs ../shared/data, which is not part of the project"),
 ]
 

@@ -41,7 +41,7 @@ from tests.recorder.helpers import messages
 PATIENCE_S = 120
 MIB_AS_GIB = 1 / 1024
 HOURS_S = 8 * 3600  # `make bench` records a day
-COUNT = 15  # `make kills` does 200
+COUNT = 8  # `make kills` does 200
 STILLS = 1600
 MAX_KEPT_KIB = 4.0  # by a still
 

@@ -51,7 +51,7 @@ def test_speed_is_right_to_half_a_percent_and_sigma_holds(name: str) -> None:
 def test_where_no_engine_is_heard_there_is_no_speed(made: Callable[..., Sound], seed: int) -> None:
     """Neither a value nor a choice of some, whatever is known of the engine."""
     windows = peaks_of(made(COUNT, np.random.default_rng(seed)))
-    for known in (LYCOMING, Engine(cylinders=6), Engine()):
+    for known in (LYCOMING, Engine()):
         assert set(engine_speed(windows, known).status) == {SpeedStatus.MISSING}
 
 
