@@ -46,6 +46,14 @@ OBTAINABLE = {
 }
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Tests that share a fixture of their module are run by one worker, which makes it once."""
+    if isinstance(item, pytest.Function) and item.get_closest_marker("xdist_group") is None:
+        made = item._fixtureinfo.name2fixturedefs.values()
+        if any(fixture.scope == "module" for definitions in made for fixture in definitions):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Slow tests are begun first, so that no worker is left with one at the end."""

@@ -43,6 +43,7 @@ def sampled(grid: WindowGrid, flight: str, number: int) -> Floats:
     return cv2.remap(picture, x, y, cv2.INTER_LINEAR).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("column", DISPLAYS)
 def test_what_is_read_is_right_and_nearly_all_is(column: str) -> None:
     """Nothing is read that was not shown; drawn on a sharp picture, 97 of 100 blurred ones are read."""

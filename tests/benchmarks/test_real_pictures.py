@@ -42,6 +42,7 @@ def test_simulator_cockpit_with_a_fixed_camera(tmp_path: Path) -> None:
     assert max(read.largest for read in found.values()) <= GROSS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("title", ["steam gauge", "pressure gauge"])
 def test_gauge_agrees_with_the_eye(title: str, tmp_path: Path) -> None:
     """In frames, and in photographs of other sizes and zooms: all have a value, each within the eye's doubt."""
@@ -64,6 +65,7 @@ def test_simulator_cockpit_with_a_moving_camera(tmp_path: Path) -> None:
     assert sum(read.within_95 for read in found.values()) / len(found) > 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("title", "valued", "read_at_least"),
     [("tachometer at night", 1.0, 0.75), ("vacuum gauge, pivot below the picture", 1.0, 0.85)],

@@ -189,7 +189,7 @@ def test_interrupt_leaves_nothing_half_written(make_flight: MakeFlight, pictures
     assert (tmp_path / "out" / "flight.csv").read_text() == "from an earlier decode"
 
 
-FRAMES = 24  # more than a sample has
+FRAMES = 18  # more than a sample has
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +215,7 @@ def test_panel_of_another_cockpit_is_refused_after_a_sample(
     done = ran("decode", flight, "-o", tmp_path / "out")
 
     assert done.returncode == 1
-    assert "none of 16 frames spread over the flight's 24" in done.stderr
+    assert "none of 16 frames spread over the flight's 18" in done.stderr
     assert "knob" in done.stderr
     assert "--from" in done.stderr
     assert list((tmp_path / "out").glob("*.csv")) == []
@@ -239,12 +239,12 @@ def test_flight_that_begins_elsewhere_is_decoded(
     tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes], pictures: list[bytes]
 ) -> None:
     """Two thirds of it show something else: those frames are missing, the others are read."""
-    flight = make_flight([*elsewhere[:FRAMES], *pictures[:12]])
+    flight = make_flight([*elsewhere[:FRAMES], *pictures[:9]])
     done = ran("decode", flight, "-o", tmp_path / "out")
     rows = (tmp_path / "out" / "flight.csv").read_text().splitlines()[1:]
 
     assert done.returncode == 0
-    assert len(rows) == FRAMES + 12
+    assert len(rows) == FRAMES + 9
     assert all(",missing," in row for row in rows[:FRAMES])
     assert all(",read," in row for row in rows[FRAMES:])
 

@@ -79,6 +79,8 @@ LENSES = {
     ),
 }
 
+EVERY = 2
+
 
 @pytest.mark.slow
 @pytest.mark.untraced
@@ -96,7 +98,7 @@ def test_a_flight_through_a_wide_lens_is_read(
     entry = {"focal_length_mm": 3.0, "model": model, **lens.coefficients}
     focal = {"pixels_per_radian": [SCALE, 0, 0], "range_mm": [3.0, 3.0]}
     camera.write_text(yaml.safe_dump({"picture_size": [*SIZE_PX], "focal": focal, "distortion": [entry]}))
-    frames = [grey_picture(encoded_of(frame)) for frame in open_flight([TAKEN / "t1a_small.mcap"]).frames()]
+    frames = [grey_picture(encoded_of(frame)) for frame in open_flight([TAKEN / "t1a_small.mcap"]).frames()][::EVERY]
 
     flight = make_flight([lens.jpeg(frame) for frame in frames], panel=panel)
     rows = decode(flight, "--camera", camera, "--jobs", 2).rows
@@ -107,7 +109,7 @@ def test_a_flight_through_a_wide_lens_is_read(
         for name in (needle["name"] for needle in gauge["needles"]):
             read = np.array([row[f"{name}_status"] == "read" for row in rows])
             value = np.array([float(row[name] or "nan") for row in rows])
-            error = np.abs(value - truth.numbers(name))[read] / full_scale
+            error = np.abs(value - truth.numbers(name)[::EVERY])[read] / full_scale
             assert read.sum() > len(rows) / 2, name
             assert error.mean() < 0.0035, name
             assert error.max() < 0.02, name

@@ -13,6 +13,7 @@ from decoder.outputs.film import film_times_s
 from decoder.outputs.outputs import Decoded, planned_files, write_all
 from tests.report.conftest import opened_offline
 from tests.report.reports import make_report
+from tests.report.test_page import until
 
 ROWS = 40
 AN_HOUR_NS = 3_600_000_000_000
@@ -42,15 +43,6 @@ def page(made: Path, open_report: Callable[..., Page]) -> Page:
     page = open_report((made / "flight.html").read_bytes(), (made / "flight.film.mp4").read_bytes())
     until(page, "document.getElementById('film').readyState > 1")
     return page
-
-
-def until(page: Page, condition: str, arg: object = None) -> None:
-    """Waits for a condition; the page's security policy lets nobody else evaluate code in it."""
-    for _ in range(400):
-        if page.evaluate(condition, arg):
-            return
-        page.wait_for_timeout(50)
-    pytest.fail(f"never came: {condition}")
 
 
 def expect_film_at(page: Page, report: Decoded, row: int) -> None:

@@ -46,6 +46,7 @@ def rows_of(content: bytes) -> list[int]:
     return [int(row) for row in re.findall(rb'class="evidence" data-row="(\d+)"', content)]
 
 
+@pytest.mark.slow
 def test_two_hours_stay_within_the_size() -> None:
     """Two hours at 4 Hz with two hundred flags: under 25 MB, and every flag has a picture."""
     marks = {

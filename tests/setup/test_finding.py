@@ -119,6 +119,7 @@ def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_rose_begins_at_its_own_mark_however_fine_its_ticks_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a tick every 3 degrees, and long ones behind a needle: a step further on all numerals have ticks, too."""
     marks = {value: 270.0 + value for value in range(0, 360, 30)}

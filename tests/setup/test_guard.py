@@ -200,6 +200,7 @@ SPECIAL: list[Any] = [
 values = st.sampled_from(SPECIAL) | st.floats() | st.integers() | st.lists(st.floats(-2000, 2000), max_size=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", QUESTIONS)
 @settings(max_examples=EXAMPLES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(replaced=st.lists(st.tuples(st.integers(0, 10_000), values), max_size=2))

@@ -41,6 +41,7 @@ def test_text_says_what_was_drawn(panel: Path) -> None:
         assert [angle for angle, _ in gauge.scale] == pytest.approx(sorted(a for a, _ in own["scale"]), abs=1e-4)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])  # PyYAML is slow
 @given(
     content=st.dictionaries(keys, values, max_size=6),

@@ -54,6 +54,7 @@ def test_both_forms_of_the_thesis() -> None:
     assert fit.arctangent == pytest.approx(500 / (2 * np.arctan(3 / 36)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("true", "across", "half"), [(1171, 6.2, 170), (2000, 28.5, 150), (5188, 1.5, 110), (11370, 28, 55)]
 )

@@ -64,7 +64,8 @@ def test_all_digits_are_read_though_the_panel_picture_shows_a_few(
     assert all(0.0028 < one.sigma_deg < 0.0029 for one in found)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("drawn", [PLAIN, Drawn(slant=0.0, stroke=2.4, height=17.0, width=9.0, pitch=14.0)])
 def test_dark_digits_on_light_ground_drawn_around_by_hand(drawn: Drawn, seed: int) -> None:
     """A hand that is off by a pixel and a half loses nothing, and a liquid crystal is read as light is."""
@@ -91,6 +92,7 @@ def test_a_dark_display_and_one_between_two_values_have_none(taught: tuple[Windo
     assert [told(one) for one in found] == [None] * 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dead", "least"), [((4, "e"), 4), ((4, "f"), 3), ((3, "g"), 0), ((2, "b"), 0), ((4, "a"), 3)])
 def test_a_dead_segment_makes_no_other_digit(dead: tuple[int, str], least: int) -> None:
     """Where a segment is dark though a digit needs it, no digit is read that it may have made of another.

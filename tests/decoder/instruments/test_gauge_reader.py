@@ -225,6 +225,7 @@ NEVER: dict[str, tuple[Iterable[str], Wrong]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "wrong"),
     [pytest.param(kind, wrong, id=f"{kind}: {what}") for what, (kinds, wrong) in NEVER.items() for kind in kinds],

@@ -248,6 +248,7 @@ def test_symbol_with_two_wings_alike_is_read_by_both_within_its_sweep() -> None:
         assert off_deg(reading, turned_deg) < 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("level", "least"), [(165.0, 0.85), (230.0, 0.0)], ids=["another tone", "the same"])
 @pytest.mark.parametrize("gain", [1.0, 0.7])
 @pytest.mark.parametrize("below", [{}, {"covered_by": "one"}], ids=["beside", "below"])

@@ -114,6 +114,7 @@ def test_a_digit_that_no_picture_showed_is_missing(font: Font, height: float) ->
     assert could.count(None) <= 0.1 * len(could)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [6.0, 8.0, 10.0, 12.0, 16.0])
 @pytest.mark.parametrize("blur", [0.5, 1.0, 1.6])
 def test_small_and_blurred_digits_are_right_or_missing(height: float, blur: float) -> None:
@@ -162,6 +163,7 @@ def test_other_frames_change_nothing() -> None:
     assert read(reader, windows) == [one for window in windows for one in read(reader, [window])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scale", "least"), [(0.5, 0), (0.6, 25), (0.8, 33), (1.0, 38)])
 @pytest.mark.parametrize("blur_px", [0.5, 1.0])
 def test_a_strangers_odometer_is_right_or_missing(scale: float, least: int, blur_px: float) -> None:

@@ -34,6 +34,7 @@ def speed(reader: PanelReader, frame: GreyPicture) -> Reading:
     return reader.read_unwrapped([seen])[0].readings["speed_kt"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [4.0, 8.0, 16.0])
 @pytest.mark.parametrize("angle_deg", [200.0, 263.3, 390.4])
 def test_sigma_is_the_spread_of_the_error(reader: PanelReader, noise: float, angle_deg: float) -> None:

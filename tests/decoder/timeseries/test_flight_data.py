@@ -176,6 +176,7 @@ def in_a_gap(angles: NDArray[np.float64], hidden: slice) -> tuple[NDArray[np.boo
     return (np.abs(series.value - true) <= 1.96 * series.sigma)[hidden], data
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(period=st.floats(10.0, 200.0), phase=st.floats(0.0, 1.0), size=st.floats(1.0, 100.0), frames=st.integers(2, 30))
 def test_intervals_in_gaps_hold_for_a_needle_that_swings(period: float, phase: float, size: float, frames: int) -> None:

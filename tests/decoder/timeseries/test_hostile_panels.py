@@ -146,6 +146,7 @@ def test_sound_panel_is_decoded(decode: Callable[..., None], document: Content, 
     decode(document, CAMERA if kind == "oblique" else None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SOUND)
 @settings(max_examples=EXAMPLES, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(replaced=changes)
@@ -161,6 +162,7 @@ def test_hostile_panel_gives_one_sentence(
     assert len(told) < LONGEST_SENTENCE
 
 
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(replaced=changes)
 def test_hostile_camera_gives_one_sentence(
