@@ -1,4 +1,4 @@
-"""What all tests share: their order, which are traced for coverage, Ctrl-C, a real Chromium, and what was skipped."""
+"""What all tests share: order and worker, which are traced for coverage, Ctrl-C, Chromium, and what was skipped."""
 
 from __future__ import annotations
 
