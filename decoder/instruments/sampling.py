@@ -1,13 +1,15 @@
 """Sampling: the grey levels of a panel's unwrapped gauges, straight from a frame's own pixels, as they are asked for.
 
 The samples of all gauges are numbered through, gauge by gauge, row by row; so a number means the same place in every
-frame. Those that are searched are taken at once, the others as windows are looked at.
+frame. What is searched of gauges is taken at once, the rest of them as windows are looked at; gauges that are not
+searched are taken whole, all together when the first is asked for.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol
@@ -77,7 +79,7 @@ class GaugeSampler:
         if in_colour is None or not self._unwrapper.mixed:
             return plain
         mixed = {
-            index: _FrameSamples(self._points, part.pixels, alignment, plain.searched, part.origin)
+            index: _FrameSamples(self._points, part.pixels, alignment, plain.searched, origin=part.origin)
             for index, part in self._unwrapper.mixed_parts(in_colour(), alignment).items()
         }
         for place, index in enumerate(self.searched):
@@ -87,13 +89,13 @@ class GaugeSampler:
 
     def _of_luma(self, frame: GreyPicture, alignment: Alignment) -> _FrameSamples:
         if not self.searched:
-            return _FrameSamples(self._points, frame, alignment, np.empty(0, np.uint8))
+            return _FrameSamples(self._points, frame, alignment, np.empty(0, np.uint8), self._whole)
         places = self._map.places(alignment)
         for left, top, right, bottom in places.reshape(-1)[self._ends].astype(np.intp).tolist():
             # Points around a dial lie scattered in memory, each to be waited for: row by row the processor reads ahead.
             frame[top : bottom + 2, left : right + 2].copy()
         searched = levels_at(frame, places)[: self._map.slices[-1].stop]
-        return _FrameSamples(self._points, frame, alignment, searched)
+        return _FrameSamples(self._points, frame, alignment, searched, self._whole)
 
     def of_unwrapped(self, gauges: Sequence[UnwrappedGauge]) -> Samples:
         """Take all samples from a frame's unwrapped gauges, in the panel's order."""
@@ -114,6 +116,19 @@ class GaugeSampler:
         return PointMap.of([self._points[self._searched_numbers(index).ravel()].T for index in self.searched])
 
     @cached_property
+    def _whole(self) -> _WholeGauges | None:
+        """The gauges that are not searched, where there are any."""
+        numbers = {
+            first: np.arange(first, end)
+            for index, (first, end) in enumerate(pairwise(self.first))
+            if index not in self.searched
+        }
+        if not numbers:
+            return None
+        points = PointMap.of([self._points[its].T for its in numbers.values()])
+        return _WholeGauges(points, dict(zip(numbers, points.slices, strict=True)))
+
+    @cached_property
     def _mixed_maps(self) -> dict[int, PointMap]:
         """By gauge that is not sampled in luma: what is searched of it."""
         numbers = {index: self._searched_numbers(index) for index in self.searched if index in self._unwrapper.mixed}
@@ -122,6 +137,14 @@ class GaugeSampler:
     @cached_property
     def _ends(self) -> Indices:
         return _ends(self._map.folded.reshape(-1, 2), self._map.slices)
+
+
+@dataclass(frozen=True, slots=True)
+class _WholeGauges:
+    """Gauges that are taken together: their points, and by the number of a gauge's first sample its part of them."""
+
+    points: PointMap
+    parts: Mapping[int, slice]
 
 
 class _FrameSamples:
@@ -133,10 +156,11 @@ class _FrameSamples:
         frame: GreyPicture,
         alignment: Alignment,
         searched: Levels,
+        whole: _WholeGauges | None = None,
         origin: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self._points, self._frame, self._alignment = points, frame, alignment
-        self.searched = searched
+        self.searched, self._whole = searched, whole
         self._origin = origin
 
     def at(self, points: PointMap) -> Levels:
@@ -148,8 +172,15 @@ class _FrameSamples:
         return levels_at(self._frame, places).reshape(-1, size)
 
     def strip(self, first: int, shape: tuple[int, int]) -> Levels:
+        if self._whole is not None and first in self._whole.parts:
+            return self._whole_levels[self._whole.parts[first]].reshape(shape)
         rows, columns = shape
-        return self.runs(first + columns * np.arange(rows), columns)
+        points = self._points[first : first + rows * columns].reshape(rows, columns, 2)
+        return levels_at(self._frame, self._alignment.places(points, self._origin)).reshape(shape)
+
+    @cached_property
+    def _whole_levels(self) -> Levels:
+        return np.empty(0, np.uint8) if self._whole is None else self.at(self._whole.points)
 
 
 class _MixedSamples:

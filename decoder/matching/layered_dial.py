@@ -19,15 +19,30 @@ from decoder.registration.thresholds import NOISE_LEVELS
 
 @dataclass(frozen=True, slots=True)
 class _Layer:
-    """A needle, or its tail: light and transparency, (H, 2, C), around a row so many rows behind the tip's."""
+    """A needle, or its tail: light and transparency around a row so many rows behind the tip's.
+
+    Attributes
+    ----------
+    pixels, rises
+        (H + 1, 2, C): by row, and how much more the next row has; the last row draws nothing.
+    """
 
     pixels: Floats
+    rises: Floats
     behind_rows: float
+
+    @classmethod
+    def of(cls, pixels: Floats, behind_rows: float) -> _Layer:
+        """Lay out pixels (H, 2, C)."""
+        nothing = np.broadcast_to(np.array([[0.0], [1.0]], np.float32), (1, *pixels.shape[1:]))
+        rises = np.concatenate([np.diff(pixels, axis=0), np.zeros((2, *pixels.shape[1:]), np.float32)])
+        return cls(np.concatenate([pixels, nothing]), rises, behind_rows)
 
     @property
     def shadow(self) -> _Layer:
         """The same without light."""
-        return _Layer(self.pixels * np.array([[0.0], [1.0]], np.float32), self.behind_rows)
+        dark = np.array([[0.0], [1.0]], np.float32)
+        return _Layer(self.pixels * dark, self.rises * dark, self.behind_rows)
 
 
 class LayeredDial:
@@ -72,18 +87,19 @@ class LayeredDial:
 
     def _draw(self, pictures: Floats, which: Indices, layer: _Layer, rows: Floats) -> None:
         """Draw a layer on some of the pictures, around a row of its own on each."""
-        last, axis = len(layer.pixels) - 1, (len(layer.pixels) - 1) // 2
+        nothing = len(layer.pixels) - 1
+        last, axis = nothing - 1, (nothing - 1) // 2
         first = np.ceil((rows - axis) / self._step)
         at = (first * self._step - rows + axis)[:, None] + self._step * np.arange(last // self._step + 1)
-        before = np.minimum(at.astype(np.intp), last)
-        after, part = np.minimum(before + 1, last), (at - before).astype(np.float32)[..., None, None]
-        own = layer.pixels[before]
-        own += part * (layer.pixels[after] - own)
+        before = np.where(at <= last, at, nothing).astype(np.intp)
+        own = layer.rises[before]
+        own *= (at - before).astype(np.float32)[..., None, None]
+        own += layer.pixels[before]
         there = (first.astype(np.intp)[:, None] + np.arange(at.shape[1])) % pictures.shape[1]
-        behind = pictures[which[:, None], there]
-        pictures[which[:, None], there] = np.where(
-            (at <= last)[..., None], own[..., 1, :] * behind + own[..., 0, :], behind
-        )
+        drawn = pictures[which[:, None], there]
+        drawn *= own[..., 1, :]
+        drawn += own[..., 0, :]
+        pictures[which[:, None], there] = drawn
 
 
 def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> list[_Layer]:
@@ -91,7 +107,7 @@ def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> l
     tail = template.light.shape[1] - columns
     halves = [(slice(tail, None), 0.0), *([(slice(tail - 1, None, -1), turn / 2)] if tail else [])]
     return [
-        _Layer(np.stack([template.light[:, own], template.transparency[:, own]], axis=1)[..., ::step], behind_rows)
+        _Layer.of(np.stack([template.light[:, own], template.transparency[:, own]], axis=1)[..., ::step], behind_rows)
         for own, behind_rows in halves
     ]
 

@@ -368,7 +368,7 @@ class _HorizonReader:
         for _ in range(FIT_STEPS):
             columns = self._columns(place, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
-            normal = products(weighted, columns)
+            normal = products(weighted, columns).astype(np.float64)
             if is_singular(normal):
                 return NOT_SEEN
             inverse = np.linalg.inv(normal)
@@ -376,7 +376,7 @@ class _HorizonReader:
             gain, offset, *steps = solution.tolist()
             if gain < MIN_LIGHT_GAIN:
                 return NOT_SEEN
-            left = (seen.ravel() - solution @ columns).reshape(seen.shape)
+            left = seen - (solution.astype(np.float32) @ columns).reshape(seen.shape)
             step_px, turn_deg = steps[0] / gain, math.degrees(sum(steps[1:]) / gain)
             place = Place(place.turned_deg + turn_deg, place.down_px + step_px)
             if not self._search.is_near(place, start):
@@ -395,7 +395,7 @@ class _HorizonReader:
         columns = [levels, np.ones_like(levels), -down]
         if not is_turn_known:
             columns.append(right * y - down * x)
-        return np.stack(columns).reshape(len(columns), -1).astype(np.float64)
+        return np.stack(columns).reshape(len(columns), -1).astype(np.float32)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
         """Return the standard uncertainties of a fit: the larger of what pixels tell one by one, and patch by patch."""

@@ -71,6 +71,8 @@ class Cells:
         (N, H * S): their lengths before.
     strokes
         (N, H, 7, P): the segments without what light explains.
+    shared, besides
+        (N, H * S, 7): how much of each digit there is in a segment, and the square of the rest of the segment.
     alike
         (S,): the number of the digit that each is a way to draw.
     sign
@@ -82,6 +84,8 @@ class Cells:
     looks: Floats
     lengths: Floats
     strokes: Floats
+    shared: Floats
+    besides: Floats
     alike: Indices
     sign: float
 
@@ -123,12 +127,17 @@ class Cells:
             )
         pixels, light, looks, lengths, strokes = (np.stack(part) for part in zip(*parts, strict=True))
         alike = np.array([int(digit) for digit, _ in drawings])
+        shifts = np.arange(looks.shape[2]) // len(drawings)
+        shared = np.vecdot(strokes[:, shifts], np.moveaxis(looks, 1, 2)[:, :, None])
+        besides = np.maximum(np.vecdot(strokes, strokes)[:, shifts] - shared**2, LEAST_VALUE)
         return cls(
             pixels,
             light.astype(np.float32),
             np.ascontiguousarray(looks, np.float32),
             lengths.astype(np.float32),
             strokes.astype(np.float32),
+            shared.astype(np.float32),
+            besides.astype(np.float32),
             alike,
             sign,
         )
@@ -151,10 +160,9 @@ class Cells:
         gains = first * lengths / self.lengths[cells, best]
         look = np.moveaxis(self.looks, 1, 2)[cells, best]
         left = own - (first * lengths)[..., None] * look
-        strokes = self.strokes[cells, best // len(self.alike)]
-        strokes = strokes - np.einsum("fnkp,fnp->fnk", strokes, look)[..., None] * look[:, :, None]
-        squares = np.maximum(np.einsum("fnkp,fnkp->fnk", strokes, strokes), LEAST_VALUE)
-        strays = np.einsum("fnkp,fnp->fnk", strokes, left) / squares / np.maximum(gains, LEAST_VALUE)[..., None]
+        stray = np.vecdot(self.strokes[cells, best // len(self.alike)], left[:, :, None])
+        stray -= self.shared[cells, best] * np.vecdot(look, left)[..., None]
+        strays = stray / self.besides[cells, best] / np.maximum(gains, LEAST_VALUE)[..., None]
         contents = lengths / self.lengths.min(axis=1)
         lefts = contents * np.sqrt(np.maximum(1 - first**2, 0.0))
         return Seen(symbols, first, gains, contents, lefts, worse, strays)

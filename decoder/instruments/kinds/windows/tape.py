@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import cv2
@@ -96,6 +96,36 @@ class Laid:
             self.lights[which],
             self.is_there[which],
         )
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A step of least squares for K unknowns in F windows, whose first two are gain and place.
+
+    Attributes
+    ----------
+    seen, weights, left
+        (F, R, C): the windows, what of them is looked at, and what the fit leaves of them.
+    mean
+        (F,): the tape's level, which is none of the fit's.
+    weighed, inverse, solution
+        (F, K, R * C), (F, K, K) and (F, K).
+    flat
+        (F, 1, R * C): the weights, outliers left out.
+    """
+
+    seen: Floats
+    weights: Floats
+    mean: Floats
+    weighed: Floats
+    inverse: Floats
+    solution: Floats
+    left: Floats
+    flat: Floats
+
+    def part(self, which: Mask) -> _Fit:
+        """Return some of the windows."""
+        return _Fit(*(getattr(self, each.name)[which] for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -254,7 +284,7 @@ class TapeFinder:
         )
         trusted = np.ones((count, self._rows, self._columns), np.float32)
         open_ = np.arange(count)
-        for _ in range(FIT_STEPS):
+        for steps_left in reversed(range(FIT_STEPS)):
             if not open_.size:
                 break
             here, seen = found.rows[open_], strips[open_]
@@ -275,28 +305,36 @@ class TapeFinder:
             gain, step = solution[:, 0], solution[:, 1] / np.where(solution[:, 0] > 0, solution[:, 0], np.nan)
             left = seen - (solution[:, None].astype(np.float32) @ columns).reshape(seen.shape)
             usable = (gain >= MIN_CONTRAST_PART) & (np.abs(here + step - rows[open_]) <= MAX_PEAK_ROWS)
-            found.score[open_] = np.where(usable, self._match(seen, left, weights), 0.0)
-            noise = (flat[:, 0] * left.reshape(len(here), -1) ** 2).sum(axis=1) / flat[:, 0].sum(axis=1) * TOGETHER
-            pulls = (weighed * left.reshape(len(here), 1, size)).reshape(*columns.shape[:2], self._rows, -1).sum(axis=3)
-            edges = np.arange(PATCHES) * self._rows // PATCHES
-            by_patch = np.add.reduceat(pulls, edges, axis=2).astype(np.float64)
-            patchy = inverse[:, 1:2] @ by_patch
-            variance = np.maximum(inverse[:, 1, 1] * noise, (patchy[:, 0] ** 2).sum(axis=1))
-            found.sigma_rows[open_] = np.where(usable, np.sqrt(np.maximum(variance, 0.0)) / np.abs(gain), np.inf)
-            gains = np.maximum(
-                gain[:, None, None] + solution[:, 2, None, None] * self._along, 0.3 * gain[:, None, None]
-            )
-            found.gains[open_] = gains
-            light = (solution[:, None, 3:].astype(np.float32) @ self._lights).reshape(seen.shape)
-            found.lights[open_] = light - gains * mean[:, None, None]
             found.is_there[open_] = usable
             found.rows[open_] = np.where(
                 usable, here + limited(np.nan_to_num(step), -MAX_PEAK_ROWS, MAX_PEAK_ROWS), here
             )
             moves = usable & (np.abs(np.nan_to_num(step)) >= STILL_ROWS)
+            ends = ~moves if steps_left else np.ones_like(moves)
+            fit = _Fit(seen, weights, mean, weighed, inverse, solution, left, flat)
+            self._tell(found, open_[ends], fit.part(ends))
             open_ = open_[moves]
             trusted[open_] = _trusted(left[moves], weights[moves])
         return found
+
+    def _tell(self, found: Laid, which: Indices, fit: _Fit) -> None:
+        """Put down score, spread and light of windows that have come to rest, (F',); none of them where none has."""
+        if not which.size:
+            return
+        gain, usable = fit.solution[:, 0], found.is_there[which]
+        found.score[which] = np.where(usable, self._match(fit.seen, fit.left, fit.weights), 0.0)
+        left = fit.left.reshape(len(which), 1, -1)
+        noise = (fit.flat * left**2).sum(axis=2)[:, 0] / fit.flat.sum(axis=2)[:, 0] * TOGETHER
+        pulls = (fit.weighed * left).reshape(*fit.weighed.shape[:2], self._rows, -1).sum(axis=3)
+        edges = np.arange(PATCHES) * self._rows // PATCHES
+        by_patch = np.add.reduceat(pulls, edges, axis=2).astype(np.float64)
+        patchy = fit.inverse[:, 1:2] @ by_patch
+        variance = np.maximum(fit.inverse[:, 1, 1] * noise, (patchy[:, 0] ** 2).sum(axis=1))
+        found.sigma_rows[which] = np.where(usable, np.sqrt(np.maximum(variance, 0.0)) / np.abs(gain), np.inf)
+        gains = gain[:, None, None] + fit.solution[:, 2, None, None] * self._along
+        found.gains[which] = gains = np.maximum(gains, 0.3 * gain[:, None, None])
+        light = (fit.solution[:, None, 3:].astype(np.float32) @ self._lights).reshape(fit.left.shape)
+        found.lights[which] = light - gains * fit.mean[:, None, None]
 
     def changes(self, rows: Floats, shifts: Floats) -> Floats:
         """(F, K, R, C): how windows change where what they show is looked up elsewhere: `shifts` (K, 2, R, C)."""
