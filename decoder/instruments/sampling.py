@@ -104,7 +104,9 @@ class GaugeSampler:
     def strips(self, frames: Sequence[Samples], index: int) -> Floats:
         """Unwrap one gauge from frames: (F, R, C) float32."""
         first, shape = self.first[index], self.shapes[index]
-        strips: Floats = np.stack([frame.strip(first, shape) for frame in frames]).astype(np.float32)
+        strips = np.empty((len(frames), *shape), np.float32)
+        for strip, frame in zip(strips, frames, strict=True):
+            strip[:] = frame.strip(first, shape)
         return strips
 
     @cached_property

@@ -65,12 +65,12 @@ class Cells:
         (N, P): which of the strip's.
     still
         (N, P, L): what light does there, and what stands still, orthonormal.
-    looks
-        (N, P, H * S): the digits without what light explains, of length one.
-    lengths
-        (N, H * S): their lengths before.
     strokes
-        (N, H, 7, P): the segments without what light explains.
+        (N, P, H * 7): the segments without what light explains.
+    which
+        (7, S): the segments of each way to draw a digit.
+    lengths
+        (N, H * S): how bright the digits are, light left out.
     shared, besides
         (N, H * S, 7): how much of each digit there is in a segment, and the square of the rest of the segment.
     alike
@@ -81,9 +81,9 @@ class Cells:
 
     pixels: Indices
     still: Floats
-    looks: Floats
-    lengths: Floats
     strokes: Floats
+    which: Floats
+    lengths: Floats
     shared: Floats
     besides: Floats
     alike: Indices
@@ -114,31 +114,25 @@ class Cells:
                 [own.strokes(around[0] - right, around[1] - down) for right, down in _shifts(shape.pitch)]
             )
             strokes -= (strokes @ light) @ light.T
-            looks = np.einsum("sk,hkp->hsp", which, strokes).reshape(len(strokes) * len(which), len(pixels))
-            lengths = np.maximum(np.linalg.norm(looks, axis=1), LEAST_VALUE)
             parts.append(
-                (
-                    _padded(pixels, count),
-                    _padded(_padded(light.T, count).T, 4, axis=1),
-                    _padded(looks / lengths[:, None], count).T,
-                    lengths,
-                    _padded(strokes, count),
-                )
+                (_padded(pixels, count), _padded(_padded(light.T, count).T, 4, axis=1), _padded(strokes, count))
             )
-        pixels, light, looks, lengths, strokes = (np.stack(part) for part in zip(*parts, strict=True))
-        alike = np.array([int(digit) for digit, _ in drawings])
-        shifts = np.arange(looks.shape[2]) // len(drawings)
-        shared = np.vecdot(strokes[:, shifts], np.moveaxis(looks, 1, 2)[:, :, None])
-        besides = np.maximum(np.vecdot(strokes, strokes)[:, shifts] - shared**2, LEAST_VALUE)
+        pixels, light, strokes = (np.stack(part) for part in zip(*parts, strict=True))
+        together = strokes @ np.swapaxes(strokes, 2, 3)
+        shared = which @ together
+        lengths = np.maximum(np.sqrt(np.vecdot(shared, which)), LEAST_VALUE)
+        shared /= lengths[..., None]
+        besides = np.maximum(np.diagonal(together, axis1=2, axis2=3)[:, :, None] - shared**2, LEAST_VALUE)
+        cells, samples = pixels.shape
         return cls(
             pixels,
             light.astype(np.float32),
-            np.ascontiguousarray(looks, np.float32),
-            lengths.astype(np.float32),
-            strokes.astype(np.float32),
-            shared.astype(np.float32),
-            besides.astype(np.float32),
-            alike,
+            np.ascontiguousarray(strokes.reshape(cells, -1, samples).swapaxes(1, 2), np.float32),
+            np.ascontiguousarray(which.T, np.float32),
+            lengths.reshape(cells, -1).astype(np.float32),
+            shared.reshape(cells, -1, len(NAMES)).astype(np.float32),
+            besides.reshape(cells, -1, len(NAMES)).astype(np.float32),
+            np.array([int(digit) for digit, _ in drawings]),
             sign,
         )
 
@@ -150,7 +144,8 @@ class Cells:
         light = np.matmul(own[:, :, None, :], self.still)
         own -= np.matmul(light, self.still.transpose(0, 2, 1))[:, :, 0]
         lengths = np.maximum(np.sqrt(np.einsum("fnp,fnp->fn", own, own)), LEAST_VALUE)
-        scores = np.matmul(own[:, :, None, :], self.looks)[:, :, 0] / lengths[..., None]
+        segments = np.matmul(own[:, :, None, :], self.strokes).reshape(*own.shape[:2], -1, len(self.which))
+        scores = np.matmul(segments, self.which).reshape(*own.shape[:2], -1) / self.lengths / lengths[..., None]
         ways = scores.reshape(*scores.shape[:2], -1, len(self.alike)).max(axis=2)
         each = np.stack([ways[..., self.alike == number].max(axis=-1) for number in range(10)], axis=-1)
         symbols, best = each.argmax(axis=-1), scores.argmax(axis=-1)
@@ -158,11 +153,9 @@ class Cells:
         worse = (1 - np.maximum(second, 0.0) ** 2) / np.maximum(1 - first**2, LEAST_VALUE)
         cells = np.arange(len(self.pixels))
         gains = first * lengths / self.lengths[cells, best]
-        look = np.moveaxis(self.looks, 1, 2)[cells, best]
-        left = own - (first * lengths)[..., None] * look
-        stray = np.vecdot(self.strokes[cells, best // len(self.alike)], left[:, :, None])
-        stray -= self.shared[cells, best] * np.vecdot(look, left)[..., None]
-        strays = stray / self.besides[cells, best] / np.maximum(gains, LEAST_VALUE)[..., None]
+        theirs = np.take_along_axis(segments, best[..., None, None] // len(self.alike), axis=2)[:, :, 0]
+        strays = (theirs - (first * lengths)[..., None] * self.shared[cells, best]) / self.besides[cells, best]
+        strays /= np.maximum(gains, LEAST_VALUE)[..., None]
         contents = lengths / self.lengths.min(axis=1)
         lefts = contents * np.sqrt(np.maximum(1 - first**2, 0.0))
         return Seen(symbols, first, gains, contents, lefts, worse, strays)
