@@ -395,7 +395,7 @@ class _HorizonReader:
         columns = [levels, np.ones_like(levels), -down]
         if not is_turn_known:
             columns.append(right * y - down * x)
-        return np.stack(columns).reshape(len(columns), -1).astype(np.float32)
+        return np.stack(columns).reshape(len(columns), -1).astype(np.float32, copy=False)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
         """Return the standard uncertainties of a fit: the larger of what pixels tell one by one, and patch by patch."""
@@ -610,9 +610,8 @@ def _sampled(levels: Floats, x_px: Floats, y_px: Floats, cell_px: float) -> Floa
 
 def _at(levels: Floats, columns: Floats, rows: Floats) -> Floats:
     places = np.asarray(columns, np.float32), np.asarray(rows, np.float32)
-    return cv2.remap(np.asarray(levels, np.float32), *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(
-        np.float32
-    )
+    shown = cv2.remap(np.asarray(levels, np.float32), *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(shown, np.float32)
 
 
 def _ring_of(own: Attitudes, picture: AttitudePicture) -> CardReader | None:
