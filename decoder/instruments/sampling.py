@@ -159,6 +159,7 @@ class _FrameSamples:
         alignment: Alignment,
         searched: Levels,
         whole: _WholeGauges | None = None,
+        *,
         origin: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self._points, self._frame, self._alignment = points, frame, alignment

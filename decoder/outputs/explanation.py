@@ -14,6 +14,7 @@ import numpy as np
 
 from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
+from decoder.panel.arrays import Floats
 from decoder.panel.errors import TableError
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.health import WELL
@@ -124,12 +125,14 @@ def row_of_frame(flight: FlightTable, frame: int) -> int:
     Raises
     ------
     TableError
-        If the flight data do not have it.
+        If the flight data do not have it, or no numbers in `frame`.
     """
-    frames = flight.table.numbers("frame")
+    frames = _known(flight, "frame")
     rows = np.flatnonzero(frames == frame)
     if not rows.size:
-        raise TableError(f"{flight.table.path}: has no frame {frame}; it has {frames.min():.0f} to {frames.max():.0f}")
+        raise TableError(
+            f"{flight.table.path}: has no frame {frame}; it has {np.nanmin(frames):.0f} to {np.nanmax(frames):.0f}"
+        )
     return int(rows[0])
 
 
@@ -139,13 +142,21 @@ def row_at(flight: FlightTable, time_s: float) -> int:
     Raises
     ------
     TableError
-        If the flight data begin later or end before.
+        If the flight data begin later or end before, or have no numbers in `time_s`.
     """
-    times_s = flight.table.numbers("time_s")
+    times_s = _known(flight, "time_s")
     if not np.nanmin(times_s) <= time_s <= np.nanmax(times_s):
         lasts = f"it lasts from {np.nanmin(times_s):g} to {np.nanmax(times_s):g} s"
         raise TableError(f"{flight.table.path}: has nothing at {time_s:g} s; {lasts}")
     return int(np.nanargmin(np.abs(times_s - time_s)))
+
+
+def _known(flight: FlightTable, column: str) -> Floats:
+    """(N,): a column that holds a number in some row at least."""
+    numbers = flight.table.numbers(column)
+    if not np.isfinite(numbers).any():
+        raise TableError(f"{flight.table.path}: has no number in `{column}`; give the CSV that `decode` wrote")
+    return numbers
 
 
 def explanation_text(told: Explanation) -> str:
@@ -158,7 +169,9 @@ def explanation_text(told: Explanation) -> str:
     if told.sigma is not None:
         decimals = len(told.value.partition(".")[2])
         lines.append(f"  95 %     {told.low_95:.{decimals}f} to {told.high_95:.{decimals}f} {told.unit}".rstrip())
-        lines.append(f"  sigma    {told.sigma:.3g} {told.unit}".rstrip() + (", of its square" if told.shares else ""))
+        lines.append(
+            f"  sigma    {told.sigma:.3g} {told.unit}".rstrip() + ("; its variance, by cause:" if told.shares else "")
+        )
     lines += [f"    {_percent(share.part)}   {share.sigma:<9.3g} {share.cause}" for share in told.shares]
     return "\n".join([*lines, *(f"  - {remark}" for remark in told.remarks)])
 
@@ -203,6 +216,9 @@ def _shares(budget: Budget, value: float, sigma: float, status: Status) -> Itera
 def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignments: Table | None) -> Iterator[str]:
     description, frame = flight.description, int(flight.table.numbers("frame")[row])
     yield f"{status.value}: {STATUS_WORDS[status]}"
+    if not description:
+        beside = flight.table.path.with_suffix(".json").name
+        yield f"what the gauge is like and where its uncertainty comes from is not known: put {beside} beside the CSV"
     for run in _runs(description.get("missing_frames"), frame):
         yield f"the frame could not be read: {run.get('reason', 'no reason is known')}"
     if status in (Status.INTERPOLATED, Status.MISSING, Status.HIDDEN):

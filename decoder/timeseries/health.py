@@ -19,7 +19,7 @@ from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries, Panel
 from decoder.timeseries.thresholds import SMALLEST_PART
 
 WELL = "drawn well"
-SEEN = "it is hardly to be seen there"
+SEEN = "it is hard to see there"
 MOSTLY = {
     Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
     Cause.PIVOT: "it is not known where it turns: draw its centre more precisely with `decode setup`",
@@ -30,7 +30,7 @@ MOSTLY = {
 def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
     """Take no value for read that its gauge's drawing or place, or its frame, leaves in doubt, and say by gauge why.
 
-    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hardly to be seen: a value
+    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hard to see: a value
     that is wrong costs more than ten that are told to be doubtful. What is only allowed for does not count.
     """
     found, doubts = [], defaultdict(list)

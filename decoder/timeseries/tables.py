@@ -163,7 +163,7 @@ def read_table(path: Path, delimiter: str = ",") -> Table:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TableError(f"{path}: cannot be read as CSV: {error}") from error
     if not rows:
-        raise TableError(f"{path}: has no rows to compare")
+        raise TableError(f"{path}: has no rows")
     if any(len(row) != len(header) for row in rows):
         raise TableError(f"{path}: its rows are not all as long as its header")
     return Table(path, dict(zip(header, zip(*rows, strict=True), strict=True)))

@@ -25,3 +25,14 @@ def test_a_script_gets_the_budget_as_json_and_a_person_in_words(tmp_path: Path) 
     assert "64%   0.4       from which side the camera sees what turns above its marks" in words.stdout
     assert "95 %     50.2 to 52.2 kt" in words.stdout
     assert (undecided.returncode, "give --frame or --at" in undecided.stderr) == (2, True)
+
+
+def test_a_csv_alone_tells_what_it_can_and_names_what_is_not_beside_it(tmp_path: Path) -> None:
+    """Its value and its band are there; what they are made of is not."""
+    flight = tmp_path / "flight.csv"
+    flight.write_text("frame,time_utc,time_s,ias_kt,ias_kt_status,ias_kt_score,ias_kt_sigma\n" + ROW)
+
+    told = ran("decode", "explain", flight, "ias_kt", "--frame", "0")
+
+    assert (told.returncode, "95 %     50.2 to 52.2" in told.stdout) == (0, True)
+    assert "put flight.json beside the CSV" in told.stdout

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,11 @@ def table_of(data: FlightData, description: dict[str, Any] | None = None) -> Fli
     table = Table(Path("flight.csv"), dict(zip(header, zip(*rows, strict=True), strict=True)))
     said = describe(data, make_report(data=data).provenance) if description is None else description
     return flight_table_of(table, json.loads(json.dumps(said)))
+
+
+def with_column(flight: FlightTable, column: str, texts: tuple[str, ...]) -> FlightTable:
+    """Flight data with other texts in one column."""
+    return replace(flight, table=replace(flight.table, columns={**flight.table.columns, column: texts}))
 
 
 @pytest.fixture(scope="module")
@@ -115,11 +121,23 @@ def test_frames_and_times_that_are_not_there_are_refused(data: FlightData) -> No
         explained(flight, "speed", 0)
 
 
+@pytest.mark.parametrize(("column", "find"), [("frame", row_of_frame), ("time_s", row_at)])
+@pytest.mark.filterwarnings("error")
+def test_a_column_without_any_number_is_named(
+    data: FlightData, column: str, find: Callable[[FlightTable, int], int]
+) -> None:
+    """Nothing is said of the rows between two that are not there."""
+    blank = with_column(table_of(data), column, ("",) * len(data.frame))
+
+    with pytest.raises(TableError, match=f"has no number in `{column}`"):
+        find(blank, 3)
+
+
 def test_a_row_whose_frame_was_deleted_is_refused(data: FlightData) -> None:
     """As a spreadsheet may leave it; the others are told all the same."""
     flight = table_of(data)
     frames = ("", *flight.table.columns["frame"][1:])
-    spoilt = replace(flight, table=replace(flight.table, columns={**flight.table.columns, "frame": frames}))
+    spoilt = with_column(flight, "frame", frames)
 
     assert explained(spoilt, NAME, 1).frame == 1
     with pytest.raises(TableError, match="row 1 has no number in `frame`"):

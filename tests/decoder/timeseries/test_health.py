@@ -111,7 +111,7 @@ def test_value_that_may_be_off_is_not_read(allowed_deg: float) -> None:
         (Cause.DRAWN, "draw its centre, radius and marks more precisely"),
         (Cause.PIVOT, "it is not known where it turns"),
         (Cause.PLACED, "box an anchor nearer to it"),
-        (Cause.VIEWED, "it is hardly to be seen there"),  # what is only allowed for is no reason
+        (Cause.VIEWED, "it is hard to see there"),  # what is only allowed for is no reason
     ],
 )
 def test_doubt_is_said_with_what_most_of_it_comes_from(cause: Cause, advice: str) -> None:

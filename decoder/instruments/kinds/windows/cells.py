@@ -123,15 +123,14 @@ class Cells:
         lengths = np.maximum(np.sqrt(np.vecdot(shared, which)), LEAST_VALUE)
         shared /= lengths[..., None]
         besides = np.maximum(np.diagonal(together, axis1=2, axis2=3)[:, :, None] - shared**2, LEAST_VALUE)
-        cells, samples = pixels.shape
         return cls(
             pixels,
             light.astype(np.float32),
-            np.ascontiguousarray(strokes.reshape(cells, -1, samples).swapaxes(1, 2), np.float32),
+            np.ascontiguousarray(strokes.reshape(len(strokes), -1, count).swapaxes(1, 2), np.float32),
             np.ascontiguousarray(which.T, np.float32),
-            lengths.reshape(cells, -1).astype(np.float32),
-            shared.reshape(cells, -1, len(NAMES)).astype(np.float32),
-            besides.reshape(cells, -1, len(NAMES)).astype(np.float32),
+            lengths.reshape(len(strokes), -1).astype(np.float32),
+            shared.reshape(len(strokes), -1, len(NAMES)).astype(np.float32),
+            besides.reshape(len(strokes), -1, len(NAMES)).astype(np.float32),
             np.array([int(digit) for digit, _ in drawings]),
             sign,
         )
