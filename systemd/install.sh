@@ -111,9 +111,9 @@ pip_install() {
 put_packages() {
     # Also where making it was cut short, or the system's upgrade brought another Python.
     "$VENV/bin/python" -m pip --version >/dev/null 2>&1 || run python3 -m venv "$VENV"
-    pip_install --require-hashes -r "$HERE/requirements.lock"
+    pip_install --require-hashes --no-deps -r "$HERE/requirements.lock"
     if [ "$DRIVER" = rtsp ]; then # FFmpeg, 100 MB, which nothing else on the box needs
-        pip_install --require-hashes -r "$HERE/requirements-video.lock"
+        pip_install --require-hashes --no-deps -r "$HERE/requirements-video.lock"
     fi
     pip_install --no-deps --no-build-isolation --force-reinstall "$SOURCE"
 }
