@@ -11,35 +11,29 @@ asks for, and `CameraReports` is where its driver reports what is no picture.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from camera_drivers.camera import Camera
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraUnusableError, ReplayError
-from camera_drivers.live.camera import Pace
-from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.picamera.options import PicameraSettings
+from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.replay.camera import ReplayCamera, open_source
+from camera_drivers.replay.options import ReplaySettings
 from camera_drivers.replay.video_clocks import Believed
 from camera_drivers.reporter import Reporter
+from camera_drivers.rtsp.options import RtspSettings
+from camera_drivers.uvc.options import UvcSettings
 from flight_file.frame import NS_PER_S, CameraStatus
 from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
-from recorder.settings.cameras import (
-    LiveSettings,
-    PicameraSettings,
-    Qx10Settings,
-    ReplaySettings,
-    RtspSettings,
-    UvcSettings,
-)
 from recorder.supervision import BackOff, Heartbeats, Stop
 from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
 NO_MORE_PICTURES = "no more pictures"
-_PACE = frozenset({"interval_s", "stall_s", "frozen_s"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,22 +64,20 @@ def wire(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     Raises
     ------
     ConfigurationError
-        There is nothing to replay.
+        There is nothing to replay, or what the driver needs is not installed.
     """
-    return _DRIVERS[config.camera.driver](config, host, reporter)
+    if isinstance(config.camera, ReplaySettings):
+        return _replay(config.camera, host, reporter)
+    return Wiring(camera=_live_camera(config.camera, host.clock, reporter), clock=host.clock, live=True)
 
 
-def _replay(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
-    settings = config.camera
-    if not isinstance(settings, ReplaySettings):
-        raise TypeError(settings)
+def _replay(settings: ReplaySettings, host: Host, reporter: Reporter) -> Wiring:
     try:
-        believed = Believed(settings.start, settings.clock, settings.utc_offset)
         source = open_source(
             settings.paths,
             rate_hz=settings.rate_hz,
             clock=host.clock,
-            believed=believed,
+            believed=Believed(settings.start, settings.clock, settings.utc_offset),
             keep_sound=settings.keep_sound,
         )
     except ReplayError as error:
@@ -102,71 +94,32 @@ def _replay(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
     )
 
 
-def _qx10(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
-    from camera_drivers.qx10.camera import Qx10Camera  # noqa: PLC0415 - a replay does without HTTP
+def _live_camera(
+    settings: Qx10Settings | UvcSettings | PicameraSettings | RtspSettings, clock: Clock, reporter: Reporter
+) -> Camera:
+    """Make a live camera; its driver is loaded by those alone who have one."""
+    match settings:
+        case Qx10Settings():
+            from camera_drivers.qx10.camera import Qx10Camera  # noqa: PLC0415
 
-    settings = config.camera
-    if not isinstance(settings, Qx10Settings):
-        raise TypeError(settings)
-    return Wiring(camera=Qx10Camera(_qx10_options(settings), host.clock, reporter), clock=host.clock, live=True)
+            return Qx10Camera(settings, clock, reporter)
+        case UvcSettings():
+            from camera_drivers.uvc.stream import uvc_camera  # noqa: PLC0415
 
+            return uvc_camera(settings, clock, reporter)
+        case PicameraSettings():
+            from camera_drivers.picamera.process import picamera  # noqa: PLC0415
 
-def _qx10_options(settings: Qx10Settings) -> Options:
-    same = settings.model_dump(exclude={"driver", "limits"})
-    limits = settings.limits.model_dump(exclude={"picture_mib"})
-    return Options(**same, limits=Limits(**limits, picture_bytes=settings.limits.picture_mib * 2**20))
-
-
-def _pace(settings: LiveSettings) -> Pace:
-    return Pace(**settings.model_dump(include=set(_PACE)))
-
-
-def _uvc(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
-    from camera_drivers.uvc.options import Options as UvcOptions  # noqa: PLC0415 - only who has such a camera
-    from camera_drivers.uvc.stream import uvc_camera  # noqa: PLC0415 - the same
-
-    settings = config.camera
-    if not isinstance(settings, UvcSettings):
-        raise TypeError(settings)
-    options = UvcOptions(**settings.model_dump(exclude={"driver", *_PACE}), pace=_pace(settings))
-    return Wiring(camera=uvc_camera(options, host.clock, reporter), clock=host.clock, live=True)
-
-
-def _picamera(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
-    from camera_drivers.picamera.options import Options as PicameraOptions  # noqa: PLC0415 - only who has such a camera
-    from camera_drivers.picamera.process import picamera  # noqa: PLC0415 - the same
-
-    settings = config.camera
-    if not isinstance(settings, PicameraSettings):
-        raise TypeError(settings)
-    options = PicameraOptions(**settings.model_dump(exclude={"driver", *_PACE}), pace=_pace(settings))
-    return Wiring(camera=picamera(options, host.clock, reporter), clock=host.clock, live=True)
-
-
-def _rtsp(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
-    try:
-        from camera_drivers.rtsp.stream import rtsp_camera  # noqa: PLC0415 - FFmpeg, which not every box has
-    except ImportError as error:
-        raise ConfigurationError(
-            "camera.driver: rtsp needs PyAV; run systemd/install.sh --driver rtsp, or"
-            " pip install 'image-flight-recorder[video]'."
-        ) from error
-    from camera_drivers.rtsp.options import Options as RtspOptions  # noqa: PLC0415 - only who has such a camera
-
-    settings = config.camera
-    if not isinstance(settings, RtspSettings):
-        raise TypeError(settings)
-    options = RtspOptions(**settings.model_dump(exclude={"driver", *_PACE}), pace=_pace(settings))
-    return Wiring(camera=rtsp_camera(options, host.clock, reporter), clock=host.clock, live=True)
-
-
-_DRIVERS: Mapping[str, Callable[[RecorderConfig, Host, Reporter], Wiring]] = {
-    "replay": _replay,
-    "qx10": _qx10,
-    "uvc": _uvc,
-    "picamera": _picamera,
-    "rtsp": _rtsp,
-}
+            return picamera(settings, clock, reporter)
+        case RtspSettings():
+            try:
+                from camera_drivers.rtsp.stream import rtsp_camera  # noqa: PLC0415 - FFmpeg, which not every box has
+            except ImportError as error:
+                raise ConfigurationError(
+                    "camera.driver: rtsp needs PyAV; run systemd/install.sh --driver rtsp, or"
+                    " pip install 'image-flight-recorder[video]'."
+                ) from error
+            return rtsp_camera(settings, clock, reporter)
 
 
 class CameraReports:

@@ -13,6 +13,7 @@ import click
 
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.camera import is_flight
+from camera_drivers.replay.options import ReplaySettings
 from flight_file.reader import open_flight
 from flight_file.session import Original, Session
 from flight_file.untrusted import say
@@ -22,7 +23,6 @@ from recorder.errors import ConfigurationError, FileNotWrittenError, ReplayNotPo
 from recorder.host import Host, this_host
 from recorder.journal import Journal
 from recorder.run import record
-from recorder.settings.cameras import ReplaySettings
 from recorder.supervision import Stop, stop_on_signals
 
 _AS_IT_IS = ", and all of it as it is"

@@ -7,17 +7,24 @@ docs/reference/recorder.yaml.md is made of these strings.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, get_args
 
 from pydantic import Field, ValidationError, model_validator
 
+from camera_drivers.picamera.options import PicameraSettings
+from camera_drivers.qx10.options import Qx10Settings
+from camera_drivers.replay.options import ReplaySettings
+from camera_drivers.rtsp.options import RtspSettings
+from camera_drivers.settings import AnchoredPath, Settings, WithheldError
+from camera_drivers.uvc.options import UvcSettings
 from flight_file.documents import parse_yaml
 from flight_file.errors import NotYamlError
 from flight_file.untrusted import read_yaml_file
 from recorder.errors import ConfigurationError
-from recorder.settings.cameras import DRIVERS, CameraSettings
-from recorder.settings.values import AnchoredPath, Settings, WithheldError
 from recorder.thresholds import SHOWN_CHARACTERS, SHOWN_ERRORS
+
+CameraSettings = ReplaySettings | Qx10Settings | UvcSettings | PicameraSettings | RtspSettings
+_DRIVERS = tuple(get_args(model.model_fields["driver"].annotation)[0] for model in get_args(CameraSettings))
 
 
 class StorageSettings(Settings):
@@ -134,7 +141,7 @@ def _sentence(error: ValidationError) -> str:
 def _where(location: tuple[int | str, ...]) -> str:
     # The union's tag is pydantic's, not the file's: camera.replay.rate_hz is camera.rate_hz there.
     keys = [
-        key for index, key in enumerate(location) if not (index == 1 and location[0] == "camera" and key in DRIVERS)
+        key for index, key in enumerate(location) if not (index == 1 and location[0] == "camera" and key in _DRIVERS)
     ]
     return ".".join(map(_key, keys)) or "the whole file"
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -28,30 +27,12 @@ from camera_drivers.jpeg import jpeg_facts
 from camera_drivers.live.frozen import FrozenWatch
 from camera_drivers.live.source import Missed, Picture, Source
 from camera_drivers.reporter import Reporter
+from camera_drivers.settings import LiveSettings
 from camera_drivers.thresholds import LOOK_S, SAY_S
 from camera_drivers.waiting import Notes, Waiter
 from flight_file.frame import JPEG, NS_PER_S, Exif, Frame, HostTimes
 
 Connect = Callable[[Waiter, Notes, Missed], Source]
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """How many of a camera's pictures are kept, and how long they may stay away.
-
-    Attributes
-    ----------
-    interval_s
-        From one kept picture to the next; 0 keeps all. Pictures between are not stored and no loss.
-    stall_s
-        Without a picture, until the camera is connected again.
-    frozen_s
-        With the same picture, until the camera is connected again.
-    """
-
-    interval_s: float = 0.0
-    stall_s: float = 10.0
-    frozen_s: float = 30.0
 
 
 class LiveCamera:
@@ -68,15 +49,27 @@ class LiveCamera:
         The box's; it must be a clock that really waits.
     reporter
         Hears what happens beside the pictures.
+    interval_s
+        From one kept picture to the next; 0 keeps all. Pictures between are not stored and no loss.
     """
 
-    def __init__(self, driver: str, connect: Connect, *, pace: Pace, clock: Clock, reporter: Reporter) -> None:
+    def __init__(
+        self,
+        driver: str,
+        connect: Connect,
+        options: LiveSettings,
+        clock: Clock,
+        reporter: Reporter,
+        *,
+        interval_s: float = 0.0,
+    ) -> None:
         self._connect = connect
-        self._pace = pace
+        self._stall_s = options.stall_s
+        self._interval_ns = round(interval_s * NS_PER_S)
         self._clock = clock
         self._reporter = reporter
         self._notes = Notes(reporter)
-        self._frozen = FrozenWatch(pace.frozen_s, self._notes)
+        self._frozen = FrozenWatch(options.frozen_s, self._notes)
         self._source: Source | None = None
         self._trouble: CameraError | None = None
         self._missed = Missed()
@@ -148,8 +141,8 @@ class LiveCamera:
             raise trouble
 
     def _refuse_stall(self, now_ns: int) -> None:
-        if now_ns - self._heard_ns >= self._pace.stall_s * NS_PER_S:
-            problem = f"no picture for {self._pace.stall_s:g} s"
+        if now_ns - self._heard_ns >= self._stall_s * NS_PER_S:
+            problem = f"no picture for {self._stall_s:g} s"
             raise CameraSilentError(self.identity.driver, problem, delivered=True)
 
     def _say_waiting(self, now_ns: int) -> None:
@@ -165,7 +158,7 @@ class LiveCamera:
         missed, alive = self._missed.take()
         left = sum(missed.values())
         if self._due_ns is not None:
-            left = min(left, max(now_ns - self._due_ns, 0) // self._interval_ns())
+            left = min(left, max(now_ns - self._due_ns, 0) // self._interval_ns)
         for reason, count in missed.items():
             lost = min(count, left)
             for _ in range(lost):
@@ -176,14 +169,14 @@ class LiveCamera:
 
     def _is_due(self, picture: Picture) -> bool:
         """Pictures are due at equal intervals; one that was missed is not made up for."""
-        if not self._pace.interval_s:
+        if not self._interval_ns:
             return True
         at_ns = picture.received.monotonic_ns
         due_ns = at_ns if self._due_ns is None else self._due_ns
         if at_ns < due_ns:
             return False
-        passed = (at_ns - due_ns) // self._interval_ns()
-        self._due_ns = due_ns + (passed + 1) * self._interval_ns()
+        passed = (at_ns - due_ns) // self._interval_ns
+        self._due_ns = due_ns + (passed + 1) * self._interval_ns
         return True
 
     def _frame(self, picture: Picture, sha256: str) -> Frame:
@@ -206,9 +199,6 @@ class LiveCamera:
             captured_sigma_ns=picture.sigma_ns,
             format=picture.format,
         )
-
-    def _interval_ns(self) -> int:
-        return round(self._pace.interval_s * NS_PER_S)
 
     def _now_ns(self) -> int:
         return self._clock.read().monotonic_ns

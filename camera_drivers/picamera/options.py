@@ -6,63 +6,60 @@ Source: rpicam-apps, core/options.cpp and core/video_options.hpp. Its predecesso
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from camera_drivers.live.camera import Pace
+from pydantic import Field, model_validator
+
+from camera_drivers.settings import Interval, LiveSettings, Rate, Size, Words
 
 _US_PER_S = 1_000_000
 _FLICKER_US = {0: 0, 50: 10_000, 60: 8_333}
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Wanted settings; None leaves one to rpicam-vid.
+class PicameraSettings(LiveSettings):
+    """A Raspberry Pi's own camera, by `rpicam-vid`; what is left out and has no value here is up to that."""
 
-    Attributes
-    ----------
-    program
-        Its name or path.
-    index
-        Which camera, as `rpicam-hello --list-cameras` counts them.
-    size_px
-        Width and height.
-    rate_hz
-        Pictures a second.
-    quality
-        Of the JPEGs, 1 to 100.
-    bitrate_mbit
-        Of H.264, megabits a second.
-    key_frame_every
-        Of H.264: a key frame, and one in so many frames.
-    exposure_s, gain, awb_gains
-        Held at these values: seconds; a factor; factors of red and blue.
-    focus
-        Held at so many dioptres (1 / distance in m), or `auto`.
-    power_line_hz
-        Of the lamps whose flicker automatic exposure is to avoid, 0 for none.
-    rotation_deg
-        By how much the sensor turns its pictures.
-    """
-
-    program: str = "rpicam-vid"
-    index: int = 0
+    driver: Literal["picamera"]
+    """A Raspberry Pi's own camera."""
+    program: Words = "rpicam-vid"
+    """The program, or its path; `libcamera-vid` on older systems."""
+    index: Annotated[int, Field(ge=0, le=15)] = 0
+    """Which camera, as `rpicam-hello --list-cameras` counts them."""
     codec: Literal["mjpeg", "h264"] = "mjpeg"
-    size_px: tuple[int, int] | None = None
-    rate_hz: float | None = None
-    quality: int = 90
-    bitrate_mbit: float | None = None
-    key_frame_every: int = 30
-    exposure_s: float | None = None
-    gain: float | None = None
-    awb_gains: tuple[float, float] | None = None
-    focus: float | Literal["auto"] | None = None
+    """JPEGs, each by itself, or H.264, which takes less room."""
+    size_px: Size | None = None
+    """Width and height."""
+    rate_hz: Rate | None = None
+    """Pictures a second that the camera makes."""
+    interval_s: Interval = 0.0
+    """Seconds from one picture that is kept to the next; 0 keeps all, as H.264 needs it."""
+    quality: Annotated[int, Field(ge=1, le=100)] = 90
+    """Of the JPEGs."""
+    bitrate_mbit: Annotated[float, Field(gt=0, le=1000)] | None = None
+    """Of H.264, megabits a second."""
+    key_frame_every: Annotated[int, Field(ge=1, le=1000)] = 30
+    """Of H.264: one frame in so many can be read without those before it."""
+    exposure_s: Annotated[float, Field(gt=0, le=200)] | None = None
+    """Held at so many seconds."""
+    gain: Annotated[float, Field(ge=1, le=1000)] | None = None
+    """Held at this factor."""
+    awb_gains: tuple[Annotated[float, Field(gt=0, le=100)], Annotated[float, Field(gt=0, le=100)]] | None = None
+    """Factors of red and blue, held."""
+    focus: Literal["auto"] | Annotated[float, Field(ge=0, le=100)] | None = None
+    """Held at so many dioptres, 1 / distance in metres; or `auto`."""
     power_line_hz: Literal[0, 50, 60] | None = None
+    """Of the lamps whose flicker is to be avoided; 0 for none."""
     rotation_deg: Literal[0, 180] = 0
-    pace: Pace = field(default_factory=Pace)
+    """180 for a camera that is mounted upside down."""
+
+    @model_validator(mode="after")
+    def _keeps_all(self) -> Self:
+        if self.codec == "h264" and self.interval_s:
+            raise ValueError("interval_s is for mjpeg: pictures of h264 are built on each other")
+        return self
 
 
-def arguments(options: Options, metadata: str) -> list[str]:
+def arguments(options: PicameraSettings, metadata: str) -> list[str]:
     """Write the command line, without the program; pictures go to its standard output, metadata to that path."""
     wanted: dict[str, object] = {
         "--camera": options.index,
@@ -86,11 +83,11 @@ def arguments(options: Options, metadata: str) -> list[str]:
     return [*switches, *(word for pair in pairs for word in pair)]
 
 
-def _of_size(options: Options) -> dict[str, object]:
+def _of_size(options: PicameraSettings) -> dict[str, object]:
     return {} if options.size_px is None else dict(zip(("--width", "--height"), options.size_px, strict=True))
 
 
-def _of_focus(options: Options) -> dict[str, object]:
+def _of_focus(options: PicameraSettings) -> dict[str, object]:
     if options.focus is None:
         return {}
     if options.focus == "auto":
@@ -98,7 +95,7 @@ def _of_focus(options: Options) -> dict[str, object]:
     return {"--autofocus-mode": "manual", "--lens-position": f"{options.focus:g}"}
 
 
-def _of_codec(options: Options) -> dict[str, object]:
+def _of_codec(options: PicameraSettings) -> dict[str, object]:
     if options.codec == "mjpeg":
         return {"--quality": options.quality}
     bits = None if options.bitrate_mbit is None else round(options.bitrate_mbit * 1_000_000)

@@ -31,7 +31,7 @@ from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
 from camera_drivers.live.source import Missed, Picture
 from camera_drivers.picamera.cutting import AccessUnitCutter, Cutter, JpegCutter, RecordCutter
-from camera_drivers.picamera.options import Options, arguments
+from camera_drivers.picamera.options import PicameraSettings, arguments
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import CLOSE_S, SAY_S
 from camera_drivers.waiting import Notes
@@ -46,14 +46,15 @@ _CUTTERS: Mapping[str, type[JpegCutter | AccessUnitCutter]] = {"mjpeg": JpegCutt
 _LOG_HEAD = re.compile(r"^(\[[^\]]*\]\s*)+")  # libcamera's time and thread
 
 
-def picamera(options: Options, clock: Clock, reporter: Reporter) -> LiveCamera:
+def picamera(options: PicameraSettings, clock: Clock, reporter: Reporter) -> LiveCamera:
     """Make the camera that the options describe; nothing is started yet."""
     return LiveCamera(
         DRIVER,
         lambda _waiter, notes, missed: PicameraSource(options, clock, notes, missed),
-        pace=options.pace,
-        clock=clock,
-        reporter=reporter,
+        options,
+        clock,
+        reporter,
+        interval_s=options.interval_s,
     )
 
 
@@ -66,7 +67,7 @@ class PicameraSource:
         The program is not installed, or cannot be started.
     """
 
-    def __init__(self, options: Options, clock: Clock, notes: Notes, missed: Missed) -> None:
+    def __init__(self, options: PicameraSettings, clock: Clock, notes: Notes, missed: Missed) -> None:
         self._options = options
         self._clock = clock
         self._notes = notes
@@ -146,7 +147,7 @@ class PicameraSource:
         sensor_ns, exposure_ns = _whole(said, "SensorTimestamp"), (_whole(said, "ExposureTime") or 0) * _NS_PER_US
         frame_ns = (_whole(said, "FrameDuration") or 0) * _NS_PER_US or self._frame_ns()
         delay_ns = None if sensor_ns is None else arrived.monotonic_ns - sensor_ns
-        if sensor_ns is not None and delay_ns is not None and 0 <= delay_ns <= self._options.pace.stall_s * NS_PER_S:
+        if sensor_ns is not None and delay_ns is not None and 0 <= delay_ns <= self._options.stall_s * NS_PER_S:
             number, taken_ns = sensor_ns, sensor_ns - exposure_ns // 2 + frame_ns // 4
             sigma_ns = round(frame_ns / 2 / math.sqrt(12))
             self._count_skipped(sensor_ns, frame_ns)
@@ -191,7 +192,7 @@ class PicameraSource:
         )
 
 
-def _started(options: Options) -> tuple[subprocess.Popen[bytes], int]:
+def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
     """Start it; return it and where its metadata can be read."""
     program = shutil.which(options.program)
     if program is None:

@@ -27,7 +27,7 @@ from camera_drivers.qx10.camera_clock import CameraClock
 from camera_drivers.qx10.connection import DRIVER, Connection, connect
 from camera_drivers.qx10.events import ERROR
 from camera_drivers.qx10.liveview import Liveview
-from camera_drivers.qx10.options import Options
+from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.picture import FrameMaker
 from camera_drivers.qx10.settings import Setter
 from camera_drivers.qx10.stills import NotTakenError, PictureLostError, Shot, Stills
@@ -49,7 +49,7 @@ class Qx10Camera:
         Hears what happens beside the pictures.
     """
 
-    def __init__(self, options: Options, clock: Clock, reporter: Reporter) -> None:
+    def __init__(self, options: Qx10Settings, clock: Clock, reporter: Reporter) -> None:
         self._options = options
         self._clock = clock
         self._reporter = reporter
@@ -161,7 +161,7 @@ class _Session:
     """The parts that belong to one connection."""
 
     def __init__(
-        self, connection: Connection, options: Options, clock: Clock, camera_clock: CameraClock, notes: Notes
+        self, connection: Connection, options: Qx10Settings, clock: Clock, camera_clock: CameraClock, notes: Notes
     ) -> None:
         api, events = connection.api, connection.events
         self._connection = connection

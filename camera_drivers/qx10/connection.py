@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraRefusedError, CameraUnusableError
-from camera_drivers.qx10.addresses import BadUrlError, host_of
+from camera_drivers.errors import CameraRefusedError
+from camera_drivers.qx10.addresses import host_of
 from camera_drivers.qx10.discovery import Description, fetch_description, first_camera
 from camera_drivers.qx10.events import Events, SilentReporter, Watcher
 from camera_drivers.qx10.link import Link
-from camera_drivers.qx10.options import Options
+from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.remote_api import RemoteApi
 from camera_drivers.waiting import Waiter
 
@@ -35,15 +35,13 @@ class Connection:
     identity: CameraIdentity
 
 
-def find(options: Options, clock: Clock, waiter: Waiter) -> tuple[Link, Description]:
+def find(options: Qx10Settings, clock: Clock, waiter: Waiter) -> tuple[Link, Description]:
     """Find the configured camera, or else the first on the network that describes itself as one.
 
     Raises
     ------
     CameraNotFoundError
         There is none.
-    CameraUnusableError
-        The configured URL is none.
     CameraError
         What is there does not answer.
     """
@@ -53,7 +51,7 @@ def find(options: Options, clock: Clock, waiter: Waiter) -> tuple[Link, Descript
     return Link(host, options.limits, waiter), description
 
 
-def connect(options: Options, clock: Clock, waiter: Waiter) -> Connection:
+def connect(options: Qx10Settings, clock: Clock, waiter: Waiter) -> Connection:
     """Find the camera and start watching it; raises as `find`."""
     link, description = find(options, clock, waiter)
     api = RemoteApi(link, description.services)
@@ -71,11 +69,8 @@ def connect(options: Options, clock: Clock, waiter: Waiter) -> Connection:
     return Connection(api, events, watcher, identity)
 
 
-def _configured(url: str, options: Options, waiter: Waiter) -> tuple[Link, Description]:
-    try:
-        link = Link(host_of(url), options.limits, waiter)
-    except BadUrlError as error:
-        raise CameraUnusableError(f"camera.url: {url} is no http URL; correct it.") from error
+def _configured(url: str, options: Qx10Settings, waiter: Waiter) -> tuple[Link, Description]:
+    link = Link(host_of(url), options.limits, waiter)
     limit_s = options.limits.call_s
     exchange = link.exchange(2 * limit_s)
     work = partial(fetch_description, exchange, url)

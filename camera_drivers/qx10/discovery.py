@@ -37,7 +37,7 @@ from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraNotFoundError
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.qx10.link import Exchange
-from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.qx10.options import Qx10Limits, Qx10Settings
 from camera_drivers.thresholds import (
     CROWDED_S,
     LOOK_S,
@@ -120,7 +120,7 @@ def _serial(udn: str) -> str:
     return udn.rpartition("-")[2]  # the last group is the camera's MAC address
 
 
-def first_camera(options: Options, clock: Clock, waiter: Waiter) -> tuple[str, Description]:
+def first_camera(options: Qx10Settings, clock: Clock, waiter: Waiter) -> tuple[str, Description]:
     """Search the network; return address and description of the first device that describes itself as a camera.
 
     Raises
@@ -188,7 +188,7 @@ class _Inquiries:
         Of the last that was no camera.
     """
 
-    def __init__(self, limits: Limits, clock: Clock) -> None:
+    def __init__(self, limits: Qx10Limits, clock: Clock) -> None:
         self._limits = limits
         self._clock = clock
         self._running: list[_Inquiry] = []
@@ -254,7 +254,7 @@ def _socket(interface: str | None) -> socket.socket:
     return sock
 
 
-def _ask(sock: socket.socket, question: bytes, options: Options) -> None:
+def _ask(sock: socket.socket, question: bytes, options: Qx10Settings) -> None:
     try:
         sock.sendto(question, options.search_address)
     except OSError as error:

@@ -23,7 +23,7 @@ from urllib3.util import parse_url
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraSilentError
 from camera_drivers.qx10.addresses import HTTP_PORT, BadUrlError, at_host, host_of
-from camera_drivers.qx10.options import Limits
+from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import CLOSE_S
 from camera_drivers.waiting import Waiter
@@ -164,7 +164,7 @@ class Link:
         The camera's address; nothing else is ever called.
     """
 
-    def __init__(self, host: str, limits: Limits, waiter: Waiter) -> None:
+    def __init__(self, host: str, limits: Qx10Limits, waiter: Waiter) -> None:
         self.host = host
         self.limits = limits
         self.waiter = waiter

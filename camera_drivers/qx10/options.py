@@ -5,98 +5,101 @@ The limits are generous where nobody has measured them on a real camera; docs/qx
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from camera_drivers.qx10.addresses import BadUrlError, host_of
+from camera_drivers.settings import MAX_URL_CHARACTERS, Seconds, Settings, Words, one_line
 
 SSDP_ADDRESS = ("239.255.255.250", 1900)
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """How long each thing may take, seconds, from beginning to end, and how large a picture may be.
-
-    Attributes
-    ----------
-    search_s
-        Looking for the camera on the network.
-    connect_s
-        Until a connection stands.
-    call_s
-        An ordinary call.
-    shot_s
-        Taking a picture: focus, exposure and processing; the camera may take several tens of seconds to say that it
-        is not finished.
-    exposure_s
-        Until a picture that was not finished in the first answer has an address.
-    download_s
-        Fetching a picture.
-    event_s
-        A call that waits for news; the camera ends it itself after a time that is not documented.
-    ready_s
-        Until the camera is idle.
-    settle_s
-        Until a setting can be read back.
-    zoom_s
-        From one end of the zoom to the other.
-    stall_s
-        Without a liveview picture.
-    picture_bytes
-        The largest picture that is taken for one.
-    """
-
-    search_s: float = 20.0
-    connect_s: float = 5.0
-    call_s: float = 10.0
-    shot_s: float = 90.0
-    exposure_s: float = 180.0
-    download_s: float = 60.0
-    event_s: float = 90.0
-    ready_s: float = 60.0
-    settle_s: float = 5.0
-    zoom_s: float = 15.0
-    stall_s: float = 10.0
-    picture_bytes: int = 32 * 2**20
+def _number_as_text(value: object) -> object:
+    # The camera wants "400" where YAML reads a number; a person must not need to know.
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Wanted settings; None leaves one as the camera has it.
+def _http_url(url: str) -> str:
+    try:
+        host = host_of(url)
+        host.encode("idna")  # a name with a part of no letter or of too many could be looked up nowhere
+    except (BadUrlError, UnicodeError) as error:
+        raise ValueError("it is no http URL") from error
+    return url
 
-    Attributes
-    ----------
-    url
-        Of the camera's description; None to look for it by SSDP.
-    interface
-        The network interface to look on; None for the system's choice.
-    interval_s
-        From one still to the next, 0 for as fast as the camera can.
-    zoom
-        wide, tele, leave, or a focal length in mm.
-    exposure_compensation
-        An index of the camera's own steps, a third of an EV each.
-    still_size
-        Aspect and size, such as ("4:3", "18M").
-    set_clock
-        Set the camera's clock to UTC at each connection.
-    long_poll
-        Keep a call open that waits for news; without it the camera is only asked when something is needed.
-    search_address
-        Where to send the search; tests have their own.
-    """
 
-    url: str | None = None
-    interface: str | None = None
+_HttpUrl = Annotated[str, Field(max_length=MAX_URL_CHARACTERS), AfterValidator(one_line), AfterValidator(_http_url)]
+
+
+class Qx10Limits(Settings):
+    """How long each thing may take on a QX10, seconds; for a camera that turns out to be slower than expected."""
+
+    search_s: Seconds = 20.0
+    """Looking for the camera on the network."""
+    connect_s: Seconds = 5.0
+    """Until a connection stands."""
+    call_s: Seconds = 10.0
+    """An ordinary call."""
+    shot_s: Seconds = 90.0
+    """Taking a picture: focus, exposure and processing."""
+    exposure_s: Seconds = 180.0
+    """Until a picture that was not finished in the first answer has an address."""
+    download_s: Seconds = 60.0
+    """Fetching a picture."""
+    event_s: Seconds = 90.0
+    """A call that waits for news."""
+    ready_s: Seconds = 60.0
+    """Until the camera is idle."""
+    settle_s: Seconds = 5.0
+    """Until a setting can be read back."""
+    zoom_s: Seconds = 15.0
+    """From one end of the zoom to the other."""
+    stall_s: Seconds = 10.0
+    """Without a liveview picture."""
+    picture_mib: Annotated[int, Field(gt=0, le=256)] = 32
+    """The largest picture that is taken for one, MiB."""
+
+    @property
+    def picture_bytes(self) -> int:
+        """The largest picture, bytes."""
+        return self.picture_mib * 2**20
+
+
+class Qx10Settings(Settings):
+    """A Sony DSC-QX10; what is left out and has no value here stays as the camera has it."""
+
+    driver: Literal["qx10"]
+    """A Sony DSC-QX10."""
+    url: _HttpUrl | None = None
+    """Of the camera's description; without it the camera is looked for by SSDP."""
+    interface: Words | None = None
+    """The network interface on which it is looked for, such as `wlan0`; without it the system chooses."""
     mode: Literal["stills", "liveview"] = "stills"
-    interval_s: float = 2.0
-    picture: str = "Original"
-    zoom: Literal["wide", "tele", "leave"] | float = "leave"
-    exposure_mode: str | None = None
-    exposure_compensation: int | None = None
-    iso_speed_rate: str | None = None
-    white_balance: str | None = None
-    still_size: tuple[str, str] | None = None
-    beep_mode: str | None = None
+    """Stills, or liveview: 640 x 480 pixels, about 14 a second."""
+    interval_s: Annotated[float, Field(ge=0, le=3600)] = 2.0
+    """Seconds from one still to the next; 0 is as fast as the camera can."""
+    picture: Literal["Original", "2M"] = "Original"
+    """All pixels, or about two megapixels, which is faster."""
+    zoom: Literal["wide", "tele", "leave"] | Annotated[float, Field(gt=0, le=1000)] = "leave"
+    """An end of the zoom, `leave` it as it is, or a focal length in mm (4.45 to 44.5)."""
+    exposure_compensation: Annotated[int, Field(ge=-6, le=6)] | None = None
+    """In the camera's steps of a third of an EV; in Program Auto only."""
+    exposure_mode: Words | None = None
+    """As the camera names it: `Program Auto`, `Intelligent Auto` or `Superior Auto`."""
+    iso_speed_rate: Annotated[Words, BeforeValidator(_number_as_text)] | None = None
+    """`AUTO`, or 100 to 3200; in Program Auto only."""
+    white_balance: Words | None = None
+    """As the camera names it, such as `Daylight`; in Program Auto only."""
+    still_size: tuple[Words, Words] | None = None
+    """Aspect and size, such as `["4:3", "18M"]`."""
+    beep_mode: Words | None = None
+    """`On`, `Off` or `Shutter Only`."""
     set_clock: bool = True
+    """Whether the camera's clock is set to UTC at each connection."""
     long_poll: bool = True
-    limits: Limits = field(default_factory=Limits)
-    search_address: tuple[str, int] = SSDP_ADDRESS
+    """Whether a call that waits for news is kept open, so that the Wi-Fi is never idle."""
+    limits: Qx10Limits = Qx10Limits()
+    """How long each thing may take."""
+    search_address: ClassVar[tuple[str, int]] = SSDP_ADDRESS
+    """Where the search is sent; tests have their own."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
-from camera_drivers.qx10.options import Options
+from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.remote_api import Code, RemoteApi
 from camera_drivers.thresholds import AGAIN_S
 from camera_drivers.waiting import Notes
@@ -46,7 +46,7 @@ class Wish:
     changes_mode: bool = False
 
 
-def wishes(options: Options) -> list[Wish]:
+def wishes(options: Qx10Settings) -> list[Wish]:
     """List the wanted settings in the order in which they have to be set: modes first."""
     wanted = [
         _plain("ShootMode", "still", changes_mode=True),
@@ -77,7 +77,7 @@ class Setter:
         self._notes = notes
         self._offered = frozenset[str]()
 
-    def apply(self, options: Options) -> frozenset[str]:
+    def apply(self, options: Qx10Settings) -> frozenset[str]:
         """Set everything; return the calls that the camera offers afterwards.
 
         Raises

@@ -2,64 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Annotated, Literal
 from urllib.parse import quote, urlsplit
 
+from pydantic import BeforeValidator, Field
+
 from camera_drivers.errors import CameraUnusableError
-from camera_drivers.live.camera import Pace
+from camera_drivers.settings import MAX_URL_CHARACTERS, AnchoredPath, LiveSettings, Seconds, WithheldError
 from flight_file.thresholds import MAX_SMALL_BYTES
 from flight_file.untrusted import read_regular
 
 
-class BadAddressError(ValueError):
-    """It is no address of an RTSP stream; the message does not repeat it, since it may hold a password."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Wanted settings.
-
-    Attributes
-    ----------
-    url
-        Of the stream, without user and password.
-    credentials
-        File with one line, `user:password`; None for a camera that anybody may look at.
-    latency_s
-        How long the camera may take from exposure to sending.
-    open_s
-        How long connecting may take.
-    """
-
-    url: str
-    credentials: Path | None = None
-    latency_s: float = 0.5
-    open_s: float = 15.0
-    pace: Pace = field(default_factory=Pace)
-
-
-def checked_address(url: str) -> str:
+def checked_address(url: object) -> str:
     """Return the URL if it is one of an RTSP stream.
 
     Raises
     ------
-    BadAddressError
-        It is none, or holds a user or password.
+    WithheldError
+        It is none, or holds a user or password; the message does not repeat it.
     """
+    if not isinstance(url, str) or len(url) > MAX_URL_CHARACTERS:
+        raise WithheldError("it is no rtsp URL")
     try:
         parts = urlsplit(url)
         host, _ = parts.hostname, parts.port
     except ValueError as error:
-        raise BadAddressError("it is no rtsp URL") from error
+        raise WithheldError("it is no rtsp URL") from error
     if "@" in parts.netloc:
-        raise BadAddressError("it holds a user or password, which every flight would carry; put them into credentials")
+        raise WithheldError("it holds a user or password, which every flight would carry; put them into credentials")
     if parts.scheme != "rtsp" or not host or not url.isascii() or not url.isprintable() or " " in url:
-        raise BadAddressError("it is no rtsp URL")
+        raise WithheldError("it is no rtsp URL")
     return url
 
 
-def with_credentials(options: Options) -> str:
+class RtspSettings(LiveSettings):
+    """An IP camera that sends H.264 or H.265 over RTSP; needs the extra `video`."""
+
+    driver: Literal["rtsp"]
+    """An IP camera."""
+    url: Annotated[str, BeforeValidator(checked_address)]
+    """Of its stream, such as `rtsp://192.168.1.20:554/stream1`, without user and password."""
+    credentials: AnchoredPath | None = None
+    """A file with one line, `user:password`, that the recorder can read; it is never attached."""
+    latency_s: Annotated[float, Field(gt=0, le=10)] = 0.5
+    """How long the camera may take from exposure to sending. Its own clock is believed if it is behind the box's by no
+    more than this, and not ahead."""
+    open_s: Seconds = 15.0
+    """How long connecting may take."""
+
+
+def with_credentials(options: RtspSettings) -> str:
     """Return the address with user and password in it, which is to be shown to nobody.
 
     Raises

@@ -33,7 +33,7 @@ from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
 from camera_drivers.live.source import Missed, Picture
 from camera_drivers.reporter import Reporter
-from camera_drivers.rtsp.options import Options, with_credentials
+from camera_drivers.rtsp.options import RtspSettings, with_credentials
 from camera_drivers.rtsp.times import Stamps, StreamTimes
 from camera_drivers.thresholds import CLOSE_S, LOOK_S, MAX_WAITING_PICTURES, SAY_S
 from camera_drivers.waiting import Notes, Waiter
@@ -60,7 +60,7 @@ _OPTIONS = {
 }
 
 
-def rtsp_camera(options: Options, clock: Clock, reporter: Reporter) -> LiveCamera:
+def rtsp_camera(options: RtspSettings, clock: Clock, reporter: Reporter) -> LiveCamera:
     """Make the camera that the options describe; nothing is opened yet."""
 
     def connect(waiter: Waiter, notes: Notes, missed: Missed) -> RtspSource:
@@ -70,7 +70,7 @@ def rtsp_camera(options: Options, clock: Clock, reporter: Reporter) -> LiveCamer
         container = waiter.until_done(f"connecting to {place}", work, lambda: None, limit_s=2 * options.open_s)
         return RtspSource(container, options, clock, notes, missed)
 
-    return LiveCamera(DRIVER, connect, pace=options.pace, clock=clock, reporter=reporter)
+    return LiveCamera(DRIVER, connect, options, clock, reporter)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,9 @@ class RtspSource:
         It is no stream of H.264 or H.265.
     """
 
-    def __init__(self, container: InputContainer, options: Options, clock: Clock, notes: Notes, missed: Missed) -> None:
+    def __init__(
+        self, container: InputContainer, options: RtspSettings, clock: Clock, notes: Notes, missed: Missed
+    ) -> None:
         try:
             stream = _video(container, options)
         except BaseException:
@@ -229,9 +231,9 @@ class _Reader(threading.Thread):
         return False
 
 
-def _opened(url: str, options: Options) -> InputContainer:
+def _opened(url: str, options: RtspSettings) -> InputContainer:
     """Open the stream; no message of FFmpeg's is passed on, since it names the URL with its password."""
-    timeout_s = (options.open_s, options.pace.stall_s)
+    timeout_s = (options.open_s, options.stall_s)
     try:
         return av.open(url, "r", metadata_errors="replace", options=_OPTIONS, timeout=timeout_s)
     except HTTPUnauthorizedError:
@@ -243,7 +245,7 @@ def _opened(url: str, options: Options) -> InputContainer:
     raise CameraUnusableError(problem)
 
 
-def _video(container: InputContainer, options: Options) -> VideoStream:
+def _video(container: InputContainer, options: RtspSettings) -> VideoStream:
     streams = [
         stream
         for stream in container.streams.video

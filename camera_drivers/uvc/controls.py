@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from camera_drivers.uvc.device import GONE, Device
-from camera_drivers.uvc.options import Options
+from camera_drivers.uvc.options import UvcSettings
 from camera_drivers.uvc.v4l2 import CONTROL_DISABLED, Control, ControlQuery, ControlValue, Request
 from camera_drivers.waiting import Notes
 
@@ -63,7 +63,7 @@ _FOCUS = _Held("focus", Control.FOCUS_AUTO, Control.FOCUS_ABSOLUTE, auto=1, manu
 _WHITE = _Held("white_balance_k", Control.AUTO_WHITE_BALANCE, Control.WHITE_BALANCE_TEMPERATURE, auto=1, manual=0)
 
 
-def wishes(options: Options) -> list[Wish]:
+def wishes(options: UvcSettings) -> list[Wish]:
     """List the wanted controls in the order in which they have to be set: what is automatic first."""
     single = {
         ("gain", Control.GAIN): options.gain,
@@ -83,7 +83,7 @@ def _exposure_units(wanted_s: float | Literal["auto"] | None) -> int | Literal["
     return max(1, round(wanted_s * EXPOSURE_UNITS_PER_S))
 
 
-def set_controls(device: Device, options: Options, notes: Notes) -> None:
+def set_controls(device: Device, options: UvcSettings, notes: Notes) -> None:
     """Set all that is wanted.
 
     Raises

@@ -2,38 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
-from camera_drivers.live.camera import Pace
+from pydantic import AfterValidator, Field
+
+from camera_drivers.settings import Interval, LiveSettings, Rate, Size, one_line
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Wanted settings; None leaves one as the camera has it.
+class UvcSettings(LiveSettings):
+    """A USB camera, or another Video4Linux device that sends JPEGs; what is left out stays as the camera has it."""
 
-    Attributes
-    ----------
-    device
-        Path of the device file; those in /dev/v4l/by-id keep their names.
-    size_px
-        Width and height; the camera takes the nearest that it has.
-    rate_hz
-        Pictures a second that the camera makes; it takes the nearest that it has.
-    exposure_s, focus, white_balance_k
-        Held at this value, seconds, camera's own steps, kelvin; `auto` leaves it to the camera.
-    gain
-        In the camera's own steps.
-    power_line_hz
-        Of the lamps whose flicker the camera is to avoid, 0 for none.
-    """
-
-    device: str
-    size_px: tuple[int, int] | None = None
-    rate_hz: float | None = None
-    exposure_s: float | Literal["auto"] | None = None
-    focus: int | Literal["auto"] | None = None
-    white_balance_k: int | Literal["auto"] | None = None
-    gain: int | None = None
+    driver: Literal["uvc"]
+    """A USB camera."""
+    device: Annotated[str, Field(pattern=r"^/dev/", max_length=300), AfterValidator(one_line)]
+    """The device file. Those in `/dev/v4l/by-id` keep their names when other cameras are plugged in."""
+    size_px: Size | None = None
+    """Width and height; without it the largest that the camera has."""
+    rate_hz: Rate | None = None
+    """Pictures a second that the camera makes."""
+    interval_s: Interval = 0.0
+    """Seconds from one picture that is kept to the next; 0 keeps all."""
+    exposure_s: Literal["auto"] | Annotated[float, Field(gt=0, le=60)] | None = None
+    """Held at so many seconds, or `auto`."""
+    focus: Literal["auto"] | Annotated[int, Field(ge=0, le=100_000)] | None = None
+    """Held at this step of the camera's own, or `auto`."""
+    white_balance_k: Literal["auto"] | Annotated[int, Field(gt=0, le=100_000)] | None = None
+    """Held at so many kelvin, or `auto`."""
+    gain: Annotated[int, Field(ge=0, le=100_000)] | None = None
+    """In the camera's own steps."""
     power_line_hz: Literal[0, 50, 60] | None = None
-    pace: Pace = field(default_factory=Pace)
+    """Of the lamps whose flicker is to be avoided; 0 for none."""

@@ -26,7 +26,7 @@ from camera_drivers.reporter import Reporter
 from camera_drivers.uvc import v4l2
 from camera_drivers.uvc.controls import STATE, set_controls
 from camera_drivers.uvc.device import Device, KernelDevice, Region, failure
-from camera_drivers.uvc.options import Options
+from camera_drivers.uvc.options import UvcSettings
 from camera_drivers.uvc.v4l2 import Request
 from camera_drivers.waiting import Notes
 from flight_file.documents import SOI
@@ -46,15 +46,16 @@ OpenDevice = Callable[[str], Device]
 
 
 def uvc_camera(
-    options: Options, clock: Clock, reporter: Reporter, open_device: OpenDevice = KernelDevice.open
+    options: UvcSettings, clock: Clock, reporter: Reporter, open_device: OpenDevice = KernelDevice.open
 ) -> LiveCamera:
     """Make the camera that the options describe; nothing is opened yet."""
     return LiveCamera(
         DRIVER,
         lambda _waiter, notes, missed: UvcSource(options, clock, notes, missed, open_device=open_device),
-        pace=options.pace,
-        clock=clock,
-        reporter=reporter,
+        options,
+        clock,
+        reporter,
+        interval_s=options.interval_s,
     )
 
 
@@ -72,12 +73,12 @@ class UvcSource:
     """
 
     def __init__(
-        self, options: Options, clock: Clock, notes: Notes, missed: Missed, *, open_device: OpenDevice
+        self, options: UvcSettings, clock: Clock, notes: Notes, missed: Missed, *, open_device: OpenDevice
     ) -> None:
         self._path = options.device
         self._clock = clock
         self._notes = notes
-        self._stall_ns = round(options.pace.stall_s * NS_PER_S)
+        self._stall_ns = round(options.stall_s * NS_PER_S)
         self._regions: list[Region] = []
         self._last: tuple[int, int] | None = None  # sequence and monotonic time of the last buffer
         self._missed = missed
@@ -161,7 +162,7 @@ class UvcSource:
         self._notes.say_once("clock", "the kernel's times of the pictures are of no use; their arrival is taken")
         return received.monotonic_ns - self._frame_ns
 
-    def _set_up(self, options: Options) -> CameraIdentity:
+    def _set_up(self, options: UvcSettings) -> CameraIdentity:
         device = self._device
         capability = v4l2.Capability()
         try:

@@ -11,7 +11,11 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+from camera_drivers.picamera.options import PicameraSettings
+from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.simulator.faults import FAULTS
+from camera_drivers.rtsp.options import RtspSettings
+from camera_drivers.uvc.options import UvcSettings
 from decoder.commands.cli import cli as decode
 from decoder.outputs.garmin_output import BY_NAME
 from decoder.panel.camera import parse_camera
@@ -23,7 +27,6 @@ from docs_pages.commands import command_names, command_pages
 from docs_pages.reference import pages
 from recorder.cli import main as recorder
 from recorder.config import parse_config
-from recorder.settings.cameras import PicameraSettings, Qx10Settings, RtspSettings, UvcSettings
 from tests.docs.samples import FENCE
 from tests.programs import ROOT, ran
 

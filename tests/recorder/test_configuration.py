@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,12 @@ from pydantic import BaseModel
 
 from camera_drivers.camera import CameraIdentity
 from camera_drivers.errors import CameraError
-from camera_drivers.qx10.options import Limits
+from camera_drivers.picamera.options import PicameraSettings
+from camera_drivers.qx10.options import Qx10Settings
+from camera_drivers.replay.options import ReplaySettings
 from camera_drivers.reporter import Reporter
+from camera_drivers.rtsp.options import RtspSettings
+from camera_drivers.uvc.options import UvcSettings
 from recorder.capture import wire
 from recorder.config import AttachSettings, EvidenceSettings, StorageSettings, load_config, parse_config
 from recorder.errors import ConfigurationError
@@ -25,14 +28,6 @@ from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.plan import configured_signer, gather_attachments
 from recorder.run import Assembly, record
-from recorder.settings.cameras import (
-    PicameraSettings,
-    Qx10Limits,
-    Qx10Settings,
-    ReplaySettings,
-    RtspSettings,
-    UvcSettings,
-)
 
 PANEL = """
 name: x
@@ -78,14 +73,6 @@ attach: {panel: p/panel.yaml}
     assert configuration == content
     path.write_text(CAMERA + "storage: {directory: 2018-13-45}")
     assert load_config(path)[0].storage.directory == tmp_path / "2018-13-45"
-
-
-def test_limits_of_the_configuration_are_those_of_the_driver() -> None:
-    """What a person can write and what the driver does without it never differ."""
-    own = Qx10Limits().model_dump()
-    assert own.pop("picture_mib") * 2**20 == Limits().picture_bytes
-    assert own == {name: getattr(Limits(), name) for name in own}
-    assert len(own) == len(fields(Limits)) - 1
 
 
 def test_panel_brings_the_pictures_it_names(tmp_path: Path) -> None:

@@ -17,9 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError, CameraUnusableError
-from camera_drivers.live.camera import LiveCamera, Pace
+from camera_drivers.live.camera import LiveCamera
 from camera_drivers.picamera.cutting import AccessUnitCutter, JpegCutter, RecordCutter
-from camera_drivers.picamera.options import Options, arguments
+from camera_drivers.picamera.options import PicameraSettings, arguments
 from camera_drivers.picamera.process import SKIPPED, picamera
 from flight_file.frame import Frame
 from flight_file.video.groups import begins_group
@@ -97,7 +97,7 @@ def test_without_useful_metadata_the_arrival_is_taken(
 def test_h264_is_stored_by_access_units(tmp_path: Path, program: Program) -> None:
     """Each with its parameter sets where it is a key frame, each with the time of its own metadata, all decodable."""
     sent = packets(film(tmp_path / "film.h264", ticks=range(0, 24 * 240, 240), group=8))
-    options = Options(program=program(sent), codec="h264", size_px=(160, 120), pace=Pace(stall_s=5.0))
+    options = Options(program=program(sent), codec="h264", size_px=(160, 120), stall_s=5.0)
     frames = taken(picamera(options, SystemClock(), Listener()), len(sent) - 1)
     decoder = av.CodecContext.create("h264", "r")
     shown = [picture for frame in frames for picture in decoder.decode(av.Packet(frame.encoded))]
@@ -125,7 +125,7 @@ def test_program_that_ends_says_why_and_leaves_nothing_behind(program: Program, 
 
 def test_program_that_hangs_is_ended(program: Program, jpegs: list[bytes]) -> None:
     """After stall_s the camera is to be connected again, and the process is gone by then."""
-    camera = picamera(Options(program=program(jpegs[:1]), pace=Pace(stall_s=2.0)), SystemClock(), Listener())
+    camera = picamera(Options(program=program(jpegs[:1]), stall_s=2.0), SystemClock(), Listener())
     with camera:
         process = camera._source._process
         camera.next_frame(threading.Event())
@@ -198,6 +198,7 @@ def test_pictures_are_cut_whatever_the_pieces(cuts: list[int], junk: bytes) -> N
         assert found == wanted
 
 
+Options = partial(PicameraSettings, driver="picamera")
 JPEG_BYTES = (
     b"\xff\xd8\xff\xe1\x00\x08Exif\xff\xd9"  # an end within a segment is none
     b"\xff\xc0\x00\x0b\x08\x00\x01\x00\x01\x01\x01\x11\x00\xff\xda\x00\x08\x01\x01\x00\x00\x3f\x00\x12\xff\x00\x34\xff\xd9"

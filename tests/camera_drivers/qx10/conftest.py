@@ -14,7 +14,7 @@ import pytest
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError
 from camera_drivers.qx10.camera import Qx10Camera
-from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.qx10.options import SSDP_ADDRESS, Qx10Limits, Qx10Settings
 from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
 from flight_file.frame import ClockReading, Frame
@@ -22,7 +22,7 @@ from recorder.host import SystemClock
 from tests.camera_drivers.listening import Listener
 from tests.camera_drivers.qx10.strangers import Strangers
 
-LIMITS = Limits(
+LIMITS = Qx10Limits(
     search_s=2.0,
     connect_s=2.0,
     call_s=2.0,
@@ -34,7 +34,7 @@ LIMITS = Limits(
     settle_s=0.6,
     zoom_s=5.0,
     stall_s=0.5,
-    picture_bytes=2**20,
+    picture_mib=1,
 )
 QUICK = Behaviour(
     shot_s=0.01,
@@ -47,6 +47,16 @@ QUICK = Behaviour(
     zoom_percent_per_s=400.0,
 )
 CONNECTIONS = 20  # nothing in these tests takes longer than that many attempts
+
+
+def settings_for(search_address: tuple[str, int] = SSDP_ADDRESS, **wanted: Any) -> Qx10Settings:  # noqa: ANN401
+    """What the driver is told, and where it sends its search."""
+
+    class Here(Qx10Settings):
+        pass
+
+    Here.search_address = search_address
+    return Here(driver="qx10", **wanted)
 
 
 class JumpingClock(SystemClock):
@@ -131,7 +141,7 @@ def make_bench(listener: Listener) -> Iterator[MakeBench]:
             for fault in faults:
                 simulated.fault_schedule.order_as_text(fault)
             wanted: dict[str, Any] = {"url": simulated.url, "interval_s": 0.0, "limits": LIMITS, **options}
-            return Bench(simulated, Qx10Camera(Options(**wanted), clock, listener), listener)
+            return Bench(simulated, Qx10Camera(settings_for(**wanted), clock, listener), listener)
 
         yield make
 

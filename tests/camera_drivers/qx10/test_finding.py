@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraNotFoundError
 from camera_drivers.qx10.discovery import first_camera, location, parse_description
-from camera_drivers.qx10.options import Limits, Options
+from camera_drivers.qx10.options import Qx10Limits, Qx10Settings
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import MAX_DESCRIPTIONS
 from camera_drivers.waiting import Stopped, Waiter
 from recorder.host import SystemClock
+from tests.camera_drivers.qx10.conftest import settings_for
 from tests.camera_drivers.qx10.strangers import OK, Act, Strangers, drip, send, send_a_gigabyte
 
 MakeBench = Callable[..., Any]
@@ -96,12 +97,12 @@ HOSTILE: dict[str, Act] = {
     "redirect": send(b"HTTP/1.1 302 Found\r\nLocation: /silent\r\nContent-Length: 0\r\n\r\n"),
     "nest": send(OK + b"\r\n" + b"<a>" * 80_000),
 }
-LONG = Limits(search_s=120.0, call_s=60.0)
+LONG = Qx10Limits(search_s=120.0, call_s=60.0)
 ENOUGH_S = 20.0  # a search that waits for one stranger takes longer
 
 
 @contextmanager
-def network(urls: Iterable[str]) -> Iterator[Options]:
+def network(urls: Iterable[str]) -> Iterator[Qx10Settings]:
     """One on which every question is answered with these locations, in this order."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
@@ -119,7 +120,7 @@ def network(urls: Iterable[str]) -> Iterator[Options]:
         thread = threading.Thread(target=serve)
         thread.start()
         try:
-            yield Options(search_address=sock.getsockname(), limits=LONG)
+            yield settings_for(sock.getsockname(), limits=LONG)
         finally:
             over.set()
             thread.join()
@@ -179,7 +180,7 @@ def test_nobody_but_strangers_is_one_sentence(strangers: Strangers, listener: Re
     """What the last one had instead of a description."""
     clock = SystemClock()
     with network([strangers.url(HOSTILE["redirect"])]) as options:
-        quick = Options(search_address=options.search_address, limits=Limits(search_s=0.5))
+        quick = options.model_copy(update={"limits": Qx10Limits(search_s=0.5)})
         with pytest.raises(CameraNotFoundError, match=r"x: HTTP status 302; check camera\.url\.$"):
             first_camera(quick, clock, Waiter(clock, listener))
 

@@ -11,7 +11,7 @@ from urllib3 import HTTPResponse
 
 from camera_drivers.errors import CameraSilentError
 from camera_drivers.qx10.link import Answer, Exchange, Link
-from camera_drivers.qx10.options import Limits
+from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.reporter import Reporter
 from camera_drivers.waiting import Stopped, Waiter
 from recorder.host import SystemClock
@@ -38,7 +38,7 @@ WHOLE = {
 @pytest.fixture
 def link(listener: Reporter) -> Link:
     """The way to a camera on loopback."""
-    return Link("127.0.0.1", Limits(connect_s=1.0), Waiter(SystemClock(), listener))
+    return Link("127.0.0.1", Qx10Limits(connect_s=1.0), Waiter(SystemClock(), listener))
 
 
 def get(link: Link, url: str) -> Answer:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from itertools import count, pairwise
 from pathlib import Path
 
@@ -17,10 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError, CameraUnusableError
-from camera_drivers.live.camera import LiveCamera, Pace
-from camera_drivers.rtsp.options import BadAddressError, Options, checked_address
+from camera_drivers.live.camera import LiveCamera
+from camera_drivers.rtsp.options import RtspSettings, checked_address
 from camera_drivers.rtsp.stream import NO_KEY_FRAME, rtsp_camera
 from camera_drivers.rtsp.times import Stamps, StreamTimes
+from camera_drivers.settings import WithheldError
 from camera_drivers.waiting import Notes
 from flight_file.frame import NS_PER_S, ClockReading, Frame
 from flight_file.video.groups import begins_group
@@ -29,6 +31,7 @@ from tests.camera_drivers.listening import Listener
 from tests.camera_drivers.rtsp.server import RTP_HZ, Server, Show, nal_units
 from tests.videos import film, packets
 
+Options = partial(RtspSettings, driver="rtsp")
 STEP_S = 0.04
 LATENCY_S = 0.5
 BY_ARRIVAL_NS = round(LATENCY_S * NS_PER_S / math.sqrt(12))
@@ -67,7 +70,7 @@ def listener() -> Iterator[Listener]:
 
 def driver(server: Server, listener: Listener, **options: object) -> LiveCamera:
     """A driver for it."""
-    wanted = {"url": server.url, "latency_s": LATENCY_S, "pace": Pace(stall_s=1.5), **options}
+    wanted = {"url": server.url, "latency_s": LATENCY_S, "stall_s": 1.5, **options}
     return rtsp_camera(Options(**wanted), SystemClock(), listener)
 
 
@@ -167,7 +170,7 @@ def test_pictures_before_the_first_key_frame_are_counted(
     """Nobody could decode them; but they show that the camera works, however long it takes until the key frame."""
     early = [*units["h264"][1:10]] * 8
     show = Show([*early, *units["h264"][10:20]], step_s=STEP_S, after="close", sets_of=units["h264"][0])
-    frames = taken(driver(serve(show), listener, pace=Pace(stall_s=1.2)))
+    frames = taken(driver(serve(show), listener, stall_s=1.2))
 
     assert len(early) * STEP_S > 2 * 1.2
     assert [frame.sequence for frame in frames] == list(range(len(early), len(early) + 10))
@@ -202,9 +205,9 @@ def test_camera_that_is_not_there_or_no_camera_is_an_error(listener: Listener) -
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
         with pytest.raises(CameraError, match=rf"127.0.0.1:{port}: .*\(it does not answer"):
-            rtsp_camera(Options(f"rtsp://127.0.0.1:{port}/", open_s=0.3), SystemClock(), listener).__enter__()
+            rtsp_camera(Options(url=f"rtsp://127.0.0.1:{port}/", open_s=0.3), SystemClock(), listener).__enter__()
     with pytest.raises(CameraError, match=rf"127.0.0.1:{port}: .*\(Connection refused\)"):
-        rtsp_camera(Options(f"rtsp://127.0.0.1:{port}/"), SystemClock(), listener).__enter__()
+        rtsp_camera(Options(url=f"rtsp://127.0.0.1:{port}/"), SystemClock(), listener).__enter__()
 
 
 def test_stream_of_another_codec_needs_a_person(serve: Serve, listener: Listener) -> None:
@@ -228,7 +231,7 @@ def test_stream_of_another_codec_needs_a_person(serve: Serve, listener: Listener
 )
 def test_address_that_is_none_is_refused_without_repeating_it(url: str) -> None:
     """A password in it would stand in the configuration that every flight carries."""
-    with pytest.raises(BadAddressError) as refused:
+    with pytest.raises(WithheldError) as refused:
         checked_address(url)
     assert "secret" not in str(refused.value)
     assert checked_address("rtsp://camera.local:554/stream1?channel=1") == "rtsp://camera.local:554/stream1?channel=1"

@@ -1,4 +1,7 @@
-"""Kinds of values in recorder.yaml: a block that knows its keys, paths beside their file, seconds, a line of words."""
+"""What settings are made of, a driver's and others: a block that knows its keys, and kinds of values that stand in it.
+
+The string below a key says what it is for; docs/reference/recorder.yaml.md is made of these strings.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
+MAX_URL_CHARACTERS = 2000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # no name and no sentence of the log is to hold one
 
 
@@ -16,7 +20,7 @@ class WithheldError(ValueError):
 
 
 class Settings(BaseModel):
-    """A block of recorder.yaml; a key that it does not have is an error."""
+    """A block of settings, as recorder.yaml has them; a key that it does not have is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -39,3 +43,15 @@ def _anchored(path: Path, info: ValidationInfo) -> Path:
 AnchoredPath = Annotated[Path, AfterValidator(_anchored)]
 Seconds = Annotated[float, Field(gt=0, le=3600)]
 Words = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(one_line)]
+Size = tuple[Annotated[int, Field(gt=0, le=32_766)], Annotated[int, Field(gt=0, le=32_766)]]
+Rate = Annotated[float, Field(ge=0.1, le=240)]
+Interval = Annotated[float, Field(ge=0, le=3600)]
+
+
+class LiveSettings(Settings):
+    """What all cameras have that send pictures by themselves."""
+
+    stall_s: Seconds = 10.0
+    """Without a picture for so long, the camera is connected again."""
+    frozen_s: Seconds = 30.0
+    """With the very same picture for so long, the camera is connected again."""
