@@ -2,6 +2,7 @@
 
     CameraError                  connecting again may help
     ├── CameraNotFoundError      nothing that answers as a camera is there
+    ├── CameraUnreachableError   a call did not get there
     ├── CameraSilentError        a call got no usable answer; it may have been carried out all the same
     ├── CameraRefusedError       a call was answered with an error code
     └── CameraUnusableError      trying again does not help; a person has to do something
@@ -21,21 +22,26 @@ class CameraNotFoundError(CameraError):
     """There is no camera where it was looked for, or what is there is none."""
 
 
-class CameraSilentError(CameraError):
+class _UnansweredError(CameraError):
     """A call got no usable answer.
 
     Attributes
     ----------
     problem
         What was wrong with it, in a few words without numbers.
-    delivered
-        Whether the camera may have got the call, and so may have carried it out.
     """
 
-    def __init__(self, call: str, problem: str, *, delivered: bool) -> None:
+    def __init__(self, call: str, problem: str) -> None:
         super().__init__(f"{call}: {problem}; check that the camera is on and in reach.")
         self.problem = problem
-        self.delivered = delivered
+
+
+class CameraUnreachableError(_UnansweredError):
+    """The camera certainly did not get a call."""
+
+
+class CameraSilentError(_UnansweredError):
+    """The camera may have got a call, and so may have carried it out."""
 
 
 class CameraRefusedError(CameraError):

@@ -82,7 +82,7 @@ class Waiter:
                 raise Stopped
             if now_ns - start_ns >= limit_s * NS_PER_S:
                 abort()
-                raise CameraSilentError(call, NO_ANSWER, delivered=True)
+                raise CameraSilentError(call, NO_ANSWER)
             if now_ns - said_ns >= round(SAY_S * NS_PER_S):
                 self._reporter.waiting(call)
                 said_ns = now_ns

@@ -143,7 +143,7 @@ class LiveCamera:
     def _refuse_stall(self, now_ns: int) -> None:
         if now_ns - self._heard_ns >= self._stall_s * NS_PER_S:
             problem = f"no picture for {self._stall_s:g} s"
-            raise CameraSilentError(self.identity.driver, problem, delivered=True)
+            raise CameraSilentError(self.identity.driver, problem)
 
     def _say_waiting(self, now_ns: int) -> None:
         if now_ns - self._said_ns >= SAY_S * NS_PER_S:

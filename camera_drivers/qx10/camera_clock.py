@@ -59,7 +59,7 @@ class CameraClock:
 
         Raises
         ------
-        CameraSilentError
+        CameraUnreachableError
             The camera cannot be reached any more.
         """
         before = self._clock.read()
@@ -72,8 +72,6 @@ class CameraClock:
             notes.say_once(STATE, f"the camera does not let its clock be set (error {error.code})")
             return
         except CameraSilentError as error:
-            if not error.delivered:
-                raise
             notes.say_once(STATE, f"whether the camera's clock was set is not known: {error.problem}")
             return
         after = self._clock.read()

@@ -80,8 +80,8 @@ def fetch_description(exchange: Exchange, url: str) -> Description:
     ------
     CameraNotFoundError
         What is there is no description of a camera that can be operated.
-    CameraSilentError
-        Nothing is there.
+    CameraError
+        What is there cannot be reached, or gives no whole answer.
     """
     with exchange:
         answer = exchange.fetch("description", "GET", url, max_bytes=MAX_ANSWER_BYTES)

@@ -21,7 +21,7 @@ from urllib3.exceptions import HTTPError
 from urllib3.util import parse_url
 
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraSilentError
+from camera_drivers.errors import CameraError, CameraSilentError, CameraUnreachableError
 from camera_drivers.qx10.addresses import HTTP_PORT, BadUrlError, at_host, host_of
 from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.reporter import Reporter
@@ -90,25 +90,27 @@ class Exchange:
 
         Raises
         ------
+        CameraUnreachableError
+            No connection.
         CameraSilentError
-            No connection, no HTTP, cut off, or larger than `max_bytes`.
+            No HTTP, cut off, or larger than `max_bytes`.
         """
         status = self.open(call, method, url, body=body)
         parts: list[bytes] = []
         size = 0
         if self._announced_bytes() > max_bytes:
-            raise CameraSilentError(call, TOO_LARGE, delivered=True)
+            raise CameraSilentError(call, TOO_LARGE)
         while part := self.read(call, CHUNK_BYTES):
             size += len(part)
             if size > max_bytes:
-                raise CameraSilentError(call, TOO_LARGE, delivered=True)
+                raise CameraSilentError(call, TOO_LARGE)
             parts.append(part)
         return Answer(status, b"".join(parts))
 
     def open(self, call: str, method: str, url: str, *, body: bytes | None = None) -> int:
         """Send a request and return the HTTP status as soon as the headers are there."""
         if host_of(url) != host_of(f"http://{self._host}"):
-            raise CameraSilentError(call, "the address is a stranger's", delivered=False)
+            raise CameraUnreachableError(call, "the address is a stranger's")
         try:
             self._response = self._request(method, url, body)
         except _FAILURES as error:
@@ -118,7 +120,7 @@ class Exchange:
     def read(self, call: str, size: int) -> bytes:
         """Read up to this many bytes of the body as soon as there are any; empty at its end."""
         if self._response is None:
-            raise CameraSilentError(call, BROKEN_OFF, delivered=False)
+            raise CameraUnreachableError(call, BROKEN_OFF)
         try:
             with self._reading:
                 if self._aborted:  # and perhaps closed already
@@ -149,10 +151,10 @@ class Exchange:
         connection.request(method, parts.request_uri, body, _HEADERS, preload_content=False)
         return connection.getresponse()
 
-    def _failed(self, call: str) -> CameraSilentError:
+    def _failed(self, call: str) -> CameraError:
         if self._socket is None:
-            return CameraSilentError(call, "the camera cannot be reached", delivered=False)
-        return CameraSilentError(call, BROKEN_OFF, delivered=True)
+            return CameraUnreachableError(call, "the camera cannot be reached")
+        return CameraSilentError(call, BROKEN_OFF)
 
 
 class Link:
@@ -170,7 +172,7 @@ class Link:
         self.waiter = waiter
 
     def get(self, call: str, url: str, *, max_bytes: int, limit_s: float) -> Answer:
-        """Fetch a URL from the camera, whatever host it names; raises CameraSilentError and Stopped."""
+        """Fetch a URL from the camera, whatever host it names; raises CameraError and Stopped."""
         return self._fetch(call, "GET", self.own(call, url), None, max_bytes=max_bytes, limit_s=limit_s)
 
     def post(self, call: str, url: str, body: bytes, *, max_bytes: int, limit_s: float) -> Answer:
@@ -182,7 +184,7 @@ class Link:
         try:
             return at_host(url, self.host)
         except BadUrlError as error:
-            raise CameraSilentError(call, "the camera gave an address that is none", delivered=True) from error
+            raise CameraSilentError(call, "the camera gave an address that is none") from error
 
     def exchange(self, quiet_s: float) -> Exchange:
         """Prepare a request without sending it."""

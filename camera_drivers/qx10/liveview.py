@@ -169,7 +169,7 @@ class Liveview:
             except CameraSilentError as error:
                 self.close()
                 tries += 1
-                if not error.delivered or tries >= MAX_FAILURES:
+                if tries >= MAX_FAILURES:
                     raise
                 self._notes.say(STATE, f"begins again: {error.problem}")
                 self._api.link.waiter.pause("the liveview begins again", REST_S)
@@ -200,7 +200,7 @@ class Liveview:
             while True:
                 data = exchange.read("liveview", CHUNK_BYTES)
                 if not data:
-                    raise CameraSilentError("liveview", "the stream ended", delivered=True)
+                    raise CameraSilentError("liveview", "the stream ended")
                 if pictures := self._parser.feed(data):
                     return pictures
 
@@ -212,7 +212,7 @@ class Liveview:
         try:
             result = self._api.call("startLiveview")
         except CameraRefusedError as error:
-            raise CameraSilentError("startLiveview", "the camera refuses a liveview", delivered=True) from error
+            raise CameraSilentError("startLiveview", "the camera refuses a liveview") from error
         address = result[0] if result and isinstance(result[0], str) else ""
         link = self._api.link
         url = link.own("liveview", address)
@@ -224,5 +224,5 @@ class Liveview:
             return exchange.open("liveview", "GET", url)
 
         if link.waiter.until_done("liveview", work, exchange.abort, limit_s=link.limits.call_s) != _OK:
-            raise CameraSilentError("liveview", BROKEN_OFF, delivered=True)
+            raise CameraSilentError("liveview", BROKEN_OFF)
         return exchange

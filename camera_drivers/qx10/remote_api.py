@@ -65,7 +65,7 @@ class RemoteApi:
         ------
         CameraRefusedError
             The camera answered with an error.
-        CameraSilentError
+        CameraUnreachableError, CameraSilentError
             There was no usable answer.
         Stopped
             Stopping was asked for.
@@ -92,14 +92,14 @@ def _result(method: str, number: int, answer: Answer) -> list[Any]:
     if answer.status != _OK:  # such an answer may be anything, and may lack its number
         raise CameraRefusedError(method, _code(document) or answer.status)
     if not isinstance(document, dict):
-        raise CameraSilentError(method, "the answer is no JSON object", delivered=True)
+        raise CameraSilentError(method, "the answer is no JSON object")
     if document.get("id") != number:
-        raise CameraSilentError(method, "the answer belongs to another question", delivered=True)
+        raise CameraSilentError(method, "the answer belongs to another question")
     if "error" in document:
         raise CameraRefusedError(method, _code(document) or Code.ANY)
     result = document.get("result", document.get("results"))
     if not isinstance(result, list):
-        raise CameraSilentError(method, "the answer has no result", delivered=True)
+        raise CameraSilentError(method, "the answer has no result")
     return result
 
 

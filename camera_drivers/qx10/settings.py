@@ -82,7 +82,7 @@ class Setter:
 
         Raises
         ------
-        CameraSilentError
+        CameraUnreachableError
             The camera cannot be reached any more.
         CameraRefusedError
             It does not even say what it offers.
@@ -106,8 +106,6 @@ class Setter:
         except CameraRefusedError as error:
             return f"the camera refuses it (error {error.code})"
         except CameraSilentError as error:
-            if not error.delivered:
-                raise
             return error.problem
         if f"get{wish.name}" not in self._offered:
             return ""  # nothing tells otherwise
@@ -140,8 +138,6 @@ class Setter:
                 last[:] = [error]
                 return False
             except CameraSilentError as error:
-                if not error.delivered:
-                    raise
                 last[:] = [error]
                 return False
             return True
@@ -155,11 +151,7 @@ class Setter:
             return False
         try:
             result = self._api.call(f"get{wish.name}")
-        except CameraRefusedError:
-            return False
-        except CameraSilentError as error:
-            if not error.delivered:
-                raise
+        except (CameraRefusedError, CameraSilentError):
             return False
         return all(value in _values(result) for value in wish.shows)
 

@@ -25,7 +25,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentError
+from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentError, CameraUnreachableError
 from camera_drivers.jpeg import jpeg_facts
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.qx10.events import ERROR, IDLE, Events
@@ -123,11 +123,7 @@ class Stills:
     def _status(self) -> str | None:
         try:
             return self._events.ask(self._api).status
-        except CameraRefusedError:
-            return None
-        except CameraSilentError as error:
-            if not error.delivered:
-                raise
+        except (CameraRefusedError, CameraSilentError):
             return None
 
     def _shoot(self) -> str:
@@ -140,8 +136,6 @@ class Stills:
                 return self._await()
             problem = NO_ADDRESS
         except CameraSilentError as error:
-            if not error.delivered:
-                raise
             problem = error.problem
         return self._search(problem)
 
@@ -169,9 +163,10 @@ class Stills:
             except CameraRefusedError as error:
                 if error.code != Code.NOT_FINISHED:
                     raise PictureLostError("the camera gave no address for a picture that it took") from error
-            except CameraSilentError as error:
-                if not error.delivered:
-                    raise PictureLostError(error.problem) from error
+            except CameraUnreachableError as error:
+                raise PictureLostError(error.problem) from error
+            except CameraSilentError:
+                pass  # the next question may be answered
             self._waiter.pause("the picture is not finished", AGAIN_S)
         raise PictureLostError("the camera did not finish a picture")
 
@@ -216,7 +211,7 @@ class Stills:
             answer = self._api.link.get(
                 "download", url, max_bytes=self._limits.picture_bytes, limit_s=self._limits.download_s
             )
-        except CameraSilentError as error:
+        except (CameraUnreachableError, CameraSilentError) as error:
             return b"", error.problem
         if answer.status != _OK:
             return b"", "the camera refused the download"
@@ -228,7 +223,7 @@ def _url(result: list[object]) -> str:
     first = result[0] if result else None
     url = first[0] if isinstance(first, list) and first else first
     if not isinstance(url, str) or not url:
-        raise CameraSilentError("actTakePicture", "the answer names no picture", delivered=True)
+        raise CameraSilentError("actTakePicture", "the answer names no picture")
     return url
 
 

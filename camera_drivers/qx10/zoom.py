@@ -62,7 +62,7 @@ class Zoom:
         self.settled = self._goal_mm is None
 
     def start(self) -> None:
-        """Go to the wanted end, or to where the focal length might be; raises CameraSilentError."""
+        """Go to the wanted end, or to where the focal length might be; raises CameraUnreachableError."""
         if self._end is not None:
             self._run(*self._end)
         elif self._goal_mm is not None:
@@ -72,7 +72,7 @@ class Zoom:
         self._left_at = self._events.state.zoom_position
 
     def take_notice(self, focal_length_mm: float | None) -> None:
-        """Compare a picture's focal length with the wanted one, and move the lens; raises CameraSilentError."""
+        """Compare a picture's focal length with the wanted one, and move the lens; raises CameraUnreachableError."""
         if self._has_been_moved():
             self._notes.say(STATE, "the lens has moved by itself, or somebody moved it; it is set again")
             self.settled = self._goal_mm is None
@@ -171,9 +171,7 @@ class Zoom:
     def _position(self) -> float | None:
         try:
             return self._events.ask(self._api).zoom_position
-        except (CameraRefusedError, CameraSilentError) as error:
-            if isinstance(error, CameraSilentError) and not error.delivered:
-                raise
+        except (CameraRefusedError, CameraSilentError):
             return None
 
     def _move(self, direction: str, movement: str) -> bool:
@@ -183,8 +181,6 @@ class Zoom:
             self._notes.say_once(STATE, f"the camera does not zoom {direction} (error {error.code})")
             return False
         except CameraSilentError as error:
-            if not error.delivered:
-                raise
             self._notes.say_once(STATE, f"whether the camera zooms is not known: {error.problem}")
             return movement != "1shot"
         return True

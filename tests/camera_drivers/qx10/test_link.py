@@ -9,7 +9,7 @@ from contextlib import suppress
 import pytest
 from urllib3 import HTTPResponse
 
-from camera_drivers.errors import CameraSilentError
+from camera_drivers.errors import CameraSilentError, CameraUnreachableError
 from camera_drivers.qx10.link import Answer, Exchange, Link
 from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.reporter import Reporter
@@ -58,17 +58,15 @@ HANGS = {
 @pytest.mark.parametrize("act", HANGS.values(), ids=HANGS)
 def test_limit_is_for_the_whole_of_a_call(strangers: Strangers, link: Link, act: Act) -> None:
     """A byte now and then does not make a call last longer."""
-    with pytest.raises(CameraSilentError, match="no whole answer within its time") as caught:
+    with pytest.raises(CameraSilentError, match="no whole answer within its time"):
         get(link, strangers.url(act))
-    assert caught.value.delivered
 
 
 @pytest.mark.parametrize("answer", BROKEN.values(), ids=BROKEN)
 def test_answer_that_is_not_whole_is_none(strangers: Strangers, link: Link, answer: bytes) -> None:
     """Cut off anywhere, or no HTTP at all: silence, of a camera that may have got the call."""
-    with pytest.raises(CameraSilentError, match="the connection broke off") as caught:
+    with pytest.raises(CameraSilentError, match="the connection broke off"):
         get(link, strangers.url(send(answer)))
-    assert caught.value.delivered
 
 
 @pytest.mark.parametrize("answer", WHOLE.values(), ids=WHOLE)
@@ -106,7 +104,7 @@ def test_stranger_is_never_called(strangers: Strangers, link: Link) -> None:
     for host in ("0.0.0.0", "192.0.2.7", "somebody@example.org"):  # noqa: S104 - what a camera may say
         assert get(link, own.replace("127.0.0.1", host)).body == b"abc"
     exchange = link.exchange(1.0)
-    with exchange, pytest.raises(CameraSilentError, match="a stranger's"):
+    with exchange, pytest.raises(CameraUnreachableError, match="a stranger's"):
         exchange.fetch("test", "GET", "http://192.0.2.7/", max_bytes=10)
 
 
@@ -119,9 +117,8 @@ def test_address_that_is_none_is_silence(link: Link, url: str) -> None:
 
 def test_nobody_there_means_not_delivered(link: Link) -> None:
     """The one case where a call was certainly not carried out."""
-    with pytest.raises(CameraSilentError, match="cannot be reached") as caught:
+    with pytest.raises(CameraUnreachableError, match="cannot be reached"):
         get(link, "http://127.0.0.1:9/")
-    assert not caught.value.delivered
 
 
 def test_stop_ends_a_call(strangers: Strangers, link: Link) -> None:
