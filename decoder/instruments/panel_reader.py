@@ -121,7 +121,7 @@ class PanelReader:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the panel leaves wanting, a sentence each."""
-        return tuple(filter(None, [self.aligner.shortcoming, self.source.optics.shortcoming]))
+        return (*self.aligner.shortcomings, *filter(None, [self.source.optics.shortcoming]))
 
     def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
         """Return a frame aligned and unwrapped; `focal_length_mm` is its own, if it tells.

@@ -18,7 +18,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AlignmentLost, PanelError
 from decoder.panel.panel import Panel
-from decoder.registration.anchors import check_anchor
+from decoder.registration.anchors import NOTHING_THERE, findable
 from decoder.registration.features import level_feature
 from decoder.registration.frame_search import AlignmentRefiner, FrameSearch
 from decoder.registration.seen_panel import SeenPanel
@@ -30,21 +30,22 @@ class Aligner:
     """Aligns frames with one panel picture.
 
     `usual` is where the camera mostly was during the flight, at the panel picture's zoom (`IDENTITY` if nothing is
-    known): searches start there, and what the features found cannot tell stays as it is there.
+    known): searches start there, and what the features found cannot tell stays as it is there. `left_out` are the
+    places of anchors that the panel picture does not show clearly enough to be found by.
     """
 
     def __init__(
         self, panel: Panel, picture: GreyPicture, usual: Alignment = IDENTITY, optics: Optics | None = None
     ) -> None:
         height, width = picture.shape
-        for index, anchor in enumerate(panel.anchors):
-            check_anchor(anchor, picture, path=f"anchors[{index}]")
+        found = findable(panel.anchors, picture)
         if sum(anchor.box[2] * anchor.box[3] for anchor in panel.anchors) > MOST_ANCHORED * height * width:
             raise PanelError("anchors", f"cover the panel picture more than {MOST_ANCHORED} times; box small features")
         if panel.level is not None:
             _check_level(panel.level, picture)
         self.usual = usual
-        self._panel = panel
+        self.left_out = tuple(index for index, anchor in enumerate(panel.anchors) if anchor not in found)
+        self._panel = panel.model_copy(update={"anchors": found})
         self._picture = picture
         self.localizer = SiftLocalizer(picture)
         self.optics = optics or Optics((width, height), panel.focal_length_mm)
@@ -58,9 +59,10 @@ class Aligner:
         return other
 
     @property
-    def shortcoming(self) -> str | None:
-        """What the panel's anchors leave wanting, as a sentence; None if nothing."""
-        return self._own.shortcoming
+    def shortcomings(self) -> tuple[str, ...]:
+        """What the panel's anchors leave wanting, a sentence each."""
+        left_out = [f"anchors[{index}].box: {NOTHING_THERE}; frames are aligned without it" for index in self.left_out]
+        return (*left_out, *filter(None, [self._own.shortcoming]))
 
     def outline(self) -> Floats:
         """(2, M) float32: points of the panel picture around all that frames are aligned by."""

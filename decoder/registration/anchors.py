@@ -23,6 +23,7 @@ from decoder.registration.thresholds import MAX_REDUCTION, MIN_REDUCED_PX, NOISE
 SEARCH_MARGIN_PX = 16
 # A panel may have several features that look alike; so many places are kept for each anchor.
 MAX_PLACES = 4
+NOTHING_THERE = "holds nothing that could be found again; box a feature with contrast"
 
 Render = Callable[[float], GreyPicture]
 """Draws an anchor as the camera usually sees it, turned by so many degrees."""
@@ -121,19 +122,25 @@ class AnchorFinder:
         return float(x), float(y)
 
 
-def check_anchor(anchor: Anchor, picture: GreyPicture, *, path: str) -> None:
-    """Whether an anchor can be found by its picture.
+def findable(anchors: Sequence[Anchor], picture: GreyPicture) -> tuple[Anchor, ...]:
+    """Those of a panel's anchors that can be found by their pictures: a flat one helps nobody, and harms none.
 
     Raises
     ------
     PanelError
-        If its box leaves the panel picture, or holds no contrast.
+        If a box leaves the panel picture, or none holds contrast.
     """
-    left, top, width, height = whole_box(anchor)
-    if left < 0 or top < 0 or left + width > picture.shape[1] or top + height > picture.shape[0]:
-        raise PanelError(f"{path}.box", f"lies outside the {picture.shape[1]} x {picture.shape[0]} panel picture")
-    if float(picture[top : top + height, left : left + width].std()) < NOISE_LEVELS:
-        raise PanelError(f"{path}.box", "holds nothing that could be found again; box a feature with contrast")
+    found = []
+    for index, anchor in enumerate(anchors):
+        left, top, width, height = whole_box(anchor)
+        if left < 0 or top < 0 or left + width > picture.shape[1] or top + height > picture.shape[0]:
+            outside = f"lies outside the {picture.shape[1]} x {picture.shape[0]} panel picture"
+            raise PanelError(f"anchors[{index}].box", outside)
+        if float(picture[top : top + height, left : left + width].std()) >= NOISE_LEVELS:
+            found.append(anchor)
+    if not found:
+        raise PanelError("anchors[0].box", NOTHING_THERE)
+    return tuple(found)
 
 
 def whole_box(anchor: Anchor) -> tuple[int, int, int, int]:

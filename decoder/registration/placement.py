@@ -12,7 +12,7 @@ from decoder.imaging.motion import Frame2D, Model, MotionCovariance
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.panel.arrays import Floats
 from decoder.registration.agreement import unseen_px
-from decoder.registration.anchors import middle_of
+from decoder.registration.anchors import findable, middle_of
 from decoder.registration.thresholds import KEPT
 
 
@@ -21,6 +21,7 @@ class PlaceUncertainty:
 
     def __init__(self, source: PanelPictures, placement: Placement) -> None:
         self._panel, self._optics = source.panel, source.optics
+        self._anchors = findable(source.panel.anchors, source.picture)
         self._usual, self._motions = placement.usual, placement.motions
         self._centres = self._usually_at([gauge.centre for gauge in source.panel.gauges])
         self._scale = placement.usual.motion_at(source.panel.gauges[0].centre).scale
@@ -60,7 +61,7 @@ class PlaceUncertainty:
     def _features(self, failed: Sequence[str]) -> list[Point]:
         """Where what an alignment rests on usually lies: the middles of anchors, the ends of the level edge."""
         panel = self._panel
-        middles = [tuple(middle_of(anchor)[:, 0]) for anchor in panel.anchors if anchor.name not in failed]
+        middles = [tuple(middle_of(anchor)[:, 0]) for anchor in self._anchors if anchor.name not in failed]
         ends = panel.level if panel.level is not None and "level" not in failed else ()
         places = [*middles, *ends]
         return [(float(x), float(y)) for x, y in self._usually_at(places).T] if places else []

@@ -26,6 +26,7 @@ from decoder.panel.errors import DecoderError, PanelError, PictureError
 from decoder.panel.gauge import Gauge, stand_in_gauge
 from decoder.panel.panel import Panel, parse_content
 from decoder.registration.aligner import Aligner
+from decoder.registration.anchors import NOTHING_THERE
 from decoder.registration.frame_placer import UnwrappedPanel
 
 _GAUGE = re.compile(r"gauges\[(\d+)\]")
@@ -133,7 +134,8 @@ def _misfits(source: PanelPictures) -> list[Problem]:
         return missing
     found = []
     try:
-        Aligner(panel, pictures[panel.picture])
+        left_out = Aligner(panel, pictures[panel.picture]).left_out
+        found += [Problem(f"anchors[{index}].box", NOTHING_THERE) for index in left_out]
     except PanelError as error:
         found.append(Problem(error.path, error.problem))
     for index, gauge in enumerate(panel.gauges):

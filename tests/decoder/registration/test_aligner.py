@@ -128,6 +128,18 @@ def test_roll_is_not_guessed_when_one_of_two_anchors_is_covered(document: dict[s
     assert found.roll_deg == pytest.approx(roll_deg, abs=0.1)
 
 
+def test_flat_anchor_is_left_out_and_named(document: dict[str, Any]) -> None:
+    """What cannot be found again helps nobody: the others align the frame as they do without it."""
+    without = Aligner(parse(with_second_anchor(document)), draw(HANDS))
+    document["anchors"].insert(1, {"name": "bare metal", "box": [150, 170, 20, 20]})
+    aligner = Aligner(parse(document), draw(HANDS))
+    frame = draw(HANDS, shift_px=(1.7, 2.2), roll_deg=0.7)
+
+    assert aligner.align(frame) == without.align(frame)
+    assert not without.shortcomings
+    assert [said for said in aligner.shortcomings if said.startswith("anchors[1].box: holds nothing")]
+
+
 @pytest.mark.parametrize(
     ("edge", "says"),
     [
@@ -158,7 +170,7 @@ OUTSIDE = r"anchors\[0\]\.box: lies outside the 360 x 220 panel picture"
     ids=["left", "top", "right", "bottom", "flat"],
 )
 def test_anchor_that_cannot_be_found_again_is_refused(document: dict[str, Any], box: list[int], says: str) -> None:
-    """One that reaches beyond the panel picture, or has no contrast, is named with its path."""
+    """One that reaches beyond the panel picture, or the only one if it has no contrast, is named with its path."""
     document["anchors"][0]["box"] = box
 
     with pytest.raises(PanelError, match=says):
