@@ -97,9 +97,7 @@ def test_value_that_rounds_to_a_full_turn_is_written_as_nothing(document: dict[s
     assert text.splitlines()[1].split(",")[3] == "0.000"
 
 
-@pytest.mark.parametrize(
-    ("full_scale", "decimals"), [(0.01, 7), (1.0, 5), (9.9, 5), (10.0, 4), (1000.0, 2), (84000.0, 1), (1e9, 1)]
-)
+@pytest.mark.parametrize(("full_scale", "decimals"), [(0.01, 7), (9.9, 5), (10.0, 4), (1e9, 1)])
 def test_small_scales_lose_no_digits(document: dict[str, Any], full_scale: float, decimals: int) -> None:
     """Values have six digits of full scale, and always at least one decimal."""
     document["gauges"][0]["scale"] = [[120, 0], [420, full_scale]]
@@ -110,7 +108,6 @@ def test_small_scales_lose_no_digits(document: dict[str, Any], full_scale: float
 @pytest.mark.parametrize(
     ("time_ns", "text"),
     [
-        (0, "1970-01-01T00:00:00.000000Z"),
         (1_525_435_200_000_000_999, "2018-05-04T12:00:00.000000Z"),
         (1_525_435_200_999_999_999, "2018-05-04T12:00:00.999999Z"),
         (951_782_400_000_001_000, "2000-02-29T00:00:00.000001Z"),
@@ -124,7 +121,7 @@ def test_time_is_utc_to_the_microsecond(time_ns: int, text: str) -> None:
 @given(
     rows=st.integers(1, 5).flatmap(lambda width: st.lists(st.lists(CELLS, min_size=width, max_size=width), min_size=1))
 )
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_cells_come_back_and_end_in_line(rows: list[list[str]]) -> None:
     """Splitting a line at blanks gives its cells, and every cell but the first ends where its column's rule ends."""
     header, rule, *lines = text_table(rows[0], rows[1:]).splitlines()

@@ -50,25 +50,19 @@ def test_sources_times_and_pivots_are_told() -> None:
     assert content["moved_pivots_px"] == {"fuel": [0.612, -0.2]}
 
 
-def test_needles_have_unit_scale_counts_and_lowest_score() -> None:
-    """Each needle tells its gauge, unit, ends of scale, frames by status and lowest score, a lost frame aside."""
-    needle = described([{"al_lb": GOOD}, {"al_lb": BAD}, {"al_lb": GOOD}, "lost"])["needles"]["al_lb"]
-
-    assert needle == {
-        "gauge": "fuel",
-        "unit": "lb",
-        "scale_min": 0.0,
-        "scale_max": 3000.0,
-        "frames": {"read": 2, "edge": 0, "hidden": 0, "interpolated": 1, "missing": 1},
-        "lowest_score": 0.4123,
-    }
-
-
 def test_gaps_name_needle_frames_and_status() -> None:
-    """Each run of flagged frames is one gap with its lowest score."""
+    """Each run of flagged frames is one gap; its needle tells unit, scale, frames by status and the lowest score."""
     worse = Reading(Status.MISSING, 333.0, 0.5, 0.2)
     content = described([{"speed_kt": reading} for reading in (GOOD, BAD, worse, GOOD, BAD)])
 
+    assert content["needles"]["speed_kt"] == {
+        "gauge": "speed",
+        "unit": "kt",
+        "scale_min": 0.0,
+        "scale_max": 1000.0,
+        "frames": {"read": 2, "edge": 0, "hidden": 0, "interpolated": 2, "missing": 1},
+        "lowest_score": 0.2,
+    }
     assert content["gaps"] == [
         {"needle": "speed_kt", "status": "interpolated", "first_frame": 1, "last_frame": 2, "lowest_score": 0.2},
         {"needle": "speed_kt", "status": "missing", "first_frame": 4, "last_frame": 4, "lowest_score": 0.4123},

@@ -31,35 +31,15 @@ def fails(error: BaseException) -> Callable[[IO[bytes]], None]:
     return write
 
 
-@pytest.mark.parametrize(
-    "error", [KeyboardInterrupt(), RuntimeError("a bug"), SystemExit(1)], ids=lambda e: type(e).__name__
-)
-@pytest.mark.parametrize("order", [("good", "bad"), ("bad", "good")], ids=["bad last", "bad first"])
-def test_broken_off_writer_leaves_nothing(tmp_path: Path, error: BaseException, order: tuple[str, str]) -> None:
-    """Whatever breaks a writer off, neither half files nor half sets of files are left."""
-    writers = {"good": says("all\n"), "bad": fails(error)}
-    with pytest.raises(type(error)):
-        write_all(tmp_path, {name: writers[name] for name in order})
-
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_broken_off_writer_leaves_earlier_outputs_as_they_were(tmp_path: Path) -> None:
-    """A decode that is interrupted does not spoil what an earlier one wrote."""
+    """Interrupted or without room, nothing half is left; a full disk is named, with what to do."""
     write_all(tmp_path, {"a.csv": says("old\n"), "a.json": says("old\n")})
     with pytest.raises(KeyboardInterrupt):
         write_all(tmp_path, {"a.csv": says("new\n"), "a.json": fails(KeyboardInterrupt())})
+    with pytest.raises(OutputError, match=rf"^{tmp_path}: .*No space left on device; choose another with -o"):
+        write_all(tmp_path, {"b.csv": says("1\n"), "a.json": fails(OSError(28, "No space left on device"))})
 
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.csv": "old\n", "a.json": "old\n"}
-
-
-def test_full_disk_is_an_output_error(tmp_path: Path) -> None:
-    """A write that fails names the directory, the reason and what to do, and leaves nothing."""
-    with pytest.raises(OutputError, match=r"No space left on device; choose another with -o") as refused:
-        write_all(tmp_path, {"a.csv": says("1\n"), "a.json": fails(OSError(28, "No space left on device"))})
-
-    assert str(refused.value).startswith(f"{tmp_path}: ")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_final_name_that_cannot_be_taken_leaves_no_part(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ import pytest
 
 from decoder.panel.errors import TableError
 from decoder.timeseries.accuracy import NeedleAccuracy, compare
-from decoder.timeseries.tables import Table, flight_table, read_table
+from decoder.timeseries.tables import flight_table, read_table
+from tests.decoder.tables import table
 
 FLIGHT: dict[str, Any] = {
     "frame": [0, 1, 2, 3],
@@ -22,11 +23,6 @@ FLIGHT: dict[str, Any] = {
     "n1_sigma": [0.1, 0.1, 0.1, 0.1],
 }
 TRUTH: dict[str, Any] = {"frame": [0, 1, 2, 3], "n1": [10.0, 20.0, 30.0, 40.0]}
-
-
-def table(columns: Mapping[str, Any], path: Path = Path("table.csv")) -> Table:
-    """A table of anything."""
-    return Table(path, {name: tuple(str(value) for value in values) for name, values in columns.items()})
 
 
 def compared(flight: Mapping[str, Any], truth: Mapping[str, Any]) -> NeedleAccuracy:
@@ -110,9 +106,7 @@ def test_errors_go_the_short_way_round_a_turn(tmp_path: Path) -> None:
     assert result.by_status["read"].max_abs_pct_fs == pytest.approx(2.0 / 3.6)
 
 
-@pytest.mark.parametrize(
-    "text", ["", "[]", "null", '{"needles": []}', '{"needles": {"n1": {}}}', '{"needles": {"n1": 7}}']
-)
+@pytest.mark.parametrize("text", ["", "null", '{"needles": []}', '{"needles": {"n1": 7}}'])
 def test_json_that_is_something_else_is_left_aside(tmp_path: Path, text: str) -> None:
     """A JSON beside the flight data that is not its description only costs the percentages of full scale."""
     (tmp_path / "flight.json").write_text(text)
@@ -134,13 +128,11 @@ def test_table_is_read_by_column(tmp_path: Path) -> None:
     ("content", "problem"),
     [
         (None, "cannot be read as CSV"),
-        (b"", "has no rows"),
         (b"frame,n1\n", "has no rows"),
-        (b"frame,n1\n0\n", "its rows are not all as long as its header"),
         (b"frame,n1\n0,1,2\n", "its rows are not all as long as its header"),
         (b"\xff\xfe\x00frame", "cannot be read as CSV"),
     ],
-    ids=["no file", "empty", "header alone", "short row", "long row", "not text"],
+    ids=["no file", "header alone", "long row", "not text"],
 )
 def test_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes | None, problem: str) -> None:
     """One sentence names the file and what is wrong with it."""
@@ -160,9 +152,7 @@ def test_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes | None,
         (TRUTH, TRUTH, "is no flight data"),
         (FLIGHT, {"frame": [0], "n2": [1]}, "has none of the needles n1"),
         (FLIGHT, {"frame": [7, 8], "n1": [1, 2]}, "none of its rows belongs to a frame"),
-        (FLIGHT, {"time_s": [7.0, 8.0], "n1": [1, 2]}, "none of its rows belongs to a frame"),
         (FLIGHT, {"second": [0], "n1": [1]}, "has neither a `frame` nor a `time_s` column"),
-        (FLIGHT, {"time_s": [1.0, 1.0], "n1": [1, 2]}, "`time_s` must rise"),
         (FLIGHT, {"time_s": [2.0, 1.0], "n1": [1, 2]}, "`time_s` must rise"),
         (FLIGHT, {"time_s": ["", "x"], "n1": [1, 2]}, "`time_s` must rise"),
     ],

@@ -43,19 +43,6 @@ def test_what_goes_within_a_frame_and_stays_is_a_step_and_no_outlier() -> None:
     assert find_outliers(data) == []
 
 
-def test_what_leaves_its_neighbours_and_comes_back_is_an_outlier_and_no_step() -> None:
-    """Two frames away."""
-
-    def away(values: np.ndarray) -> np.ndarray:
-        values[200:202] += 390.0
-        return values
-
-    data = flown({"altitude_ft": away})
-
-    assert [event for event in find_events(data) if event.what is What.STEP and event.needle == "altitude_ft"] == []
-    assert [(each.first, each.last) for each in find_outliers(data)] == [(200, 201)]
-
-
 def test_frames_beside_a_pause_of_the_recording_are_no_outliers() -> None:
     """What a needle does during twenty seconds without a picture says nothing of the frames at either end."""
     values = 1000.0 + np.where(np.arange(len(TIME_S)) < 60, 0.0, 50.0)

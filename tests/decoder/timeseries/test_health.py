@@ -126,7 +126,7 @@ def test_doubt_is_said_with_what_most_of_it_comes_from(cause: Cause, advice: str
     assert advice in said
 
 
-@pytest.mark.parametrize("status", [Status.MISSING, Status.INTERPOLATED, Status.HIDDEN])
+@pytest.mark.parametrize("status", [Status.MISSING, Status.INTERPOLATED])
 def test_what_was_not_read_is_not_doubted_once_more(status: Status) -> None:
     """Only what claims to be read loses the claim."""
     series = replace(series_of([10, 20]), sigma=np.full(2, 90.0))

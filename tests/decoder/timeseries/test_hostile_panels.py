@@ -7,7 +7,6 @@ import io
 import os
 from collections.abc import Callable
 from datetime import date
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +16,15 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from decoder.imaging.pictures import GreyPicture
 from decoder.outputs.outputs import planned_files
 from decoder.panel.errors import DecoderError
 from decoder.parallel.decoding import decoded_flight
-from flight_file.flight_writer import FlightWriter, Plan
-from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
+from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
-from flight_file.session import Session
-from tests.decoder.cockpit import draw
+from tests.decoder.cockpit import DOCUMENT, draw
 from tests.programs import spoilt
 
-EXAMPLES = 60
+EXAMPLES = 30
 LONGEST_SENTENCE = 500
 FORMATS = ("csv", "mcap", "layout", "html")
 Content = Any
@@ -88,7 +84,11 @@ def decode(tmp_path: Path) -> Callable[[Content, Content | None], None]:
     for name in ("panel.png", "other.png"):
         cv2.imwrite(str(folder / name), draw(angles))
     os.mkfifo(folder / "fifo")
-    flight = _recorded(tmp_path, [draw({**angles, "speed_kt": 214.0 + 9 * step}) for step in range(3)])
+    (folder / "panel.yaml").write_text(yaml.safe_dump(DOCUMENT), encoding="utf-8")
+    pictures, flight = [tmp_path / f"{step}.jpg" for step in range(3)], tmp_path / "tiny.mcap"
+    for step, picture in enumerate(pictures):
+        cv2.imwrite(str(picture), draw({**angles, "speed_kt": 214.0 + 9 * step}))
+    record_flight(pictures, folder / "panel.yaml", flight)
 
     def run(panel: Content, camera: Content | None = None) -> None:
         (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
@@ -105,28 +105,6 @@ def decode(tmp_path: Path) -> Callable[[Content, Content | None], None]:
             make(done)(io.BytesIO())
 
     return run
-
-
-def _recorded(folder: Path, pictures: list[GreyPicture]) -> Path:
-    def at(frame: int) -> ClockReading:
-        return ClockReading(1_525_435_200_000_000_000 + frame * 500_000_000, frame * 500_000_000)
-
-    writer = FlightWriter(Plan(folder, Session("tiny"), {}), status=CameraStatus("connected"), at=at(0))
-    for number, picture in enumerate(pictures):
-        jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
-        moment = at(number)
-        frame = Frame(
-            number,
-            moment.realtime_ns,
-            jpeg,
-            sha256(jpeg).hexdigest(),
-            HostTimes(moment, moment, moment),
-            Exif(focal_length_mm=4.45),
-            *picture.shape[::-1],
-        )
-        writer.write_frame(frame, moment)
-    (path,) = writer.finish("stopped", at(len(pictures)))
-    return path
 
 
 def sentence_of(act: Callable[[], None]) -> str:

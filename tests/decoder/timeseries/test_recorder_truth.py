@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -12,43 +12,27 @@ from decoder.panel.errors import AccuracyError, MappingError, TableError, UnitEr
 from decoder.timeseries.accuracy import EASA, FAA, RECORDING, Judged, Verdict, judged
 from decoder.timeseries.tables import FlightTable, MappedName, Table, flight_table, read_mapping
 from decoder.timeseries.truth_comparison import recorder_truth
+from tests.decoder.tables import flight_of, table
 
-NEEDLES = {
-    "ias_kt": ("kt", 0, 200, None),
-    "altitude_ft": ("ft", 0, 20000, None),
-    "heading_deg": ("deg", 0, 360, 360),
-    "n1_pct": ("%", 0, 115, None),
-    "oil_temp_c": ("deg C", 0, 150, None),
+BEGUN = datetime(2018, 5, 4, 23, 59, 58, tzinfo=UTC)
+NEEDLES: dict[str, dict[str, object]] = {
+    "ias_kt": {"unit": "kt", "scale_max": 200},
+    "altitude_ft": {"unit": "ft", "scale_max": 20000},
+    "heading_deg": {"unit": "deg", "scale_max": 360, "wraps": 360},
+    "n1_pct": {"unit": "%", "scale_max": 115},
+    "oil_temp_c": {"unit": "deg C", "scale_max": 150},
 }
 
 
 def flight(tmp_path: Path, values: Mapping[str, Sequence[float]]) -> FlightTable:
     """Flight data from 2018-05-04T23:59:58Z, a second each."""
-    count = len(next(iter(values.values())))
-    columns: dict[str, tuple[str, ...]] = {
-        "frame": tuple(map(str, range(count))),
-        "time_utc": tuple(
-            f"2018-05-0{4 + (58 + s) // 60}T{'23:59' if s < 2 else '00:00'}:{(58 + s) % 60:02d}Z" for s in range(count)
-        ),
-        "time_s": tuple(str(float(second)) for second in range(count)),
+    seconds = range(len(next(iter(values.values()))))
+    times = {
+        "frame": seconds,
+        "time_utc": [(BEGUN + timedelta(seconds=second)).strftime("%Y-%m-%dT%H:%M:%SZ") for second in seconds],
+        "time_s": [float(second) for second in seconds],
     }
-    for name, numbers in values.items():
-        columns |= {
-            name: tuple(map(str, numbers)),
-            f"{name}_status": ("read",) * count,
-            f"{name}_sigma": ("0.1",) * count,
-        }
-    described = {
-        name: {"unit": unit, "scale_min": low, "scale_max": high} | ({"wraps": wraps} if wraps else {})
-        for name, (unit, low, high, wraps) in NEEDLES.items()
-    }
-    (tmp_path / "flight.json").write_text(json.dumps({"needles": described}))
-    return flight_table(Table(tmp_path / "flight.csv", columns))
-
-
-def table(columns: Mapping[str, Sequence[object]]) -> Table:
-    """A recorder's table."""
-    return Table(Path("fdr.csv"), {name: tuple(map(str, values)) for name, values in columns.items()})
+    return flight_of(tmp_path, times, values, NEEDLES)
 
 
 def test_mapped_columns_are_in_our_names_and_units(tmp_path: Path) -> None:
@@ -119,7 +103,6 @@ def test_what_cannot_be_matched_says_why(
     ("text", "says"),
     [
         ("- ias", "must be a name"),
-        ("ias: [1]", "ias: must be a name"),
         ("ias: {column: IAS}", "ias"),
         ("ias: {name: IAS, factor: 0}", "ias"),
         ("ias: {", "is not YAML"),
@@ -146,17 +129,14 @@ def judge(tmp_path: Path, name: str, truth: Sequence[float], shown: Sequence[flo
 @pytest.mark.parametrize(
     ("name", "truth", "off", "faa", "easa", "half"),
     [
-        ("ias_kt", 100.0, 2.9, Verdict.PASS, Verdict.PASS, Verdict.PASS),
         ("ias_kt", 100.0, 4.9, Verdict.PASS, Verdict.DEPENDS, Verdict.PASS),
         ("ias_kt", 100.0, 9.9, Verdict.PASS, Verdict.FAIL, Verdict.FAIL),
         ("ias_kt", 100.0, 10.1, Verdict.FAIL, Verdict.FAIL, Verdict.FAIL),
         ("ias_kt", 0.0, 0.9, Verdict.PASS, Verdict.PASS, Verdict.PASS),
-        ("altitude_ft", 5000.0, -99.0, Verdict.PASS, Verdict.PASS, None),
         ("altitude_ft", 5000.0, 300.0, Verdict.DEPENDS, Verdict.DEPENDS, None),
         ("altitude_ft", 5000.0, 701.0, Verdict.FAIL, Verdict.FAIL, None),
         ("heading_deg", 359.0, 1.9, Verdict.PASS, Verdict.PASS, Verdict.PASS),
         ("heading_deg", 1.0, -4.9, Verdict.PASS, Verdict.FAIL, Verdict.FAIL),
-        ("n1_pct", 50.0, 2.2, Verdict.PASS, Verdict.PASS, Verdict.PASS),
         ("n1_pct", 50.0, 2.4, Verdict.PASS, Verdict.FAIL, Verdict.PASS),
     ],
 )
