@@ -104,7 +104,7 @@ def angle_errors_deg(plane: DialPlane, pose: Pose, lens: Lens, *, y_up: bool = F
     return np.asarray((found - ANGLES_DEG + 180.0) % 360.0 - 180.0)
 
 
-@settings(max_examples=60, derandomize=True, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=25, derandomize=True, phases=[Phase.explicit, Phase.generate])
 @given(yaw=TILTS, pitch=TILTS, roll=st.floats(-8, 8), points=st.sampled_from([4, 5, 6]), y_up=st.booleans())
 def test_four_reference_points_square_up_any_dial(
     yaw: float, pitch: float, roll: float, points: int, *, y_up: bool
@@ -146,8 +146,8 @@ def test_marks_square_up_a_dial(
     assert np.abs(angle_errors_deg(plane, pose, lens)).max() < within_deg
 
 
-@pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (20.0, 0.0), (-25.0, 20.0), (35.0, 0.0), (0.0, -35.0)])
-@pytest.mark.parametrize("points", [5, 8, 16])
+@pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (-25.0, 20.0), (35.0, 0.0)])
+@pytest.mark.parametrize("points", [5, 16])
 def test_rim_squares_up_its_dial(yaw: float, pitch: float, points: int) -> None:
     """Points on a circle about the pivot do it without reference points; 0 degrees then is right in the picture."""
     lens = camera_of().lens(FOCAL_MM, SIZE_PX)

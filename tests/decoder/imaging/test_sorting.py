@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from decoder.imaging.sorting import median, median_of, middle_views
+from decoder.imaging.sorting import median, middle_views
 from decoder.panel.arrays import Floats
 
 LEVELS = st.floats(-300, 300, width=32)
@@ -30,9 +30,3 @@ def test_the_middle_is_the_median(values: Floats) -> None:
 
     assert middle == np.median(values)
     assert middle.dtype == np.float32
-
-
-@given(st.integers(1, 20).flatmap(lambda count: arrays(np.float32, (count, 2, 3), elements=LEVELS)))
-def test_the_median_of_views_is_that_of_each_pixel(views: Floats) -> None:
-    """Of odd and even numbers of views."""
-    assert (median_of(views) == np.median(views, axis=0)).all()

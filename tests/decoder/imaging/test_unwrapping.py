@@ -13,7 +13,6 @@ from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.resampling import inside
 from decoder.imaging.unwrapping import PolarGrid, Unwrapper, polar_grid
-from decoder.matching.strips import rows_at
 
 CENTRE = (60.25, 50.75)
 ANGLES = st.floats(-400.0, 800.0)
@@ -36,7 +35,7 @@ def expected_ramp(grid: PolarGrid, alignment: Alignment, slope_x: int, slope_y: 
     return slope_x * frame_x + slope_y * frame_y
 
 
-@pytest.mark.parametrize(("slope_x", "slope_y"), [(2, 0), (0, 2), (1, 1)])
+@pytest.mark.parametrize(("slope_x", "slope_y"), [(2, 0), (0, 2)])
 @pytest.mark.parametrize(
     "alignment", [IDENTITY, Alignment.rigid(3.0, (2.4, -5.6), 1.0)], ids=["as is", "shifted and rolled"]
 )
@@ -67,15 +66,3 @@ def test_grid_covers_sweep_and_radius(start_deg: float, sweep_deg: float, inner:
     assert grid.angle_deg(grid.rows - 1) == pytest.approx(start_deg + sweep_deg, abs=grid.step_deg / 2 + 1e-9)
     assert grid.inner_px + grid.column_px * (grid.columns - 1) == pytest.approx(inner + depth)
     assert 0 < grid.pixels_per_sample <= 1
-
-
-@given(offset=st.floats(0.0, 0.999), slope=st.floats(-5.0, 5.0), bend=st.floats(-0.5, 0.5))
-def test_fractional_rows_of_a_parabola_are_exact(offset: float, slope: float, bend: float) -> None:
-    """Cubic interpolation between rows reproduces a parabola."""
-    rows = np.arange(20.0)
-    strip = np.repeat((slope * rows + bend * rows**2)[:, None], 3, axis=1).astype(np.float32)
-    wanted = np.array([4.0, 9.0]) + offset
-
-    expected = np.repeat((slope * wanted + bend * wanted**2)[:, None], 3, axis=1)
-
-    assert rows_at(strip, wanted) == pytest.approx(expected, abs=1e-3)

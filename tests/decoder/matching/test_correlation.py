@@ -72,7 +72,6 @@ def test_score_is_a_number_within_one(seed: int, contrast: float, level: float, 
 FAINT = (100.0 + 1e-3 * random_image(11) / 255).astype(np.float32)
 NO_CONTRAST: dict[str, tuple[Image, Image, float]] = {
     "black template": (random_image(10), np.zeros((9, 12), np.float32), 1.0),
-    "white template": (random_image(10), np.full((9, 12), 255.0, np.float32), 1.0),
     "template of rounding": (random_image(11), FAINT[:9], 1.0),
     "gauge of rounding": (FAINT, random_image(12, rows=9), 1.0),
     "no weight": (random_image(16), random_image(15, rows=9), 0.0),

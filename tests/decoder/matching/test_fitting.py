@@ -20,7 +20,7 @@ from decoder.panel.arrays import Floats, Indices
 from decoder.registration.frame_placer import UnwrappedFrame
 from tests.decoder.cockpit import draw
 
-RENDERS = 200
+RENDERS = 100
 
 
 def unwrapped(reader: PanelReader, frame: GreyPicture) -> list[UnwrappedGauge]:
@@ -35,10 +35,9 @@ def speed(reader: PanelReader, frame: GreyPicture) -> Reading:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [4.0, 8.0, 16.0])
-@pytest.mark.parametrize("angle_deg", [200.0, 263.3, 390.4])
+@pytest.mark.parametrize(("angle_deg", "noise"), [(200.0, 4.0), (263.3, 16.0), (390.4, 8.0)])
 def test_sigma_is_the_spread_of_the_error(reader: PanelReader, noise: float, angle_deg: float) -> None:
-    """Over two hundred noisy frames the readings spread as widely as they say, within a factor of two."""
+    """Over a hundred noisy frames the readings spread as widely as they say, within a factor of two."""
     clean = draw({"speed_kt": angle_deg, "al_lb": 160.0, "fr_lb": 300.0}).astype(np.float64)
     rng = np.random.default_rng(71)
     readings = []
@@ -94,16 +93,6 @@ def test_shifted_needle_is_found_to_a_twentieth_of_a_row(
     assert found.is_settled.all()
     assert found.row[0] == pytest.approx(row, abs=0.05)
     assert found.score[0] > 0.99
-
-
-@given(gain=st.floats(0.2, 3.0), offset=st.floats(-50.0, 100.0))
-def test_light_does_not_move_a_needle(needle: NeedleTemplate, face: UnwrappedGauge, gain: float, offset: float) -> None:
-    """Gain and offset change neither the row nor the score."""
-    strip = over_face(needle, face, 251.3)
-    plain, lit = (settled(needle, face, each.astype(np.float32), 251.0) for each in (strip, gain * strip + offset))
-
-    assert lit.row[0] == pytest.approx(plain.row[0], abs=0.01)
-    assert lit.score[0] == pytest.approx(plain.score[0], abs=0.01)
 
 
 def test_a_light_that_changes_over_the_window_is_taken_out(needle: NeedleTemplate, face: UnwrappedGauge) -> None:

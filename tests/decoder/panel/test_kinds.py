@@ -23,7 +23,6 @@ WRONG = {
     ],
     f"{WINDOW}, linear: {{name: a, %s}}": [
         ("at: 30, span: 4, marks: [[2, 0], [8, 1]]", "within its `window`"),
-        ("at: 5, span: 40, marks: [[2, 0], [8, 1]]", "within its `window`"),
         ("at: 5, span: 0.5, marks: [[2, 0], [8, 1]]", "`span` of 4 pixels or more"),
         ("at: 5, span: 4, marks: [[2, 0], [[5, 5], 1]]", "not both"),
         ("at: 5, span: 4, marks: [[2, 0], [4, 1], [8, 0.5]]", "`marks` .* monotone"),
@@ -38,12 +37,10 @@ WRONG = {
         ("index: 5, marks: [[2, 0], [8, 0.1]], turn: 360", "more than 50 times as long as its window"),
     ],
     "window: [[10, 10], [70, 10], [70, 25], [10, 25]], digits: {name: nav1_mhz, %s}": [
-        ("pattern: '000.00', shows: '118.3'", "is not written as 000.00"),
         ("pattern: '000.00', shows: '1 8.30'", "is not written as 000.00"),
         ("pattern: '...', shows: '...'", "needs a `pattern` of digits"),
         ("pattern: '##', shows: '  '", "draw it on a picture in which the display is on"),
         ("pattern: '118.00', shows: '118.30'", "needs `0` or `#` in its `pattern` for each digit"),
-        ("pattern: '000', shows: '1²3'", "is not written as 000"),
         ("pattern: '0000000000000000', shows: '1234567890123456'", "more digits .* than the 15 that"),
         ("pattern: '-00', shows: '-11'", "begins with -: signs are not read"),
         ("pattern: \"=cmd|'/c calc'!A0\", shows: \"=cmd|'/c calc'!A1\", text: true", "begins with ="),

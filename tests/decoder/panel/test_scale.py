@@ -38,15 +38,6 @@ def test_angle_and_value_lead_to_each_other(scale: Scale, part: float) -> None:
     assert scale.values_at(scale.angles_of(value)) == pytest.approx(value, abs=1e-7 * abs(span))
 
 
-@given(scale=scales(), parts=st.tuples(st.floats(-0.2, 1.2), st.floats(-0.2, 1.2)))
-def test_scale_never_turns_back(scale: Scale, parts: tuple[float, float]) -> None:
-    """A needle further clockwise never shows less on a rising scale, nor more on a falling one."""
-    angles_deg = scale.angles_deg[0] + np.sort(parts) * np.ptp(scale.angles_deg)
-    before, after = scale.values_at(angles_deg)
-
-    assert (after - before) * (scale.values[-1] - scale.values[0]) >= 0
-
-
 @given(scale=scales(), part=st.floats(-0.2, 1.2), sigma_deg=st.floats(0.01, 20.0))
 def test_interval_holds_all_values_that_the_angles_interval_has(scale: Scale, part: float, sigma_deg: float) -> None:
     """However uneven the marks, a value's 95 % interval reaches as far as its angle's, on the further side."""

@@ -22,7 +22,7 @@ IN_WINDOWS: dict[str, dict[str, Any]] = {
     "linear": {"name": "trim_pct", "moves": "across", "marks": [[90, 0], [150, 100]], "at": [120, 70], "span": 20},
     "tape": {"name": "compass_deg", "index": 72, "marks": [[62, 310], [80, 340]], "turn": 360},
 }
-DAMAGE: tuple[Any, ...] = (None, "two words", [], {}, -1, 1e9, True, float("nan"), [1] * 7, {"a": 1})
+DAMAGE: tuple[Any, ...] = (None, "two words", [], -1, 1e9, float("nan"), {"a": 1})
 
 
 def whole() -> dict[str, Any]:
