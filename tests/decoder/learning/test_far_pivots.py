@@ -13,13 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from decoder.instruments.panel_reader import read_picture, unwrapped
+from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
-from decoder.learning.drawn_points import log_odds_of_point, log_odds_of_scales, seen_from
+from decoder.learning.drawn_points import log_odds_of_scales, seen_from
 from decoder.learning.fit import FittedReader, fit_to_flight
-from decoder.learning.flight_appearance import lit_views
 from decoder.learning.pivot_path import PivotPath
-from decoder.matching.pivot_search import card_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
@@ -66,8 +64,7 @@ def fitted_to(angles_deg: np.ndarray[Any, np.dtype[np.float64]], part: float, to
     return fit_to_flight(reader_for([drawn_beside(GAUGE, part, towards_deg)], draw(PANEL_DEG, 1)), lambda _: frames)
 
 
-@pytest.mark.parametrize("part", [0.05, 0.1])
-@pytest.mark.parametrize("towards_deg", [20.0, 110.0, 250.0])
+@pytest.mark.parametrize(("part", "towards_deg"), [(0.1, 20.0), (0.05, 110.0), (0.1, 250.0)])
 def test_needle_turns_where_it_turns_however_its_centre_is_drawn(part: float, towards_deg: float) -> None:
     """A tenth of the radius off, the pivot is found, and readings are as good as those of a panel that is right."""
     fitted = fitted_to(np.linspace(125, 415, 16), part, towards_deg)
@@ -95,7 +92,7 @@ def test_marks_are_taken_to_be_drawn_as_carelessly_as_centres() -> None:
     assert careless.drawn_deg > 2 * careful.drawn_deg
 
 
-@pytest.mark.parametrize("towards_deg", [20.0, 200.0])
+@pytest.mark.parametrize("towards_deg", [20.0])
 def test_card_is_read_however_its_centre_is_drawn(towards_deg: float) -> None:
     """Eight hundredths of the radius off, a heading is read in all frames."""
     turns_deg = [3.0 + 22.5 * step for step in range(16)]
@@ -108,20 +105,6 @@ def test_card_is_read_however_its_centre_is_drawn(towards_deg: float) -> None:
         status, off, _ = cards.off_deg(fitted.reader, cards.draw(turn_deg, 7), turn_deg)
         assert status is Status.READ
         assert off < 0.6
-
-
-@pytest.mark.parametrize("towards_deg", [20.0, 200.0])
-def test_card_that_is_little_off_is_searched_for(towards_deg: float) -> None:
-    """A seventieth of the radius: fine print is not read around there, and then no reading tells where it turns."""
-    gauge = drawn_beside(cards.CARD, 0.014, towards_deg)
-    reader = reader_for([gauge], cards.draw(cards.PANEL_TURN_DEG, 1))
-    frames = [cards.draw(3.0 + 22.5 * step, 100 + step) for step in range(16)]
-    (views,) = lit_views(reader, unwrapped(reader, frames))
-    found = card_pivot(reader.grids[0], [view for view in views if view is not None])
-
-    missed_px = np.array(gauge["centre"]) - CENTRE
-    assert found is not None
-    assert np.array(found) == pytest.approx(-missed_px, abs=0.3)
 
 
 def clicked(part: float, towards_deg: float) -> dict[str, Any]:
@@ -144,7 +127,7 @@ def as_often(gauge: dict[str, Any], towards_deg: float, drawn: Draws) -> list[di
     ]
 
 
-@pytest.mark.parametrize("towards_deg", [110.0, 250.0])
+@pytest.mark.parametrize("towards_deg", [110.0])
 @pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
 def test_marks_are_right_whether_they_are_points_or_angles(drawn: Draws, towards_deg: float) -> None:
     """The needles in the panel picture tell which of them the hand drew that missed the centres."""
@@ -160,7 +143,7 @@ def test_marks_are_right_whether_they_are_points_or_angles(drawn: Draws, towards
         ) == (drawn is clicked)
 
 
-@pytest.mark.parametrize("towards_deg", [20.0, 110.0, 180.0, 250.0])
+@pytest.mark.parametrize("towards_deg", [20.0, 180.0])
 @pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
 def test_marks_of_a_lone_gauge_may_be_points_or_angles(drawn: Draws, towards_deg: float) -> None:
     """One needle is too few to decide; sigma holds what either would mean."""
@@ -197,7 +180,7 @@ def test_point_is_seen_from_elsewhere_and_back(offset: tuple[float, float], angl
     assert abs(seen_deg - angle_deg) < 90
 
 
-@pytest.mark.parametrize("towards_deg", [20.0, 110.0, 250.0])
+@pytest.mark.parametrize("towards_deg", [20.0, 250.0])
 @pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
 def test_even_scale_tells_points_from_angles(drawn: Draws, towards_deg: float) -> None:
     """A circle's marks are even as seen from its centre only; two marks, or a pivot that stays, tell nothing."""
@@ -214,13 +197,6 @@ def test_even_scale_tells_points_from_angles(drawn: Draws, towards_deg: float) -
     assert abs(log_odds_of_scales(even, moved)) > 3.0
     assert log_odds_of_scales(ends, moved) == pytest.approx(0.0)
     assert log_odds_of_scales(even, PivotPath()) == pytest.approx(0.0)
-
-
-def test_needle_that_is_drawn_quite_wrongly_does_not_decide_what_all_marks_are() -> None:
-    """Neither explains it; what both explain as well tells nothing, and one of them as surely as the other."""
-    assert abs(log_odds_of_point(40.0, 5.0)) < log_odds_of_point(5.0, 5.0) / 5
-    assert log_odds_of_point(1.0, 2.0) == 0.0
-    assert log_odds_of_point(5.0, 5.0) == -log_odds_of_point(0.0, 5.0) > 3.0
 
 
 def test_hands_of_an_altimeter_are_read_around_a_centre_that_is_far_off() -> None:

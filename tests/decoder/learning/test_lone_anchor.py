@@ -16,34 +16,22 @@ from decoder.learning.flight_sample import align_sample
 from decoder.panel.arrays import Floats
 from decoder.panel.panel import parse_panel
 from decoder.panel.vocabulary import Method
-from tests.decoder.registration.plane import GAUGE_PX, document_of, turn
+from tests.decoder.registration.plane import GAUGE_PX, SIZE_PX, boxes, document_of, turn
 
-SIZE_PX = (640, 480)
 ANCHOR = {"name": "texture", "box": [290, 120, 60, 46]}
 RIM = np.array([[GAUGE_PX[0] + x, GAUGE_PX[1] + y] for x, y in ((0, 0), (50, 0), (-50, 0), (0, 50), (0, -50))]).T
 
 
-def picture() -> GreyPicture:
-    """Dark and light boxes in random places."""
-    rng = np.random.default_rng(11)
-    drawn = np.full(SIZE_PX[::-1], 70, np.uint8)
-    for _ in range(260):
-        x, y = int(rng.integers(SIZE_PX[0])), int(rng.integers(SIZE_PX[1]))
-        end = (x + int(rng.integers(6, 40)), y + int(rng.integers(6, 40)))
-        cv2.rectangle(drawn, (x, y), end, int(rng.integers(20, 240)), -1)
-    return np.asarray(cv2.GaussianBlur(drawn, (0, 0), 0.8), np.uint8)
-
-
 def frame(motion: Floats, seed: int) -> GreyPicture:
     """What a camera sees from there, with some noise."""
-    seen = cv2.warpPerspective(picture(), motion, SIZE_PX).astype(float)
+    seen = cv2.warpPerspective(boxes(), motion, SIZE_PX).astype(float)
     return np.clip(seen + np.random.default_rng(seed).normal(0, 2, seen.shape), 0, 255).astype(np.uint8)
 
 
 def aligned(motions: list[Floats]) -> tuple[PanelReader, float]:
     """The reader once a flight's frames are aligned, and how far any of them puts the gauge's rim off, px."""
     document = {**document_of(()), "anchors": [ANCHOR]}
-    source = PanelPictures(parse_panel(yaml.safe_dump(document)), {"panel.png": picture()}, "0" * 64)
+    source = PanelPictures(parse_panel(yaml.safe_dump(document)), {"panel.png": boxes()}, "0" * 64)
     frames = [frame(motion, seed) for seed, motion in enumerate(motions)]
     reader, samples = align_sample(reader_from_panel(source, Method.NORMXCORR), lambda _: frames)
     assert len(samples) == len(motions)

@@ -87,7 +87,7 @@ def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() ->
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("inner_px", "moves", "is_needle"),
-    [(14, True, True), (14, False, True), (40, True, True), (46, True, False), (52, True, False)],
+    [(14, False, True), (40, True, True), (46, True, False)],
 )
 @pytest.mark.parametrize("ring_level", [dials.FACE_LEVEL, 220.0])
 def test_what_is_cut_beyond_the_tip_and_stands_still_may_be_no_needle(
@@ -158,14 +158,6 @@ def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -
     assert _drawn_sigma_deg(decided, opposite) < _drawn_sigma_deg(undecided, opposite) / 10
 
 
-def test_hand_that_misses_centres_misses_marks() -> None:
-    """By a third as much, and on a dial of any size by as much of a circle."""
-    drawn = reader_of().source
-    careful, careless = (uncertainties_of(drawn, care_part=part)["speed_kt"].drawn_deg for part in (0.0, 0.015))
-
-    assert careless**2 - careful**2 == pytest.approx(math.degrees(0.015 / 3) ** 2)
-
-
 def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
     """By a part of it, the more pixels an inch has; all round, since a shadow falls anywhere."""
     folder = FIXTURES / "oblique" / "t1a_small"
@@ -181,7 +173,7 @@ def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
         assert covariance == pytest.approx(covariance[0, 0] * np.eye(2))
 
 
-@pytest.mark.parametrize("part", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("part", [0.0, 0.05])
 def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> None:
     """Seen from beside its middle a ring's marks are uneven by a wave; without the worth of a turn they may be."""
     drawn = reader_of().source
@@ -239,16 +231,6 @@ def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
     sigma_deg = _drawn_sigma_deg(uncertainty, np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
 
     assert sigma_deg == pytest.approx(0.1 * np.array([math.hypot(1.5, 0.5), 1.0, 1.0, 1.0, math.hypot(1.5, 0.5)]))
-
-
-def test_one_bad_mark_of_a_turn_is_held_by_two_sigma() -> None:
-    """However many others are good: readings beside it are as far off as it is."""
-    gauge = reader_of().source.panel.gauges[0]
-    marks = [(30.0 * number, 30.0 * number) for number in range(12)]
-    marks[5] = (marks[5][0] + 12.0, marks[5][1])
-    clicked = gauge.model_copy(update={"scale": tuple(marks), "wraps": 360.0})
-
-    assert 2 * uneven_deg(clicked.quantities[0]) >= 11.0
 
 
 def test_a_horizon_is_doubted_by_how_uneven_its_marks_of_bank_are() -> None:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
@@ -102,6 +103,17 @@ def document_of(names: Sequence[str], **more: object) -> dict[str, Any]:
 def panel_of(names: Sequence[str], **more: object) -> Panel:
     """A panel with these knobs as anchors."""
     return parse_panel(yaml.safe_dump(document_of(names, **more)))
+
+
+def boxes() -> GreyPicture:
+    """A picture of the same size full of corners: dark and light boxes in random places."""
+    rng = np.random.default_rng(11)
+    picture = np.full(SIZE_PX[::-1], 70, np.uint8)
+    for _ in range(260):
+        x, y = int(rng.integers(SIZE_PX[0])), int(rng.integers(SIZE_PX[1]))
+        end = (x + int(rng.integers(6, 40)), y + int(rng.integers(6, 40)))
+        cv2.rectangle(picture, (x, y), end, int(rng.integers(20, 240)), -1)
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), np.uint8)
 
 
 CORNERS = np.stack(np.meshgrid([120.0, 320.0, 520.0], [100.0, 240.0, 380.0])).reshape(2, 9)

@@ -24,10 +24,10 @@ def aligner(document: dict[str, Any]) -> Aligner:
     return Aligner(parse(document), draw(HANDS))
 
 
-SHAKEN = [(shift, roll_deg) for shift in ((0.0, 0.0), (3.4, -2.7), (-17.3, 21.6)) for roll_deg in (0.0, -0.4, 1.1)]
+SHAKEN = [((0.0, 0.0), 0.0), ((3.4, -2.7), -0.4), ((-17.3, 21.6), 1.1)]
 # Out of the anchor's usual region, whatever lies there instead; rolled further than the first search reaches.
-JOLTED = [((x, y), 0.0) for x, y in ((8.0, 31.25), (15.0, 45.0), (-40.0, 50.0))]
-ROLLED = [((0.0, 0.0), roll_deg) for roll_deg in (-3.0, -2.5, -2.0, -1.7, 1.7, 2.0, 2.25, 2.5, 3.0)]
+JOLTED = [((x, y), 0.0) for x, y in ((8.0, 31.25), (-40.0, 50.0))]
+ROLLED = [((0.0, 0.0), roll_deg) for roll_deg in (-3.0, -1.7, 2.25)]
 
 
 @pytest.mark.parametrize(("shift", "roll_deg"), [*SHAKEN, *JOLTED, *ROLLED], ids=str)
@@ -45,7 +45,7 @@ def test_shift_and_roll_are_recovered(aligner: Aligner, shift: tuple[float, floa
 
 @pytest.mark.parametrize(
     ("shift_x", "roll_deg"),
-    [*((x, 0.0) for x in (20.0, 25.0, 28.0, 30.0, 31.0, 34.0)), *((0.0, roll) for roll in (-8, -5, 5, 6, 7, 8))],
+    [*((x, 0.0) for x in (20.0, 30.0, 34.0)), *((0.0, roll) for roll in (-8, 5, 6))],
 )
 def test_view_at_the_limit_is_right_or_refused(aligner: Aligner, shift_x: float, roll_deg: float) -> None:
     """A border that repeats outside the frame is not taken for the level edge, nor a search's end for a roll."""
@@ -67,7 +67,6 @@ def covered(rows: slice, columns: slice, level: int) -> GreyPicture:
 
 NOWHERE: dict[str, tuple[GreyPicture, str]] = {
     "black": (np.zeros((220, 360), np.uint8), r"anchor knob not found \(score 0\.00\)"),
-    "grey": (np.full((220, 360), 90, np.uint8), r"anchor knob not found \(score 0\.00\)"),
     "noise": (np.random.default_rng(52).integers(0, 255, (220, 360)).astype(np.uint8), "anchor knob not found"),
     "a hand over the anchor": (covered(slice(5, 60), slice(135, 185), 200), "anchor knob not found"),
     "no level edge": (covered(slice(None), slice(315, None), 60), "level edge not found"),
@@ -104,7 +103,7 @@ def with_second_anchor(document: dict[str, Any]) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.parametrize("roll_deg", [-3.0, 0.0, 0.7, 4.0])
+@pytest.mark.parametrize("roll_deg", [-3.0, 0.7, 4.0])
 def test_two_anchors_give_the_roll_too(document: dict[str, Any], roll_deg: float) -> None:
     """Without a level edge the roll comes from the direction between two anchors."""
     aligner = Aligner(parse(with_second_anchor(document)), draw(HANDS))
@@ -114,7 +113,7 @@ def test_two_anchors_give_the_roll_too(document: dict[str, Any], roll_deg: float
     assert found.to_frame(FAR) == pytest.approx(Alignment.rigid(roll_deg, (1.7, 2.2), 1.0).to_frame(FAR), abs=0.1)
 
 
-@pytest.mark.parametrize("roll_deg", [-2.0, 1.5, 3.0])
+@pytest.mark.parametrize("roll_deg", [-2.0, 3.0])
 def test_roll_is_not_guessed_when_one_of_two_anchors_is_covered(document: dict[str, Any], roll_deg: float) -> None:
     """Without a level edge one anchor alone cannot tell the roll: the frame is right or lost, never taken as level."""
     aligner = Aligner(parse(with_second_anchor(document)), draw(HANDS))
@@ -162,12 +161,10 @@ OUTSIDE = r"anchors\[0\]\.box: lies outside the 360 x 220 panel picture"
     ("box", "says"),
     [
         ([-1, 12, 40, 40], OUTSIDE),
-        ([140, -3, 40, 40], OUTSIDE),
-        ([330, 12, 40, 40], OUTSIDE),
         ([140, 190, 40, 40], OUTSIDE),
         ([150, 170, 20, 20], r"anchors\[0\]\.box: holds nothing that could be found again"),
     ],
-    ids=["left", "top", "right", "bottom", "flat"],
+    ids=["left", "bottom", "flat"],
 )
 def test_anchor_that_cannot_be_found_again_is_refused(document: dict[str, Any], box: list[int], says: str) -> None:
     """One that reaches beyond the panel picture, or the only one if it has no contrast, is named with its path."""

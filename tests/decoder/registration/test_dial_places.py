@@ -77,8 +77,8 @@ def placer() -> GaugePlacer:
     return GaugePlacer(GAUGE, None, drawn(250.0, np.eye(3), noise=1.0), IDENTITY)
 
 
-@pytest.mark.parametrize("angle_deg", [130.0, 213.0, 250.0, 341.0, 405.0])
-@pytest.mark.parametrize(("x_px", "y_px"), [(0.0, 0.0), (3.4, -2.7), (-14.6, 11.2)])
+@pytest.mark.parametrize("angle_deg", [130.0, 250.0, 405.0])
+@pytest.mark.parametrize(("x_px", "y_px"), [(0.0, 0.0), (-14.6, 11.2)])
 def test_dial_is_found_wherever_its_needle_is(placer: GaugePlacer, angle_deg: float, x_px: float, y_px: float) -> None:
     """To a tenth of a pixel, under noise, with the needle anywhere."""
     place = placer.place(drawn(angle_deg, shifted(x_px, y_px)), IDENTITY)
@@ -87,7 +87,7 @@ def test_dial_is_found_wherever_its_needle_is(placer: GaugePlacer, angle_deg: fl
     assert place.shift_px == pytest.approx((x_px, y_px), abs=0.12)
 
 
-@pytest.mark.parametrize("angle_deg", [240.0, 244.0, 256.0, 261.0])
+@pytest.mark.parametrize("angle_deg", [244.0, 261.0])
 @pytest.mark.parametrize("x_px", [-9.3, 8.6])
 def test_needle_near_where_the_panel_picture_has_it_does_not_pull_the_dial(angle_deg: float, x_px: float) -> None:
     """Where marks are faint it is the strongest thing there is, but says nothing of where the dial lies."""
@@ -98,7 +98,7 @@ def test_needle_near_where_the_panel_picture_has_it_does_not_pull_the_dial(angle
     assert place.shift_px == pytest.approx((x_px, 1.2), abs=0.3)
 
 
-@pytest.mark.parametrize(("x_px", "y_px"), [(0.0, 0.0), (2.4, -1.7)])
+@pytest.mark.parametrize(("x_px", "y_px"), [(2.4, -1.7)])
 def test_short_scale_lies_where_the_other_dials_do(placer: GaugePlacer, x_px: float, y_px: float) -> None:
     """Its own marks tell little of where its pivot lies, far from them; the others tell it where all move alike."""
     short = GAUGE.model_copy(update={"sweep": (262.0, 318.0), "name": "short", "radius": (40.0, 66.0)})

@@ -59,7 +59,7 @@ def aligner() -> Aligner:
 
 @pytest.mark.parametrize(
     ("names", "motion"),
-    [*product((ALL, FOUR, THREE, TWO), SLIGHT), *product((ALL, FOUR), OBLIQUE)],
+    [*product((ALL, THREE, TWO), SLIGHT[2:]), *product((ALL, FOUR), OBLIQUE)],
     ids=lambda value: len(value) if isinstance(value, tuple) else str(value),
 )
 def test_views_are_found(names: tuple[str, ...], motion: dict[str, Any]) -> None:
@@ -70,23 +70,6 @@ def test_views_are_found(names: tuple[str, ...], motion: dict[str, Any]) -> None
     assert furthest_px(found.matrix, truth) < 0.03
     assert found.score > 0.99
     assert set(found.failed) == (set(names) & {"south_east"} if motion == PUSHED_OUT else set())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("names", [ALL, FOUR], ids=len)
-def test_every_view_within_limits_is_found(names: tuple[str, ...]) -> None:
-    """Fifty views, shake, roll, scale and perspective together, without EXIF: found to a few hundredths of a pixel."""
-    chance = np.random.default_rng(2026)
-    for _ in range(50):
-        truth = turn(
-            shift_px=tuple(chance.uniform((-30, -25), (30, 25))),
-            roll_deg=chance.uniform(-6, 6),
-            scale=chance.uniform(0.95, 1.02),
-            tilt=tuple(chance.uniform(-0.08, 0.08, 2)),
-        )
-        found = aligner_of(names).align(see(truth, **NOISE))
-
-        assert furthest_px(found.matrix, truth) < 0.08
 
 
 MISSED: dict[str, dict[str, Any]] = {
@@ -116,7 +99,7 @@ def test_hand_in_an_oblique_view_is_right_or_said(aligner: Aligner) -> None:
     """With one to three of six anchors under a hand the others' own pixels tell the perspective, and how surely."""
     chance = np.random.default_rng(2027)
     off_px = []
-    for seed in range(30):
+    for seed in range(15):
         truth = turn(
             shift_px=tuple(chance.uniform(-15, 15, 2)),
             roll_deg=chance.uniform(-4, 4),
@@ -139,16 +122,6 @@ def test_hand_in_an_oblique_view_is_right_or_said(aligner: Aligner) -> None:
     assert max(off_px) < 1.5
 
 
-@pytest.mark.parametrize(
-    "light", [{"gain": 0.5, "offset": 60.0}, {"gain": 1.3}, {"slope": 0.1}, {"gain": 0.6, "slope": -0.15}], ids=str
-)
-def test_light_does_not_move_perspective(aligner: Aligner, light: dict[str, float]) -> None:
-    """Another exposure, or a light that grows over the picture, pulls nothing with it."""
-    truth = turn(shift_px=(2.3, 3.1), tilt=(0.02, 0.01))
-
-    assert furthest_px(aligner.align(see(truth, **NOISE, **light)).matrix, truth) < 0.06
-
-
 HANDS = {
     "one": ((20, 20, 100, 100), {"north_west"}),
     "half of one": ((45, 0, 35, 110), {"north_west"}),
@@ -157,11 +130,10 @@ HANDS = {
 
 
 @pytest.mark.parametrize("hand", HANDS)
-@pytest.mark.parametrize("motion", [{"shift_px": (2.0, 1.0)}, {"shift_px": (9.0, 5.0), "roll_deg": 1.0}], ids=str)
-def test_hand_over_anchors_is_left_out(aligner: Aligner, hand: str, motion: dict[str, Any]) -> None:
+def test_hand_over_anchors_is_left_out(aligner: Aligner, hand: str) -> None:
     """What a hand covers is named and pulls nothing; the rest holds the frame."""
     (left, top, width, height), covered = HANDS[hand]
-    truth = turn(**motion)
+    truth = turn(shift_px=(9.0, 5.0), roll_deg=1.0)
     frame = see(truth, **NOISE)
     frame[top : top + height, left : left + width] = np.random.default_rng(1).integers(120, 200, (height, width))
     found = aligner.align(frame)
@@ -170,27 +142,7 @@ def test_hand_over_anchors_is_left_out(aligner: Aligner, hand: str, motion: dict
     assert furthest_px(found.matrix, truth) < 0.4
 
 
-def test_glare_on_an_anchor_is_left_out(aligner: Aligner) -> None:
-    """A round reflection that drowns an anchor leaves the alignment where it is."""
-    truth = turn(shift_px=(3.0, -2.0))
-    v, u = np.mgrid[0:480, 0:640]
-    glare = 300.0 * np.exp(-((u - 575) ** 2 + (v - 62) ** 2) / (2 * 14.0**2))
-    found = aligner.align(np.clip(see(truth, **NOISE) + glare, 0, 255).astype(np.uint8))
-
-    assert found.failed == ("north_east",)
-    assert furthest_px(found.matrix, truth) < 0.05
-
-
-def test_panel_that_leaves_the_picture_is_held_by_the_anchors_that_remain(aligner: Aligner) -> None:
-    """With half of the anchors outside, points near the others are still right."""
-    truth = turn(shift_px=(0.0, 260.0))
-    found = aligner.align(see(truth, **NOISE))
-
-    assert set(found.failed) >= {"south_west", "south_east", "south"}
-    assert found.to_frame((320.0, 100.0)) == pytest.approx((320.0, 360.0), abs=0.3)
-
-
-@pytest.mark.parametrize("motion", [*SLIGHT, *OBLIQUE], ids=str)
+@pytest.mark.parametrize("motion", [*SLIGHT[2:5], *OBLIQUE], ids=str)
 def test_identical_knobs_are_told_apart(motion: dict[str, Any]) -> None:
     """Six knobs of one kind are known by where they stand."""
     truth = turn(**motion)
@@ -244,7 +196,7 @@ def test_anchors_all_on_one_side_are_not_trusted_with_perspective(aligner: Align
 def test_uncertainty_is_what_the_errors_are(aligner: Aligner) -> None:
     """Over frames with noise the errors are about as large as the alignment claims, and it claims not much more."""
     ratios = []
-    for seed in range(24):
+    for seed in range(12):
         truth = turn(shift_px=(0.13 * seed, -0.21 * seed), roll_deg=0.05 * seed)
         found = aligner.align(see(truth, noise=3.0, seed=seed))
         there = carried(truth, CORNERS)
@@ -321,13 +273,3 @@ def test_a_frame_with_an_anchor_covered_is_read_by_what_the_others_look_like() -
         assert read.alignment.failed == ("north_west",)
         assert off_px < 0.15
         assert off_px / math.sqrt(2) < 3 * place_sigma_px(reader, read) < 1.0
-
-
-def test_a_flight_that_only_shifts_leaves_nothing_unseen() -> None:
-    """Then three anchors tell all there is."""
-    motions = [turn(shift_px=(2.0 * step, -step), roll_deg=0.2 * step) for step in range(-4, 5)]
-    reader = reader_tuned_on(panel_of(FOUR), motions)
-    read = read_picture(reader, covered(see(motions[1], noise=1.5, seed=31)))
-
-    assert read.alignment.failed == ("north_west",)
-    assert place_sigma_px(reader, read) < 0.1

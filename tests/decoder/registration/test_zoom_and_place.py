@@ -43,7 +43,7 @@ def zoom_of(camera: Camera | None, focal_length_mm: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("known", [False, True], ids=["by EXIF alone", "with a camera"])
-@pytest.mark.parametrize("focal_length_mm", [4.0, 4.4, 5.0, 5.3])
+@pytest.mark.parametrize("focal_length_mm", [4.0, 5.3])
 def test_zoom_steps_lose_no_frame(*, known: bool, focal_length_mm: float) -> None:
     """At each zoom the panel is found where the zoom has it, shaken and rolled as it is."""
     camera = camera_of(0.0) if known else None
@@ -63,7 +63,7 @@ def test_frames_of_twice_the_size_are_read_with_the_same_panel() -> None:
     assert furthest_px(found.matrix, doubled) < 0.15
 
 
-@pytest.mark.parametrize("size_px", [(640, 360), (480, 640), (900, 400)], ids=str)
+@pytest.mark.parametrize("size_px", [(480, 640), (900, 400)], ids=str)
 def test_frames_of_another_shape_are_searched_as_any_others(size_px: tuple[int, int]) -> None:
     """A film of 16:9 with a photograph of 4:3, and one held upright: nothing hangs on how the sensor was cut."""
     aligner = Aligner(panel_of(ALL), see(np.eye(3), noise=1.0, seed=5))
@@ -98,7 +98,7 @@ def test_frame_of_another_shape_or_uncalibrated_zoom_is_refused(
 
 
 @pytest.mark.parametrize("k1", [-0.15, 0.1])
-@pytest.mark.parametrize("motion", [{}, {"shift_px": (9.0, -7.0), "roll_deg": 2.0}, {"tilt": (0.05, -0.05)}], ids=str)
+@pytest.mark.parametrize("motion", [{"shift_px": (9.0, -7.0), "roll_deg": 2.0}, {"tilt": (0.05, -0.05)}], ids=str)
 def test_distortion_is_part_of_the_alignment(k1: float, motion: dict[str, Any]) -> None:
     """Panel picture and frame are both bent by the lens: every point still lies where it is seen."""
     camera = camera_of(k1)
