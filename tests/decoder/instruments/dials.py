@@ -21,6 +21,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import reader_from_panel, tune
 from decoder.panel.panel import parse_panel
+from decoder.panel.scale import shortest
 from decoder.panel.vocabulary import Method
 
 WIDTH_PX, HEIGHT_PX = 240, 190
@@ -86,6 +87,11 @@ class Canvas:
         self.disc(centre, radius_px, FACE_LEVEL)
         for angle_deg in ticks_deg:
             self.bar(angle_deg, (radius_px - 12.0, radius_px - 3.0), (1.2, 1.2), MARK_LEVEL, centre)
+
+
+def apart(one: float, other: float, turn: float = 360.0) -> float:
+    """How far two angles, or two values that begin again after a turn, lie apart the short way round."""
+    return float(abs(shortest(np.array(one - other), turn)))
 
 
 def finished(canvas: Canvas, *, noise: float, blur: float, quality: int, seed: int) -> GreyPicture:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.instruments.kinds.dials.attitude import Attitudes, learn_attitude
-from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
+from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -171,33 +169,47 @@ def assert_read(reader: PanelReader, frame: GreyPicture, roll_deg: float, pitch_
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
-@given(roll_deg=st.floats(-180, 180), pitch_deg=st.floats(-18, 18))
-@example(roll_deg=0.0, pitch_deg=0.0)
-@example(roll_deg=75.0, pitch_deg=-10.0)
-@example(roll_deg=-120.0, pitch_deg=15.0)
-@example(roll_deg=180.0, pitch_deg=5.0)
+@settings(max_examples=16, deadline=None)
+@given(roll_deg=st.floats(-180, 180), pitch_deg=st.floats(-18, 18), gain=st.sampled_from([0.45, 1.0, 1.1]))
+@example(roll_deg=0.0, pitch_deg=0.0, gain=1.0)
+@example(roll_deg=-120.0, pitch_deg=15.0, gain=0.45)
+@example(roll_deg=180.0, pitch_deg=5.0, gain=1.1)
 def test_it_is_read_at_any_bank_and_inverted(
     reader: PanelReader,
     ring: bool,  # noqa: FBT001
     roll_deg: float,
     pitch_deg: float,
+    gain: float,
 ) -> None:
-    """Bank and pitch are as drawn, all the way round, wherever pitch leaves the horizon in the window."""
-    assert_read(reader, draw(roll_deg, pitch_deg, 7, ring=ring), roll_deg, pitch_deg, 0.35)
+    """Bank and pitch are as drawn, all the way round, wherever the horizon is in sight, in half the light too."""
+    assert_read(reader, draw(roll_deg, pitch_deg, 7, ring=ring, gain=gain), roll_deg, pitch_deg, 0.35)
 
 
-@pytest.mark.parametrize("gain", [0.45, 1.1])
-def test_light_does_not_change_it(reader: PanelReader, ring: bool, gain: float) -> None:  # noqa: FBT001
-    """In half the light, and in more, it shows the same."""
-    assert_read(reader, draw(-33.0, 7.0, 8, ring=ring, gain=gain), -33.0, 7.0, 0.35)
+@pytest.mark.parametrize("pitch_deg", [70.0, -70.0])
+def test_a_horizon_out_of_sight_is_missing(reader: PanelReader, ring: bool, pitch_deg: float) -> None:  # noqa: FBT001
+    """Sky or ground alone tells no pitch; bank is read where a ring shows it."""
+    read = read_picture(reader, draw(20.0, pitch_deg, 9, ring=ring))
+
+    assert read.readings["pitch_deg"].status is Status.MISSING
+    assert read.readings["roll_deg"].status is (Status.READ if ring else Status.MISSING)
+
+
+@pytest.mark.parametrize(("part", "roll_deg"), [(0.3, -40.0), (0.5, 0.0), (0.7, 25.0), (1.0, 5.0)])
+def test_a_hand_over_it_makes_no_wrong_value(reader: PanelReader, ring: bool, part: float, roll_deg: float) -> None:  # noqa: FBT001
+    """Covered in part it is read rightly or not at all, and wholly covered it is missing."""
+    read = read_picture(reader, draw(roll_deg, -6.0, 10, ring=ring, hand=part))
+    found = values(reader, read)
+
+    for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", -6.0)):
+        is_right = part < 1.0 and abs(found[name] - truth_deg) < 1.0
+        assert is_right or read.readings[name].status is Status.MISSING
 
 
 @pytest.mark.slow
 def test_uncertainties_hold(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
     """Nearly all values lie within two standard uncertainties, as frames tell them."""
     rng = np.random.default_rng(5)
-    rolls, pitches = rng.uniform(-70, 70, 30), rng.uniform(-15, 15, 30)
+    rolls, pitches = rng.uniform(-70, 70, 20), rng.uniform(-15, 15, 20)
     off: dict[str, list[float]] = {"roll_deg": [], "pitch_deg": []}
     for index, (roll_deg, pitch_deg) in enumerate(zip(rolls, pitches, strict=True)):
         read = read_picture(reader, draw(roll_deg, pitch_deg, 300 + index, ring=ring))
@@ -209,48 +221,16 @@ def test_uncertainties_hold(reader: PanelReader, ring: bool) -> None:  # noqa: F
     assert {name: float(np.mean(np.abs(each) < 1.96)) >= 0.9 for name, each in off.items()} == dict.fromkeys(off, True)
 
 
-@pytest.mark.parametrize("pitch_deg", [70.0, -70.0])
-def test_a_horizon_out_of_sight_is_missing(reader: PanelReader, ring: bool, pitch_deg: float) -> None:  # noqa: FBT001
-    """Sky or ground alone tells no pitch; bank is read where a ring shows it."""
-    plain = draw(20.0, pitch_deg, 9, ring=ring)
-    read = read_picture(reader, plain)
-
-    assert read.readings["pitch_deg"].status is Status.MISSING
-    assert read.readings["roll_deg"].status is (Status.READ if ring else Status.MISSING)
-
-
-@pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
-@pytest.mark.parametrize("roll_deg", [-40.0, 0.0, 25.0])
-def test_a_hand_over_it_makes_no_wrong_value(
-    reader: PanelReader,
-    ring: bool,  # noqa: FBT001
-    part: float,
-    roll_deg: float,
-) -> None:
-    """Half covered by a hand it is read rightly or not at all."""
-    read = read_picture(reader, draw(roll_deg, -6.0, 10, ring=ring, hand=part))
-    found = values(reader, read)
-
-    for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", -6.0)):
-        assert read.readings[name].status is Status.MISSING or abs(found[name] - truth_deg) < 1.0
-
-
-def test_a_covered_dial_is_missing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
-    """Nothing is read of a hand."""
-    read = read_picture(reader, draw(5.0, 5.0, 11, ring=ring, hand=1.0))
-
-    assert {one.status for one in read.readings.values()} == {Status.MISSING}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("frames", [0, 5])
-def test_little_teaches_nothing_wrong(ring: bool, frames: int) -> None:  # noqa: FBT001
-    """By the panel picture alone, or by five frames, it is read rightly or not at all."""
-    taught = flight(ring=ring)[:frames]
+@pytest.mark.parametrize("sample", ["none", "five", "straight and level"])
+def test_little_teaches_nothing_wrong(ring: bool, sample: str) -> None:  # noqa: FBT001
+    """By the panel picture alone, by five frames, or by a flight that hardly moves: it is right, or missing."""
+    level = [draw(0.2 * index, 0.1 * index, 70 + index, ring=ring) for index in range(10)]
+    taught = {"none": [], "five": flight(ring=ring)[:5], "straight and level": level}[sample]
     reader = reader_for([described(ring=ring)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring), taught)
     rng = np.random.default_rng(6)
 
-    for seed, (roll_deg, pitch_deg) in enumerate(rng.uniform((-180, -20), (180, 20), (12, 2)).tolist()):
+    for seed, (roll_deg, pitch_deg) in enumerate(rng.uniform((-180, -20), (180, 20), (6, 2)).tolist()):
         read = read_picture(reader, draw(roll_deg, pitch_deg, 400 + seed, ring=ring))
         found = values(reader, read)
         for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", pitch_deg)):
@@ -273,29 +253,6 @@ def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
     assert {one.status for one in read.readings.values()} == {Status.MISSING}
 
 
-@pytest.mark.slow
-def test_what_never_moves_teaches_nothing_wrong() -> None:
-    """After a flight straight and level it is still read, or missing, and never wrong."""
-    frames = [draw(0.2 * index, 0.1 * index, 70 + index) for index in range(10)]
-    reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), frames)
-
-    for roll_deg, pitch_deg in ((1.0, 0.5), (30.0, -8.0)):
-        read = read_picture(reader, draw(roll_deg, pitch_deg, 13))
-        found = values(reader, read)
-        for name, truth_deg in (("roll_deg", roll_deg), ("pitch_deg", pitch_deg)):
-            assert read.readings[name].status is Status.MISSING or abs(found[name] - truth_deg) < 1.0
-
-
-def test_a_window_in_which_nothing_is_to_be_seen_stays_as_it_was_drawn(reader: PanelReader) -> None:
-    """Where no place of the window shows what moves, frames teach nothing."""
-    own = Attitudes.of(reader.source.panel.gauges[0], reader.grids[0])
-    known = reader.appearance.pictures["roll_deg"]
-    blind = replace(known, ring=None, weights=np.full_like(known.weights, 0.1))
-    strips = [frame.gauges[0] for frame in unwrapped(reader, flight(ring=True))]
-
-    assert learn_attitude(own, strips, blind, None) is blind
-
-
 def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
     """One frame is a batch of one."""
     frames = [draw(roll, 3.0, 200 + roll, ring=ring) for roll in (-30, 0, 45)]
@@ -309,7 +266,6 @@ def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) ->
 @pytest.mark.parametrize(
     ("roll_deg", "pitch_deg", "ends"),
     [
-        (0.0, 0.0, ((-49.0, 0.0), (49.0, 0.0))),
         (90.0, 0.0, ((0.0, 49.0), (0.0, -49.0))),
         (0.0, 10.0, ((-math.sqrt(49**2 - 20**2), 20.0), (math.sqrt(49**2 - 20**2), 20.0))),
         (180.0, 10.0, ((math.sqrt(49**2 - 20**2), -20.0), (-math.sqrt(49**2 - 20**2), -20.0))),
@@ -318,20 +274,14 @@ def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) ->
 def test_the_horizon_is_drawn_where_it_is(
     roll_deg: float, pitch_deg: float, ends: tuple[tuple[float, float], ...]
 ) -> None:
-    """From its left end to its right one: down when the nose is up, its right end up when the right wing is down."""
+    """From its left end to its right one: down when the nose is up; nowhere without a value, or out of sight."""
     gauge = Gauge.model_validate({"centre": CENTRE, **described(ring=True)})
     line = gauge.lines({"roll_deg": roll_deg, "pitch_deg": pitch_deg})["pitch_deg"]
 
     seen = [(px * math.cos(math.radians(deg)), px * math.sin(math.radians(deg))) for deg, px in line]
     assert np.array(seen) == pytest.approx(np.array(ends), abs=1e-6)
-
-
-@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(math.nan, 3.0), (3.0, math.nan), (0.0, 60.0)])
-def test_no_horizon_is_drawn_where_none_is_known(roll_deg: float, pitch_deg: float) -> None:
-    """Without a value of either, or out of sight, there is no line."""
-    gauge = Gauge.model_validate({"centre": CENTRE, **described(ring=True)})
-
-    assert gauge.lines({"roll_deg": roll_deg, "pitch_deg": pitch_deg}) == {}
+    for roll, pitch in ((math.nan, pitch_deg), (roll_deg, math.nan), (roll_deg, 60.0)):
+        assert gauge.lines({"roll_deg": roll, "pitch_deg": pitch}) == {}
 
 
 def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
@@ -346,18 +296,6 @@ def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
     assert (own["window"], own["ring"], own["index"]) == (2 * (WINDOW_PX - 1), 2 * RING_PX, 273.0)
     assert scale_turn_deg == pytest.approx(20.0)
     assert [up_px for up_px, _ in own["ladder"]] == pytest.approx([2 * (up_px - 12.0) for up_px in UP_PX])
-
-
-def test_pitch_lies_on_its_ladder_as_on_a_scale() -> None:
-    """A ladder need not be even: between its marks pitch is on the line between them."""
-    described_so = described(ring=False)
-    described_so["attitude"]["ladder"] = [[-20, -10], [0, 0], [14, 10]]
-    gauge = Gauge.model_validate({"centre": CENTRE, **described_so})
-    pitch = gauge.quantities[1]
-    scale = Scale.of(pitch.marks)
-
-    angles = np.degrees(np.array([-10.0, 7.0]) / (sum(gauge.radius) / 2))
-    assert scale.values_at(angles) == pytest.approx([-5.0, 5.0])
 
 
 def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:

@@ -20,7 +20,7 @@ from decoder.learning.fit import fit_to_flight
 from decoder.panel.scale import Scale, shortest
 from decoder.timeseries.flight_data import FlightDataBuilder
 from decoder.timeseries.gaps import fill_gaps
-from tests.decoder.instruments.dials import CENTRE, Canvas, paint, reader_for
+from tests.decoder.instruments.dials import CENTRE, Canvas, apart, paint, reader_for
 
 PANEL_TURN_DEG = 40.0
 INDEX_DEG = 270.0
@@ -79,14 +79,14 @@ def off_deg(reader: PanelReader, frame: GreyPicture, turn_deg: float) -> tuple[S
     """Status of the heading, how far it is off the short way round, and its score."""
     reading = read_picture(reader, frame).readings["heading_deg"]
     value = Scale.of(CARD["scale"], 360.0).values_at(np.array([reading.angle_deg]))
-    return reading.status, float(abs(shortest(value - heading_of(turn_deg), 360.0))[0]), reading.score
+    return reading.status, apart(float(value[0]), heading_of(turn_deg)), reading.score
 
 
 @given(turn_deg=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
 @example(turn_deg=0.0, seed=0)
 @example(turn_deg=40.0, seed=0)
 @example(turn_deg=359.99, seed=0)
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_card_is_read_at_any_turn(reader: PanelReader, turn_deg: float, seed: int) -> None:
     """To a twentieth of a degree, over the seam as well, unmoved by what stands still."""
     status, off, score = off_deg(reader, draw(turn_deg, seed), turn_deg)
@@ -107,15 +107,7 @@ def test_card_that_turned_little_is_read_as_well() -> None:
         assert off < 0.1
 
 
-@pytest.mark.parametrize("turn_deg", [10.0, 100.0, 186.0, 250.0])
-def test_what_stands_still_is_not_guessed_around(first: PanelReader, turn_deg: float) -> None:
-    """Before frames have told card and lubber line apart a reading is right or missing."""
-    status, off, _ = off_deg(first, draw(turn_deg, 9), turn_deg)
-
-    assert status is Status.MISSING or off < 0.5
-
-
-@pytest.mark.parametrize("turn_deg", [60.0, 100.0, 160.0, 280.0])
+@pytest.mark.parametrize("turn_deg", [100.0, 280.0])
 def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
     """Most of what is seen stands still and the flight shows two turns only: no heading is read that is not there."""
 
@@ -150,7 +142,7 @@ def test_card_is_the_one_that_explains_frames_clearly_better_than_any_other() ->
     assert clearest([None], step_deg) is None
 
 
-@pytest.mark.parametrize("turn_deg", [25.0, 133.0, 271.0])
+@pytest.mark.parametrize("turn_deg", [25.0, 271.0])
 def test_bug_on_the_card_does_not_pull(reader: PanelReader, turn_deg: float) -> None:
     """A bright bug beside the index moves nothing."""
     frame = draw(turn_deg, 5, lambda canvas: canvas.bar(INDEX_DEG + 9, (56, 70), (4, 4), 235))
@@ -160,10 +152,10 @@ def test_bug_on_the_card_does_not_pull(reader: PanelReader, turn_deg: float) -> 
     assert off < 0.1
 
 
-@pytest.mark.parametrize("turn_deg", [25.0, 133.0, 271.0])
+@pytest.mark.parametrize("turn_deg", [25.0, 271.0])
 def test_covered_card_is_not_guessed(reader: PanelReader, turn_deg: float) -> None:
     """Under a hand there is no heading, or the right one."""
-    for half_px in (30.0, 60.0, 100.0):
+    for half_px in (30.0, 100.0):
 
         def hand_over(canvas: Any, half_px: float = half_px) -> None:  # noqa: ANN401
             canvas.bar(45, (-90, 90), (half_px, half_px), 150)
@@ -173,18 +165,9 @@ def test_covered_card_is_not_guessed(reader: PanelReader, turn_deg: float) -> No
     assert status is Status.MISSING
 
 
-def test_blank_dial_has_no_card(reader: PanelReader) -> None:
-    """A dial without anything on it has no reading."""
-    reading = read_picture(reader, paint(lambda canvas: canvas.disc(CENTRE, 76.0, 35.0), seed=3)).readings[
-        "heading_deg"
-    ]
-
-    assert reading.status is Status.MISSING
-
-
 def test_card_goes_into_the_flight_data(first: PanelReader) -> None:
     """Fitted to its flight the card is a column like any needle, with a heading for every frame and a fair sigma."""
-    turns_deg = [300.0 + 6.0 * step for step in range(24)]
+    turns_deg = [300.0 + 6.0 * step for step in range(16)]
     frames = [draw(turn_deg, 300 + seed) for seed, turn_deg in enumerate(turns_deg)]
     fitted = fit_to_flight(first, lambda _: frames[::2])
     builder = FlightDataBuilder(first.source.panel)

@@ -125,16 +125,6 @@ def test_red_needle_as_bright_as_its_dial_is_read_in_its_colour() -> None:
     assert fitted.findings["small"] == ()
 
 
-def test_a_dial_beside_it_is_read_as_if_there_were_no_colour() -> None:
-    """Whoever reads one gauge in colour reads the others in the same luma as ever."""
-    coloured, plain = fitted_to(RED, TEAL), fitted_to(WHITE, TEAL)
-    frame = flight_of(WHITE, TEAL)[7]
-
-    assert not plain.reader.source.has_colour
-    one, other = (read_of(fitted, [frame])[0].readings["oil"] for fitted in (coloured, plain))
-    assert one.angle_deg == pytest.approx(other.angle_deg, abs=0.05)
-
-
 @pytest.mark.parametrize("face", [TEAL, GREY], ids=["teal", "grey"])
 def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
     """Of a white needle colours tell no more, and nothing is decompressed for them."""

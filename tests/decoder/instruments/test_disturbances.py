@@ -32,9 +32,9 @@ def on_needle(angle_deg: float, radius_px: float) -> tuple[float, float]:
     return CENTRE[0] + radius_px * float(np.cos(angle)), CENTRE[1] + radius_px * float(np.sin(angle))
 
 
-@pytest.mark.parametrize("angle_deg", [160.0, 214.3, 271.8, 330.0, 381.5])
+@pytest.mark.parametrize("angle_deg", [160.0, 271.8, 381.5])
 @pytest.mark.parametrize("radius_px", [10.0, 40.0, 75.0])
-@pytest.mark.parametrize("levels", [60.0, 100.0, 140.0])
+@pytest.mark.parametrize("levels", [60.0, 140.0])
 def test_soft_light_does_not_move_the_reading(
     reader: PanelReader, angle_deg: float, radius_px: float, levels: float
 ) -> None:
@@ -47,8 +47,8 @@ def test_soft_light_does_not_move_the_reading(
     assert abs(reading.angle_deg - angle_deg) < 5 * max(reading.sigma_deg, 0.04)
 
 
-@pytest.mark.parametrize("angle_deg", [160.0, 214.3, 271.8, 330.0, 381.5])
-@pytest.mark.parametrize("levels", [180.0, 260.0, 400.0, 800.0])
+@pytest.mark.parametrize("angle_deg", [160.0, 271.8, 381.5])
+@pytest.mark.parametrize("levels", [180.0, 260.0, 800.0])
 def test_what_a_glare_drowns_is_not_guessed(reader: PanelReader, angle_deg: float, levels: float) -> None:
     """The more of the needle is white, the fewer readings there are; one that there is, is right or unsure."""
     frame = draw({"speed_kt": angle_deg, "al_lb": 160.0, "fr_lb": 300.0}, noise=2.0, seed=int(angle_deg))

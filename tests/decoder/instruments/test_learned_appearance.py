@@ -63,11 +63,6 @@ def test_tuned_templates_read_no_worse(noisy_reader: PanelReader, tuned: PanelRe
     assert (np.abs(after.mean(axis=0)) < np.maximum(np.abs(before.mean(axis=0)), 0.05) + 0.05).all()
 
 
-def test_usual_alignment_is_where_the_camera_was(tuned: PanelReader) -> None:
-    """The flight's usual shift is learned, so that searches start there."""
-    assert tuned.placement.usual.to_frame((160.0, 110.0)) == pytest.approx((162.4, 108.7), abs=0.2)
-
-
 def test_face_is_the_dial_without_needles(tuned: PanelReader) -> None:
     """The learned dial is what it shows with all needles taken off, its marks in place."""
     bare = Unwrapper(tuned.grids).unwrap(draw({}), IDENTITY)
@@ -78,12 +73,11 @@ def test_face_is_the_dial_without_needles(tuned: PanelReader) -> None:
 @pytest.mark.parametrize(
     "frames",
     [
-        [],
         [draw(angles_of(seed)) for seed in range(4)],
         [np.zeros((220, 360), np.uint8)] * 12,
         [np.zeros((100, 100), np.uint8)] * 12,
     ],
-    ids=["none", "fewer than a median needs", "without the panel", "of another size"],
+    ids=["fewer than a median needs", "without the panel", "of another size"],
 )
 def test_frames_that_tell_nothing_teach_nothing(reader: PanelReader, frames: list[GreyPicture]) -> None:
     """The reader stays as the panel made it; what is wrong with frames is reported where the flight is read."""
@@ -109,14 +103,7 @@ def test_needle_that_few_frames_show_must_match_as_one_that_was_learned(reader: 
     believing = fitted.with_appearance(replace(fitted.appearance, doubted=frozenset()))
 
     assert fitted.appearance.doubted == {"speed_kt"}
+    assert fit_to_flight(reader, lambda _: flight[::4] * 4).reader.appearance.doubted == frozenset()
     assert read_picture(believing, doubtful).readings["speed_kt"].status is Status.READ
     assert read_picture(fitted, doubtful).readings["speed_kt"].status is Status.MISSING
     assert read_picture(fitted, flight[4]).readings["speed_kt"].status is Status.READ
-
-
-def test_needles_that_most_frames_show_are_not_doubted(reader: PanelReader) -> None:
-    """A glare here and there says nothing."""
-    dark = {"speed_kt": 42.0}
-    flight = [draw(angles_of(seed), levels=None if seed % 4 else dark, seed=seed, noise=2.0) for seed in range(16)]
-
-    assert fit_to_flight(reader, lambda _: flight).reader.appearance.doubted == frozenset()

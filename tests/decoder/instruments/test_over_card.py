@@ -18,8 +18,8 @@ from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import Scale, shortest
-from tests.decoder.instruments.dials import Canvas, Hand, reader_for
+from decoder.panel.scale import Scale
+from tests.decoder.instruments.dials import Canvas, Hand, apart, reader_for
 from tests.decoder.instruments.test_cards import CARD, INDEX_DEG, PANEL_TURN_DEG, draw, heading_of
 
 BUG_LEVEL = 105.0
@@ -74,7 +74,7 @@ def off(reading: Reading, marks: Sequence[Sequence[float]], truth: float) -> flo
     """How far a reading is off the short way round."""
     marks_ = tuple((float(at), float(value)) for at, value in marks)
     value = Scale.of(marks_, 360.0).values_at(np.array([reading.angle_deg]))
-    return float(abs(shortest(value - truth, 360.0))[0])
+    return apart(float(value[0]), truth)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def pointed() -> PanelReader:
 
 def is_free(at_deg: float) -> bool:
     """Whether neither index nor wings, which stand still, lie over a needle."""
-    return abs(float(shortest(np.array(at_deg), 90.0))) > 20.0
+    return apart(at_deg, 0.0, 90.0) > 20.0
 
 
 def is_honest(reading: Reading, marks: Sequence[Sequence[float]], truth: float) -> bool:
@@ -102,7 +102,7 @@ def is_honest(reading: Reading, marks: Sequence[Sequence[float]], truth: float) 
 
 
 @given(turn_deg=st.floats(0.0, 360.0), bug=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: float, seed: int) -> None:
     """At any heading of bug and card; less of it where it lies below what stands still. It does not pull the card."""
     readings = read_picture(bugged, with_bug(turn_deg, bug, seed)).readings
@@ -136,19 +136,7 @@ def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
     assert max(errors) < parallax_deg / 4
 
 
-@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.integers(0, 1000))
-def test_parallax_is_told_by_what_goes_round_with_its_card(right_deg: float, down_deg: float, seed: int) -> None:
-    """Even though somebody sets it now and then."""
-    rng = np.random.default_rng(seed)
-    seen_deg, set_deg = rng.uniform(0, 360, 24), np.repeat(rng.uniform(0, 360, 4), 6)
-    swing_deg = right_deg * np.cos(np.radians(seen_deg)) + down_deg * np.sin(np.radians(seen_deg))
-
-    told = parallax_of(seen_deg, set_deg + swing_deg + rng.normal(0, 0.03, 24), 0.03)
-
-    assert (told.right_deg, told.down_deg) == pytest.approx((right_deg, down_deg), abs=0.12)
-
-
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_parallax_is_told_by_what_does_not_show_it(seed: int) -> None:
     """What goes its own ways, what hardly goes round, and what is seen from straight ahead."""
     rng = np.random.default_rng(seed)
@@ -161,7 +149,7 @@ def test_no_parallax_is_told_by_what_does_not_show_it(seed: int) -> None:
 
 
 @given(turn_deg=st.floats(0.0, 360.0), at_deg=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_pointer_is_read_on_the_dial_and_on_the_card(
     pointed: PanelReader, turn_deg: float, at_deg: float, seed: int
 ) -> None:
@@ -176,21 +164,20 @@ def test_pointer_is_read_on_the_dial_and_on_the_card(
     assert is_honest(track, CARD["scale"], truth + heading_of(turn_deg))
 
 
-@pytest.mark.parametrize("turn_deg", [20.0, 117.0, 251.0])
+@pytest.mark.parametrize("turn_deg", [20.0, 251.0])
 def test_bug_that_is_not_there_is_missing(bugged: PanelReader, turn_deg: float) -> None:
     """No mark of the card is taken for it."""
     assert read_picture(bugged, with_bug(turn_deg, None, 7)).readings["bug_deg"].status is Status.MISSING
 
 
-@pytest.mark.parametrize("bug", [10.0, 148.0, 275.0])
-def test_bug_that_stood_still_in_the_flight_is_not_guessed_later(bug: float) -> None:
+def test_bug_that_stood_still_in_the_flight_is_not_guessed_later() -> None:
     """What lies behind it is not known then, and is not read in its place once it has been moved."""
     frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 300 + step) for step in range(16)]
     reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
-    there, moved = (read_picture(reader, with_bug(111.0, at, 8)).readings["bug_deg"] for at in (PANEL_BUG, bug))
 
-    assert there.status is Status.MISSING or off(there, CARD["scale"], PANEL_BUG) < 0.5
-    assert moved.status is Status.MISSING or off(moved, CARD["scale"], bug) < 0.5
+    for bug in (PANEL_BUG, 10.0, 148.0, 275.0):
+        reading = read_picture(reader, with_bug(111.0, bug, 8)).readings["bug_deg"]
+        assert reading.status is Status.MISSING or off(reading, CARD["scale"], bug) < 0.5
 
 
 def test_bug_is_drawn_where_the_card_has_taken_it() -> None:

@@ -95,7 +95,7 @@ def test_it_is_read_as_far_as_the_flight_shows_it(off_px: float) -> None:
     """From one picture and some frames a part of the card is known, and read well within sigma; the rest is missing."""
     gauge, grid = compass(off_px)
     picture = learned(gauge, grid, np.linspace(0.0, 130.0, 16))
-    headings = np.arange(3.0, 360.0, 7.0)
+    headings = np.arange(3.0, 360.0, 13.0)
     off, sigma, is_read = errors(read(gauge, grid, picture, *(drum(h, grid, 77) for h in headings.tolist())), headings)
 
     assert is_read[(headings > 0.0) & (headings < 130.0)].mean() >= 0.9
@@ -108,7 +108,7 @@ def test_what_looks_alike_everywhere_is_not_told() -> None:
     """Of a card on which every numeral looks the same no heading is read, but for what the panel picture says."""
     gauge, grid = compass()
     picture = learned(gauge, grid, np.linspace(40.0, 250.0, 16), kinds=1)
-    headings = np.arange(0.0, 360.0, 9.0)
+    headings = np.arange(0.0, 360.0, 17.0)
     off, _, _ = errors(read(gauge, grid, picture, *(drum(h, grid, 7, kinds=1) for h in headings.tolist())), headings)
 
     assert (np.abs(off) < 3.0).all()

@@ -10,7 +10,6 @@ import pytest
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
-from decoder.panel.scale import Scale
 from tests.decoder.instruments.dials import Canvas, Hand, paint, reader_for
 
 LEFT, RIGHT = (60.4, 94.7), (148.6, 95.3)
@@ -67,8 +66,8 @@ def reader() -> PanelReader:
 def places() -> list[tuple[float, float]]:
     """Angles anywhere, and such that one tip lies in the other's ring."""
     rng = np.random.default_rng(9)
-    apart = [(rng.uniform(-58, 58), rng.uniform(122, 238)) for _ in range(40)]
-    return apart + [(around + shift, 180.0 + around) for around in (-12.0, 0.0, 9.0) for shift in np.linspace(-8, 8, 9)]
+    apart = [(rng.uniform(-58, 58), rng.uniform(122, 238)) for _ in range(20)]
+    return apart + [(around + shift, 180.0 + around) for around in (-12.0, 0.0, 9.0) for shift in np.linspace(-8, 8, 5)]
 
 
 def test_each_needle_is_read_by_its_own_centre(reader: PanelReader) -> None:
@@ -86,14 +85,3 @@ def test_each_needle_is_read_by_its_own_centre(reader: PanelReader) -> None:
     for found in errors.values():
         assert np.mean(found) < 0.1 + PANEL_PRECISION_DEG
         assert max(found) < 0.02 * 120.0
-
-
-@pytest.mark.parametrize("value", [5.0, 40.0, 59.0, 61.0, 100.0, 135.0])
-def test_anticlockwise_uneven_scale_gives_the_drawn_value(reader: PanelReader, value: float) -> None:
-    """Values that fall along the dial, in uneven steps, are read as they were drawn."""
-    scale = Scale.of(TEMPERATURE)
-    angle_deg = float(scale.angles_of(np.array([value]))[0])
-    reading = read_picture(reader, draw(angle_deg, 130.0, 4)).readings["oil_c"]
-
-    assert reading.status is Status.READ
-    assert scale.values_at(np.array([reading.angle_deg]))[0] == pytest.approx(value, abs=0.01 * 140.0)
