@@ -12,7 +12,7 @@ from flight_file.reader import open_flight
 from tests.programs import A1, FIXTURES
 
 
-@pytest.mark.parametrize(("correlate", "frames"), [(with_opencv, 20), (with_skimage, 2)])
+@pytest.mark.parametrize(("correlate", "frames"), [(with_opencv, 8), (with_skimage, 2)])
 def test_thesis_way_reads_the_animation(correlate: Correlate, frames: int) -> None:
     """Within a degree of what each needle shows, which is what a row of its unwrapped gauges allows."""
     flight = open_flight([A1])
