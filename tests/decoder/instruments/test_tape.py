@@ -143,19 +143,49 @@ def altitude(value: float, grid: WindowGrid, seed: int = 0) -> Floats:
     return seen(grid, levels, seed)
 
 
+FLAT = [[10.0, 10.0], [50.0, 10.0], [50.0, 90.0], [10.0, 90.0]]
+
+
+def lined(value: float, grid: WindowGrid, line: float, seed: int = 0) -> Floats:
+    """A flat tape as screens show it, four to a pixel: even ticks on a line, small numerals, values rising upwards."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        values = (value + 4.0 * (50.0 - y)) / 4.0
+        number = numeral(np.floor(values / BLOCK_DEG), np.mod(values / BLOCK_DEG, 1.0), x - 8.0, 60)
+        tick = bar(np.mod(values + 5.0, 10.0) - 5.0, 0.7, 0.8) * (x < 22.0) * (x > 15.0)
+        return 30.0 + 90.0 * number + 180.0 * np.maximum(tick, line * bar(x - 15.0, 1.2, 0.8))
+
+    return seen(grid, levels, seed)
+
+
 def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
-    """An altitude tape without an end is read frame by frame beyond what the panel picture shows."""
+    """An altitude tape without an end is read frame by frame beyond what the panel picture shows, above and below."""
     marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
-    corners = [[10.0, 10.0], [50.0, 10.0], [50.0, 90.0], [10.0, 90.0]]
-    gauge, grid = gauge_of(corners, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
+    gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
     own = DrawnTape.of(gauge, grid)
     first = first_tape(own.marks, own.turn, own.along(altitude(1000.0, grid)), is_round=False)
-    flown = np.linspace(1000.0, 1700.0, 16)
+    flown = np.linspace(700.0, 1700.0, 16)
     picture = learn_tape([own.along(altitude(a, grid, n)) for n, a in enumerate(flown.tolist())], first, own.marks)
-    wanted = np.array([1010.0, 1234.0, 1490.0, 1650.0, 3000.0])
+    wanted = np.array([712.0, 985.0, 1010.0, 1234.0, 1490.0, 1650.0, 3000.0])
     found = read(gauge, grid, picture, *(altitude(a, grid, 50) for a in wanted.tolist()))
 
-    assert [one.status for one in found] == [Status.READ] * 4 + [Status.MISSING]
+    assert [one.status for one in found] == [Status.READ] * 6 + [Status.MISSING]
     assert all(
-        abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found[:4], wanted.tolist(), strict=False)
+        abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found[:6], wanted.tolist(), strict=False)
     )
+
+
+@pytest.mark.parametrize("line", [0.0, 1.0])
+def test_a_line_along_the_ticks_makes_no_two_parts_look_alike(line: float) -> None:
+    """A bright line on which all ticks stand is part of every picture, wherever the tape is: it tells of no place."""
+    marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
+    gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
+    own = DrawnTape.of(gauge, grid)
+    first = first_tape(own.marks, own.turn, own.along(lined(1000.0, grid, line)), is_round=False)
+    flown = np.linspace(1000.0, 2200.0, 16)
+    picture = learn_tape([own.along(lined(a, grid, line, n)) for n, a in enumerate(flown.tolist())], first, own.marks)
+    wanted = np.arange(1010.0, 2200.0, 97.0)
+    found = read(gauge, grid, picture, *(lined(a, grid, line, 50) for a in wanted.tolist()))
+
+    assert [one.status for one in found] == [Status.READ] * len(wanted)
+    assert all(abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found, wanted.tolist(), strict=True))

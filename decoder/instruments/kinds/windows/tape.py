@@ -4,7 +4,8 @@ What moves is one picture, longer than the window: a frame shows a part of it. A
 picture shows it; a frame that overlaps with what is known, and matches it well and nowhere else, shows some more, until
 no frame does. The best match goes first, and what it shows is known before the next is looked at: so a frame is not
 taken for another part of the tape that looks much alike while its own is not yet known. What stands still in the window
-instead, as a lubber line, is where all frames agree, and counts for nothing.
+instead, as a lubber line, is where all frames agree, and counts for nothing. Nor does what the tape shows wherever it
+stands, as a line along its ticks.
 
 A reading is the whole tape's best match with the window, found at every place and then by least squares; where
 another place matches nearly as well there is none. Where the tape was never seen nothing is read.
@@ -172,7 +173,12 @@ class TapePicture:
 
     def value(self, rows: float, index_px: float) -> float:
         """Return what stands at a place of the window where it has moved by so many rows."""
-        return self.shape.value_at(index_px) + (rows - self.origin) * self.step
+        return self.shape.value_at(index_px) + self.moved(rows)
+
+    def moved(self, rows: float) -> float:
+        """Return by how much values have moved where it lies at a row: the short way, as its end is its beginning."""
+        size = len(self.levels)
+        return ((rows - self.origin + size / 2) % size - size / 2) * self.step
 
 
 class TapeFinder:
@@ -182,7 +188,7 @@ class TapeFinder:
         self._picture = picture
         self._rows, self._columns = picture.weights.shape
         self._size = len(picture.levels)
-        self._lights = _lights(self._rows, self._columns)
+        self._lights = _lights(self._rows, self._columns, _profile(picture))
         self._slopes = (np.roll(picture.levels, -1, 0) - np.roll(picture.levels, 1, 0)) / 2
         self._known = picture.known.astype(np.float32)
         self._along = np.linspace(-1.0, 1.0, self._rows, dtype=np.float32)[:, None]
@@ -229,7 +235,7 @@ class TapeFinder:
 
     @cached_property
     def _searched(self) -> tuple[Floats, Floats, Floats]:
-        """(N, S) each, and (4 N, S): the tape without light, weighed and of length one; weights; lights, so weighed."""
+        """(N, S) each, and (5 N, S): the tape without light, weighed and of length one; weights; lights, so weighed."""
         thin = (slice(None, None, COARSE_STEP), slice(None, None, COARSE_STEP))
         weights = self._picture.weights[thin]
         lights = self._lights.reshape(-1, self._rows, self._columns)[(slice(None), *thin)].reshape(
@@ -378,10 +384,23 @@ class TapeFinder:
         return np.asarray(np.sqrt(np.maximum(1.0 - unexplained, 0.0)), np.float64)
 
 
-def _lights(rows: int, columns: int) -> Floats:
-    """(4, R * C): what light adds to a window: a constant, what changes along it or bends, what changes across."""
+def _lights(rows: int, columns: int, profile: Floats) -> Floats:
+    """(5, R * C): what light adds to a window: a constant, what changes along it or bends, what changes across.
+
+    The last is no light, but what a tape shows across wherever it stands, (C,): it tells of no place.
+    """
     along, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
-    return np.stack([np.ones_like(along), along, along**2, across]).reshape(4, -1).astype(np.float32)
+    everywhere = np.broadcast_to(profile, along.shape)
+    return np.stack([np.ones_like(along), along, along**2, across, everywhere]).reshape(5, -1).astype(np.float32)
+
+
+def _profile(picture: TapePicture) -> Floats:
+    """(C,): what a tape shows across on average, as the line along its ticks, beyond an even light; of spread one."""
+    levels = _mean(picture.levels, picture.known.astype(np.float32)).astype(np.float64)
+    even = np.stack([np.ones_like(levels), np.linspace(-1, 1, len(levels))])
+    beyond = levels - np.linalg.lstsq(even.T, levels, rcond=None)[0] @ even
+    profile: Floats = beyond / max(float(beyond.std()), NOISE_LEVELS)
+    return profile
 
 
 def _trusted(left: Floats, weights: Floats) -> Floats:
@@ -594,7 +613,7 @@ class TapeReader:
         is_read &= picture.is_whole | (rivals < SURE_SCORE)
         readings = []
         for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
-            moved = float(found.rows[number] - picture.origin) * picture.step
+            moved = picture.moved(float(found.rows[number]))
             away = moved if drawn.turn is None else (moved + drawn.turn / 2) % drawn.turn - drawn.turn / 2
             parts = found.sigma_rows[number] * picture.step, own_sigma, per_unit * away, place_sigma_px * a_pixel
             status = Status.READ if is_read[number] else Status.MISSING
