@@ -97,8 +97,8 @@ def test_dial_without_its_needle_has_no_reading(reader: PanelReader, spoil: Call
     assert speed(reader, frame).status is Status.MISSING
 
 
-@pytest.mark.parametrize("shift_x", [-40.0, -75.0])
-@pytest.mark.parametrize("angle_deg", [150.0, 210.0, 360.0])
+@pytest.mark.parametrize("shift_x", [-40.0, -60.0, -75.0])
+@pytest.mark.parametrize("angle_deg", [180.0, 360.0])
 @pytest.mark.parametrize("dials_move", [False, True], ids=["with the panel", "each by itself"])
 def test_dial_partly_outside_the_frame_is_not_guessed(
     reader: PanelReader, shift_x: float, angle_deg: float, *, dials_move: bool

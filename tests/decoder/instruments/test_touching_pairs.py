@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
-from decoder.instruments.reading import Reading, Status
+from decoder.instruments.reading import FrameReadings, Reading, Status
 from decoder.learning.fit import tune
 from tests.decoder.cockpit import PANEL_ANGLES_DEG, draw, reader_of
 
@@ -115,6 +115,18 @@ def test_learned_needles_tell_on_which_side_the_lower_one_lies(tuned: PanelReade
         assert readings["fr_lb"].status is Status.READ
         for name, angle_deg in there_deg.items():
             assert readings[name].angle_deg == pytest.approx(angle_deg, abs=0.35)
+
+
+def test_what_is_read_of_a_pair_does_not_depend_on_the_frames_beside_it(tuned: PanelReader) -> None:
+    """To the last bit, the uncertainty too."""
+    apart_deg = np.concatenate([np.arange(-20.0, 20.5, 1.3), [-0.4, -0.2, 0.0, 0.2, 0.4]])
+    frames = [draw({"al_lb": 300.0 + apart, "fr_lb": 300.0}, noise=2.0, seed=7) for apart in apart_deg.tolist()]
+    together = [
+        one.readings for one in tuned.read([FramePicture(frame) for frame in frames]) if isinstance(one, FrameReadings)
+    ]
+
+    assert {one["al_lb"].status for one in together} >= {Status.READ, Status.EDGE, Status.HIDDEN}
+    assert together == [read_picture(tuned, frame).readings for frame in frames]
 
 
 def test_hidden_needle_s_sigma_spans_where_it_may_be(reader: PanelReader) -> None:
