@@ -17,6 +17,7 @@ from flight_file.files import DurableFile
 from flight_file.messages import decode_frame, encode_image
 from flight_file.session import link, opened_frame, sealed, sealed_frame
 from flight_file.writer import registered_topics
+from tests.flight_file.flights import flipped
 
 Step = Attachment | Metadata | list[Message]
 IMAGE_CHANNEL, FRAME_CHANNEL = 1, 2
@@ -142,8 +143,7 @@ def add_message(writer: Writer, message: Message) -> None:
 def flip(path: Path, content: bytes) -> None:
     """Change a bit where a file holds this, as a bad disk does."""
     data = path.read_bytes()
-    at = data.index(content)
-    path.write_bytes(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
+    path.write_bytes(flipped(data, data.index(content) * 8))
 
 
 def forge(path: Path, change: Callable[[Taken], object]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +13,13 @@ from jsonschema import Draft202012Validator
 
 from camera_drivers.replay.camera import open_source
 from flight_file.errors import LossKind
-from flight_file.frame import MAX_TIME_NS, Frame, GpsFix
+from flight_file.frame import MAX_TIME_NS, GpsFix
 from flight_file.messages import FIX_TOPIC, TOPICS, MalformedMessageError
 from flight_file.reader import open_flight
 from flight_file.video.positions import decode_fix, encode_fix
 from flight_file.walk import walk
 from recorder.host import SimulatedClock
+from tests.flight_file.flights import flipped, make_frame, write_flight
 
 SCHEMA = Draft202012Validator(json.loads(next(topic.schema for topic in TOPICS if topic.name == FIX_TOPIC)))
 SPEEDS = st.none() | st.floats(0, 10_000)
@@ -71,9 +71,7 @@ def test_what_is_no_position_is_refused(changed: dict[str, object]) -> None:
         )
 
 
-def test_a_replay_gives_all_positions(
-    tmp_path: Path, make_frame: Callable[..., Frame], write_flight: Callable[..., list[Path]]
-) -> None:
+def test_a_replay_gives_all_positions(tmp_path: Path) -> None:
     """Each with a frame that is not much older; those behind the last picture go with it."""
     frames = [make_frame(number) for number in range(3)]
     fixes = [GpsFix(frames[0].captured_ns + number * 5 * 10**8) for number in range(20)]
@@ -85,25 +83,20 @@ def test_a_replay_gives_all_positions(
     assert [fix for each in came for fix in each] == fixes
 
 
-def test_positions_of_a_damaged_chunk_are_a_loss(
-    tmp_path: Path, make_frame: Callable[..., Frame], write_flight: Callable[..., list[Path]]
-) -> None:
+def test_positions_of_a_damaged_chunk_are_a_loss(tmp_path: Path) -> None:
     """The others are there, in their order; without the pictures' kind their channel has the number it always has."""
     fixes = [GpsFix(10**18 + number, origin_ns=number) for number in range(6)]
     frames = [replace(make_frame(number), fixes=(fix,)) for number, fix in enumerate(fixes)]
     (path,) = write_flight(tmp_path, frames)
     assert list(open_flight([path]).fixes()) == fixes
 
-    data = bytearray(path.read_bytes())
-    at = data.index(encode_fix(fixes[3]))
-    data[at] ^= 1
-    path.write_bytes(data)
+    data = path.read_bytes()
+    first, fourth = (data.index(encode_fix(fixes[number])) * 8 for number in (0, 3))
+    path.write_bytes(flipped(data, fourth))
     flight = open_flight([path])
 
     assert list(flight.fixes()) == [*fixes[:3], *fixes[4:]]
     assert [loss.kind for loss in flight.losses] == [LossKind.DAMAGED]
     assert sum(not hasattr(found, "reason") for found in walk(flight.segments[0])) == 5
-    first = data.index(encode_fix(fixes[0]))
-    data[at], data[first] = data[at] ^ 1, data[first] ^ 1
-    path.write_bytes(data)
+    path.write_bytes(flipped(data, first))
     assert list(open_flight([path]).fixes()) == fixes[1:]  # the chunk that names the channels is lost

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import random
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
 from flight_file.errors import FlightFileError, FlightNotReadableError, LossKind, MixedFlightsError, NotAFlightError
@@ -18,14 +15,11 @@ from flight_file.messages import FRAME_TOPIC, IMAGE_TOPIC, TOPICS, encode_frame,
 from flight_file.reader import open_flight, spread
 from flight_file.records import FileSource
 from flight_file.scan import scan_file
-from flight_file.segment import opened
-
-WriteFlight = Callable[..., list[Path]]
-MAGIC_BYTES = 8
-TellingPlaces = Callable[[bytes], list[int]]
+from tests.flight_file.flights import chunks, flipped, make_frame, telling_places, write_flight
+from tests.flight_file.forging import flip
 
 
-def test_segments_are_one_flight_in_any_order(tmp_path: Path, frames: list[Frame], write_flight: WriteFlight) -> None:
+def test_segments_are_one_flight_in_any_order(tmp_path: Path, frames: list[Frame]) -> None:
     """Files are sorted by their segment number, and frames go on from one to the next."""
     paths = write_flight(tmp_path, frames, frames_per_segment=2)
     flight = open_flight(list(reversed(paths)))
@@ -36,9 +30,7 @@ def test_segments_are_one_flight_in_any_order(tmp_path: Path, frames: list[Frame
     assert flight.losses == []
 
 
-def test_missing_segment_and_its_frames_are_losses(
-    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight
-) -> None:
+def test_missing_segment_and_its_frames_are_losses(tmp_path: Path, frames: list[Frame]) -> None:
     """A segment that was not given is named, and so are the frames that were in it; reading again adds no loss."""
     first, _, last = write_flight(tmp_path, frames, frames_per_segment=2)
     flight = open_flight([first, last])
@@ -48,9 +40,7 @@ def test_missing_segment_and_its_frames_are_losses(
         assert flight.losses[1].reason == "frames 2 to 3 are missing"
 
 
-def test_files_that_are_no_single_flight_are_refused(
-    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight
-) -> None:
+def test_files_that_are_no_single_flight_are_refused(tmp_path: Path, frames: list[Frame]) -> None:
     """Two recordings, one segment twice, none at all: each is a mistake that is named."""
     one, two = (write_flight(tmp_path, frames, recording=name) for name in ("one", "two"))
 
@@ -86,19 +76,19 @@ def test_what_is_no_flight_is_one_sentence(
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 6, 100])
 @pytest.mark.parametrize("frames_per_segment", [2, 1000])
 def test_sample_is_spread_from_the_first_frame_to_the_last(
-    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight, count: int, frames_per_segment: int
+    tmp_path: Path, frames: list[Frame], frames_per_segment: int
 ) -> None:
     """At most so many frames, in order, the same each time, with both ends from two frames on."""
     flight = open_flight(write_flight(tmp_path, frames, frames_per_segment=frames_per_segment))
-    sample = list(flight.sample_frames(count))
+    for count in (0, 1, 2, 3, 5, 6, 100):
+        sample = list(flight.sample_frames(count))
 
-    assert sample == [frames[index] for index in sorted(spread(len(frames), count))]
-    assert len(sample) == min(count, len(frames))
-    assert count < 2 or (sample[0], sample[-1]) == (frames[0], frames[-1])
-    assert list(flight.sample_frames(count)) == sample
+        assert sample == [frames[index] for index in sorted(spread(len(frames), count))]
+        assert len(sample) == min(count, len(frames))
+        assert count < 2 or (sample[0], sample[-1]) == (frames[0], frames[-1])
+        assert list(flight.sample_frames(count)) == sample
 
 
 def write_foreign(path: Path, frames: list[Frame], *, image_first: bool = False, **options: object) -> None:
@@ -107,18 +97,14 @@ def write_foreign(path: Path, frames: list[Frame], *, image_first: bool = False,
         writer = Writer(file, **options)  # type: ignore[arg-type]
         writer.start(profile="", library="somebody else")
         writer.register_channel("/other", "json", 0)
-        ids = {
-            topic.name: writer.register_channel(
-                topic.name,
-                topic.message_encoding,
-                writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema),
-            )
-            for topic in reversed(TOPICS)
-        }
+        ids = {}
+        for topic in reversed(TOPICS):
+            schema = writer.register_schema(topic.schema_name, topic.schema_encoding, topic.schema)
+            ids[topic.name] = writer.register_channel(topic.name, topic.message_encoding, schema)
         for frame in frames:
             messages = [(FRAME_TOPIC, encode_frame(frame)), (IMAGE_TOPIC, encode_image(frame))]
-            for topic, data in reversed(messages) if image_first else messages:
-                writer.add_message(ids[topic], frame.captured_ns, data, frame.captured_ns)
+            for name, data in reversed(messages) if image_first else messages:
+                writer.add_message(ids[name], frame.captured_ns, data, frame.captured_ns)
         writer.finish()  # type: ignore[no-untyped-call]
 
 
@@ -126,8 +112,7 @@ BARE = {"index_types": IndexType.NONE, "enable_crcs": False, "use_statistics": F
 
 
 @pytest.mark.parametrize("options", [*({"compression": each} for each in CompressionType), BARE], ids=str)
-@pytest.mark.parametrize("chunk_size", [1, 1000, 1 << 20])
-@pytest.mark.parametrize("image_first", [False, True])
+@pytest.mark.parametrize(("chunk_size", "image_first"), [(1, False), (1, True), (1000, True), (1 << 20, False)])
 def test_any_packing_is_read(
     tmp_path: Path, frames: list[Frame], *, options: dict[str, object], chunk_size: int, image_first: bool
 ) -> None:
@@ -161,26 +146,6 @@ def test_jpeg_that_does_not_fit_its_digest_is_a_loss(tmp_path: Path, frames: lis
 
     assert [frame.sequence for frame in flight.frames()] == [0, 2]
     assert any("frame 1 does not fit" in loss.reason for loss in flight.losses)
-
-
-@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
-def test_flipped_byte_in_a_compressed_chunk_costs_that_chunk(
-    tmp_path: Path, frames: list[Frame], compression: CompressionType
-) -> None:
-    """Whether the decompressor or the CRC notices it, the damage is a loss, and the other chunks are delivered."""
-    path = tmp_path / "packed.mcap"
-    write_foreign(path, frames, compression=compression, chunk_size=1000)
-    data = path.read_bytes()
-    with opened(path) as source:
-        places = scan_file(path, source).chunks
-    for offset in range(places[2].offset, places[2].offset + places[2].length):
-        path.write_bytes(data[:offset] + bytes([data[offset] ^ 0x10]) + data[offset + 1 :])
-        flight = open_flight([path])
-        found = list(flight.frames())
-
-        assert all(frame == frames[frame.sequence] for frame in found)
-        assert len(found) >= len(frames) - 2
-        assert len(found) == len(frames) or flight.losses
 
 
 @pytest.mark.parametrize("topic", [FRAME_TOPIC, IMAGE_TOPIC])
@@ -220,124 +185,90 @@ def test_record_without_its_picture_is_a_loss(tmp_path: Path, frames: list[Frame
     assert any("the record of the picture" in loss.reason for loss in flight.losses)
 
 
-def read_all(path: Path) -> tuple[list[Frame], set[LossKind]]:
-    """All frames, and the kinds of losses; None at all if it is no MCAP any more."""
-    flight = open_flight([path])
-    return list(flight.frames()), {loss.kind for loss in flight.losses}
+DAMAGES: dict[str, Callable[[bytes, int], bytes]] = {
+    "cut off": lambda data, at: data[:at],
+    "zeros to the end, as a power cut leaves them": lambda data, at: data[:at] + bytes(len(data) - at),
+    "a flipped bit": lambda data, at: flipped(data, at * 8 + at % 8),
+    "overwritten with junk": lambda data, at: data[:at] + junk(at)[: len(data) - at] + data[at + 300 :],
+}
 
 
-def chunk_ends(path: Path) -> list[int]:
-    """Where each chunk of a sound file ends."""
-    with opened(path) as source:
-        return [place.offset + place.length for place in scan_file(path, source).chunks]
-
-
-@contextmanager
-def patched(path: Path, offset: int, data: bytes) -> Iterator[None]:
-    """Some bytes of a file are others for a while."""
-    descriptor = os.open(path, os.O_RDWR)
-    try:
-        before = os.pread(descriptor, len(data), offset)
-        os.pwrite(descriptor, data, offset)
-        yield
-        os.pwrite(descriptor, before, offset)
-    finally:
-        os.close(descriptor)
+def junk(seed: int) -> bytes:
+    """300 bytes that mean nothing."""
+    return random.Random(seed).randbytes(300)  # noqa: S311 - content for a test
 
 
 @pytest.mark.untraced
-def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(
-    flight: Path, frames: list[Frame], telling_places: TellingPlaces
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damage_anywhere_costs_the_chunks_it_touches_and_is_said(tmp_path: Path, damage: str) -> None:
+    """Each frame that is delivered is one that was recorded, in order; those whose chunks are as they were all are."""
+    frames = [make_frame(number, 60) for number in range(3)]
+    (path,) = write_flight(tmp_path, frames, attachments={"panel.yaml": b"name: F-16\n"})
+    data = path.read_bytes()
+    places = [slice(place.offset, place.offset + place.length) for place in chunks(path)[1:]]
+    for at in telling_places(data)[::3]:
+        damaged = DAMAGES[damage](data, at)
+        path.write_bytes(damaged)
+        flight = open_flight([path])
+        found = list(flight.frames())
+        kinds = {loss.kind for loss in flight.losses}
+        untouched = [frame for frame, place in zip(frames, places, strict=True) if damaged[place] == data[place]]
+
+        assert found == [frame for frame in frames if frame in found]
+        assert [frame for frame in untouched if frame not in found] == []
+        assert found == frames or kinds
+        assert len(damaged) == len(data) or kinds & {LossKind.NO_END, LossKind.TRUNCATED}
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_flipped_byte_in_a_compressed_chunk_costs_that_chunk(
+    tmp_path: Path, frames: list[Frame], compression: CompressionType
 ) -> None:
-    """A file that ends early delivers exactly the frames whose chunks are whole, and says that it ends early."""
-    ends = chunk_ends(flight)[1:]  # the first chunk has no frame
-    for length in reversed(telling_places(flight.read_bytes())):
-        os.truncate(flight, length)
-        found, kinds = read_all(flight)
-
-        assert found == frames[: sum(end <= length for end in ends)]
-        assert kinds & {LossKind.NO_END, LossKind.TRUNCATED}
-
-
-@pytest.mark.untraced
-def test_zeroed_tail_never_gives_a_wrong_byte(flight: Path, frames: list[Frame], telling_places: TellingPlaces) -> None:
-    """A tail of zeros, as a power cut leaves it, costs the frames in it and none before it."""
-    size, ends = flight.stat().st_size, chunk_ends(flight)[1:]
-    data = flight.read_bytes()
-    for start in telling_places(data)[:-1:2]:
-        with patched(flight, start, bytes(size - start)):
-            found, kinds = read_all(flight)
-
-            assert found == frames[: len(found)]
-            # A chunk that ended in zeros anyway has lost nothing.
-            assert len(found) >= sum(end <= start for end in ends)
-            assert kinds or data[start:] == bytes(size - start)
-
-
-@pytest.mark.untraced
-def test_flipped_bit_costs_at_most_its_own_chunk(
-    flight: Path, frames: list[Frame], telling_places: TellingPlaces
-) -> None:
-    """One bad bit anywhere loses at most the one frame it lies in, and never changes one."""
-    data = flight.read_bytes()
-    for number, offset in enumerate(telling_places(data)):
-        with patched(flight, offset, bytes([data[offset] ^ (1 << number % 8)])):
-            found, kinds = read_all(flight)
-
-            assert all(frame == frames[frame.sequence] for frame in found)
-            assert len(found) >= len(frames) - 1
-            assert len(found) == len(frames) or kinds & {LossKind.DAMAGED}
-
-
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(offset=st.integers(MAGIC_BYTES, 20_000), junk=st.binary(min_size=1, max_size=3000))
-def test_junk_anywhere_never_gives_a_wrong_byte(flight: Path, frames: list[Frame], offset: int, junk: bytes) -> None:
-    """Whatever overwrites a part of the file, each frame delivered is one that was recorded, in order."""
-    data = flight.read_bytes()
-    room = data[offset : offset + len(junk)]
-    with patched(flight, offset, junk[: len(room)]) if room else patched(flight, MAGIC_BYTES, data[8:9]):
-        found, _ = read_all(flight)
+    """Whether the decompressor or the CRC notices it, the damage is a loss, and the other chunks are delivered."""
+    path = tmp_path / "packed.mcap"
+    write_foreign(path, frames, compression=compression, chunk_size=1000)
+    data, place = path.read_bytes(), chunks(path)[2]
+    for offset in range(place.offset, place.offset + place.length, 5):
+        path.write_bytes(flipped(data, offset * 8 + 4))
+        flight = open_flight([path])
+        found = list(flight.frames())
 
         assert all(frame == frames[frame.sequence] for frame in found)
-        assert [frame.sequence for frame in found] == sorted({frame.sequence for frame in found})
+        assert len(found) >= len(frames) - 2
+        assert len(found) == len(frames) or flight.losses
 
 
 def test_lost_first_chunk_costs_no_frame(flight: Path, frames: list[Frame]) -> None:
     """The only chunk with schemas and channels is lost: the frames are still known by the fixed channel table."""
-    with opened(flight) as source:
-        first = scan_file(flight, source).chunks[0]
-    with patched(flight, first.offset, bytes(first.length)):
-        found, kinds = read_all(flight)
+    first, data = chunks(flight)[0], flight.read_bytes()
+    flight.write_bytes(data[: first.offset] + bytes(first.length) + data[first.offset + first.length :])
+    again = open_flight([flight])
 
-    assert found == frames
-    assert LossKind.DAMAGED in kinds
-
-
-def test_damaged_attachment_is_not_delivered(flight: Path) -> None:
-    """An attachment that does not fit its CRC is a loss, and the others are still there."""
-    with patched(flight, flight.read_bytes().index(b"name: F-16\n") + 5, b"\xff"):
-        opened_flight = open_flight([flight])
-
-    assert set(opened_flight.attachments) == {"panel.jpg"}
-    assert any("panel.yaml" in loss.reason for loss in opened_flight.losses)
+    assert list(again.frames()) == frames
+    assert LossKind.DAMAGED in {loss.kind for loss in again.losses}
 
 
-def test_attachment_lost_in_one_segment_is_taken_from_another(
-    tmp_path: Path, frames: list[Frame], write_flight: Callable[..., list[Path]]
+def test_damaged_attachment_is_not_delivered_and_is_taken_from_another_segment(
+    tmp_path: Path, frames: list[Frame]
 ) -> None:
-    """Every segment carries the attachments, so one damaged copy costs nothing."""
-    paths = write_flight(tmp_path, frames, attachments={"panel.yaml": b"name: F-16\n"}, frames_per_segment=3)
-    with patched(paths[0], paths[0].read_bytes().index(b"name: F-16\n"), b"X"):
-        assert open_flight(paths).attachments["panel.yaml"] == b"name: F-16\n"
+    """What does not fit its CRC is a loss; every segment carries it, so one damaged copy costs nothing."""
+    attachments = {"panel.yaml": b"name: F-16\n", "panel.jpg": bytes(range(256))}
+    paths = write_flight(tmp_path, frames, attachments=attachments, frames_per_segment=3)
+    flip(paths[0], b"name: F-16\n")
+    alone = open_flight(paths[:1])
+
+    assert set(alone.attachments) == {"panel.jpg"}
+    assert any("panel.yaml" in loss.reason for loss in alone.losses)
+    assert open_flight(paths).attachments["panel.yaml"] == b"name: F-16\n"
 
 
 def test_damaged_session_record_is_replaced_by_the_name(flight: Path) -> None:
     """A session record that does not fit its digest is not believed: the file's name says which recording it is."""
-    with patched(flight, flight.read_bytes().index(b"camera_driver"), b"C"):
-        opened_flight = open_flight([flight])
+    flip(flight, b"camera_driver")
+    again = open_flight([flight])
 
-    assert opened_flight.recording == "flight"
-    assert any("session" in loss.reason for loss in opened_flight.losses)
+    assert again.recording == "flight"
+    assert any("session" in loss.reason for loss in again.losses)
 
 
 def test_reading_keeps_one_chunk_in_memory(flight: Path) -> None:

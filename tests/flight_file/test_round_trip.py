@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from flight_file.messages import STATUS_TOPIC, TOPICS, encode_status
 from flight_file.reader import open_flight
 from flight_file.session import Session, first_value
 from flight_file.writer import SegmentWriter
+from tests.flight_file.flights import after, make_frame
 
 AT = ClockReading(5, 6)
 SCHEMA = json.loads(next(topic.schema for topic in TOPICS if topic.name == STATUS_TOPIC))
@@ -35,8 +35,6 @@ EXIFS = st.builds(
     datetime=st.none() | st.text(st.characters(codec="utf-8"), max_size=40),
 )
 SIZES = st.none() | st.integers(1, 65535)
-START = ClockReading(1_525_435_200_000_000_000, 50)
-MakeFrame = Callable[..., Frame]
 
 
 def test_offset_of_the_cameras_clock_is_in_the_status() -> None:
@@ -69,7 +67,7 @@ def frame_lists(draw: st.DrawFn) -> list[Frame]:
     return result
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(frames=frame_lists(), data=st.data())
 def test_every_field_of_every_frame_comes_back(frames: list[Frame], data: st.DataObject) -> None:
     """Whatever a frame holds and however its times jump, reading a flight gives it back unchanged."""
@@ -106,23 +104,18 @@ def test_session_and_attachments_come_back(tmp_path: Path) -> None:
 
 def start(path: Path) -> SegmentWriter:
     """A segment with nothing in it yet."""
-    return SegmentWriter(path, session=Session("R", started=START), status=CameraStatus("connected"), attachments={})
+    return SegmentWriter(path, session=Session("R", started=after(0)), status=CameraStatus("connected"), attachments={})
 
 
-def later(seconds: float) -> ClockReading:
-    """So long after the start."""
-    return ClockReading(START.realtime_ns + int(seconds * 1e9), START.monotonic_ns + int(seconds * 1e9))
-
-
-def test_frame_is_on_the_disk_a_second_later(tmp_path: Path, make_frame: MakeFrame) -> None:
+def test_frame_is_on_the_disk_a_second_after(tmp_path: Path) -> None:
     """Small frames wait for company at most a second, one of a chunk's size for nothing; then they can be read."""
     writer = start(tmp_path / "R_0000.mcap")
     part = tmp_path / "R_0000.mcap.part"
-    writer.write_frame(make_frame(0), later(0.1))
+    writer.write_frame(make_frame(0), after(0.1))
     waiting = list(open_flight([part]).frames())
-    writer.tick(later(1.1))
+    writer.tick(after(1.1))
     synced = list(open_flight([part]).frames())
-    writer.write_frame(make_frame(1, 100_000), later(1.2))
+    writer.write_frame(make_frame(1, 100_000), after(1.2))
 
     assert waiting == []
     assert synced == [make_frame(0)]
@@ -137,9 +130,9 @@ def test_name_that_is_taken_is_never_overwritten(tmp_path: Path) -> None:
     path.write_bytes(b"somebody else's")
 
     with pytest.raises(FlightNotWrittenError, match="another name"):
-        writer.finish("stopped", dropped=0, at=START)
+        writer.finish("stopped", dropped=0, at=after(0))
     with pytest.raises(FlightNotWrittenError, match="another name"):
-        FlightWriter(Plan(tmp_path, Session("R"), {}), status=CameraStatus("connected"), at=START)
+        FlightWriter(Plan(tmp_path, Session("R"), {}), status=CameraStatus("connected"), at=after(0))
     assert path.read_bytes() == b"somebody else's"
     with pytest.raises(FlightNotWrittenError, match=r"create the directory first\.$"):
         start(tmp_path / "no" / "R_0000.mcap")

@@ -20,12 +20,12 @@ from flight_file.frame import CameraStatus, ClockReading, Frame
 from flight_file.reader import open_flight
 from flight_file.salvage import recover_segment
 from flight_file.session import Session
-from flight_file.signature import load_public_key, load_signer, make_key_files, signature_path, write_signature
+from flight_file.signature import KeySigner, load_public_key, load_signer, make_key_files, signature_path
 from flight_file.verification import RecordingCheck, Verdict, verify
+from tests.flight_file.flights import after, flipped, make_frame, write_flight
 from tests.flight_file.forging import Taken, flip, forge
 
 AT = ClockReading(1_800_000_000_000_000_000, 7)
-WriteFlight = Callable[..., list[Path]]
 
 
 def checked(*paths: Path, public_key: bytes | None = None) -> RecordingCheck:
@@ -43,16 +43,14 @@ def fault(*paths: Path, public_key: bytes | None = None) -> Finding:
 
 
 @pytest.fixture
-def segments(tmp_path: Path, frames: list[Frame], write_flight: WriteFlight) -> list[Path]:
+def segments(tmp_path: Path, frames: list[Frame]) -> list[Path]:
     """Three segments of two frames each."""
     folder = tmp_path / "segments"
     folder.mkdir()
     return write_flight(folder, frames, frames_per_segment=2)
 
 
-def test_untouched_flights_fit(
-    segments: list[Path], tmp_path: Path, frames: list[Frame], write_flight: WriteFlight
-) -> None:
+def test_untouched_flights_fit(segments: list[Path], tmp_path: Path, frames: list[Frame]) -> None:
     """Given together, each for itself; also one that was taken apart and put together without a change."""
     (other,) = write_flight(tmp_path, frames, recording="other")
     forge(other, lambda _taken: None)
@@ -66,9 +64,7 @@ def test_untouched_flights_fit(
 def other_byte(taken: Taken, frames: list[Frame]) -> None:
     """One byte of a JPEG, every CRC in order."""
     _, _, picture = taken.frame(3)
-    data = bytearray(picture.data)
-    data[data.index(frames[3].encoded) + 100] ^= 1
-    picture.data = bytes(data)
+    picture.data = flipped(picture.data, 8 * picture.data.index(frames[3].encoded))
 
 
 def swapped(taken: Taken, _frames: list[Frame]) -> None:
@@ -138,9 +134,7 @@ def test_change_is_found_at_its_frame(flight: Path, frames: list[Frame], name: s
     assert sequence is None or found.captured_ns in (None, frames[sequence].captured_ns)
 
 
-def test_dropped_frame_is_told_from_a_removed_one(
-    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight
-) -> None:
+def test_dropped_frame_is_told_from_a_removed_one(tmp_path: Path, frames: list[Frame]) -> None:
     """A frame that the recorder never stored is a gap in the numbers, but none in the chain."""
     check = checked(*write_flight(tmp_path, [*frames[:2], *frames[4:]]))
 
@@ -149,10 +143,10 @@ def test_dropped_frame_is_told_from_a_removed_one(
     assert check.findings[0].reason.startswith("frames 2 to 3 were never stored")
 
 
-@pytest.mark.parametrize("dropped", [[0], [1], [2], [0, 1]])
-def test_missing_segment_is_a_loss_and_no_fault(segments: list[Path], dropped: list[int]) -> None:
+@pytest.mark.parametrize("given", [[1, 2], [0, 2], [0, 1], [2]])
+def test_missing_segment_is_a_loss_and_no_fault(segments: list[Path], given: list[int]) -> None:
     """A segment that was not given is named; those that are there fit."""
-    check = checked(*(path for number, path in enumerate(segments) if number not in dropped))
+    check = checked(*(segments[number] for number in given))
 
     assert check.verdict is Verdict.LOSS
     assert {finding.kind for finding in check.findings} == {FindingKind.MISSING_SEGMENT}
@@ -272,16 +266,15 @@ def test_hole_that_a_recovery_declares_is_a_loss(flight: Path, frames: list[Fram
 
 def test_flight_that_goes_on_after_a_cut_segment_fits(tmp_path: Path, frames: list[Frame]) -> None:
     """A recorder that lost its disk goes on with the next segment and the chain: what was lost between is a loss."""
-    at = ClockReading(10**18, 0)
-    plan = Plan(tmp_path, Session("R", started=at), {})
-    writer = FlightWriter(plan, status=CameraStatus("connected"), at=at)
-    writer.write_frame(frames[0], ClockReading(10**18 + 2 * 10**9, 2 * 10**9))
-    writer.write_frame(frames[1], at)
+    plan = Plan(tmp_path, Session("R", started=after(0)), {})
+    writer = FlightWriter(plan, status=CameraStatus("connected"), at=after(0))
+    writer.write_frame(frames[0], after(2))
+    writer.write_frame(frames[1], after(0))
     writer.abandon()
     on = replace(plan, session=replace(plan.session, segment=1, chain=writer.chain))
-    second = FlightWriter(on, status=CameraStatus("connected"), at=at)
-    second.write_frame(frames[2], at)
-    second.finish("stopped", at)
+    second = FlightWriter(on, status=CameraStatus("connected"), at=after(0))
+    second.write_frame(frames[2], after(0))
+    second.finish("stopped", after(0))
     first = recover_segment(tmp_path / "R_0000.mcap.part", at=AT).path
     check = checked(first, tmp_path / "R_0001.mcap")
 
@@ -290,74 +283,26 @@ def test_flight_that_goes_on_after_a_cut_segment_fits(tmp_path: Path, frames: li
 
 
 @pytest.mark.untraced
-def test_any_changed_byte_is_noticed(flight: Path) -> None:
+def test_any_changed_byte_is_noticed(tmp_path: Path) -> None:
     """Wherever in a finished file a byte changes, even in its index: it does not pass as untouched."""
-    data = flight.read_bytes()
-    for offset in range(8, len(data), 11):
-        flight.write_bytes(data[:offset] + bytes([data[offset] ^ 0x41]) + data[offset + 1 :])
+    (path,) = write_flight(tmp_path, [make_frame(number, 60) for number in range(2)], attachments={"a": b"attached"})
+    data = path.read_bytes()
+    for offset in range(8, len(data), 23):
+        path.write_bytes(flipped(data, 8 * offset + offset % 8))
 
-        assert checked(flight).verdict is not Verdict.FITS
-
-
-@pytest.fixture
-def key(tmp_path: Path) -> Path:
-    """A private key, its public half beside it."""
-    path = tmp_path / "recorder.key"
-    make_key_files(path)
-    return path
+        assert checked(path).verdict is not Verdict.FITS
 
 
 @pytest.fixture
-def signed(tmp_path: Path, frames: list[Frame], write_flight: WriteFlight, key: Path) -> list[Path]:
+def signed(tmp_path: Path, frames: list[Frame], signer: KeySigner) -> list[Path]:
     """Two signed segments, of a frame each."""
-    return write_flight(tmp_path, frames[:2], frames_per_segment=1, signer=load_signer(key))
+    return write_flight(tmp_path, frames[:2], frames_per_segment=1, signer=signer)
 
 
-def public(key: Path) -> bytes:
-    """The public half of a key."""
-    return load_public_key(key.with_name(key.name + ".pub"))
-
-
-def test_signed_flight_fits_its_key(signed: list[Path], key: Path) -> None:
-    """With the key, and without: then it is said who signed."""
-    assert checked(*signed, public_key=public(key)).verdict is Verdict.FITS
-    assert [segment.signed_by for segment in checked(*signed).segments] == [public(key)] * 2
-
-
-def test_perfect_forgery_needs_the_key(signed: list[Path], key: Path) -> None:
-    """Who recomputes the whole chain leaves no trace but one: the signature, even if it is taken away."""
-    forge(
-        signed[1], lambda taken: (taken.drop("checkpoint"), taken.edit_record(1, zoom_position=9.0), taken.chain_anew())
-    )
-    found = fault(*signed, public_key=public(key))
-    signature_path(signed[1]).unlink()
-
-    assert (found.kind, found.path) == (FindingKind.WRONG_SIGNATURE, signed[1])
-    assert fault(*signed).kind is FindingKind.NOT_SIGNED  # the other segment is signed, so all must be
-    assert fault(*signed, public_key=public(key)).kind is FindingKind.NOT_SIGNED
-
-
-def test_signing_again_with_another_key_is_found(signed: list[Path], key: Path, tmp_path: Path) -> None:
-    """The forger's own signature fits, but it is not the box's, and the checkpoints inside are."""
-    make_key_files(tmp_path / "forger.key")
-    for path in signed:
-        write_signature(path, open_flight([path]).sha256_of_files()[path], load_signer(tmp_path / "forger.key"))
-
-    assert fault(*signed).kind is FindingKind.OTHER_KEY
-    assert fault(*signed, public_key=public(key)).kind is FindingKind.OTHER_KEY
-
-
-def test_signature_of_another_key_than_it_names_is_found(signed: list[Path]) -> None:
-    """Its file is whole and names a key."""
-    path = signature_path(signed[0])
-    text = path.read_bytes()
-    path.write_bytes(text.replace(text.split()[6], b"A" * 43 + b"="))
-
-    assert fault(*signed).reason == "its signature was not made with the key that it names"
-
-
-def test_key_is_private_and_what_is_none_is_one_sentence(key: Path, tmp_path: Path) -> None:
+def test_key_is_private_and_what_is_none_is_one_sentence(tmp_path: Path) -> None:
     """Only its owner may read it, and a second key of the name is refused; so are wrong files and the wrong half."""
+    key = tmp_path / "key"
+    make_key_files(key)
     (tmp_path / "text").write_text("hello")
     before = key.read_bytes()
 
@@ -366,57 +311,48 @@ def test_key_is_private_and_what_is_none_is_one_sentence(key: Path, tmp_path: Pa
         make_key_files(key)
     assert key.read_bytes() == before
     for load, name in (
-        *((load_signer, name) for name in ("text", "none", f"{key.name}.pub")),
-        *((load_public_key, name) for name in ("text", key.name)),
+        *((load_signer, name) for name in ("text", "none", "key.pub")),
+        *((load_public_key, name) for name in ("text", "key")),
     ):
         with pytest.raises(KeyFileError, match=r"^[^\n]*\.$"):
             load(tmp_path / name)
 
 
 def test_kill_between_any_two_steps_leaves_no_fault(
-    tmp_path: Path, frames: list[Frame], write_flight: WriteFlight, key: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, frames: list[Frame], signer: KeySigner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before each write and renaming: what lies there is cut off, never accused, nor is what is made of it."""
-    left: list[Path] = []
-
-    def snapped(name: str, owner: type) -> None:
-        step = getattr(owner, name)
-
-        def snap(*arguments: Any) -> Any:  # noqa: ANN401
-            left.append(tmp_path / f"left{len(left):03}")
-            shutil.copytree(tmp_path / "flight", left[-1])
-            return step(*arguments)
-
-        monkeypatch.setattr(owner, name, snap)
-
-    (tmp_path / "flight").mkdir()
-    for name, owner in [("write", DurableFile), ("rename", Path), ("replace", Path)]:
-        snapped(name, owner)
-    how = {"attachments": {"a": b"a"}, "frames_per_segment": 1, "signer": load_signer(key)}
-    write_flight(tmp_path / "flight", frames[:2], **how)
+    flight, left = tmp_path / "flight", list[Path]()
+    flight.mkdir()
+    for owner, name in [(DurableFile, "write"), (Path, "rename"), (Path, "replace")]:
+        monkeypatch.setattr(owner, name, photographed(getattr(owner, name), flight, left))
+    write_flight(flight, frames[:2], attachments={"a": b"a"}, frames_per_segment=1, signer=signer)
     monkeypatch.undo()
     assert len(left) > 40
     for directory in left:
-        assert Verdict.FAULT not in verdicts(segments_in(directory), key)
-        assert Verdict.FAULT not in verdicts(salvaged(directory, key), key)
+        before = verify(segments_in(directory), public_key=signer.public_key)
+        for part in directory.glob("*.part"):
+            recover_segment(part, at=AT, signer=signer)
+        after_recovery = verify(segments_in(directory), public_key=signer.public_key)
+
+        assert not list(directory.glob("*.part"))
+        assert Verdict.FAULT not in {check.verdict for check in (*before, *after_recovery)}
 
 
-def verdicts(paths: list[Path], key: Path) -> list[Verdict]:
-    """What is said of these files, if the key must have signed them."""
-    return [check.verdict for check in verify(paths, public_key=public(key))]
+def photographed(step: Callable[..., Any], folder: Path, left: list[Path]) -> Callable[..., Any]:
+    """A step before which the folder is copied, as a kill would leave it."""
+
+    def snap(*arguments: Any) -> Any:  # noqa: ANN401
+        left.append(folder.with_name(f"left{len(left):03}"))
+        shutil.copytree(folder, left[-1])
+        return step(*arguments)
+
+    return snap
 
 
 def segments_in(directory: Path) -> list[Path]:
     """Finished ones and the one in work."""
     return sorted(path for path in directory.iterdir() if path.suffix in (".mcap", ".part"))
-
-
-def salvaged(directory: Path, key: Path) -> list[Path]:
-    """The same when the next start has seen to them."""
-    for part in directory.glob("*.part"):
-        recover_segment(part, at=ClockReading(10**18, 0), signer=load_signer(key))
-    assert not list(directory.glob("*.part"))
-    return segments_in(directory)
 
 
 def test_signature_that_is_no_file_is_one_sentence(signed: list[Path]) -> None:
@@ -428,15 +364,15 @@ def test_signature_that_is_no_file_is_one_sentence(signed: list[Path]) -> None:
         verify(signed)
 
 
-def test_signature_of_a_recovery_that_was_cut_off_accuses_nobody(signed: list[Path], key: Path) -> None:
+def test_signature_of_a_recovery_that_was_cut_off_accuses_nobody(signed: list[Path], signer: KeySigner) -> None:
     """It lies where that of the file in work would, and is of other bytes; so is whatever somebody puts there."""
     part = signed[1].rename(signed[1].with_name(signed[1].name + ".part"))
     for text in (signature_path(signed[0]).read_bytes(), b"no signature\n"):
         signature_path(signed[1]).write_bytes(text)
-        check = checked(signed[0], part, public_key=public(key))
+        check = checked(signed[0], part, public_key=signer.public_key)
 
         assert check.verdict is Verdict.LOSS
         assert check.segments[1].proven_frames == 1
-    recovery = recover_segment(part, at=ClockReading(10**18, 0), signer=load_signer(key))
+    recovery = recover_segment(part, at=AT, signer=signer)
 
     assert recovery.signed
