@@ -157,10 +157,16 @@ def turned(path: Path, turns: int) -> Path:
     return path
 
 
-def played(*paths: Path, believed: Believed | None = None, keep_sound: bool = False) -> list[Frame]:
+def played(
+    *paths: Path,
+    believed: Believed | None = None,
+    keep_sound: bool = False,
+    rate_hz: float | None = None,
+    clock: SimulatedClock | None = None,
+) -> list[Frame]:
     """All frames of a replay."""
-    clock = SimulatedClock(0)
-    source = open_source(paths, rate_hz=None, clock=clock, believed=believed, keep_sound=keep_sound)
+    clock = clock or SimulatedClock(0)
+    source = open_source(paths, rate_hz=rate_hz, clock=clock, believed=believed, keep_sound=keep_sound)
     camera = ReplayCamera(source, clock)
     stop, frames = threading.Event(), []
     with camera:

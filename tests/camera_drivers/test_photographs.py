@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +13,11 @@ from PIL import Image
 
 from camera_drivers.errors import ReplayError
 from camera_drivers.photographs import picture_facts, picture_format
-from camera_drivers.replay.camera import ReplayCamera, open_source
 from decoder.imaging.pictures import grey_picture
 from flight_file.documents import is_heif, picture_header
-from flight_file.frame import Frame
 from flight_file.reader import open_flight
-from recorder.host import SimulatedClock
 from tests.programs import ran
+from tests.videos import played
 
 DRAWN = np.random.default_rng(3).integers(0, 255, (30, 40, 3), np.uint8)
 WAYS = {
@@ -40,28 +37,18 @@ def photograph(kind: str, second: int = 0, *, with_exif: bool = True, **options:
     return stream.getvalue()
 
 
-def played(folder: Path) -> list[Frame]:
-    """All frames of a folder."""
-    clock = SimulatedClock(0)
-    frames = []
-    with ReplayCamera(open_source([folder], rate_hz=None, clock=clock), clock) as camera:
-        while (frame := camera.next_frame(threading.Event())) is not None:
-            frames.append(frame)
-    return frames
-
-
-@pytest.mark.parametrize("with_exif", [True, False])
 @pytest.mark.parametrize("way", WAYS)
-def test_format_size_and_exif_are_read_of_each_kind(way: str, *, with_exif: bool) -> None:
+def test_format_size_and_exif_are_read_of_each_kind(way: str) -> None:
     """By its bytes, not by its name; and the desk reads it."""
     kind, options, stored_as = WAYS[way]
-    data = photograph(kind, with_exif=with_exif, **options)
-    facts = picture_facts(data)
+    for with_exif in (True, False):
+        data = photograph(kind, with_exif=with_exif, **options)
+        facts = picture_facts(data)
 
-    assert picture_format(data) == stored_as
-    assert (facts.width_px, facts.height_px) == (40, 30)
-    assert bool(facts.exif) == with_exif
-    assert grey_picture(data).shape == (30, 40)
+        assert picture_format(data) == stored_as
+        assert (facts.width_px, facts.height_px) == (40, 30)
+        assert bool(facts.exif) == with_exif
+        assert grey_picture(data).shape == (30, 40)
 
 
 def test_pictures_of_all_kinds_become_a_flight_as_they_are(tmp_path: Path) -> None:

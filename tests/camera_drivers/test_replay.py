@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from camera_drivers.camera import Camera
 from camera_drivers.errors import ReplayError
 from camera_drivers.replay.camera import ReplayCamera, open_source
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.session import Session
 from recorder.host import SimulatedClock
+from tests.videos import played
 
 NOON_NS = 1_525_435_200_500_000_000  # the first picture's EXIF time
 NOW_NS = 1_800_000_000_000_000_000
@@ -27,17 +27,6 @@ MakeJpeg = Callable[..., bytes]
 def clock() -> SimulatedClock:
     """A clock years after the pictures."""
     return SimulatedClock(NOW_NS)
-
-
-def play(paths: Sequence[Path], clock: SimulatedClock, rate_hz: float | None = None) -> list[Frame]:
-    """All frames of a replay."""
-    camera: Camera = ReplayCamera(open_source(paths, rate_hz=rate_hz, clock=clock), clock)
-    stop = threading.Event()
-    frames = []
-    with camera:
-        while (frame := camera.next_frame(stop)) is not None:
-            frames.append(frame)
-    return frames
 
 
 def write_flight(directory: Path, sequences: Sequence[int], attachments: dict[str, bytes] | None = None) -> list[Path]:
@@ -57,7 +46,7 @@ def write_flight(directory: Path, sequences: Sequence[int], attachments: dict[st
 
 def test_pictures_come_in_the_order_of_their_names(folder: Path, clock: SimulatedClock) -> None:
     """Every name of a JPEG counts, other files are counted, the bytes are the file's, and EXIF says when it was."""
-    frames = play([folder], clock)
+    frames = played(folder, clock=clock)
 
     assert [frame.encoded for frame in frames] == [
         (folder / name).read_bytes() for name in ("a1.jpg", "a2.JPG", "b.jpeg")
@@ -78,9 +67,13 @@ def test_with_a_rate_pictures_follow_the_first(
     numbered.mkdir()
     for number in (10, 9, 100):
         (numbered / f"IMG_{number}.jpg").write_bytes(make_jpeg({0x920A: float(number)}))
-    frames = play([numbered], clock, 4.0)
+    frames = played(numbered, clock=clock, rate_hz=4.0)
 
-    assert [frame.captured_ns - NOON_NS for frame in play([folder], clock, 4.0)] == [0, 250_000_000, 500_000_000]
+    assert [frame.captured_ns - NOON_NS for frame in played(folder, clock=clock, rate_hz=4.0)] == [
+        0,
+        250_000_000,
+        500_000_000,
+    ]
     assert [frame.captured_ns - NOW_NS for frame in frames] == [0, 250_000_000, 500_000_000]
     assert [frame.exif.focal_length_mm for frame in frames] == [9, 10, 100]
 
@@ -94,7 +87,7 @@ def test_times_that_do_not_increase_ask_for_a_rate(
     (tmp_path / "2.jpg").write_bytes(make_jpeg({0x9003: second} if second else {}))
 
     with pytest.raises(ReplayError, match=r"2\.jpg: .*; give rate_hz \(--rate\), the pictures per second\.$"):
-        play([tmp_path], clock)
+        played(tmp_path, clock=clock)
 
 
 def test_damaged_picture_is_passed_on_and_a_vanished_one_is_one_sentence(folder: Path, clock: SimulatedClock) -> None:
@@ -117,7 +110,7 @@ def test_flight_comes_again_as_it_was(tmp_path: Path, clock: SimulatedClock, *, 
     """Times, EXIF, sequence numbers and gaps stay; so do camera and attachments, all but recorder.yaml."""
     paths = write_flight(tmp_path, [0, 1, 4, 5], {"panel.yaml": b"p", "recorder.yaml": b"r"})
     given = [tmp_path] if as_folder else paths
-    frames = play(given, clock)
+    frames = played(*given, clock=clock)
     source = open_source(given, rate_hz=None, clock=clock)
 
     assert [frame.sequence for frame in frames] == [0, 1, 4, 5]
@@ -144,5 +137,5 @@ def test_what_cannot_be_replayed_is_one_sentence(tmp_path: Path, folder: Path, c
     ]
     for paths, rate_hz, sentence in cases:
         with pytest.raises(ReplayError, match=sentence) as caught:
-            play(paths, clock, rate_hz)
+            played(*paths, clock=clock, rate_hz=rate_hz)
         assert str(caught.value).endswith(".")

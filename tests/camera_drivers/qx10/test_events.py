@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from camera_drivers.errors import CameraRefusedError, CameraSilentError
 from camera_drivers.qx10.events import CameraState, Events
 from camera_drivers.qx10.link import Answer
-from camera_drivers.qx10.remote_api import RemoteApi, _result
+from camera_drivers.qx10.remote_api import RemoteApi
 
 ANSWER = [
     {"type": "availableApiList", "names": ["getEvent"]},
@@ -45,24 +46,32 @@ ITEMS = st.one_of(JSON, *(st.fixed_dictionaries({"type": st.just(kind), key: JSO
 class Recorded:
     """A link that answers what it is told to, and keeps what it was asked."""
 
-    def __init__(self, answer: Any) -> None:  # noqa: ANN401 - JSON
+    limits = SimpleNamespace(call_s=1.0)
+
+    def __init__(self, answer: Answer) -> None:
         self.answer = answer
         self.asked: list[tuple[str, Any]] = []
-        self.limits = type("Limits", (), {"call_s": 1.0})
 
     def post(self, _call: str, url: str, body: bytes, **_limits: object) -> Answer:
         """As the camera answers."""
         self.asked.append((url, json.loads(body)))
-        return Answer(200, json.dumps(self.answer | {"id": self.asked[-1][1]["id"]}).encode())
+        return self.answer
+
+
+def api(link: Recorded) -> RemoteApi:
+    """The calls of a camera behind a link."""
+    return RemoteApi(link, {"camera": "http://c/camera", "system": "http://c/system"})
 
 
 def test_question_has_method_parameters_number_and_version() -> None:
     """Numbers count from 1; a service that the camera lacks is as a call that it does not know."""
-    link = Recorded({"result": [0]})
-    api = RemoteApi(link, {"camera": "http://c/camera", "system": "http://c/system"})  # type: ignore[arg-type]  # a stand-in
-    api.call("setShootMode", "still")
-    api.call("getEvent", False, version="1.1")
-    api.call("setCurrentTime", {}, service="system")
+    link = Recorded(Answer(200, b'{"result": [0], "id": 1}'))
+    camera = api(link)
+    camera.call("setShootMode", "still")
+    link.answer = Answer(200, b'{"result": [0], "id": 2}')
+    camera.call("getEvent", False, version="1.1")
+    link.answer = Answer(200, b'{"result": [0], "id": 3}')
+    camera.call("setCurrentTime", {}, service="system")
 
     assert link.asked == [
         ("http://c/camera", {"method": "setShootMode", "params": ["still"], "id": 1, "version": "1.0"}),
@@ -70,17 +79,17 @@ def test_question_has_method_parameters_number_and_version() -> None:
         ("http://c/system", {"method": "setCurrentTime", "params": [{}], "id": 3, "version": "1.0"}),
     ]
     with pytest.raises(CameraRefusedError) as caught:
-        api.call("getEvent", service="guide")
+        camera.call("getEvent", service="guide")
     assert caught.value.code == 12
 
 
 @pytest.mark.parametrize(
     ("status", "body", "code"),
     [
-        (200, b'{"id":7,"error":[40403,"anything"]}', 40403),
-        (200, b'{"error":[12,"actTakePicture"],"id":7}', 12),
-        (200, b'{"id":7,"error":"what"}', 1),
-        (403, b'{"id":7,"error":[403,"getAvailableCameraFunction"]}', 403),
+        (200, b'{"id":1,"error":[40403,"anything"]}', 40403),
+        (200, b'{"error":[12,"actTakePicture"],"id":1}', 12),
+        (200, b'{"id":1,"error":"what"}', 1),
+        (403, b'{"id":1,"error":[403,"getAvailableCameraFunction"]}', 403),
         (404, b'{"error":[404,"Not Found"]}', 404),
         (500, b"<html>", 500),
         (503, b"", 503),
@@ -90,7 +99,7 @@ def test_question_has_method_parameters_number_and_version() -> None:
 def test_error_is_its_code(status: int, body: bytes, code: int) -> None:
     """With HTTP status 200 or another, with a number or without, the text means nothing."""
     with pytest.raises(CameraRefusedError) as caught:
-        _result("m", 7, Answer(status, body))
+        api(Recorded(Answer(status, body))).call("m")
     assert caught.value.code == code
 
 
@@ -98,13 +107,13 @@ def test_error_is_its_code(status: int, body: bytes, code: int) -> None:
     "body",
     [
         *(b"", b"[]", b"null", b"<html>", b"[" * 100_000),
-        *(b'{"id":8,"result":[0]}', b'{"result":[0]}', b'{"id":7}', b'{"id":7,"result":0}'),
+        *(b'{"id":8,"result":[0]}', b'{"result":[0]}', b'{"id":1}', b'{"id":1,"result":0}'),
     ],
 )
 def test_answer_that_does_not_fit_is_silence(body: bytes) -> None:
     """No JSON, no object, another number or none, no result."""
     with pytest.raises(CameraSilentError):
-        _result("m", 7, Answer(200, body))
+        api(Recorded(Answer(200, body))).call("m")
 
 
 class Told:
@@ -122,18 +131,18 @@ def test_state_is_looked_up_by_type() -> None:
     """Wherever an object stands, also within a row; null means nothing new, and -1 that it is not known."""
     for answer in (ANSWER, ANSWER[::-1]):
         events = Events()
-        state = events.ask(Told(answer))  # type: ignore[arg-type]  # a stand-in
+        state = events.ask(Told(answer))
 
         assert state == CameraState("IDLE", 7.0, liveview=False, room=1730)
         assert events.pictures == ("http://10.0.0.1:60152/a.JPG",)
-        assert events.ask(Told([None] * 35)) == state  # type: ignore[arg-type]  # a stand-in
-        assert Events().ask(Told(UNKNOWN)) == CameraState()  # type: ignore[arg-type]  # a stand-in
+        assert events.ask(Told([None] * 35)) == state
+        assert Events().ask(Told(UNKNOWN)) == CameraState()
 
 
 @given(answer=st.lists(ITEMS, max_size=8))
 def test_any_event_may_come(answer: list[Any]) -> None:
     """Nothing is raised, and the state has the types that it shall have."""
-    state = Events().ask(Told(answer))  # type: ignore[arg-type]  # a stand-in
+    state = Events().ask(Told(answer))
 
     assert state.status is None or isinstance(state.status, str)
     assert state.zoom_position is None or 0 <= state.zoom_position <= 100

@@ -64,6 +64,7 @@ def test_every_delivered_picture_is_a_frame_exactly_once(make_bench: MakeBench, 
     assert bench.listener.losses == lost
     assert frames[-1].sequence == FRAMES - 1 + len(lost)
     assert len(bench.listener.reasons("refused")) == (outcome == NOT_TAKEN)
+    assert any("too hot" in reason for reason in bench.listener.reasons("error")) == (fault == "overheat")
 
 
 @pytest.mark.parametrize("fault", ["cut_short", "damaged"])
@@ -119,14 +120,6 @@ def test_camera_that_refuses_again_and_again_is_connected_again(make_quick_bench
     assert len(bench.failures) == 1
     assert "4 times in a row" in str(bench.failures[0])
     assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
-
-
-def test_overheated_camera_is_reported(make_bench: MakeBench) -> None:
-    """Its status is worth a line in the flight."""
-    bench = make_bench("overheat@1")
-    bench.take(2)
-
-    assert any("too hot" in reason for reason in bench.listener.reasons("error"))
 
 
 def test_description_of_a_gigabyte_is_refused(make_bench: MakeBench) -> None:

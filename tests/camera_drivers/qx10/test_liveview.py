@@ -57,7 +57,7 @@ def parsed(stream: bytes, sizes: list[int]) -> list[LivePicture]:
     return found
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(parts=st.lists(st.tuples(JUNK, PICTURES), max_size=5), last=JUNK, pieces=PIECES)
 def test_junk_between_packets_costs_no_picture_and_adds_no_byte(
     parts: list[tuple[bytes, LivePicture]], last: bytes, pieces: list[int]

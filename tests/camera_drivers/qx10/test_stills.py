@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError
 from camera_drivers.qx10.camera import Qx10Camera
-from camera_drivers.qx10.camera_clock import CameraClock, Interval
+from camera_drivers.qx10.camera_clock import CameraClock
 from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.picture import FrameMaker, fault_of, middle_of_exposure
 from camera_drivers.qx10.simulator.pictures import drawn_picture
@@ -177,14 +177,3 @@ def test_interval_always_holds_the_true_offset(offset: int, shots: list[tuple[in
         width = new
 
     assert reasons == ["the camera's clock shows in its pictures"]
-
-
-def test_clock_that_was_set_is_noticed(listener: Reporter) -> None:
-    """A time that does not fit what was known begins anew."""
-    clock = CameraClock(SimulatedClock(NOW), listener)
-    clock.compare(NOW, NOW, NOW + S)
-    clock.compare(NOW - 100 * S, NOW, NOW + S)
-
-    assert listener.reasons("clock")[1:] == ["a clock was set, the camera's or the box's"]
-    assert clock.offset == Interval(-101 * S, -99 * S)
-    assert Interval(0, S).sigma_ns == round(S / 12**0.5)
