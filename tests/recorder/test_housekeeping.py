@@ -157,7 +157,7 @@ def test_length_is_read_from_the_statistics_of_a_whole_segment(segment: bytes, t
         assert recorded_ns(tmp_path / "x.mcap") == 9_750_000_000
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damaged_end_is_a_length_or_refused(data: st.DataObject, segment: bytes, tmp_path: Path) -> None:
     """Whatever the bytes of the summary are, nothing but a number or this error comes out of it."""

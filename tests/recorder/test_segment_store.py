@@ -33,7 +33,7 @@ from recorder.segment_store import SegmentStore
 from recorder.thresholds import QUEUE_BYTES
 from tests.recorder.helpers import Daemon, StartDaemon, WriteConfig
 
-FRAMES = 120
+FRAMES = 60
 STEP_NS = 300_000_000
 ERRORS = (errno.ENOSPC, errno.EIO, errno.EROFS)
 SIZE = 500_000
@@ -114,13 +114,13 @@ def make_store(directory: Path, left: list[Path], *, retries_forever: bool = Tru
     )
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("size", [100, 100_000])
 def test_each_frame_is_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, size: int) -> None:
     """Whatever fails when; the chain goes on over all segments."""
     left: list[Path] = []
     with monkeypatch.context() as patched:
-        moody = Moody(patched, random.Random(seed), part=0.05)  # noqa: S311 - no secrets
+        moody = Moody(patched, random.Random(seed), part=0.1)  # noqa: S311 - no secrets
         store = make_store(tmp_path, left)
         for number in range(FRAMES):
             while not store.try_now(at(number)):
@@ -283,7 +283,7 @@ def start_box(write_config: WriteConfig, pictures: Path) -> Iterator[Callable[..
     """Starts recorders; those still running are killed in the end."""
     boxes: list[Box] = []
     for number in range(40, 2400):
-        (pictures / f"{number:04d}.jpg").write_bytes((pictures / "000.jpg").read_bytes())
+        (pictures / f"{number:04d}.jpg").hardlink_to(pictures / "000.jpg")
 
     def start(**storage: Any) -> Box:  # noqa: ANN401 - values of recorder.yaml
         camera = {"pace": "realtime", "rate_hz": 20}
