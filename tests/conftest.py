@@ -41,6 +41,7 @@ OBTAINABLE = {
     "foxglove-sdk": "pip install foxglove-sdk==0.30.3",
     "gcc": "apt-get install -y gcc libc6-dev linux-libc-dev",
     "systemd-analyze": "apt-get install -y systemd",
+    "python3-gi": "apt-get install -y python3-gi gir1.2-nm-1.0",
     "shellcheck": "apt-get install -y shellcheck",
     "../shared": "benchmarks/real_pictures.py says which pictures belong there",
 }

@@ -261,12 +261,10 @@ def changed_record(**members: object) -> bytes:
     ids=str,
 )
 def test_record_out_of_range_costs_its_frame(judge: Judge, members: dict[str, object]) -> None:
-    """Times and numbers that no flight has are a loss that is told, by every command."""
-    content = changed_record(**members)
-    told = [judge(target, {"flight.mcap": content}) for target in (INFO, DECODE)]
+    """Times and numbers that no flight has are a loss that is told, by whatever reads it."""
+    told = [judge(target, {"flight.mcap": changed_record(**members)}) for target in (INFO, REPLAY, DECODE)]
 
-    assert faults(judge, set(ALL) - {INFO, DECODE}, content) == {}
-    assert [(outcome.faults, outcome.code) for outcome in told] == [((), 3), ((), 3)]
+    assert [(outcome.faults, outcome.code) for outcome in told] == [((), 3)] * 3
 
 
 @pytest.mark.parametrize("focal_length_mm", [0, -1, 1e-300, 1e308, 2**62, 10_001])
@@ -311,12 +309,12 @@ PANELS: Mapping[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "radius": (lambda panel: panel["gauges"][0].update(radius=[5, 9000]), "outside"),
     "number": (lambda panel: panel["gauges"][0].update(centre=[1e300, 0]), "gauges[0].centre"),
     "sweep": (lambda panel: panel["gauges"][0].update(sweep=[0, 9000]), "more than a turn"),
-    "marks": (lambda panel: panel["gauges"][0].update(scale=[[120 + at / 100, at] for at in range(20_000)]), "scale"),
+    "marks": (lambda panel: panel["gauges"][0].update(scale=[[120 + at / 100, at] for at in range(4000)]), "scale"),
     "flat scale": (lambda panel: panel["gauges"][0].update(scale=[[120, 0], [420, 5e-324]]), "apart"),
     "focal length": (lambda panel: panel.update(focal_length_mm=1e300), "focal_length_mm"),
     "anchors": (lambda panel: panel.update(anchors=anchors_of_everything(30)), "anchors"),
     "zoom": (lambda panel: panel.update(focal_length_mm=9000), "was taken at 4.45 mm"),
-    "rim": (lambda panel: panel["gauges"][0].update(rim=[[at, at] for at in range(9000)]), "rim"),
+    "rim": (lambda panel: panel["gauges"][0].update(rim=[[at, at] for at in range(3000)]), "rim"),
 }
 
 

@@ -16,7 +16,7 @@ from fuzzing.targets import FUZZED, Fuzzed
 pytestmark = pytest.mark.slow  # what is forked is not traced, and shall not be slowed down
 
 SEED = 20180504
-INPUTS = 5  # of the commands that are given fewest
+INPUTS = 3  # of the commands that are given fewest
 
 
 def test_what_is_made_hostile_is_sound_before(judge: Judge) -> None:

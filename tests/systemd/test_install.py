@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -100,12 +99,12 @@ def test_each_driver_gets_what_it_needs_and_keeps_it(tmp_path: Path, driver: str
     assert not set(tree(tmp_path)) & DEVICES
 
 
-@pytest.mark.parametrize("driver", ["qx10", "uvc", "picamera", "rtsp"])
-def test_video_is_installed_for_ip_cameras_alone(driver: str) -> None:
+def test_video_is_installed_for_ip_cameras_alone() -> None:
     """FFmpeg takes more room than all the rest of the box's program."""
-    said = install("--program-only", "/nowhere", "--driver", driver, "--dry-run").stdout
+    for driver in ("qx10", "uvc", "picamera", "rtsp"):
+        said = install("--program-only", "/nowhere", "--driver", driver, "--dry-run").stdout
 
-    assert ("requirements-video.lock" in said) == (driver == "rtsp")
+        assert ("requirements-video.lock" in said) == (driver == "rtsp")
 
 
 @pytest.mark.parametrize(
@@ -207,12 +206,16 @@ def test_installed_box_records_from_a_camera(program: Path, tmp_path: Path) -> N
 @pytest.mark.xdist_group("installed box")
 def test_every_command_of_the_installed_box_starts(program: Path) -> None:
     """Each has a help, and none needs what is only on the desk."""
-    listed = subprocess.run([program, "--help"], env=bare(), capture_output=True, text=True, check=True).stdout
-    commands = re.findall(r"^  (\w+) ", listed.partition("Commands:")[2].partition("Examples:")[0], re.MULTILINE)
+    code = """
+import click, recorder.cli
+for name in recorder.cli.COMMANDS:
+    recorder.cli.main.main([name, "--help"], standalone_mode=False)
+"""
+    python = program.with_name("python")
+    done = subprocess.run([python, "-I", "-c", code], env=bare(), capture_output=True, text=True, check=False)
 
-    assert {"run", "simulate", "keygen", "verify", "replay"} <= set(commands)
-    for command in commands:
-        subprocess.run([program, command, "--help"], env=bare(), capture_output=True, check=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Usage: ") >= 9
 
 
 def test_uninstalling_leaves_what_people_made(tmp_path: Path) -> None:

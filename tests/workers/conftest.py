@@ -8,7 +8,7 @@ import pytest
 
 from decoder.imaging.panel_pictures import panel_from_attachments
 from decoder.imaging.pictures import FramePicture, grey_picture
-from decoder.instruments.frame_batch import Batch, batches
+from decoder.instruments.frame_batch import Batch, Outcome, batches, read_here
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.vocabulary import Method
@@ -18,10 +18,11 @@ from tests.programs import A1
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A reader, and the batches of four frames of the flight that it is fitted to."""
+    """A reader, the batches of four frames of the flight that it is fitted to, and what it reads of each."""
 
     reader: PanelReader
     batches: tuple[Batch, ...]
+    results: list[tuple[Batch, list[Outcome]]]
 
 
 @pytest.fixture(scope="session")
@@ -34,4 +35,5 @@ def fitted() -> Fitted:
         return [FramePicture(grey_picture(frame.encoded)) for frame in flight.sample_frames(frames)]
 
     reader = fit_to_flight(reader_from_panel(panel, Method.NORMXCORR), sample).reader
-    return Fitted(reader, tuple(batches(flight.frames(), 4)))
+    cut = tuple(batches(flight.frames(), 4))
+    return Fitted(reader, cut, list(read_here(reader, cut)))
