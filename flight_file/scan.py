@@ -121,7 +121,7 @@ def scan_file(path: Path, source: ByteSource) -> FileScan:
     if is_video(head):
         target = path.with_suffix(".mcap").name
         command = shlex.join(["recorder", "replay", path.name, "-o", target])
-        reason = f"is a video, not a flight file; first make one of it: {command}"
+        reason = f"is a video, not a flight file; first make one from it: {command}"
         raise NotAFlightError(path, reason=reason)
     if not head.startswith(MAGIC):
         raise NotAFlightError(path, reason="is not an MCAP file; give a recording that ends in .mcap or .mcap.part")

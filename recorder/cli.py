@@ -29,13 +29,13 @@ _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
 )
 # Name: module that has the click command under the same name, and the line for `recorder --help`.
 COMMANDS = {
-    "run": ("recorder.run", "Record until told to stop, or until a replay is over."),
-    "replay": ("recorder.command_replay", "Make one flight file of a folder of photographs."),
-    "simulate": ("recorder.command_simulate", "Be a camera on this machine, for trying things without one."),
-    "info": ("recorder.command_info", "Say what is in a flight, and whether all of it is there."),
-    "extract": ("recorder.command_recover", "Take the pictures out of a flight, byte for byte."),
+    "run": ("recorder.run", "Record until stopped, or until a replay ends."),
+    "replay": ("recorder.command_replay", "Make one flight file from a folder of photographs."),
+    "simulate": ("recorder.command_simulate", "Simulate a camera on this machine, for trying things without one."),
+    "info": ("recorder.command_info", "Show what a flight holds, and whether anything is missing."),
+    "extract": ("recorder.command_recover", "Extract the pictures from a flight, byte for byte."),
     "recover": ("recorder.command_recover", "Repair what a power cut left behind."),
-    "verify": ("recorder.evidence", "Check CRCs, digests, chain and signatures; name the first misfit."),
+    "verify": ("recorder.evidence", "Check CRCs, digests, chain and signatures; name the first fault."),
     "mark": ("recorder.marks", "Keep the newest segment, and the one before, whatever the disk has room for."),
     "keygen": ("recorder.evidence", "Make a key to sign recordings with."),
 }

@@ -22,10 +22,10 @@ from recorder.marks import is_marked
 
 _TIME_BY = {
     "start": "what was typed as --start",
-    "creation": "the creation time of the video, which was believed",
-    "timecode": "the timecode of the video, which was believed",
-    "gps": "the GPS time of the video, which was believed",
-    UNKNOWN: "no clock: only differences of times mean anything",
+    "creation": "the creation time of the video, which was trusted",
+    "timecode": "the timecode of the video, which was trusted",
+    "gps": "the GPS time of the video, which was trusted",
+    UNKNOWN: "no clock: only differences between times mean anything",
 }
 
 

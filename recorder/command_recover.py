@@ -41,7 +41,11 @@ Examples:
 Exit codes: 0 done, 1 a file could not be recovered, 2 wrong usage, 3 done with loss.""",
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--key", type=click.Path(path_type=Path), help="Sign what the file proves to be this private key's work.")
+@click.option(
+    "--key",
+    type=click.Path(path_type=Path),
+    help="Sign the part that the file proves to be recorded with this private key.",
+)
 @click.option("--json", "as_document", is_flag=True, help="Print a JSON document instead of lines.")
 @click.pass_context
 def recover(context: click.Context, files: tuple[Path, ...], key: Path | None, *, as_document: bool) -> None:

@@ -144,7 +144,7 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of what was rep
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", "target", type=click.Path(path_type=Path), required=True, metavar="FLIGHT",
-    help="The flight file to make; what is there already is never replaced.",
+    help="The flight file to make; an existing file is never replaced.",
 )  # fmt: skip
 @click.option(
     "--rate", "rate_hz", type=click.FloatRange(1e-6, 1000), metavar="HZ",
@@ -153,11 +153,9 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 something is lost of what was rep
 @click.option("--start", metavar="TIME", help="When a video's first picture was taken, such as 2026-05-04T09:30:00Z.")
 @click.option(
     "--clock", type=click.Choice(["creation", "timecode", "gps"]),
-    help="Which of a video's clocks is believed; without this or --start the flight has no time of day.",
+    help="Which of a video's clocks to trust; without this or --start the flight has no time of day.",
 )  # fmt: skip
-@click.option(
-    "--utc-offset", metavar="+HH:MM", help="By how much --start, or the clock that is believed, is ahead of UTC."
-)
+@click.option("--utc-offset", metavar="+HH:MM", help="By how much --start, or the trusted clock, is ahead of UTC.")
 @click.option(
     "--keep-sound", is_flag=True,
     help="Store a video's sound as it is, voices too; without it only its strongest tones are stored.",
@@ -192,7 +190,7 @@ def replay(
     if any(original.has_sound for original in replayed.originals):
         say(f"  sound: its strongest tones are in the flight{_AS_IT_IS if times['keep_sound'] else _NOT_AS_IT_IS}")
     if not replayed.knows_time_of_day:
-        say("  time of day unknown: no clock is believed unless --start or --clock says so")
+        say("  time of day unknown: no clock is trusted unless --start or --clock says so")
     for loss in replayed.losses:
         say(f"  lost: {loss}", err=True)
     context.exit(DONE_WITH_LOSS if replayed.losses else 0)

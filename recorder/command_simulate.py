@@ -41,7 +41,7 @@ A recorder.yaml for it:
   storage: {directory: flights/}""",
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=0, show_default=True, help="Of all services; 0 for any.")
-@click.option("--host", default=LOOPBACK, show_default=True, help="The address to be at.")
+@click.option("--host", default=LOOPBACK, show_default=True, help="The address to listen on.")
 @click.option(
     "--pictures", type=click.Path(path_type=Path, exists=True), help="A folder of JPEGs or a flight file; else drawn."
 )

@@ -11,7 +11,7 @@ from flight_file.frame import CameraStatus, ClockReading, Frame
 from recorder.thresholds import LOOK_S, QUEUE_BYTES, QUEUE_FRAMES, WAITING_LINES
 
 QUEUE_FULL = "the disk is slower than the camera"
-DELETED = "somebody deleted the file in work that they were in"
+DELETED = "somebody deleted the unfinished file that they were in"
 STOPPED = "stopped before there was room to store it"
 
 

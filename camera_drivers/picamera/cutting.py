@@ -106,4 +106,4 @@ class RecordCutter:
 def _refuse_endless(buffer: bytearray) -> None:
     if len(buffer) > MAX_READ_BYTES:
         buffer.clear()
-        raise CameraError("What rpicam-vid sends are no pictures; try its command line by hand.")
+        raise CameraError("rpicam-vid does not send pictures; try its command line by hand.")

@@ -139,7 +139,7 @@ class PicameraSource:
             if waited_ns < SAY_S * NS_PER_S:
                 return None
             self._without_metadata = True
-            self._notes.say_once("clock", "rpicam-vid tells no times; the pictures' arrival is taken")
+            self._notes.say_once("clock", "rpicam-vid gives no times; the pictures' arrival is used")
         encoded, arrived = self._pictures.popleft()
         return self._picture(encoded, arrived, self._metadata.popleft() if self._metadata else {})
 
@@ -153,7 +153,7 @@ class PicameraSource:
             self._count_skipped(sensor_ns, frame_ns)
         else:
             if sensor_ns is not None:
-                self._notes.say_once("clock", "the sensor's times are of no use; the pictures' arrival is taken")
+                self._notes.say_once("clock", "the sensor's times are unusable; the pictures' arrival is used")
             # Exposure, processing and encoding take two frames' time or so.
             number, taken_ns = arrived.monotonic_ns, arrived.monotonic_ns - frame_ns
             sigma_ns = round(2 * frame_ns / math.sqrt(12))

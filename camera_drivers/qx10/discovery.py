@@ -95,7 +95,7 @@ def parse_description(xml: bytes, url: str) -> Description:
     try:
         root = fromstring(xml, forbid_dtd=True)
     except (ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise CameraNotFoundError(f"{url}: what is there is no XML ({error}); check camera.url.") from error
+        raise CameraNotFoundError(f"{url}: the answer is not XML ({error}); check camera.url.") from error
     services = {}
     for service in root.iter(f"{_AV}X_ScalarWebAPI_Service"):
         name, base = (
@@ -105,7 +105,7 @@ def parse_description(xml: bytes, url: str) -> Description:
         if name and base:
             services[name] = f"{base.rstrip('/')}/{name}"
     if "camera" not in services:
-        raise CameraNotFoundError(f"{url}: what is there offers no service `camera`; check camera.url.")
+        raise CameraNotFoundError(f"{url}: the device there offers no service `camera`; check camera.url.")
     device = root.find(f"{_UPNP}device")
     if device is None:
         return Description("", "", services)

@@ -29,7 +29,7 @@ from camera_drivers.thresholds import CLOSE_S
 from camera_drivers.waiting import Waiter
 
 CHUNK_BYTES = 64 * 1024
-BROKEN_OFF = "the connection broke off"
+BROKEN_OFF = "the connection was cut"
 TOO_LARGE = "the answer is larger than allowed"
 _HEADERS = {"Connection": "close", "Accept-Encoding": "identity", "User-Agent": "image-flight-recorder"}
 _FAILURES = (HTTPError, HTTPException, OSError, ValueError)  # the last: garbled headers
@@ -110,7 +110,7 @@ class Exchange:
     def open(self, call: str, method: str, url: str, *, body: bytes | None = None) -> int:
         """Send a request and return the HTTP status as soon as the headers are there."""
         if host_of(url) != host_of(f"http://{self._host}"):
-            raise CameraUnreachableError(call, "the address is a stranger's")
+            raise CameraUnreachableError(call, "the address is another host's")
         try:
             self._response = self._request(method, url, body)
         except _FAILURES as error:
@@ -184,7 +184,7 @@ class Link:
         try:
             return at_host(url, self.host)
         except BadUrlError as error:
-            raise CameraSilentError(call, "the camera gave an address that is none") from error
+            raise CameraSilentError(call, "the camera gave an invalid address") from error
 
     def exchange(self, quiet_s: float) -> Exchange:
         """Prepare a request without sending it."""

@@ -172,7 +172,7 @@ class Liveview:
                 if tries >= MAX_FAILURES:
                     raise
                 self._notes.say(STATE, f"begins again: {error.problem}")
-                self._api.link.waiter.pause("the liveview begins again", REST_S)
+                self._api.link.waiter.pause("the liveview restarts", REST_S)
         picture, before, at = self._waiting.popleft()
         taken_ns = self._delay.taken_ns(picture.timestamp_ms * _NS_PER_MS, at.monotonic_ns)
         times = HostTimes(before_request=before, after_answer=at, downloaded=at)

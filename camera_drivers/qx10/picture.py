@@ -28,7 +28,7 @@ def fault_of(jpeg: bytes) -> str:
     """Say what is wrong with a picture, in a few words; empty if it can be shown."""
     facts = jpeg_facts(jpeg)
     if facts.width_px is None or facts.height_px is None:
-        return "the picture is no JPEG"
+        return "the picture is not a JPEG"
     if facts.width_px * facts.height_px > MAX_PIXELS:
         return "the picture is larger than any of this camera"
     # A picture may be followed by something else, such as a second, smaller picture.

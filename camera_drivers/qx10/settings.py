@@ -115,7 +115,7 @@ class Setter:
             every_s=AGAIN_S,
             limit_s=self._api.link.limits.settle_s,
         )
-        return "" if settled else "it was accepted and does not show"
+        return "" if settled else "it was accepted, but did not take effect"
 
     def _set(self, wish: Wish) -> None:
         for way in wish.ways[:-1]:

@@ -35,7 +35,7 @@ from flight_file.frame import NS_PER_S, ClockReading
 DRIVER = "uvc"
 NOT_DELIVERED = "the kernel counted a picture that it did not deliver"
 DAMAGED = "the kernel marked the picture as damaged"
-NO_JPEG = "what came is no JPEG"
+NO_JPEG = "the picture is not a JPEG"
 _FORMATS = ("MJPG", "JPEG")
 _BUFFERS = 4
 _NS_PER_US = 1000
@@ -159,7 +159,7 @@ class UvcSource:
         monotonic = buffer.flags & v4l2.TIMESTAMP_MASK == v4l2.TIMESTAMP_MONOTONIC
         if monotonic and 0 <= received.monotonic_ns - stamp_ns <= self._stall_ns:
             return stamp_ns
-        self._notes.say_once("clock", "the kernel's times of the pictures are of no use; their arrival is taken")
+        self._notes.say_once("clock", "the kernel's times of the pictures are unusable; their arrival is used")
         return received.monotonic_ns - self._frame_ns
 
     def _set_up(self, options: UvcSettings) -> CameraIdentity:

@@ -36,7 +36,7 @@ signed one), %FS of full scale, then in the gauge's own unit. `in95%`: frames wh
 A flight data recorder has its own names, units and clock:
 --map      NEEDLE=COLUMN,... or a YAML file: NEEDLE: COLUMN, or NEEDLE: {name: COLUMN, unit: UNIT, factor: NUMBER}
 --time     its column of times: seconds, times of the day, or ISO 8601 with a zone
---offset   what to add to its times: SECONDS, or auto to let the curves tell; without it nothing is added
+--offset   what to add to its times: SECONDS, or auto to find it from the curves; without it nothing is added
 --limits   judge each parameter by what regulators ask of recorders: pass if 95 % of its values are within the limit
 
 \b
@@ -73,7 +73,7 @@ def command(
     """
     flight = flight_table(read_table(flight_data))
     if truth is None and names is None:
-        raise click.UsageError("give a TRUTH, or --map NEEDLE=gps_COLUMN to hold it against the camera's own GPS")
+        raise click.UsageError("give a TRUTH, or --map NEEDLE=gps_COLUMN to compare it with the camera's own GPS")
     request = TruthRequest(truth or flight_data, names, time_column, offset, window_s, wants_limits)
     result = compared(flight, read_truth(request))
     for name, why in left_out(flight, result).items():

@@ -27,11 +27,11 @@ COMMANDS = {
     "fleet": ("decoder.commands.fleet", "Decode many flights, on this machine or on a cluster, with one index."),
     "frames": ("decoder.commands.frames", "Write a flight's pictures with the readings drawn in."),
     "video": ("decoder.commands.video", "Write a flight as a film with the readings drawn in."),
-    "rpm": ("decoder.commands.rpm", "Read the engine's speed by its sound, beside the tachometer."),
+    "rpm": ("decoder.commands.rpm", "Measure engine speed from its sound, and compare it with the tachometer."),
     "export": ("decoder.commands.export", "Write flight data as Parquet or as a Garmin G1000 log."),
     "setup": ("decoder.commands.setup", "Draw or edit a panel in the browser."),
-    "explain": ("decoder.commands.explain", "Tell how sure one value is, and why."),
-    "accuracy": ("decoder.commands.accuracy", "Hold flight data against the truth."),
+    "explain": ("decoder.commands.explain", "Say how sure one value is, and why."),
+    "accuracy": ("decoder.commands.accuracy", "Compare flight data with the truth."),
 }
 CALIBRATIONS = {
     "focal": ("decoder.commands.calibrate.ruler:focal", "Pixels per radian over focal length, from a ruler."),

@@ -17,7 +17,7 @@ from flight_file.untrusted import say
 EPILOG = """\b
 parquet  all columns of the CSV, typed, with units and the description; needs the extra `parquet`
 garmin   the log of a Garmin G1000, one row a second, for flight-analysis sites: what was read, edge or hidden, in
-         the columns that the needles' names (or --map) tell; no position, no status, no uncertainty
+         the columns that the needles' names (or --map) give; no position, no status, no uncertainty
 
 \b
 Examples:
@@ -53,7 +53,7 @@ WRITERS: dict[str, Callable[[FlightTable, dict[str, MappedName]], Write]] = {"pa
 @click.command("export", epilog=EPILOG)
 @click.argument("flight_data", type=click.Path(path_type=Path))
 @click.option("-o", "--output", "file", type=click.Path(path_type=Path), required=True, metavar="FILE")
-@click.option("--to", "kind", type=click.Choice(list(WRITERS)), help="The format, if FILE's name does not tell.")
+@click.option("--to", "kind", type=click.Choice(list(WRITERS)), help="The format, if FILE's name does not show it.")
 @click.option("--map", "map_file", type=click.Path(path_type=Path), metavar="YAML", help="Which column each needle is.")
 def command(flight_data: Path, file: Path, kind: str | None, map_file: Path | None) -> None:
     """Write FLIGHT_DATA (the CSV that `decode` wrote, with its JSON beside it) to FILE in another format.
@@ -62,7 +62,7 @@ def command(flight_data: Path, file: Path, kind: str | None, map_file: Path | No
     """
     chosen = kind or SUFFIXES.get(file.suffix.lower())
     if chosen is None:
-        raise click.UsageError(f"{file}: the name does not tell the format; name it with --to {' or '.join(WRITERS)}")
+        raise click.UsageError(f"{file}: the name does not show the format; give it with --to {' or '.join(WRITERS)}")
     if file.exists() and flight_data.exists() and file.samefile(flight_data):
         raise click.UsageError(f"{file}: is the flight data itself; choose another name with -o")
     refuse_overwriting([flight_data, flight_data.with_suffix(".json"), *([map_file] if map_file else [])], [file])

@@ -81,7 +81,7 @@ Examples:
 @jobs_option
 @click.option(
     "--truth", "truth_file", type=click.Path(path_type=Path), metavar="CSV",
-    help="What the report holds the flight against, as `decode accuracy` does; needs --format html.",
+    help="The truth to compare the flight with in the report, as `decode accuracy` does; needs --format html.",
 )  # fmt: skip
 @truth_options
 @resume_option

@@ -83,7 +83,7 @@ def _kept(journal: DecodeJournal) -> Iterator[None]:
         raise
     except (KeyboardInterrupt, DecoderError, FlightFileError):
         if journal.frames:
-            _tell(f"{journal.path} keeps {journal.frames} frames; --resume goes on from there")
+            _tell(f"{journal.path} keeps {journal.frames} frames; --resume continues from there")
         raise
 
 

@@ -39,7 +39,7 @@ jobs_option = click.option(
     help="Read with N processes.  [default: one for each core, one alone for a short flight]",
 )  # fmt: skip
 resume_option = click.option(
-    "--resume", is_flag=True, help="Go on with an earlier decode of this flight that was broken off."
+    "--resume", is_flag=True, help="Continue an earlier decode of this flight that was interrupted."
 )
 images_option = click.option(
     "--with-images", is_flag=True, help="Put the pictures into NAME.mcap, too; needs --format mcap."
@@ -99,7 +99,7 @@ def _columns(_context: click.Context, _option: click.Parameter, values: tuple[st
 _COLUMN = re.compile(r"([A-Za-z][A-Za-z0-9_]*)\s*([=<>])\s*(.+)")
 column_option = click.option(
     "--column", "columns", multiple=True, callback=_columns, metavar="NAME=PARAMETER|NAME>X|NAME<X",
-    help="What a column means to the cross-checks, or a limit beyond which it is listed; repeatable, goes before the"
+    help="What a column means in the cross-checks, or a limit beyond which it is listed; repeatable, overrides the"
     " panel's `columns`.",
 )  # fmt: skip
 
@@ -141,7 +141,7 @@ def asked_part(flight: Flight, asked: AskedPart) -> FlightPart | None:
         end is not None and end.since != "start" for end in (asked.start, asked.end)
     ):
         raise PartError(
-            f"{flight.paths[0].name}: nobody knows its time of day; give --from and --to in seconds from its first"
+            f"{flight.paths[0].name}: its time of day is unknown; give --from and --to in seconds from its first"
             " frame, such as 90 or 1:30"
         )
     return None if asked.is_whole else part_of(flight, asked)

@@ -25,7 +25,7 @@ from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say, say_json
 
 EXIT_LOSS = 3
-_MORE = "--cylinders, --blades and --range tell more"
+_MORE = "--cylinders, --blades and --range narrow it down"
 _MOST_OFTEN = 3
 COLUMNS = (
     "time_utc",
@@ -39,7 +39,7 @@ COLUMNS = (
 )
 EPILOG = """\b
 A firing is every cylinder once in two turns: 4 cylinders fire as often as 2 blades without a gear pass by. What the
-sound cannot tell apart has no value, and the speeds that it may be are listed; more options tell more.
+sound cannot tell apart has no value, and the possible speeds are listed; more options narrow them down.
 
 \b
 rpm_status   read, ambiguous (see rpm_others) or missing; rpm_sigma is one standard deviation
@@ -78,14 +78,14 @@ def _range(_context: click.Context, _option: click.Parameter, value: str) -> tup
     metavar="N",
     help="Of a four-stroke engine; 0 for none: a turbine, a motor.",
 )
-@click.option("--blades", type=click.IntRange(0, 16), metavar="N", help="Of the propeller; 0 if none is to be heard.")
+@click.option("--blades", type=click.IntRange(0, 16), metavar="N", help="Of the propeller; 0 if none can be heard.")
 @click.option(
     "--gearing", type=click.FloatRange(0.01, 100), default=1.0, show_default=True, metavar="RATIO",
-    help="Turns of the engine for one of the propeller.",
+    help="Turns of the engine for each turn of the propeller.",
 )  # fmt: skip
 @click.option(
     "--range", "rpm_range", callback=_range, default="500-3500", show_default=True, metavar="LOW-HIGH",
-    help="The slowest and the fastest that the engine turns, rpm.",
+    help="The engine's slowest and fastest speed, rpm.",
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for a script to read.")
 def command(
@@ -135,10 +135,12 @@ def _why_silent(flight: Flight) -> str:
     originals = flight.session.originals
     name = flight.paths[0].name
     if not originals:
-        return f"{name}: holds no sound: it was not made of a film; `recorder replay` makes a flight of one"
+        return f"{name}: holds no sound: it was not made from a film; `recorder replay` makes a flight file from one"
     if not any(original.has_sound for original in originals):
         return f"{name}: holds no sound: {originals[0].name} has none"
-    return f"{name}: holds no sound, or less than a second; make it again of {originals[0].name} with `recorder replay`"
+    return (
+        f"{name}: holds no sound, or less than a second; make it again from {originals[0].name} with `recorder replay`"
+    )
 
 
 def _beside(flight_data: Path, speed: EngineSpeed, began_ns: int) -> list[HeldAgainstSound]:
@@ -147,7 +149,7 @@ def _beside(flight_data: Path, speed: EngineSpeed, began_ns: int) -> list[HeldAg
         return held_against_sound(flight_table(read_table(flight_data)), speed, began_ns)
     except TableError as error:
         if flight_data.exists():
-            say(f"not held against the tachometer: {error}", err=True)
+            say(f"not compared with the tachometer: {error}", err=True)
         return []
 
 
@@ -194,7 +196,7 @@ def _lines(speed: EngineSpeed, beside: list[HeldAgainstSound]) -> list[str]:
             f"engine: {known.min():.0f} to {known.max():.0f} rpm, median {np.median(known):.0f}, sigma {sigma:.1f}"
         )
     else:
-        lines.append("engine: no speed can be told by the sound")
+        lines.append("engine: no speed can be found from the sound")
     lines += [f"ambiguous: about {' or '.join(map(str, others))} rpm; {_MORE}" for others in _often(speed)]
     return lines + [one.words for one in beside]
 

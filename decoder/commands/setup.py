@@ -24,11 +24,11 @@ Examples:
 @click.argument("pictures", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT...|PICTURE")
 @click.option(
     "--panel", "panel_file", type=click.Path(path_type=Path, dir_okay=False), metavar="PANEL",
-    help="The panel.yaml to open; a new one is begun if it is not there.  [default: the flight's own]",
+    help="The panel.yaml to open; a new one is started if it is not there.  [default: the flight's own]",
 )  # fmt: skip
 @click.option(
     "--save-as", "target", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-    help="Where it is saved, its pictures beside it.  [default: PANEL, or panel.yaml in the current folder]",
+    help="Where it is saved, with its pictures.  [default: PANEL, or panel.yaml in the current folder]",
 )  # fmt: skip
 @click.option(
     "--camera", "camera_file", type=click.Path(path_type=Path, dir_okay=False), metavar="CAMERA",
@@ -36,9 +36,9 @@ Examples:
 )  # fmt: skip
 @click.option(
     "--propose", "proposal_file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-    help="Write what is found by itself as a draft, say how sure it is, and open no page.",
+    help="Draft a panel automatically, say how sure it is of each dial, and open no page.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="With --propose: say what was found as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="With --propose: print what was found as JSON.")
 @click.option("--browser/--no-browser", default=True, help="Open the page, or only print its address.")
 def command(
     pictures: tuple[Path, ...],

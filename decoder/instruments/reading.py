@@ -53,8 +53,8 @@ class Reading:
 class FrameReadings:
     """One frame's alignment, and its readings by needle.
 
-    `dial_shifts_px` are how far the needles of dials that were found by themselves lie from where the alignment has
-    them, (x, y) in the panel picture's pixels, in the panel's order; empty where all lie where it says.
+    `dial_shifts_px` are how far the needles of dials that were located one by one lie from where the alignment
+    has them, (x, y) in the panel picture's pixels, in the panel's order; empty where all lie where it says.
     """
 
     alignment: Alignment

@@ -99,8 +99,8 @@ class FittedReader:
             yield f"read in {mixture}, where its needles show better than in grey"
         if gauge.name in self.unsettled:
             yield (
-                "turns beside the drawn centre, and where was not found surely: sigma allows for that; is the gauge"
-                " drawn right?"
+                "turns about another point than the drawn centre, but it is unsure which: sigma allows for that; is"
+                " the gauge drawn right?"
             )
         elif math.hypot(x, y) > FAR_PART * gauge.radius[1]:
             yield (
@@ -111,8 +111,8 @@ class FittedReader:
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
         if off_deg > 3 * math.degrees(MOST_MARK_PART):  # beyond what a careless hand misses marks by
             yield (
-                f"has marks {off_deg:.1f} degrees beside even ones, though what goes round does so evenly: sigma allows"
-                " for that; is it seen from the side, or were they drawn from beside the middle of their ring?"
+                f"has marks {off_deg:.1f} degrees off even spacing, though a scale that goes all the way round is even:"
+                " sigma allows for that; is it seen from the side, or were they drawn from off their ring's middle?"
             )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
@@ -154,7 +154,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         around = _around_pivots(last, [path.step_px for path in paths], told, is_retold=is_retold)
         if around is None:
             break
-        tell(f"learns where needles turn, round {round_}")
+        tell(f"finding where needles turn, round {round_}")
         del reader, samples, last  # they need not lie in memory beside those of the next round
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
@@ -197,7 +197,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     if coloured is placed and not any(starts):
         return begun, last
     del begun, last, samples  # what they hold need not lie in memory beside what is unwrapped later
-    tell("learns in which colours needles show, and where rings of marks have their middle")
+    tell("choosing colours in which needles show, and centring rings of marks")
 
     def again(starts: Sequence[Vector | None]) -> tuple[_Recentred, _Round]:
         return _begun(coloured, unwrapped(coloured, sample(frames_wanted(placed.placement))), sample, starts, tell)
@@ -230,7 +230,7 @@ def _begun(
 ) -> tuple[_Recentred, _Round]:
     """Find pivots that are far off, from where some are thought to be, and learn a first time."""
     aligned = _around_far_pivots(reader, samples, sample, starts)
-    tell(f"learns from {len(aligned.samples)} frames what the instruments look like")
+    tell(f"learning from {len(aligned.samples)} frames what the instruments look like")
     return aligned, _learned(aligned.reader, aligned.samples, aligned.paths)
 
 

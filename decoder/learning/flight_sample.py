@@ -82,7 +82,7 @@ class FlightSample:
         given = []
         often = spread(self._flight.count(), LOOKED_AT)
         for number, (rank, frame) in enumerate(zip(ranks, self._flight.sample_frames(frames), strict=False), start=1):
-            self._tell(f"looks at frame {number} of a sample of {len(ranks)}")
+            self._tell(f"aligning frame {number} of a sample of {len(ranks)}")
             taken = self._kept.get(frame.sequence)
             if taken is None:
                 try:

@@ -22,21 +22,21 @@ from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
 
 STATUS_WORDS = {
     Status.READ: "the whole needle matched",
-    Status.EDGE: "a part of it is covered; what is left matched. Or its gauge is drawn too carelessly",
-    Status.HIDDEN: "wholly under another needle; it takes that needle's place",
-    Status.INTERPOLATED: "not seen; on the line between the nearest frames in which it was",
+    Status.EDGE: "part of it is covered and the rest matched, or its gauge is not drawn exactly enough",
+    Status.HIDDEN: "completely under another needle; it is given that needle's value",
+    Status.INTERPOLATED: "not seen; on a straight line between the nearest frames in which it was",
     Status.MISSING: "there is no value",
 }
 CAUSE_WORDS = {
     Cause.DRAWN: "how precisely the scale's marks are drawn",
-    Cause.PIVOT: "where it turns",
-    Cause.VIEWED: "from which side the camera sees what turns above its marks",
-    Cause.PLACED: "where its dial is found in the frames",
+    Cause.PIVOT: "the position of its pivot",
+    Cause.VIEWED: "parallax between the moving part and the marks",
+    Cause.PLACED: "where its dial was found in the frames",
 }
 FRAME_WORDS = {
-    Status.READ: "how sharply it and the panel are seen in this frame",
-    Status.EDGE: "how sharply it and the panel are seen in this frame, and what hides a part of it",
-    Status.HIDDEN: "how far it can be from where it is taken to be, hidden as it is",
+    Status.READ: "how sharp it and the panel are in this frame",
+    Status.EDGE: "how sharp it and the panel are in this frame, and what hides part of it",
+    Status.HIDDEN: "how far it may be from its assumed place while it is hidden",
     Status.INTERPOLATED: "what it may have done between the frames in which it was seen",
 }
 
@@ -218,7 +218,7 @@ def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignment
     yield f"{status.value}: {STATUS_WORDS[status]}"
     if not description:
         beside = flight.table.path.with_suffix(".json").name
-        yield f"what the gauge is like and where its uncertainty comes from is not known: put {beside} beside the CSV"
+        yield f"nothing is known of the gauge and of where its uncertainty comes from: put {beside} next to the CSV"
     for run in _runs(description.get("missing_frames"), frame):
         yield f"the frame could not be read: {run.get('reason', 'no reason is known')}"
     if status in (Status.INTERPOLATED, Status.MISSING, Status.HIDDEN):
@@ -265,8 +265,8 @@ def _cross_checks(checks: object, name: str, frame: int) -> Iterator[str]:
         unit, compared = check.get("unit", ""), check.get("frames_compared", 0)
         for run in runs:
             yield (
-                f"{check.get('what')}: apart by {run.get('apart')} {unit} here, of which {run.get('explained')} {unit}"
-                " would be explained"
+                f"{check.get('what')}: they differ by {run.get('apart')} {unit} here, of which {run.get('explained')}"
+                f" {unit} can be explained"
             )
         if not runs and compared:
             yield f"{check.get('what')}: no disagreement here ({compared} frames of the flight compared)"

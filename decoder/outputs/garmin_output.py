@@ -164,7 +164,7 @@ def plan(flight: FlightTable, mapping: Mapping[str, MappedName]) -> GarminPlan:
             left_out[name] = str(error)
     if not flight.knows_time_of_day:
         raise OutputError(
-            f"{flight.table.path}: a G1000 log needs a time of day, which nobody knows of this flight; make its flight"
+            f"{flight.table.path}: a G1000 log needs the time of day, which is unknown for this flight; make its flight"
             " file again with --start or --clock"
         )
     _check(flight, chosen)

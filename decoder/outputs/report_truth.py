@@ -26,10 +26,10 @@ from decoder.timeseries.truth_comparison import (
 
 COLUMNS_SAY = (
     "Percent columns: % of the true value, %FS of full scale, then in the gauge's own unit; mean and max are of the"
-    " absolute error, signed of the signed one. in95%: frames whose error is within 1.96 sigma. Near a true value of 0"
-    " its percentages grow beyond all measure; those of full scale do not."
+    " absolute error, signed of the signed one. in95%: frames whose error is within 1.96 sigma. Near a true value of 0,"
+    " percentages of it become meaningless; those of full scale do not."
 )
-LIMITS_TITLE = "Against what is asked of recorders"
+LIMITS_TITLE = "Compared with the requirements for recorders"
 WORDS = frozenset({"needle", "status", "unit", "limit", "of", "verdict"})
 BY_FRAME = "Rows were matched by frame."
 BY_TIME = "Rows were matched by time_s, the truth interpolated between its rows."

@@ -114,7 +114,7 @@ class WorkersLost(DecoderError):
     """Processes that read frames end one after the other; `how` says how the last one did."""
 
     def __init__(self, how: str) -> None:
-        super().__init__(f"the processes that read frames end one after the other, the last one {how}; try --jobs 1")
+        super().__init__(f"the processes that read frames keep ending, the last one {how}; try --jobs 1")
 
 
 class OutputError(DecoderError):

@@ -174,8 +174,8 @@ class DecodeJournal:
         if found == ours and not self._resume:
             frames = sum(len(content["frames"]) for content in map(content_of, lines) if content is not None)
             self._tell(
-                f"{self.path}: an earlier decode was broken off after {frames} frames; this one starts over, "
-                "--resume would have gone on from there"
+                f"{self.path}: an earlier decode was interrupted after {frames} frames; this one starts over, "
+                "--resume would have continued from there"
             )
         if found != ours and self._resume:
             self._tell(f"{self.path} {_difference(found, ours)}, so this decode starts at the beginning")

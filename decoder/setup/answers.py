@@ -293,7 +293,7 @@ def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
         raise PictureError(f"that picture is {width} x {height}, the panel's {picture.shape[1]} x {picture.shape[0]}")
     aligner = session.aligner(asked.document, asked.picture)
     if aligner is None:
-        raise PanelError("anchors", "cannot be used yet; put right what is marked first")
+        raise PanelError("anchors", "cannot be used yet; correct what is marked first")
     done = pasted(asked.document, aligner, target, _angles(session, asked, target), session.camera)
     return {
         "document": done.document,

@@ -64,7 +64,7 @@ class NotValid(DecoderError):
         count = f"{len(problems)} things" if len(problems) > 1 else "1 thing"
         listed = [f"{each.path}: {each.problem}" if each.path else each.problem for each in problems[:MOST_LISTED]]
         more = [f"and {len(problems) - MOST_LISTED} more"] if problems[MOST_LISTED:] else []
-        super().__init__(f"{count} to put right before the panel can be saved: {'; '.join([*listed, *more])}")
+        super().__init__(f"{count} to correct before the panel can be saved: {'; '.join([*listed, *more])}")
 
 
 class SetupSession:

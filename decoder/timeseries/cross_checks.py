@@ -79,7 +79,7 @@ COMPASS = Allowed(15, 0.0, 0.0)
 """Ten degrees of deviation are allowed without a card that says more (14 CFR 23.1327); a gyro drifts in between."""
 UNCOORDINATED = Allowed(10, 0.10, 2)
 """Degrees of bank that a slip takes without a turn, and the part that an airspeed may be off."""
-SETTING = "a change of the altimeter's setting looks so too; no column has it"
+SETTING = "a change of altimeter setting would look the same, and no column shows it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class CrossCheck:
     def words(self) -> str:
         """Say in a sentence what came of it."""
         if not self.compared:
-            return f"{self.what}: nowhere seen together for long enough"
+            return f"{self.what}: never seen together for long enough"
         if not self.disagreements:
             return f"{self.what}: agree, {self.compared} frames compared"
         worst = max(self.disagreements, key=lambda each: each.apart / each.allowed)

@@ -72,7 +72,7 @@ class Engine:
     blades
         Of the propeller; 0 if there is none to be heard; None if nobody knows.
     gearing
-        Turns of the engine for one of the propeller.
+        Turns of the engine for each turn of the propeller.
     rpm_range
         The slowest and the fastest that the engine turns.
     """

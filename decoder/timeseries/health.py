@@ -22,8 +22,8 @@ WELL = "drawn well"
 SEEN = "it is hard to see there"
 MOSTLY = {
     Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
-    Cause.PIVOT: "it is not known where it turns: draw its centre more precisely with `decode setup`",
-    Cause.PLACED: "its dial is not found where it should be: box an anchor nearer to it with `decode setup`",
+    Cause.PIVOT: "its pivot is uncertain: draw its centre more precisely with `decode setup`",
+    Cause.PLACED: "its dial is not found where the anchors put it: box an anchor nearer to it with `decode setup`",
 }
 
 
@@ -93,14 +93,14 @@ def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
     if seen < HALF * shown:
         yield (
             f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it on a"
-            " picture in which nothing is printed behind what moves"
+            " picture in which the moving part has nothing printed behind it"
         )
     elif (
         series.quantity.written is None
         and seen > 1
         and not _moves(series.value[is_seen], series.sigma[is_seen], series.quantity.wraps)
     ):
-        yield f"{name} hardly moves: the flight tells little of its scale and its centre"
+        yield f"{name} hardly moves: the flight says little about its scale and its centre"
 
 
 def _is_seen(series: NeedleSeries) -> NDArray[np.bool_]:

@@ -179,9 +179,7 @@ def recorder_truth(flight: FlightTable, recorder: Table, mapping: Mapping[str, M
             raise AccuracyError(f"{recorder.path}: has no column {mapped.name}, which the mapping names for {needle}")
         columns[needle] = _texts(_in_unit(flight, needle, recorder.numbers(mapped.name), mapped))
     if time_column not in recorder.columns:
-        raise AccuracyError(
-            f"{recorder.path}: has no column {time_column}; name the one that tells the time with --time"
-        )
+        raise AccuracyError(f"{recorder.path}: has no column {time_column}; name its time column with --time")
     return Table(recorder.path, {TIME_COLUMN: _texts(_seconds(flight, recorder, time_column)), **columns})
 
 
@@ -233,12 +231,12 @@ def offset_text(result: Compared) -> str:
         else f"{applied_s:+.3f} s was added to the truth's times"
     )
     if told is None:
-        return f"clock: {applied}; the curves do not tell the offset"
+        return f"clock: {applied}; the curves do not show the offset"
     says = f"{told.offset_s:+.3f} s, sigma {told.sigma_s:.3f} s"
     by = f"correlation {told.correlation:.3f}, {len(told.names)} needles"
     off_s = abs(told.offset_s - (applied_s or 0.0))
     hint = "; to apply it: --offset auto" if off_s > max(MISSING_SPREADS * told.sigma_s, STEP_S) else ""
-    return f"clock: {applied}; the curves tell {says} ({by}){hint}"
+    return f"clock: {applied}; the curves suggest {says} ({by}){hint}"
 
 
 def accuracy_rows(results: Sequence[NeedleAccuracy]) -> list[list[str]]:

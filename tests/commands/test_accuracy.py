@@ -50,7 +50,7 @@ def test_offset_is_shown_and_not_applied(tables: tuple[Path, Path, Path]) -> Non
     words = done.stdout.splitlines()[0]
 
     assert done.returncode == 0, done.stderr
-    assert words.startswith("clock: nothing was added to the truth's times; the curves tell -41.3")
+    assert words.startswith("clock: nothing was added to the truth's times; the curves suggest -41.3")
     assert "sigma 0.0" in words
     assert words.endswith("to apply it: --offset auto")
 

@@ -22,7 +22,7 @@ def test_a_script_gets_the_budget_as_json_and_a_person_in_words(tmp_path: Path) 
     undecided = ran("decode", "explain", flight, "ias_kt")
 
     assert [round(share["part"], 2) for share in json.loads(script.stdout)["shares"]] == [0.64, 0.36]
-    assert "64%   0.4       from which side the camera sees what turns above its marks" in words.stdout
+    assert "64%   0.4       parallax between the moving part and the marks" in words.stdout
     assert "95 %     50.2 to 52.2 kt" in words.stdout
     assert (undecided.returncode, "give --frame or --at" in undecided.stderr) == (2, True)
 
@@ -35,4 +35,4 @@ def test_a_csv_alone_tells_what_it_can_and_names_what_is_not_beside_it(tmp_path:
     told = ran("decode", "explain", flight, "ias_kt", "--frame", "0")
 
     assert (told.returncode, "95 %     50.2 to 52.2" in told.stdout) == (0, True)
-    assert "put flight.json beside the CSV" in told.stdout
+    assert "put flight.json next to the CSV" in told.stdout

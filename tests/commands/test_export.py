@@ -66,7 +66,7 @@ def test_pandas_and_polars_read_both_formats(decoded_a2: Decoded, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (["-o", "flight.xlsx"], 2, "the name does not tell the format"),
+        (["-o", "flight.xlsx"], 2, "the name does not show the format"),
         (["-o", "x.csv", "--map", "no.yaml"], 1, "no.yaml: cannot be read"),
         (["-o", "x.csv"], 1, "name them with --map"),
     ],

@@ -71,10 +71,10 @@ def test_interrupted_decode_says_how_to_go_on(flight: Path, tmp_path: Path) -> N
     said = stopped(eager(flight, "-o", tmp_path / "out", "--jobs", "1"), journal, 2, signal.SIGINT)
     again = ran("decode", flight, "-o", tmp_path / "out")
 
-    assert "frames; --resume goes on from there" in said
+    assert "frames; --resume continues from there" in said
     assert "decode: interrupted; nothing was written" in said
     assert "Traceback" not in said
-    assert "this one starts over, --resume would have gone on from there" in again.stderr
+    assert "this one starts over, --resume would have continued from there" in again.stderr
     assert again.returncode == 0
     assert not journal.exists()
 
@@ -98,5 +98,5 @@ def test_what_was_read_outlives_a_truth_that_does_not_fit(flight: Path, tmp_path
         _, said = running.communicate(timeout=60)
 
     assert running.returncode == 1
-    assert "flight.decode-journal keeps 120 frames; --resume goes on from there" in said
+    assert "flight.decode-journal keeps 120 frames; --resume continues from there" in said
     assert contents(tmp_path / "out").keys() == {"flight.decode-journal"}

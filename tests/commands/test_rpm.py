@@ -80,7 +80,7 @@ def test_what_is_ambiguous_is_listed(tmp_path: Path, flight: Path) -> None:
     done = ran("decode", "rpm", flight, "-o", tmp_path / "rpm.csv")
 
     assert done.returncode == 0
-    assert "no speed can be told by the sound" in done.stdout
+    assert "no speed can be found from the sound" in done.stdout
     assert "ambiguous: about " in done.stdout
     assert "2400" in done.stdout.split("ambiguous: about ")[1]
     assert {row["rpm"] for row in rows_of(tmp_path / "rpm.csv")} == {""}

@@ -130,8 +130,8 @@ def test_commands_of_the_report_run(tmp_path: Path) -> None:
     page = (tmp_path / "results" / "flight.html").read_text(encoding="utf-8")
 
     assert len(fenced) == 4
-    assert "Held against the truth" in page
-    assert "the curves tell" in page
+    assert "Compared with the truth" in page
+    assert "the curves suggest" in page
     assert "flight.mcap --method normxcorr --format html --truth fdr.csv --map names.yaml" in page
 
 

@@ -218,7 +218,7 @@ def test_positions_go_wherever_the_pictures_go(tmp_path: Path, video: Path) -> N
     assert "GPS time: 2026-05-04T09:30:00.000Z at the film's time 0, sigma 0.29 s, by 4 times" in made.stdout
     assert "the GPS time is 2 h 0 min 0 s behind the creation time" in made.stdout
     assert (facts["time_of_day"], facts["start_utc"][:19]) == ("gps", "2026-05-04T09:30:00")
-    assert "time by:     the GPS time of the video, which was believed" in recorder("info", flight).stdout
+    assert "time by:     the GPS time of the video, which was trusted" in recorder("info", flight).stdout
     assert len(fixes) == 40
     assert list(open_flight([again]).fixes()) == fixes
     assert recorder("verify", flight, again).returncode == 0

@@ -83,7 +83,9 @@ def test_a_film_that_was_left_behind_is_named(browser: Browser, made: Path, tmp_
     (tmp_path / "flight.html").write_bytes((made / "flight.html").read_bytes())
     page = opened_offline(browser, tmp_path / "flight.html", [])
 
-    expect(page.locator("#film-says")).to_contain_text("not beside this page, or cannot be played: flight.film.mp4")
+    expect(page.locator("#film-says")).to_contain_text(
+        "not in this page's folder, or cannot be played: flight.film.mp4"
+    )
     expect(page.locator("#film")).to_have_count(0)
     page.context.close()
 

@@ -114,7 +114,7 @@ def test_flags_come_with_their_reasons() -> None:
     ]
     assert flags[0].reason == "knob not found (0.31)"
     assert "lowest score 0.50" in flags[1].reason
-    assert flags[2].reason == "under fuel_fr_lb; it takes that needle's place"
+    assert flags[2].reason == "under fuel_fr_lb; it is given that needle's value"
 
 
 def test_drawing_has_marks_where_the_panel_says() -> None:
@@ -149,7 +149,7 @@ def test_truth_gives_the_table_of_decode_accuracy(decoded: Decoded) -> None:
     assert float(first["mean%FS"]) < 0.1
     assert section.places == list(range(7))
     assert np.nanmax(np.abs(section.values["n2_pct"] - decoded.data.series[1].value)) < 1.0
-    assert [table.title for table in section.tables][1:] == ["Against what is asked of recorders"]
+    assert [table.title for table in section.tables][1:] == ["Compared with the requirements for recorders"]
 
 
 def test_needle_without_a_true_value_has_no_plot_of_errors(decoded: Decoded, tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def test_only_what_fits_better_is_offered() -> None:
     assert offered({"centre": swung, "axis": swung}) == []
     (gain,) = offered({"centre": trial_of(0.97, None, 0.0), "axis": worse})
     assert offered({"centre": trial_of(0.97, None, 0.0), "axis": worse}, off_px=3.0) == []  # it shows another value
-    assert gain.startswith("values read 10 of 10, mean score 0.950 → 0.970, needles turn 1.00 → 0.00 px beside it")
+    assert gain.startswith("values read 10 of 10, mean score 0.950 → 0.970, needles turn 1.00 → 0.00 px off it")
     assert gain.endswith("axes are 1.00 → 0.00° off")
     assert len(offered({"centre": worse, "axis": trial_of(0.95, (1.0, 0.0), 0.0)})) == 1
     assert math.isclose(Fit.of_trial(worse, GAUGE).score, 0.94)

@@ -248,7 +248,9 @@ def test_two_needles_on_one_scale_are_told(turns_of: tuple[float, float], *, sev
     """Of two hands that both move nobody knows which is asked for; one that stands still is none."""
     turned = [0.61, *(0.07 + 0.1 * step for step in range(8))]
 
-    assert ("more than one hand" in needle_of([hands_at(turns, (0.85, 0.7), turns_of) for turns in turned])) == several
+    assert (
+        "more than one needle" in needle_of([hands_at(turns, (0.85, 0.7), turns_of) for turns in turned])
+    ) == several
 
 
 def needle_of(pictures: Sequence[NDArray[np.uint8]]) -> str:

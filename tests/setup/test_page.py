@@ -168,7 +168,7 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
 
     again = start(panel=None, save_as=tmp_path / "saved" / "panel.yaml")
     page = open_page(again)
-    expect(page.locator("#banner")).to_contain_text("Going on with what was drawn here before")
+    expect(page.locator("#banner")).to_contain_text("Continuing with earlier work")
     expect(page.locator('[id="f:name"]')).to_have_value("not lost")
     page.locator("#undo").click()
     expect(page.locator('[id="f:name"]')).to_have_value(before)

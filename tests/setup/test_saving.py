@@ -117,7 +117,7 @@ def begin(tmp_path: Path) -> Begin:
 
 def test_picture_called_panel_yaml_destroys_nothing(begin: Begin, document: Document, tmp_path: Path) -> None:
     """A draft whose picture is called panel.yaml is no panel yet."""
-    with pytest.raises(NotValid, match="1 thing to put right before the panel can be saved: picture: cannot be"):
+    with pytest.raises(NotValid, match="1 thing to correct before the panel can be saved: picture: cannot be"):
         begin().save({**document, "picture": "panel.yaml"}, "frame-0", 0, replaces=True)
 
     assert list(tmp_path.iterdir()) == []

@@ -45,11 +45,11 @@ def _squares(_context: click.Context, _option: click.Parameter, value: str) -> t
 @click.option("--squares", callback=_squares, required=True, metavar="NxM", help="Squares across and down.")
 @click.option("--dictionary", metavar="DICT", help="For a ChArUco board: its markers, such as DICT_5X5_100.")
 @click.option("--marker-part", type=click.FloatRange(0.2, 0.95), default=0.75, show_default=True,
-              help="For a ChArUco board: a marker's width, as a part of a square's.")  # fmt: skip
+              help="For a ChArUco board: a marker's width, as a fraction of a square's.")  # fmt: skip
 @click.option("--model", type=click.Choice([str(model) for model in DistortionModel]), default="brown_conrady",
               show_default=True, help="rational for a wide lens, fisheye for an action camera's.")  # fmt: skip
 @click.option("--focal-length-mm", "otherwise_mm", type=click.FloatRange(min=0.1, max=1e4), metavar="MM",
-              help="Of pictures that do not say it, such as a film's.")  # fmt: skip
+              help="For pictures that do not state it, such as a film's.")  # fmt: skip
 @click.option("--replace-focal", is_flag=True, help="Put the focal length into CAMERA even if it has one.")
 @camera_output
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for a script to read.")

@@ -27,7 +27,7 @@ from flight_file.untrusted import say, say_json
 
 EPILOG = """\b
 Roll is clockwise as seen from behind the camera, pitch upwards, yaw to the right. The panel's y may be counted up or
-down: the picture tells.
+down: the picture shows which.
 
 \b
 Examples:

@@ -89,10 +89,10 @@ def checked(recordings: Sequence[RecordingCheck]) -> list[Checked]:
 
 _TIME_BY = {
     "start": "as it was typed when the flight file was made",
-    "creation": "by the video's creation time, which was believed",
-    "timecode": "by the video's timecode, which was believed",
-    "gps": "by the video's GPS time, which was believed",
-    UNKNOWN: "unknown: no clock was believed; only differences of times mean anything",
+    "creation": "from the video's creation time, which was trusted",
+    "timecode": "from the video's timecode, which was trusted",
+    "gps": "from the video's GPS time, which was trusted",
+    UNKNOWN: "unknown: no clock was trusted; only differences between times mean anything",
 }
 
 
@@ -147,7 +147,7 @@ def _signatures(keys: Sequence[bytes | None]) -> Checked:
 
 NOT_CHECKED = [
     Checked("open", "times", "not checked: they are the recorder's clock, as it was set"),
-    Checked("open", "instruments", "not checked: a gauge that shows a wrong value is read as it stands"),
+    Checked("open", "instruments", "not checked: a gauge that shows a wrong value is read as it shows"),
 ]
 
 
@@ -174,7 +174,7 @@ def when(data: FlightData) -> str:
 def clock(data: FlightData, session: Session) -> str:
     """Say which clock times come from."""
     if not data.knows_time_of_day:
-        return "no clock was believed: times count from the first frame"
+        return "no clock was trusted: times count from the first frame"
     if session.time_of_day in _TIME_BY:
         return f"time {_TIME_BY[session.time_of_day]}"
     return f"time by the recorder's clock{f' ({session.clock})' if session.clock else ''}"
@@ -206,7 +206,7 @@ def alerts(data: FlightData, losses: Sequence[str], order: Order) -> list[Fact]:
     found += [Fact(f"{gauge}:", health_line(findings), "warn") for gauge, findings in data.health.items() if findings]
     if data.part is not None:
         words = (
-            f"{len(data.frame):,} of the flight's {data.part.frames_in_flight:,} frames were asked for, no others read."
+            f"{len(data.frame):,} of the flight's {data.part.frames_in_flight:,} frames were requested, no others read."
         )
         found.append(Fact("A part of the flight:", words, "warn"))
     backward = int((np.diff(data.time_ns) < 0).sum())
@@ -214,7 +214,7 @@ def alerts(data: FlightData, losses: Sequence[str], order: Order) -> list[Fact]:
         words = f"The clock ran backwards {backward} time(s); the plots show frames in the order of their times."
         found.append(Fact("Warning:", words, "warn"))
     if order.size == 1:
-        found.append(Fact("Warning:", "The flight is a single frame; nothing can be told from changes.", "warn"))
+        found.append(Fact("Warning:", "The flight is a single frame, so nothing can be learned from changes.", "warn"))
     return found
 
 

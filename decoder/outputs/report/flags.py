@@ -136,9 +136,9 @@ def _of_needle(series: NeedleSeries, *, is_combined: bool) -> Iterator[Flag]:
 def _reason(series: NeedleSeries, kind: Kind, score: float, *, is_combined: bool) -> str:
     cover = series.quantity.covered_by
     if kind is Kind.HIDDEN:
-        return f"under {cover}; it takes that needle's place" if cover else "under another needle"
+        return f"under {cover}; it is given that needle's value" if cover else "under another needle"
     if kind is Kind.EDGE:
-        what = f"{cover}, a glare or a bug" if cover else "another needle, a glare or a bug"
+        what = f"{cover}, glare or a bug" if cover else "another needle, glare or a bug"
         return f"{what} covers a part; the rest matched (lowest score {score:.2f})"
     end = "the value is on the line between its neighbours" if kind is Kind.INTERPOLATED else "there is no value"
     if is_combined:
@@ -147,7 +147,7 @@ def _reason(series: NeedleSeries, kind: Kind, score: float, *, is_combined: bool
         return f"the gauge was not found, or not whole in the frame; {end}"
     if score < SCORE_THRESHOLD:
         return f"nothing matched well enough (lowest score {score:.2f}); {end}"
-    return f"what matched was not believed: it could be another needle, or lies where the needle cannot be; {end}"
+    return f"the match was rejected: it may be another needle, or lies where the needle cannot be; {end}"
 
 
 def planned(data: FlightData, flags: Sequence[Flag]) -> list[int]:

@@ -362,7 +362,7 @@ def _camera_words(camera: Camera | None) -> str:
         return ""
     low, high = camera.focal.range_mm
     name = camera.model or "A camera without a name"
-    lens = "with distortion" if camera.distortion else "no distortion was measured, none is taken out"
+    lens = "with distortion" if camera.distortion else "no distortion was measured, so none is corrected"
     return f"{name}, calibrated from {low:g} to {high:g} mm; {lens}."
 
 

@@ -127,7 +127,7 @@ class Fit:
         parts = [f"values read {_from_to(other.read, self.read)} of {self.of}"]
         parts += [f"mean score {_from_to(f'{other.score:.3f}', f'{self.score:.3f}')}"]
         if other.beside_px:
-            parts.append(f"needles turn {_from_to(f'{other.beside_px:.2f}', f'{self.beside_px:.2f}')} px beside it")
+            parts.append(f"needles turn {_from_to(f'{other.beside_px:.2f}', f'{self.beside_px:.2f}')} px off it")
         if other.off_deg:
             parts.append(f"axes are {_from_to(f'{other.off_deg:.2f}', f'{self.off_deg:.2f}')}° off")
         return ", ".join(parts)
@@ -260,8 +260,8 @@ def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iter
     right, down = trial.moved_px
     there = gauge["centre"][0] + right, gauge["centre"][1] + down
     said = (
-        f"The needle turns {abs(right):.2f} px {'left' if right < 0 else 'right'}, "
-        f"{abs(down):.2f} px {'above' if down < 0 else 'below'} of the centre"
+        f"The needle turns {abs(right):.2f} px {'left' if right < 0 else 'right'} of and"
+        f" {abs(down):.2f} px {'above' if down < 0 else 'below'} the centre"
     )
 
     def offer(key: str, words: str, does: str, drawn: GaugeDraft) -> Offer:
@@ -275,11 +275,11 @@ def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iter
 
     if seen.height_inches is not None:
         high = found(copy.deepcopy(gauge) | {"needle_height_inches": seen.height_inches})
-        words = f"{said}, as one {seen.height_inches:g} inches above the face does, seen from here"
-        yield offer("height", words, "It stands that high", high)
+        words = f"{said}: the parallax of a needle {seen.height_inches:g} inches above its face"
+        yield offer("height", words, "Use that height", high)
         return
     if seen.is_oblique and not gauge.get("needle_height_inches"):
-        words = f"{said}: so does every needle above its face that is seen from the side"
+        words = f"{said}, as any needle above its face does when seen from the side"
         yield offer("around", words, "Find its axis around there", found(copy.deepcopy(gauge)))
     moved = _recentred(gauge, seen.drawn, there, are_points=trial.are_points)
     yield offer("centre", said, "Move the centre there", found(moved))
@@ -293,7 +293,7 @@ def _turned_only(gauge: GaugeDraft, trial: Trial) -> Iterator[Offer]:
             f"{name} lies {abs(off):.2f}° {'clockwise' if off > 0 else 'anticlockwise'}"
             for name, off in _axes_off(trial, gauge)
         ]
-        said = f"In all frames together the axis of {' and that of '.join(parts)} of where it is drawn"
+        said = f"Over all frames the axis of {' and that of '.join(parts)} of where it is drawn"
         yield Offer("axes", said, "Turn it there", turned, _UNTRIED, _UNTRIED)
 
 

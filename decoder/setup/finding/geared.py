@@ -121,7 +121,7 @@ def geared_drafts(kind: Geared, face: Face, seen: Pictures) -> tuple[list[Geared
         if way.further is None or begin is not None:
             drafts.append(_draft(kind, way, found, face, seen, begin=begin))
         else:
-            why = why or "its coarsest hand goes round, and nothing counts that"
+            why = why or "its slowest hand goes round, and no other hand counts its turns"
     return drafts, "" if drafts else why
 
 
@@ -150,7 +150,7 @@ def _draft(kind: Geared, way: Way, hands: Hands, face: Face, seen: Pictures, *, 
         )
     combined: Document = {"name": f"{kind.value}{suffix}", "needles": names}
     said = [
-        f"{len(names)} hands that follow each other in {hands.pictures[0]} of {hands.pictures[1]} pictures: "
+        f"{len(names)} hands that turn together in {hands.pictures[0]} of {hands.pictures[1]} pictures: "
         + ", ".join(
             f"{name.replace('_', ' ')} at {angle % 360:.0f}"
             for name, angle in zip(way.names, hands.angles_deg, strict=True)
@@ -162,9 +162,9 @@ def _draft(kind: Geared, way: Way, hands: Hands, face: Face, seen: Pictures, *, 
         combined["lowest"] = begin
         missing = kind.ways[0].names[len(way.names)].replace("_", " ")
         lacking.append(
-            f"the hand for {missing} is not read: values are told from {begin:g} to"
+            f"the hand for {missing} is not read: values are taken to lie from {begin:g} to"
             f" {begin + way.turns[-1]:g} {face.unit}, where the flight was"
-            + ("" if hands.is_counted else " unless it went higher than its other hands tell")
+            + ("" if hands.is_counted else " unless it went higher than the other hands show")
         )
     gauge = {
         **face.placed,

@@ -175,9 +175,9 @@ def what_is_not_told(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: 
     """
     frames = tips_on(seen, turning(seen, drawn, ring_px) or drawn, ring_px)
     if has_several(frames):
-        return "more than one hand moves on it, and which tells what is not told"
+        return "more than one needle moves on it, and which shows what is unknown"
     if reaches_across(frames[0], at_deg):
-        return "what moves on it reaches as far on the other side of its middle: which end points is not told"
+        return "its needle reaches as far on both sides of the pivot: which end is the tip is unknown"
     return ""
 
 
@@ -271,7 +271,7 @@ def together(
     """
     turned = turning(seen, drawn, ring_px)
     if turned is None:
-        return "what moves on it turns about no one point"
+        return "the parts that move on it do not turn about one point"
     drawn = turned
     frames = tips_on(seen, drawn, ring_px)
     tried = (_Chain.of(frames, tips, zero_deg, ratios) for tips in permutations(frames[0], len(ratios) + 1))
@@ -279,10 +279,10 @@ def together(
     # What counts for a hand may be counted itself: an altimeter's second hand is its third's first.
     told = [each for each in sure if not any(each.tips[0] in other.tips[1:] for other in sure)]
     if not told:
-        return "its hands were not seen to follow each other"
+        return "its hands were not seen to turn together"
     best = max(told, key=lambda each: sum(tip.reach_px for tip in each.tips))
     if any(each.contradicts(best) for each in told):
-        return "which of its hands is which is not told: more than one way goes for all pictures"
+        return "which hand is which is ambiguous: more than one assignment fits all pictures"
     shortest_px = min(tip.reach_px for tip in best.tips)
     others = [tip.reach_px for tip in frames[0] if tip.reach_px < (1.0 - RING_PART) * shortest_px]
     counted = None if further is None else _counted(frames, best, zero_deg, (*ratios, further))

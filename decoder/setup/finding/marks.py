@@ -101,7 +101,7 @@ def _all_round(fit: Fit, comb: Comb) -> Marked:
     for index in places:
         at = begin + degrees * values[index]
         marks.append(Mark(at, float(values[index]), fit.numerals[index], _away(fit.numerals[index].angle_deg, at)))
-    doubt = "" if len(hit) * 3 >= 2 * len(all_places) else "its numerals stand as on a full dial, but its ticks do not"
+    doubt = "" if len(hit) * 3 >= 2 * len(all_places) else "its numerals go all the way round, its ticks do not"
     return Marked(fit, tuple(marks), fit.family.turn, is_even=True, doubt=doubt)
 
 
@@ -226,9 +226,9 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
     steps = np.diff([mark.value for mark in marks])
     turns = np.diff([mark.angle_deg for mark in marks])
     if not doubt and not (turns > 0).all():
-        doubt = "two numerals would have one mark"
+        doubt = "two numerals would share one mark"
     if not doubt and _zigzags(turns, np.abs(steps)):
-        doubt = "the turns from one numeral's mark to the next go up and down: one may have another's mark"
+        doubt = "its numerals' marks are irregularly spaced: one may have another's mark"
     usual = _usual_step(marks)
     for (one, other), step in zip(pairwise(marks), np.abs(steps), strict=True):
         # Where a scale is uneven, what is not read may be where its divisions change.
@@ -237,7 +237,7 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
     between = [_between(comb, one.angle_deg, other.angle_deg) for one, other in pairwise(marks)]
     ratio = (np.array(between) + 1) / np.abs(steps)
     if not doubt and np.mean(np.abs(ratio / np.median(ratio) - 1) < 0.3) < HALF:  # noqa: PLR2004
-        doubt = "the ticks between its numerals do not count evenly"
+        doubt = "its numerals do not have equal numbers of ticks between them"
     return Marked(fit, tuple(marks), None, is_even=False, doubt=doubt)
 
 

@@ -133,7 +133,7 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
                 gauge, said = _gauge(dial, scale, legend, name, seen, words=words, hands=hands)
                 (evidence if gauge is not None else lacking).extend(said)
     if scale is not None and not legend.unit and (scale.fit.family is None or scale.fit.family.name == "altimeter"):
-        lacking.append("no word tells its unit")
+        lacking.append("no word gives its unit")
     ring = tuple((float(x), float(y)) for x, y in drawn.ring(outer_px).T)
     so_far = _so_far(dial, name, scale, legend, is_told=not doubt)
     plain = ProposedGauge(gauge, so_far, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
@@ -154,11 +154,11 @@ def _doubt_of_values(scale: Marked, legend: Legend) -> str:
     """Say why marks whose numerals are known may be worth something else; nothing if they are not."""
     family, largest = scale.fit.family, max(abs(mark.value) for mark in scale.marks)
     if scale.fit.is_centred and legend.unit not in ("fpm", "A"):
-        return "it rises to both sides of 0, and nothing tells which is positive"
+        return "it rises to both sides of 0, and nothing shows which side is positive"
     if family is not None and family.name == "altimeter" and legend.name != "altimeter":
-        return "its digits go all the way round, and no word tells what they count"
+        return "its digits go all the way round, and no word says what they count"
     if family is None and legend.lacks_factor(largest):
-        return f"its numbers are too small for {legend.unit}: what multiplies them was not read"
+        return f"its numbers are too small for {legend.unit}: their factor was not read"
     return ""
 
 
@@ -218,10 +218,10 @@ def _words(scale: Marked, legend: Legend) -> str:
     kind = (
         f"numbered as {'an' if scale.fit.family.name[0] == 'a' else 'a'} {scale.fit.family.name}"
         if scale.fit.family
-        else ("at equal turns" if scale.is_even else "at uneven turns")
+        else ("evenly spaced" if scale.is_even else "unevenly spaced")
     )
     told = (
-        f"; {' '.join(legend.said)!r} tells {legend.name or 'the unit'}{', ' + legend.unit if legend.unit else ''}"
+        f"; {' '.join(legend.said)!r} means {legend.name or 'the unit'}{', ' + legend.unit if legend.unit else ''}"
         if legend.said
         else ""
     )
@@ -251,7 +251,7 @@ def _gauge(
         "scale": [[round(angle, 2), round(value, PLACES)] for angle, value in pairs],
         "needles": [{"name": column, "template": {"at": round(needles[0].at_deg, 2), "span": needles[0].span_deg}}],
     }
-    return _native(gauge), [f"what moves on it points to {needles[0].at_deg % 360:.0f} degrees here"]
+    return _native(gauge), [f"its needle points to {needles[0].at_deg % 360:.0f} degrees here"]
 
 
 def _geared(
@@ -263,7 +263,7 @@ def _geared(
     placed = _placed(dial, name, _turn_from(zero_deg))
     unit = legend.unit if kind.unit is None else kind.unit
     if len(seen.frames) < MIN_VIEWS:
-        return (), "which of its hands is which takes more pictures to tell"
+        return (), "more pictures are needed to tell its hands apart"
     return geared_drafts(kind, Face(placed, dial.comb.rim.drawn, dial.comb.ring_px[0], zero_deg, unit), seen)
 
 
@@ -284,7 +284,7 @@ def _rose(
     )
     turns = [abs(turn) for turn, score in turned_deg(seen, dial.comb.rim, ring) if score >= SCORE_THRESHOLD]
     if len(seen.frames) < MIN_VIEWS:
-        return None, ["whether its rose turns or something over it takes more pictures to tell"]
+        return None, ["more pictures are needed to tell whether its rose or a needle over it turns"]
     turning = bool(turns) and max(turns) > 2.0  # noqa: PLR2004
     needles = _needles(dial, sweep, seen) if hands and not turning else []
     column = "_".join(name.split()) + "_deg"
@@ -299,13 +299,13 @@ def _rose(
                 "needles": [{"name": column, "template": {"at": round(tip.at_deg, 2), "span": tip.span_deg}}],
             }
         ), [
-            f"its rose stands still and something turns over it, at {tip.at_deg % 360:.0f} degrees here",
-            "the end of it that shows most clearly is taken for its head: look whether it is",
+            f"its rose stands still and a needle turns over it, at {tip.at_deg % 360:.0f} degrees here",
+            "the end that shows most clearly is taken for its head: check it",
         ]
     said = (
         f"its rose turns, by {max(turns):.0f} degrees"
         if turning
-        else "its rose stood still, and nothing turned over it: a card that was not turned"
+        else "its rose stood still, and nothing turned over it: taken for a card that did not turn"
     )
     index_deg, doubt_deg, told = _index(dial, words, seen.picture.shape)
     card = {"name": column, "index": round(index_deg, 2)}
@@ -324,14 +324,14 @@ def _rose(
 def banked(dial: FoundDial, zero_deg: float, seen: Pictures, taken: set[str], words: Sequence[Text]) -> ProposedGauge:
     """Propose the bank scale of an attitude indicator, if it turns."""
     name, (inner_px, outer_px) = _free("bank", taken), dial.comb.ring_px
-    evidence = ["marks at 0, 10, 20, 30 and 60 degrees to both sides of one, as a bank scale has them"]
+    evidence = ["marks at 0, 10, 20, 30 and 60 degrees on both sides of one, as on a bank scale"]
     lacking: list[str] = []
     turns = [
         abs(turn) for turn, score in turned_deg(seen, dial.comb.rim, (inner_px, outer_px)) if score >= LIKELY_SCORE
     ]
     gauge: Document | None = None
     if sum(turn > 2 * OFF_DEG for turn in turns) < LEAST_RUN:
-        lacking.append("its marks were not seen to turn: what moves is another part")
+        lacking.append("its marks were not seen to turn: another part moves")
     else:
         index_deg, doubt_deg, told = _index(dial, words, seen.picture.shape)
         evidence += [
@@ -355,7 +355,7 @@ def banked(dial: FoundDial, zero_deg: float, seen: Pictures, taken: set[str], wo
 
 
 def _of_index(told: str, doubt_deg: float) -> str:
-    return f"its index is taken to be straight up,{told} give or take {doubt_deg:.1f} degrees: look whether it is"
+    return f"its index is taken to be straight up,{told} give or take {doubt_deg:.1f} degrees: check it"
 
 
 def _index(dial: FoundDial, texts: Sequence[Text], size_px: tuple[int, ...]) -> tuple[float, float, str]:

@@ -58,14 +58,14 @@ export function advicePart(store, live, index) {
   const offers = offersOn(store, result, index);
   const { findings = [] } = result;
   const health = findings.length ? h("div", { class: "card offer small", id: "health" }, ...findings.map((each) => h("p", {}, `The gauge ${each}.`))) : null;
-  if (!offers) return h("p", { class: "quiet small", id: "advising" }, "Trying whether all frames would fit better another way …");
+  if (!offers) return h("p", { class: "quiet small", id: "advising" }, "Checking whether all frames would read better with a correction …");
   if (!offers.length) return health;
   return offers.map(({ key, said, does, gain, gauge }) =>
     h(
       "div",
       { class: "card offer small" },
       h("p", {}, `${said}.`),
-      h("p", { class: "quiet gain" }, `Then in all frames: ${gain}.`),
+      h("p", { class: "quiet gain" }, `With it, over all frames: ${gain}.`),
       h("button", { id: IDS[key], onclick: () => take(store, index, gauge) }, does),
     ),
   );

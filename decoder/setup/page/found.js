@@ -81,7 +81,7 @@ export function showFound(store, view) {
   function hint(offers, isEmpty) {
     if (search.isRunning) return `${upper(search.looking.said)} … (D stops)`;
     if (offers.length && !search.hasAccepted) return "Click on a dashed ring to accept it: it becomes an ordinary gauge.";
-    return isEmpty && search.key === undefined ? "Find dials (D) looks for dials, scales and anchors by itself. Or draw them with the tools above." : "";
+    return isEmpty && search.key === undefined ? "Find dials (D) looks for dials, scales and anchors automatically. Or draw them with the tools above." : "";
   }
 
   function show() {

@@ -38,8 +38,8 @@ export function showInspector(store, live, closeUp) {
         h(
           "ol",
           { class: "steps small" },
-          h("li", {}, h("b", {}, "Find dials"), " proposes what it finds by itself: accept it, and draw the rest."),
-          h("li", {}, "Choose a frame with the needles apart from each other, below the picture."),
+          h("li", {}, h("b", {}, "Find dials"), " proposes the dials that it finds: accept those that are right, and draw the rest."),
+          h("li", {}, "Choose a frame in which no needle overlaps another, below the picture."),
           h("li", {}, h("b", {}, "Anchor"), ": box a knob or a label that is found again in every frame. With one anchor add a ", h("b", {}, "level"), " edge."),
           h("li", {}, "Is the view oblique? ", h("b", {}, "Reference"), ": four places known in inches square up every dial; without them an ", h("b", {}, "ellipse"), " does."),
           h("li", {}, h("b", {}, "Gauge"), ": click three outer ends of tick marks, then drag the ends of the sweep."),
@@ -56,7 +56,7 @@ export function showInspector(store, live, closeUp) {
         field("Left, top", ...[0, 1].map((n) => input(store, `${path}.box[${n}]`, { kind: "number", label: ["left", "top"][n] }))),
         field("Width, height", ...[2, 3].map((n) => input(store, `${path}.box[${n}]`, { kind: "number", label: ["", "", "width", "height"][n] }))),
         h("div", { "data-path": `${path}.box` }),
-        h("p", { class: "quiet small" }, "Contrast, sharp edges, and a shape that stands nowhere else on the panel."),
+        h("p", { class: "quiet small" }, "Contrast, sharp edges, and a shape that appears nowhere else on the panel."),
       ];
     },
     level() {

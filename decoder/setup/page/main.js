@@ -58,6 +58,6 @@ watch();
 if (session.draft) {
   const { document: drawn, picture, size } = session.draft;
   store.change("go on", () => drawn, { picture, size });
-  store.tell("say", "Going on with what was drawn here before and not saved. Undo goes back to what is saved.");
+  store.tell("say", "Continuing with earlier work that was not saved. Undo goes back to what is saved.");
 }
 document.body.dataset.ready = "true";

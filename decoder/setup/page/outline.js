@@ -28,7 +28,7 @@ export function showOutline(store, live, view) {
       return other.kind === selection.kind && other.index === selection.index;
     });
     const current = store.selection.kind === selection.kind && store.selection.index === selection.index;
-    const title = wrong ? "has something to put right" : ((HOW[selection.kind] ?? HOW.anchor)[dot] ?? "");
+    const title = wrong ? "has something to correct" : ((HOW[selection.kind] ?? HOW.anchor)[dot] ?? "");
     return h(
       "li",
       { class: `of-${selection.kind}` },

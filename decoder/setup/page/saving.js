@@ -11,7 +11,7 @@ export function showSaving(store) {
 
   function show() {
     const count = store.problems.length;
-    const open = count ? `${count} thing${count > 1 ? "s" : ""} to put right` : "";
+    const open = count ? `${count} thing${count > 1 ? "s" : ""} to correct` : "";
     const saved = store.isSaved ? (store.revision ? "saved" : "not changed") : "not saved";
     state.textContent = [open, saved].filter(Boolean).join(" · ");
     state.classList.toggle("unsaved", !store.isSaved);
@@ -34,7 +34,7 @@ export function showSaving(store) {
     store.select(selectionOf(path));
     store.tell("problems");
     banner.classList.remove("good");
-    say(`Not saved: ${count} thing${count > 1 ? "s" : ""} to put right first.`);
+    say(`Not saved: ${count} thing${count > 1 ? "s" : ""} to correct first.`);
   }
 
   // `asked` is what somebody was asked before: whether to save over what others saved, or over files of another panel.
@@ -58,7 +58,7 @@ export function showSaving(store) {
       else if (error.why === "replace") say(error.message, h("button", { id: "replace", onclick: () => save({ ...asked, replace: true }) }, "Save over what is there"));
       else if (error.problems?.length) {
         if (store.judge(asWas, error.problems.map(({ path, problem }) => ({ path: asDrawn(drawn, path), problem })))) lead();
-        else say("Not saved: what was drawn then had something to put right.");
+        else say("Not saved: the drawing had errors to correct first.");
       } else say(error.message);
     }
   }
@@ -70,7 +70,7 @@ export function showSaving(store) {
 
   onLost((lost) => {
     banner.classList.remove("good");
-    if (lost) say("The program has ended. What you drew is kept: start decode setup again, and its page goes on from here.", h("span"));
+    if (lost) say("The program has ended. What you drew is kept: start decode setup again, and the page continues from here.", h("span"));
     else banner.hidden = true;
     byId("save").disabled = lost;
   });

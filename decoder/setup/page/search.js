@@ -94,7 +94,7 @@ export class Search {
   withdraw(offer) {
     offer.isWithdrawn = true;
     if (!offer.isAccepted || !this.store.document.gauges?.some((other) => same(offer.gauge, other))) return;
-    this.notes.push(`what you accepted as ${offer.name} turned out to be no dial of its own: look at it, or remove it`);
+    this.notes.push(`the dial that you accepted as ${offer.name} turned out not to be a separate dial: check it, or remove it`);
   }
 
   // What waits for an answer: anchors first, then gauges in the order in which they were found.

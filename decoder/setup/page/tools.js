@@ -26,7 +26,7 @@ export const TOOLS = {
     key: "a",
     name: "Anchor",
     clicks: 2,
-    hint: "Box a feature that never changes and stands nowhere else: drag, or click two corners.",
+    hint: "Box a feature that never changes and appears nowhere else: drag, or click two corners.",
     done: (store, [one, other]) => addAnchor(store, one, other),
   },
   level: {
@@ -83,7 +83,7 @@ export const TOOLS = {
     clicks: 1,
     stays: true,
     needs: needsGauge,
-    hint: "Where the rim goes by: click outer ends of marks all round the dial; each click bends it there.",
+    hint: "Where the rim misses the marks: click their outer ends all round the dial; each click bends it there.",
     done: (store, [point]) => bendRim(store, point),
   },
   mark: {
@@ -109,7 +109,7 @@ export const TOOLS = {
     clicks: 1,
     stays: true,
     needs: (store) => (store.gauge && clickable(store, store.gauge) ? "" : "Select a ball, a horizon, a straight scale or a tape first."),
-    hint: "Click a mark of its scale, or where the ball's middle may be, then type its value, Enter; then the next.",
+    hint: "Click a mark of its scale, or a place of the ball's middle, then type its value, Enter; then the next.",
     done: (store, [point]) => placeValue(store, point),
   },
 };

@@ -41,10 +41,10 @@ def drafted(session: SetupSession) -> Drafted:
     is_written = bool(whole and found.anchors)
     if is_written:
         session.save({**document, "anchors": list(found.anchors), "gauges": whole}, key, session.revision)
-        written = f"{session.target} has {len(whole)} of {len(found.gauges)} dials that were found"
+        written = f"{session.target} has {len(whole)} of {len(found.gauges)} dials found"
     else:
         written = f"nothing was written to {session.target}: " + (
-            "no dial is whole" if found.anchors else "no anchor was found"
+            "no dial is complete" if found.anchors else "no anchor was found"
         )
     content = {**_content(session, found), "written": is_written}
     return Drafted(_said(written, found), json.dumps(content, indent=2, ensure_ascii=False))

@@ -56,9 +56,9 @@ class Anchors:
     def said(self) -> str:
         """What there is to say of them."""
         if not self.anchors:
-            return "no anchor was found that stays and looks like nothing else; draw one"
-        stay = f" and stay in {self.frames} other frames" if self.frames else ""
-        return f"{len(self.anchors)} anchors that look like nothing else{stay}"
+            return "no distinctive anchor was found that stays in all frames; draw one"
+        stay = f", found in {self.frames} other frames too" if self.frames else ""
+        return f"{len(self.anchors)} distinctive anchors{stay}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +88,15 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
     picture = session.store.grey(key)
     anchors = list(_parts(document, "anchors"))
     if not anchors:
-        yield Looking("looking for anchors: what stays in all frames and looks like nothing else")
+        yield Looking("looking for anchors: distinctive features that stay in all frames")
         proposed = _anchors(session, picture, key)
         anchors = list(proposed.anchors)
         yield proposed
     draft = {**document, "anchors": anchors}
-    yield Looking("looking where the panel lies in other frames")
+    yield Looking("locating the panel in other frames")
     aligned, planes = session.aligned(draft, key, stale), session.planes(draft, key)
     texts = yield from _printed(picture, stale)
-    yield Looking("looking where ticks point from all round")
+    yield Looking("looking for dials: rings of ticks around one centre")
     laid = _laid(picture, aligned, planes)
     still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
     seen = Pictures(picture, aligned, planes.optics.own)
@@ -107,7 +107,7 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
         if isinstance(step, Looking):
             yield step
             continue
-        yield Looking("looking at what moves on it", _around(step.centre, step.comb.rim.radius_px))
+        yield Looking("looking for its needles", _around(step.centre, step.comb.rim.radius_px))
         _go_on(stale)
         turns = hands_turn(laid, still, step.comb.rim, step.comb.ring_px[0])
         gauge = gauge_of(step, seen, names, words=texts, hands=turns)
@@ -129,13 +129,13 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
 def _printed(picture: GreyPicture, stale: Stale) -> Generator[Step, None, Sequence[Text]]:
     """Read what is printed on a picture, part by part; return all of it, each once."""
     if not is_there():
-        yield Note(f"no numerals are read: that takes {EXTRA}")
+        yield Note(f"numerals are not read: that takes {EXTRA}")
         return ()
     texts: list[Text] = []
     parts = parts_of(picture)
     for number, part in enumerate(parts, 1):
         box = part.left, part.top, part.right - part.left, part.bottom - part.top
-        yield Looking(f"reading what is printed, part {number} of {len(parts)}", box)
+        yield Looking(f"reading numerals, part {number} of {len(parts)}", box)
         _go_on(stale)
         texts += texts_in(picture, part)
     return texts_once(texts)
@@ -189,7 +189,9 @@ def _settled(steps: Iterator[Looking | FoundDial], seen: Pictures, planes: Plane
         yield step
     shape = flat_shape(combs)
     for dial in later:
-        yield Looking("measuring a dial again, as the panel is seen", _around(dial.centre, dial.comb.rim.radius_px))
+        yield Looking(
+            "measuring a dial again, allowing for the oblique view", _around(dial.centre, dial.comb.rim.radius_px)
+        )
         yield settled(dial, seen, planes, shape)
 
 

@@ -98,7 +98,7 @@ def _read(flight: _Flight, each: ProposedGauge) -> ProposedGauge:
     read = sum(reading.status is Status.READ for reading in readings)
     columns = max((len(frame.readings) for frame in trial.frames), default=0)
     asked = len(trial.frames) * columns  # where the panel is not found nothing is read
-    said = f"tried on {len(trial.frames)} frames, {read} of {asked} values are read"
+    said = f"tried on {len(trial.frames)} frames, {read} of {asked} values were read"
     together = [reading.status is Status.READ for reading in readings if reading.is_together]
     if 2 * read < asked or not asked or (together and sum(together) < ALIKE * len(trial.frames)):
         return replace(each, gauge=None, lacking=(*each.lacking, said, *trial.findings), read=(read, asked))

@@ -19,7 +19,7 @@ FRAMES = 3
 # What becomes of the picture: it comes all the same, it is lost with this reason, or none was taken.
 COMES, NOT_TAKEN = "", "not taken"
 OUTCOMES = {
-    "lost_answer": "the connection broke off, though it was taken",
+    "lost_answer": "the connection was cut, though it was taken",
     "delayed": COMES,
     "dripping": "no whole answer within its time, though it was taken",
     "empty_answer": "the answer is no JSON object, though it was taken",
@@ -34,10 +34,10 @@ OUTCOMES = {
     "error_40403": COMES,
     "zero_host": COMES,
     "foreign_host": COMES,
-    "reboot": "the connection broke off",
+    "reboot": "the connection was cut",
     "overheat": COMES,
-    "silent": "the connection broke off",
-    "another_clock": "the connection broke off",
+    "silent": "the connection was cut",
+    "another_clock": "the connection was cut",
     "drop_mid_download": COMES,
     "cut_short": COMES,
     "damaged": COMES,
@@ -86,7 +86,7 @@ def test_picture_that_cannot_be_downloaded_is_lost_after_two_tries(make_bench: M
     bench = make_bench("drop_mid_download@2", "drop_mid_download@3")
     bench.take(FRAMES)
 
-    assert bench.listener.losses == ["the connection broke off"]
+    assert bench.listener.losses == ["the connection was cut"]
     assert len(bench.simulated.ledger.deliveries) == FRAMES + 2
 
 

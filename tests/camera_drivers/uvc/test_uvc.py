@@ -258,9 +258,7 @@ def test_stamp_that_is_no_time_of_this_clock_is_not_believed(
     (frame,) = bench.take(1, rate_hz=10)
 
     assert frame.captured_ns == frame.times.downloaded.realtime_ns - NS_PER_S // 10
-    assert bench.listener.reasons("clock") == [
-        "the kernel's times of the pictures are of no use; their arrival is taken"
-    ]
+    assert bench.listener.reasons("clock") == ["the kernel's times of the pictures are unusable; their arrival is used"]
 
 
 def test_stop_is_noticed_while_no_picture_comes(bench: Bench) -> None:

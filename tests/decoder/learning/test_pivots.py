@@ -153,7 +153,7 @@ def test_pivot_that_was_not_found_is_told() -> None:
     assert found.unsettled == found.findings["fuel"] == ()
     assert found.findings["speed"][0].startswith("turns 1.6 px right of and 1.2 px above the drawn centre, corrected;")
     assert not_found.unsettled == ("speed",)
-    assert not_found.findings["speed"][0].startswith("turns beside the drawn centre, and where was not")
+    assert not_found.findings["speed"][0].startswith("turns about another point than the drawn centre, but")
     assert doubts_px[1] > 2 * doubts_px[0]
 
 

@@ -63,7 +63,7 @@ def test_the_shares_add_up_to_sigma(data: FlightData, row: int) -> None:
     assert told.sigma is not None
     assert math.hypot(*shares.values()) == pytest.approx(told.sigma, rel=1e-3)
     assert sum(share.part for share in told.shares) == pytest.approx(1.0)
-    assert shares["where it turns"] == pytest.approx(0.03)
+    assert shares["the position of its pivot"] == pytest.approx(0.03)
     assert shares["how precisely the scale's marks are drawn"] == pytest.approx(float(told.value) / 1000, rel=1e-3)
     assert told.low_95 == pytest.approx(float(told.value) - 1.96 * told.sigma)
 
@@ -102,7 +102,7 @@ def test_what_other_instruments_say_is_told(data: FlightData) -> None:
     remarks = explained(table_of(data, description), NAME, 4).remarks
 
     assert "one and two: no disagreement here (60 frames of the flight compared)" in remarks
-    assert "one and three: apart by 4.0 % here, of which 1.5 % would be explained" in remarks
+    assert "one and three: they differ by 4.0 % here, of which 1.5 % can be explained" in remarks
     assert "an outlier: returns" in remarks
     assert not any("two and three" in remark for remark in remarks)
 

@@ -109,7 +109,7 @@ def test_value_that_may_be_off_is_not_read(allowed_deg: float) -> None:
     ("cause", "advice"),
     [
         (Cause.DRAWN, "draw its centre, radius and marks more precisely"),
-        (Cause.PIVOT, "it is not known where it turns"),
+        (Cause.PIVOT, "its pivot is uncertain"),
         (Cause.PLACED, "box an anchor nearer to it"),
         (Cause.VIEWED, "it is hard to see there"),  # what is only allowed for is no reason
     ],

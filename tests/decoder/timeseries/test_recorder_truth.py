@@ -81,7 +81,7 @@ def test_times_count_from_the_first_frame(
     [
         ({"T": [0]}, {"rpm": MappedName(name="T")}, AccuracyError, "has no needle rpm"),
         ({"T": [0]}, {"n1_pct": MappedName(name="N1")}, AccuracyError, "has no column N1"),
-        ({"X": [0]}, {}, AccuracyError, "has no column T; name the one that tells the time with --time"),
+        ({"X": [0]}, {}, AccuracyError, "has no column T; name its time column with --time"),
         ({"T": [0], "N1": [1]}, {"n1_pct": MappedName(name="N1", unit="kt")}, UnitError, "there is no way"),
         ({"T": ["noon"]}, {}, TableError, "row 2: 'noon' is no time such as"),
         ({"T": ["2018-05-04T12:00:00"]}, {}, TableError, "does not say which zone"),

@@ -17,7 +17,7 @@ export function useCompare(state) {
       const units = new Set(chosen().map((at) => state.flight.needles[at].unit));
       if (units.size > MOST_AXES) {
         box.checked = false;
-        byId("compare-says").textContent = `There is room for ${MOST_AXES} units; take another one away first.`;
+        byId("compare-says").textContent = `There is room for ${MOST_AXES} units; remove another one first.`;
         return;
       }
       byId("compare-says").textContent = `${units.size || "No"} ${units.size === 1 ? "axis" : "axes"} of values.`;

@@ -41,7 +41,7 @@ export function useFilm(state) {
   film.addEventListener("timeupdate", follow);
   film.addEventListener("click", () => (film.paused ? film.play() : film.pause()));
   film.addEventListener("error", () => {
-    byId("film-says").textContent = `The film is not beside this page, or cannot be played: ${decodeURIComponent(film.getAttribute("src"))}`;
+    byId("film-says").textContent = `The film is not in this page's folder, or cannot be played: ${decodeURIComponent(film.getAttribute("src"))}`;
     film.remove();
   });
   if (film.error) film.dispatchEvent(new Event("error"));

@@ -29,7 +29,7 @@ export function useNotes(state) {
 
   // What is changed after a sign-off is signed by nobody.
   function change(part) {
-    if (kept.sign_off && !part.sign_off) say("The sign-off is taken back: the notes have changed since.");
+    if (kept.sign_off && !part.sign_off) say("The sign-off is withdrawn: the notes have changed since.");
     else say("");
     kept = { ...kept, sign_off: null, ...part };
     try {
@@ -61,7 +61,7 @@ export function useNotes(state) {
     event.target.value = "";
     if (!file) return;
     const found = understood(await file.text());
-    if (!found) say(`${file.name} holds no notes of such a page.`);
+    if (!found) say(`${file.name} holds no notes of a report.`);
     else if (found.about.data_sha256 !== about.data_sha256) say(`${file.name} is about other data (SHA-256 ${String(found.about.data_sha256).slice(0, 16)}...), and was not opened.`);
     else {
       const known = new Set(kept.notes.map((note) => JSON.stringify(note)));
