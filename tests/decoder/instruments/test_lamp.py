@@ -33,6 +33,14 @@ def drawn(light: float, *, sun: float = 1.0, slope: float = 0.0, seed: int = 0, 
     return np.clip(panel * shade + light * lit + noise, 0.0, 255.0).astype(np.float32)
 
 
+def glowing(light: float, *, sun: float = 1.0, seed: int = 0) -> Floats:
+    """A lamp that lights the panel around it too, less the further away."""
+    y, x = (
+        np.indices((GRID.rows, GRID.columns)) - np.array([(GRID.rows - 1) / 2, (GRID.columns - 1) / 2])[:, None, None]
+    )
+    return drawn(light, sun=sun, seed=seed) + (0.3 * light * np.exp(-np.hypot(x, y) / 10.0)).astype(np.float32)
+
+
 def sample(*lights: float) -> list[Floats]:
     """Frames in changing sun."""
     return [drawn(light, sun=0.5 + 0.07 * number, seed=number + 1) for number, light in enumerate(lights)]
@@ -89,6 +97,21 @@ def test_a_lamp_drawn_lit_goes_out() -> None:
     on, off = (found["low_fuel_on"] for found in read(taught, drawn(90.0, sun=0.7), drawn(0.0), lamp=lamp))
 
     assert (on.status, on.angle_deg, off.status, off.angle_deg) == (Status.READ, 1.0, Status.READ, 0.0)
+
+
+@pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
+def test_a_lamp_that_is_lit_half_of_the_time_is_never_told_wrongly(part: float, *, lit: bool) -> None:
+    """However often the sample shows either state, and though it lights what is around it: right, or nothing."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+    lights = 90.0 * (np.arange(20) < 20 * part)
+    frames = [glowing(light, seed=number + 1) for number, light in enumerate(lights.tolist())]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(GRID, glowing(90.0 * lit)))
+    on, off = (found["low_fuel_on"] for found in read(taught, glowing(90.0, seed=50), glowing(0.0, seed=51), lamp=lamp))
+
+    assert (on if lit else off).status is Status.READ
+    assert on.status is Status.MISSING or on.angle_deg == 1.0
+    assert off.status is Status.MISSING or off.angle_deg == 0.0
 
 
 @pytest.mark.parametrize("lit", [False, True])

@@ -33,8 +33,8 @@ PASSES = 3
 HAZE_PRIOR = 0.1
 # What a fit leaves around a window lies in patches, not in pixels: so many of them.
 PATCHES = 8
-# The middle half of a normal distribution is so many sigmas wide.
-HALF_SIGMAS = 1.349
+# Of a normal distribution a quarter of pairs is no further apart than a sigma over this (Rousseeuw and Croux, 1993).
+QUARTER_OF_PAIRS, PAIRS_TO_SIGMA = 0.25, 2.2219
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,11 +143,10 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     added = added_light(grid, known.drawn, np.stack(strips))
     response = _response(added.gain, added.levels) if lamp.lit else np.zeros(known.weights.shape)
     levels = added.levels - response * (added.gain - 1.0)[:, None, None]
-    spread = MAD_TO_SIGMA * np.median(np.abs(levels - np.median(levels, axis=0)), axis=0)
-    weights = 1.0 / (np.square(spread) + NOISE_LEVELS**2)
+    weights = 1.0 / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
     learned = LampPicture(known.drawn, weights / weights.sum(), 0.0, float(np.median(added.left)), response)
     told = learned.told(added)
-    learned = replace(learned, sigma=_scatter(told))
+    learned = replace(learned, sigma=max(float(_scatter(told)), FACE_NOISE_LEVELS))
     away = -told if lamp.lit else told
     seen = away[away >= 2 * MISSING_SPREADS * learned.sigmas(added)]
     whole = added.levels.mean(axis=(1, 2))  # of a wrong state the pixels that tell most are wrong, too
@@ -156,22 +155,27 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
 
 
 def _response(gains: Floats, levels: Floats) -> Floats:
-    """(r, c): by how much levels (F, r, c) grow with gains (F,), as the middling pair of frames has it (Sen, 1968)."""
+    """(r, c): by how much levels (F, r, c) fall as gains (F,) grow, as the middling pair of frames has it (Sen, 1968).
+
+    They never grow: where they seem to, the lamp goes out, and the light that it threw around itself with it.
+    """
     one, other = np.triu_indices(len(gains), 1)
     apart = gains[one] - gains[other]
     is_told = np.abs(apart) >= np.median(np.abs(apart))
     if not apart.any():
         return np.zeros(levels.shape[1:])
     slopes: Floats = np.median((levels[one] - levels[other])[is_told] / apart[is_told, None, None], axis=0)
-    return slopes
+    return np.minimum(slopes, 0.0)
 
 
-def _scatter(levels: Floats) -> float:
-    """Estimate the spread of (F,) levels of which the larger part belongs to one state, by its densest half."""
-    ordered, half = np.sort(levels), len(levels) // 2
-    narrowest = float(np.min(ordered[half:] - ordered[: len(ordered) - half]))
-    sigma = narrowest / HALF_SIGMAS
-    return max(sigma, FACE_NOISE_LEVELS)
+def _scatter(levels: Floats) -> Floats:
+    """(...): the spread of (F, ...) levels of which each is of one of two states, however many are of either.
+
+    Half of all pairs at least are of the same state, so the nearest quarter of them is.
+    """
+    one, other = np.triu_indices(len(levels), 1)
+    scatter: Floats = PAIRS_TO_SIGMA * np.quantile(np.abs(levels[one] - levels[other]), QUARTER_OF_PAIRS, axis=0)
+    return scatter
 
 
 class LampReader:
