@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.alignment import IDENTITY
@@ -93,6 +93,17 @@ def test_shifted_needle_is_found_to_a_twentieth_of_a_row(
     assert found.is_settled.all()
     assert found.row[0] == pytest.approx(row, abs=0.05)
     assert found.score[0] > 0.99
+
+
+@settings(max_examples=30)
+@given(gain=st.floats(0.2, 3.0), offset=st.floats(-50.0, 100.0))
+def test_light_does_not_move_a_needle(needle: NeedleTemplate, face: UnwrappedGauge, gain: float, offset: float) -> None:
+    """Gain and offset change neither the row nor the score."""
+    strip = over_face(needle, face, 251.3)
+    plain, lit = (settled(needle, face, each.astype(np.float32), 251.0) for each in (strip, gain * strip + offset))
+
+    assert lit.row[0] == pytest.approx(plain.row[0], abs=0.01)
+    assert lit.score[0] == pytest.approx(plain.score[0], abs=0.01)
 
 
 def test_a_light_that_changes_over_the_window_is_taken_out(needle: NeedleTemplate, face: UnwrappedGauge) -> None:

@@ -122,6 +122,14 @@ def test_hand_in_an_oblique_view_is_right_or_said(aligner: Aligner) -> None:
     assert max(off_px) < 1.5
 
 
+@pytest.mark.parametrize("light", [{"gain": 0.5, "offset": 60.0}, {"gain": 0.6, "slope": -0.15}], ids=str)
+def test_light_does_not_move_perspective(aligner: Aligner, light: dict[str, float]) -> None:
+    """Another exposure, or a light that grows over the picture, pulls nothing with it."""
+    truth = turn(shift_px=(2.3, 3.1), tilt=(0.02, 0.01))
+
+    assert furthest_px(aligner.align(see(truth, **NOISE, **light)).matrix, truth) < 0.06
+
+
 HANDS = {
     "one": ((20, 20, 100, 100), {"north_west"}),
     "half of one": ((45, 0, 35, 110), {"north_west"}),
