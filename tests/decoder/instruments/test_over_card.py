@@ -136,6 +136,18 @@ def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
     assert max(errors) < parallax_deg / 4
 
 
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.integers(0, 1000))
+def test_parallax_is_told_by_what_goes_round_with_its_card(right_deg: float, down_deg: float, seed: int) -> None:
+    """Even though somebody sets it now and then."""
+    rng = np.random.default_rng(seed)
+    seen_deg, set_deg = rng.uniform(0, 360, 24), np.repeat(rng.uniform(0, 360, 4), 6)
+    swing_deg = right_deg * np.cos(np.radians(seen_deg)) + down_deg * np.sin(np.radians(seen_deg))
+
+    told = parallax_of(seen_deg, set_deg + swing_deg + rng.normal(0, 0.03, 24), 0.03)
+
+    assert (told.right_deg, told.down_deg) == pytest.approx((right_deg, down_deg), abs=0.12)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_no_parallax_is_told_by_what_does_not_show_it(seed: int) -> None:
     """What goes its own ways, what hardly goes round, and what is seen from straight ahead."""

@@ -117,6 +117,21 @@ def test_needle_that_stands_still_is_told_by_where_the_panel_picture_has_it() ->
         assert abs(reading.angle_deg - 305.0) < 3 * math.hypot(sigma_deg, reading.sigma_deg)
 
 
+def test_too_few_tilts_tell_nothing() -> None:
+    """Four frames are no evidence."""
+    assert pivot_of_tilts(tilts_about(1.0, 1.0, [0.0, 90.0, 180.0, 270.0], 0.0)) is UNKNOWN
+
+
+def test_tilts_that_scatter_less_than_they_claim_tell_more() -> None:
+    """Their noise is then less than what their pixels leave unexplained has one think."""
+    angles = list(range(150, 330, 12))
+    claims = [Tilt("a", angle, 0.1 + noise, 0.1) for angle, noise in zip(angles, (0.01, -0.01) * 8, strict=False)]
+    honest = [Tilt("a", angle, 0.1 + 10 * noise, 0.1) for angle, noise in zip(angles, (0.01, -0.01) * 8, strict=False)]
+
+    ratio = np.diag(pivot_of_tilts(claims).covariance_px2) / np.diag(pivot_of_tilts(honest).covariance_px2)
+    assert (ratio < 0.3).all()
+
+
 def test_spread_of_the_pivot_is_what_it_claims() -> None:
     """Over many noisy flights the offsets scatter as their covariance says."""
     rng = np.random.default_rng(3)
