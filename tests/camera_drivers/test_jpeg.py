@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from camera_drivers.exif import exif_time_ns, read_exif
@@ -36,6 +36,7 @@ def test_end_is_where_the_markers_lead(make_jpeg: MakeJpeg) -> None:
 
 
 @given(data=st.binary(max_size=300))
+@example(data=b"\xff\xff\xff\xd0\xff\xd9")  # fill bytes, and a marker that stands alone
 def test_any_bytes_may_be_given(data: bytes) -> None:
     """What is no JPEG has no size and is not whole; an end is within the data."""
     facts = jpeg_facts(data)

@@ -91,6 +91,18 @@ def test_info_of_a_flight_with_losses_exits_with_3(flight: list[Path]) -> None:
     assert "losses:\n  2018" in recorder("info", flight[0], flight[2]).stdout
 
 
+def test_info_of_what_is_no_flight_is_one_sentence(tmp_path: Path) -> None:
+    """Exit code 1 and a sentence, no traceback; a command that there is not is wrong usage (2)."""
+    assert recorder("fly").returncode == 2
+    path = tmp_path / "x.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    result = recorder("info", path)
+
+    assert result.returncode == 1
+    assert "no picture" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("blocks", "code", "sentence"),
     [
