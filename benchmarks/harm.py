@@ -52,9 +52,9 @@ def order_all_faults(camera: SimulatedQx10) -> int:
     """Order each fault of a still once, with good pictures between them; gives how many shots it takes."""
     for place in (SHOT, DOWNLOAD):
         for number, name in enumerate(faults_of(place)):
-            camera.misbehave(name, at=FIRST_FAULT + BETWEEN_FAULTS * number)
+            camera.fault_schedule.order(name, at=FIRST_FAULT + BETWEEN_FAULTS * number)
     for name in faults_of(DESCRIPTION):
-        camera.misbehave(name)
+        camera.fault_schedule.order(name)
     return FIRST_FAULT + BETWEEN_FAULTS * len(faults_of(SHOT))
 
 

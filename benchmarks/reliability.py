@@ -200,7 +200,7 @@ def liveview(bench: Bench, work: Path, _number: int) -> Kept:
     """Record a stream that has junk in it, ends and stalls."""
     with SimulatedQx10(SystemClock(), behaviour=QUICK) as camera:
         for number, name in enumerate(faults_of(STREAM)):
-            camera.misbehave(name, at=MORE * (number + 1))
+            camera.fault_schedule.order(name, at=MORE * (number + 1))
         settings = {"driver": "qx10", "url": camera.url, "mode": "liveview", "limits": LIMITS | {"stall_s": 2.0}}
         return _photographed(camera, bench.box(work, settings), bench, lambda box: box.said_stored() >= 5 * MORE)
 

@@ -89,6 +89,15 @@ class DrawnGauge:
         xs, ys = zip(*self.rim_px, strict=True)
         return min(xs), min(ys), max(xs), max(ys)
 
+    def part_px(self, reach: float, size_px: tuple[int, int]) -> tuple[int, int, int, int]:
+        """Find the part of a frame of this size that lies so far around it, in its radii: left, top, right, bottom."""
+        left, top, right, bottom = self.box_px
+        x, y, reach_px = (left + right) / 2, (top + bottom) / 2, reach * max(right - left, bottom - top) / 2
+        low = (max(0, x - reach_px), max(0, y - reach_px))
+        high = (min(size_px[0], x + reach_px), min(size_px[1], y + reach_px))
+        left, top, right, bottom = (math.floor(side) for side in (*low, *high))
+        return left, top, right, bottom
+
 
 class ReadingPlaces:
     """Tells of each frame of a flight what to draw where."""

@@ -107,11 +107,7 @@ def whole_view(picture: ColourPicture) -> View:
 def gauge_view(picture: ColourPicture, gauge: DrawnGauge) -> View:
     """One gauge and its surroundings, as far as they lie in the frame; large enough to judge the needle by."""
     height, width = picture.shape[:2]
-    left, top, right, bottom = gauge.box_px
-    reach_px = CROP_REACH * max(right - left, bottom - top) / 2
-    x, y = (left + right) / 2, (top + bottom) / 2
-    box = (max(0, x - reach_px), max(0, y - reach_px), min(width, x + reach_px), min(height, y + reach_px))
-    left, top, right, bottom = (math.floor(side) for side in box)
+    left, top, right, bottom = gauge.part_px(CROP_REACH, (width, height))
     right, bottom = max(right, left + 1), max(bottom, top + 1)
     return View(left, top, right, bottom, max(1.0, CROP_PX / max(right - left, bottom - top)))
 

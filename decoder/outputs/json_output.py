@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -70,10 +69,7 @@ def describe(data: FlightData, provenance: Provenance) -> dict[str, Any]:
         "warnings": list(data.warnings),
         "health": {gauge: health_line(findings) for gauge, findings in data.health.items()},
         "failed_anchors": data.alignments.failures(),
-        "missing_frames": [
-            {"first_frame": int(data.frame[first]), "last_frame": int(data.frame[last]), "reason": reason}
-            for first, last, reason in lost_runs(data)
-        ],
+        "missing_frames": [{**_frames(data, first, last), "reason": reason} for first, last, reason in lost_runs(data)],
         "outliers": [_outlier(data, outlier) for outlier in find_outliers(data)],
         "cross_checks": [_cross_check(data, check) for check in cross_checks(data)],
         "events": [_event(data, event) for event in find_events(data)],
@@ -113,10 +109,7 @@ def _gps(data: FlightData, gps: GpsData) -> dict[str, Any]:
         },
         "samples": gps.samples,
         "samples_without_fix": gps.without_fix,
-        "without_position": [
-            {"first_frame": int(data.frame[first]), "last_frame": int(data.frame[last])}
-            for first, last in spans(~gps.located)
-        ],
+        "without_position": [_frames(data, *span) for span in spans(~gps.located)],
     }
 
 
@@ -158,8 +151,7 @@ def _rounded(numbers: Floats) -> list[float]:
 def _outlier(data: FlightData, outlier: Outlier) -> dict[str, Any]:
     return {
         "needle": outlier.needle,
-        "first_frame": int(data.frame[outlier.first]),
-        "last_frame": int(data.frame[outlier.last]),
+        **_frames(data, outlier.first, outlier.last),
         "reason": outlier.reason.value,
     }
 
@@ -172,8 +164,7 @@ def _cross_check(data: FlightData, check: CrossCheck) -> dict[str, Any]:
         "frames_compared": check.compared,
         "disagreements": [
             {
-                "first_frame": int(data.frame[each.first]),
-                "last_frame": int(data.frame[each.last]),
+                **_frames(data, each.first, each.last),
                 "apart": float(f"{each.apart:.4g}"),
                 "explained": float(f"{each.allowed:.4g}"),
             }
@@ -187,8 +178,7 @@ def _event(data: FlightData, event: Event) -> dict[str, Any]:
     return {
         "what": event.what.value,
         **({"needle": event.needle} if event.needle else {}),
-        "first_frame": int(data.frame[event.first]),
-        "last_frame": int(data.frame[event.last]),
+        **_frames(data, event.first, event.last),
         "words": event.words,
     }
 
@@ -199,14 +189,14 @@ def _gaps(data: FlightData, series: NeedleSeries) -> list[dict[str, Any]]:
         {
             "needle": series.quantity.name,
             "status": status.value,
-            "first_frame": int(data.frame[first]),
-            "last_frame": int(data.frame[last]),
+            **_frames(data, first, last),
             "lowest_score": round(float(np.min(series.score[first : last + 1])), 4),
         }
         for status in (Status.HIDDEN, Status.INTERPOLATED, Status.MISSING)
-        for first, last in _runs(series, status)
+        for first, last in series.runs(status)
     ]
 
 
-def _runs(series: NeedleSeries, status: Status) -> Sequence[tuple[int, int]]:
-    return spans(series.has(status) & np.isfinite(series.score))
+def _frames(data: FlightData, first: int, last: int) -> dict[str, int]:
+    """Name the first and the last frame of a run of rows."""
+    return {"first_frame": int(data.frame[first]), "last_frame": int(data.frame[last])}

@@ -44,7 +44,17 @@ from decoder.panel.units import FOOT_M
 from decoder.timeseries.flight_data import STATUSES, NeedleSeries
 from decoder.timeseries.gps import GpsData
 from flight_file.frame import NS_PER_S, Frame, storable
-from flight_file.messages import FRAME_ID, IMAGE_TOPIC, TOPICS, VIDEO_TOPIC, Topic, encode_image, picture_topic
+from flight_file.messages import (
+    FRAME_ID,
+    IMAGE_TOPIC,
+    TOPICS,
+    VIDEO_TOPIC,
+    Topic,
+    encode_image,
+    json_bytes,
+    picture_topic,
+    to_json,
+)
 from flight_file.untrusted import file_name
 
 READING_SCHEMA_NAME = "flight_data.Reading"
@@ -129,26 +139,26 @@ def reading_message(series: NeedleSeries, index: int, frame: int) -> bytes:
     value = value_within_turn(float(series.value[index]), decimals, quantity)
     sigma = float(series.sigma[index])
     reach = CONFIDENCE_SIGMAS * sigma
-    document = {
-        "value": _rounded(value, decimals),
-        "text": None if quantity.is_measured else value_field(series, index, decimals) or None,
-        "unit": quantity.unit,
-        "status": status.value,
-        "quality": QUALITY[status],
-        "score": _rounded(float(series.score[index]), SCORE_DECIMALS),
-        **(
-            {
-                "sigma": _rounded(sigma, decimals + 1),
-                "low_95": _rounded(value - reach, decimals),
-                "high_95": _rounded(value + reach, decimals),
-            }
-            if quantity.is_measured
-            else {}
-        ),
-        "frame": frame,
-    }
-    known = {key: content for key, content in document.items() if content is not None}
-    return json.dumps(known, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    return json_bytes(
+        {
+            "value": _rounded(value, decimals),
+            "text": None if quantity.is_measured else value_field(series, index, decimals) or None,
+            "unit": quantity.unit,
+            "status": status.value,
+            "quality": QUALITY[status],
+            "score": _rounded(float(series.score[index]), SCORE_DECIMALS),
+            **(
+                {
+                    "sigma": _rounded(sigma, decimals + 1),
+                    "low_95": _rounded(value - reach, decimals),
+                    "high_95": _rounded(value + reach, decimals),
+                }
+                if quantity.is_measured
+                else {}
+            ),
+            "frame": frame,
+        }
+    )
 
 
 def gps_schema(gps: GpsData) -> dict[str, Any]:
@@ -178,19 +188,18 @@ def gps_message(gps: GpsData, index: int, time_ns: int, frame: int) -> bytes:
     """Encode what the camera's GPS says of one frame."""
     own = {column.name: column.number(index) for column in gps.columns}
     altitude_ft = own.get("gps_altitude_ft")
-    sec, nsec = divmod(time_ns, NS_PER_S)
-    document = {
-        "timestamp": {"sec": sec, "nsec": nsec},
-        "frame_id": "gps",
-        "latitude": own.get("gps_latitude_deg"),
-        "longitude": own.get("gps_longitude_deg"),
-        "altitude": None if altitude_ft is None else round(altitude_ft * FOOT_M, 2),
-        "position_covariance_type": 0,
-        "frame": frame,
-        **own,
-    }
-    known = {key: content for key, content in document.items() if content is not None}
-    return json.dumps(known, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    return json_bytes(
+        {
+            "timestamp": to_json(time_ns),
+            "frame_id": "gps",
+            "latitude": own.get("gps_latitude_deg"),
+            "longitude": own.get("gps_longitude_deg"),
+            "altitude": None if altitude_ft is None else round(altitude_ft * FOOT_M, 2),
+            "position_covariance_type": 0,
+            "frame": frame,
+            **own,
+        }
+    )
 
 
 def _rounded(number: float, decimals: int) -> float | None:

@@ -23,12 +23,12 @@ from decoder.panel.gauge import KINDS, Gauge
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, around_hub, begun, centre_doubt_px, mark_angle_deg, refined
-from decoder.setup.drafts import Stale, panel_of_gauge
+from decoder.setup.drafts import Stale
 from decoder.setup.drawn_plane import height_inches
 from decoder.setup.finding.advice import Sight, advised
 from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.pasting import pasted
-from decoder.setup.proposals import Pictures, Proposal, needle_at, proposed, turning_px
+from decoder.setup.proposals import AROUND_DEG, Proposal, needle_at, proposed, turning_px
 from decoder.setup.proposing.search import Anchors, Looking, Note, Step, Withdrawn
 from decoder.setup.requests import (
     DraftQuestion,
@@ -54,8 +54,6 @@ Answer = dict[str, Any]
 SHOWN_BEYOND = 1.12
 SHOWN_MARGIN_DEG = 12.0
 PLACES = 4
-# A needle that somebody points at may lie beyond the sweep as it is drawn so far.
-AROUND_DEG = 60.0
 
 
 def unwrap_answer(session: SetupSession, asked: UnwrapQuestion) -> Answer:
@@ -145,10 +143,7 @@ def picture_answer(session: SetupSession, key: str) -> Answer:
 
 def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) -> Answer:
     """Find needles as what moves between frames."""
-    picture = session.store.grey(asked.picture)
-    frames = session.aligned(asked.document, asked.picture, stale)
-    planes = session.planes(asked.document, asked.picture)
-    seen = Pictures(picture, frames, planes.optics.own)
+    planes, seen = session.planes(asked.document, asked.picture), session.seen(asked.document, asked.picture, stale)
     drawn = planes.drawn(asked.centre, asked.rim)
     if asked.pivot is not None:
         drawn = drawn.around(asked.pivot)
@@ -157,15 +152,13 @@ def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) 
         around = replace(dial, sweep_deg=(asked.near - AROUND_DEG, asked.near + AROUND_DEG))
         found = needle_at(seen, around, asked.near)
         return _proposal(found)
-    moving = proposed(seen, dial) if len(frames) > 1 else []
-    return {"needles": [_proposal(each) for each in moving], "frames": len(frames)}
+    moving = proposed(seen, dial) if len(seen.frames) > 1 else []
+    return {"needles": [_proposal(each) for each in moving], "frames": len(seen.frames)}
 
 
 def turning_answer(session: SetupSession, asked: TurningQuestion, stale: Stale) -> Answer:
     """Find from where to where all of a dial turns together."""
-    frames = session.aligned(asked.document, asked.picture, stale)
-    planes = session.planes(asked.document, asked.picture)
-    seen = Pictures(session.store.grey(asked.picture), frames, planes.optics.own)
+    planes, seen = session.planes(asked.document, asked.picture), session.seen(asked.document, asked.picture, stale)
     found = turning_px(seen, asked.dial(planes.drawn(asked.centre, asked.rim).plane))
     return {"turns": None if found is None else [round(each, 1) for each in found]}
 
@@ -217,10 +210,8 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     """Read a gauge in the sample's frames, and show its dial in each of them."""
     frames = session.frames()
     try:
-        pictures = session.pictures(asked.document, asked.picture)
-        encoded = session.encoded(asked.document, asked.picture)
-        source = panel_of_gauge(asked.document, asked.gauge, pictures, session.camera, encoded)
-        trial = tried(session.remembered(source, asked.document, asked.picture), frames, stale)
+        source = session.panel_of_gauge(asked.document, asked.picture, asked.gauge)
+        trial = tried(source, frames, stale)
     except PanelError as error:  # a gauge half drawn is no failure: this is what there is to say of it
         return {"frames": [], "error": error.problem, "problems": [{"path": error.path, "problem": error.problem}]}
     (gauge,) = source.panel.gauges
@@ -242,14 +233,12 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
 def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> Answer:
     """Offer how a gauge might be drawn so that the sample fits it better, and say by how much."""
     document, key = asked.document, asked.picture
-    pictures, encoded = session.pictures(document, key), session.encoded(document, key)
     gauge = document["gauges"][asked.gauge]
     frames, planes = session.frames(), session.planes(document, key)
 
     def source_of(drawn: Answer) -> PanelPictures:
         gauges = [drawn if place == asked.gauge else each for place, each in enumerate(document["gauges"])]
-        source = panel_of_gauge({**document, "gauges": gauges}, asked.gauge, pictures, session.camera, encoded)
-        return session.remembered(source, document, key)
+        return session.panel_of_gauge({**document, "gauges": gauges}, key, asked.gauge)
 
     def sight(moved_px: tuple[float, float] | None) -> Sight:
         drawn = planes.drawn(tuple(gauge["centre"]), gauge.get("rim"))
@@ -309,13 +298,11 @@ def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
 
 def _angles(session: SetupSession, asked: PasteQuestion, target: FramePicture) -> dict[str, float]:
     """Where needles point in the picture to which a draft is carried, of those gauges that are whole."""
-    pictures = session.pictures(asked.document, asked.picture)
-    encoded = session.encoded(asked.document, asked.picture)
     angles: dict[str, float] = {}
     gauges = asked.document.get("gauges")
     for index in range(len(gauges) if isinstance(gauges, list) else 0):
         try:
-            source = panel_of_gauge(asked.document, index, pictures, session.camera, encoded)
+            source = session.panel_of_gauge(asked.document, asked.picture, index)
             reader = reader_from_panel(source, Method.NORMXCORR)
             read = read_frame(reader, target)
         except (PanelError, PictureError):

@@ -28,6 +28,8 @@ from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.thresholds import MIN_PART
 
 REACH_DEG = 7.0
+# A needle that somebody points at may lie beyond the sweep as it is drawn so far.
+AROUND_DEG = 60.0
 AXIS_STEP_DEG = 0.1
 AXIS_REACH_DEG = 1.2
 BLURS_PX = (0.5, 0.65, 0.8, 0.95, 1.2)

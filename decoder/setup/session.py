@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from decoder.imaging.alignment import Alignment
-from decoder.imaging.panel_pictures import PanelPictures, panel_from_attachments, panel_from_file
+from decoder.imaging.panel_pictures import panel_from_attachments, panel_from_file
 from decoder.imaging.pictures import FramePicture, GreyPicture, colour_picture, grey_picture
 from decoder.panel.camera import Camera, parse_camera
 from decoder.panel.description import LONGEST_TEXT
@@ -28,9 +28,11 @@ from decoder.setup.drafts import (
     Stale,
     Superseded,
     aligner_of,
+    panel_of_gauge,
     problems_of,
 )
 from decoder.setup.drawn_plane import Planes
+from decoder.setup.proposals import Pictures
 from decoder.setup.saving import Draft, DraftFile, digest, panel_text, plain_name, save_files
 from decoder.setup.sources import PANEL_KEY, FlightSource, PictureSource, PictureStore
 from flight_file.documents import parse_yaml
@@ -248,8 +250,15 @@ class SetupSession:
                 found.append((taken.pixels, alignment))
         return found
 
-    def remembered(self, source: PanelPictures, document: Document, key: str) -> RememberedPanel:
-        """Give a draft's panel what was found in frames by the same anchors before."""
+    def seen(self, document: Document, key: str, stale: Stale) -> Pictures:
+        """Gather the picture under `key` and the sample's frames, with where the panel lies in them; as `aligned`."""
+        own = self.planes(document, key).optics.own
+        return Pictures(self.store.grey(key), self.aligned(document, key, stale), own)
+
+    def panel_of_gauge(self, document: Document, key: str, index: int) -> RememberedPanel:
+        """One gauge of a draft as `drafts.panel_of_gauge`, with what was found in frames by the same anchors before."""
+        pictures, encoded = self.pictures(document, key), self.encoded(document, key)
+        source = panel_of_gauge(document, index, pictures, self.camera, encoded)
         memory = self._memory(_finding(document, key))
         return RememberedPanel(
             source.panel,

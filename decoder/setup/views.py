@@ -40,9 +40,9 @@ def jpeg(picture: NDArray[np.uint8]) -> bytes:
     return encoded.tobytes()
 
 
-def data_url(encoded: bytes, kind: str) -> str:
-    """Bytes as an address that a page can show."""
-    return f"data:image/{kind};base64,{base64.b64encode(encoded).decode('ascii')}"
+def _address(picture: NDArray[np.uint8]) -> str:
+    """Turn a picture into an address that a page can show."""
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg(picture)).decode('ascii')}"
 
 
 def whole_view(store: PictureStore, key: str) -> bytes:
@@ -69,7 +69,7 @@ def part_view(store: PictureStore, key: str, part: Part) -> bytes:
 def unwrapped_view(strip: Floats) -> str:
     """Lay an unwrapped gauge on its side, angle to the right and radius upwards, as an address."""
     lying = np.ascontiguousarray(np.clip(strip.T[::-1], 0, 255).astype(np.uint8))
-    return data_url(jpeg(lying), "jpeg")
+    return _address(lying)
 
 
 def film_view(
@@ -89,7 +89,7 @@ def film_view(
         matrix = cv2.getPerspectiveTransform(seen - offset, wanted)
         dial = cv2.warpPerspective(part, matrix, (DIAL_PX, DIAL_PX), flags=cv2.INTER_LINEAR)
         strip[:, number * DIAL_PX : (number + 1) * DIAL_PX] = dial
-    return data_url(jpeg(strip), "jpeg")
+    return _address(strip)
 
 
 def _around(frame: GreyPicture, corners: Floats) -> tuple[GreyPicture, Floats]:

@@ -138,6 +138,10 @@ class NeedleSeries:
         """(N,): where the status is one of these."""
         return np.isin(self.status, [CODE[status] for status in statuses])
 
+    def runs(self, status: Status) -> list[tuple[int, int]]:
+        """Find the runs of frames with this status in which the panel was found, as `spans`."""
+        return spans(self.has(status) & np.isfinite(self.score))
+
 
 @dataclass(frozen=True, slots=True)
 class MissingFrame:

@@ -107,7 +107,7 @@ def started(camera: SimulatedQx10, folder: Path) -> subprocess.Popen[str]:
 def test_camera_that_falls_silent_does_not_hold_up_the_end(tmp_path: Path) -> None:
     """SIGTERM while a call waits for an answer: the process ends by itself, with a finished file that says why."""
     with SimulatedQx10(SystemClock(), behaviour=replace(QUICK, silent_s=PATIENCE_S)) as camera:
-        camera.misbehave("silent", at=3)
+        camera.fault_schedule.order("silent", at=3)
         box = started(camera, tmp_path)
         box.send_signal(signal.SIGHUP)
         box.send_signal(signal.SIGTERM)

@@ -15,7 +15,6 @@ import yaml
 from benchmarks.real_pictures import PANELS, PICTURES
 from decoder.instruments.reading import Status
 from decoder.setup.answers import advice_answer
-from decoder.setup.drafts import panel_of_gauge
 from decoder.setup.drawn_plane import DrawnPlane
 from decoder.setup.finding.advice import Fit, Sight, advised, shows_the_same
 from decoder.setup.requests import TrialQuestion
@@ -91,8 +90,7 @@ def test_taking_each_offer_comes_to_an_end_and_makes_no_altimeter_worse(
     own = gauges[place] = {name: value for name, value in own.items() if value is not None}
 
     def trial() -> tuple[Fit, float]:
-        source = panel_of_gauge(document, place, session.pictures(document, key), None, session.encoded(document, key))
-        done = tried(session.remembered(source, document, key), session.frames(), lambda: False)
+        done = tried(session.panel_of_gauge(document, key, place), session.frames(), lambda: False)
         off = [
             each.value - truth[frame.index]
             for frame in done.frames

@@ -80,7 +80,7 @@ class FaultSchedule:
         self._happened: Counter[str] = Counter()
         self._orders: dict[tuple[str, int], set[str]] = {}
 
-    def order(self, name: str, *, at: int | None = None, times: int = 1) -> None:
+    def order(self, name: str, *, at: int | None = None) -> None:
         """Schedule a fault.
 
         Parameters
@@ -89,8 +89,6 @@ class FaultSchedule:
             One of `FAULTS`.
         at
             At which one of its place, counted from 1 at the start; the next one if None.
-        times
-            How often in a row.
 
         Raises
         ------
@@ -101,9 +99,8 @@ class FaultSchedule:
             raise UnknownFaultError(f"There is no fault {name!r}; there are {', '.join(FAULTS)}.")
         place = FAULTS[name].place
         with self._lock:
-            first = self._happened[place] + 1 if at is None else at
-            for number in range(first, first + times):
-                self._orders.setdefault((place, number), set()).add(name)
+            number = self._happened[place] + 1 if at is None else at
+            self._orders.setdefault((place, number), set()).add(name)
 
     def order_as_text(self, text: str) -> None:
         """Order a fault given as `NAME` or `NAME@NUMBER`; raises UnknownFaultError."""

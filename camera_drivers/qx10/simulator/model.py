@@ -80,10 +80,10 @@ class CameraModel:
         with self._lock:
             self._time.turn(seconds)
 
-    def fail(self, *, failed: bool) -> None:
-        """Overheat, or cool down."""
+    def fail(self) -> None:
+        """Overheat, until it is switched on again."""
         with self._lock:
-            self._failed = failed
+            self._failed = True
 
     def hide_last(self) -> None:
         """Lose the answer to the last shot: only a camera that remembers repeats it."""
@@ -187,7 +187,7 @@ class CameraModel:
         jpeg = self._source(number)
         if self.settings.chosen["PostviewImageSize"] == "2M":
             jpeg = as_small(jpeg)
-        self._pictures[name] = with_exif(jpeg, Taken(number, now, self._lens.focal_length_mm, 0.01))
+        self._pictures[name] = with_exif(jpeg, Taken(number, now, self._lens.focal_length_mm))
         for old in list(self._pictures)[:-KEPT_PICTURES]:
             del self._pictures[old]
         self._last = name

@@ -14,7 +14,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw
 
 from camera_drivers.jpeg import EXIF_PREFIX
-from flight_file.documents import SOI
+from flight_file.documents import SOI, jpeg_segments
 from flight_file.reader import open_flight
 
 Source = Callable[[int], bytes]
@@ -38,7 +38,6 @@ class Taken:
     number: int
     at: datetime
     focal_length_mm: float
-    exposure_s: float
 
 
 def open_pictures(path: Path | None) -> Source:
@@ -86,7 +85,7 @@ def with_exif(jpeg: bytes, taken: Taken) -> bytes:
     exif.update({0x010F: "SONY", 0x0110: "DSC-QX10", 0x0131: "DSC-QX10 v3.00"})
     exif.get_ifd(0x8769).update(
         {
-            0x829A: taken.exposure_s,
+            0x829A: 0.01,
             0x829D: 3.3,
             0x8827: 200,
             0x9003: f"{taken.at:%Y:%m:%d %H:%M:%S}",
@@ -101,11 +100,8 @@ def with_exif(jpeg: bytes, taken: Taken) -> bytes:
 
 
 def without_exif(jpeg: bytes) -> bytes:
-    """Remove the EXIF segment if it is among the first ones."""
-    position = len(SOI)
-    while jpeg[position : position + 1] == b"\xff" and 0xE0 <= jpeg[position + 1] <= 0xEF:  # noqa: PLR2004 - APPn
-        end = position + 2 + int.from_bytes(jpeg[position + 2 : position + 4], "big")
-        if jpeg.startswith(_APP1, position) and jpeg.startswith(EXIF_PREFIX, position + 4):
-            return jpeg[:position] + jpeg[end:]
-        position = end
+    """Remove the EXIF segment, if there is one."""
+    for marker, start, end in jpeg_segments(jpeg):
+        if marker == _APP1[1] and jpeg.startswith(EXIF_PREFIX, start):
+            return jpeg[: start - len(_APP1) - 2] + jpeg[end:]
     return jpeg

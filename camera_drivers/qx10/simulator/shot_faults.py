@@ -44,7 +44,7 @@ class Power:
 
     def overheat(self) -> None:
         """Report an error for a while, then disappear."""
-        self._model.fail(failed=True)
+        self._model.fail()
         self._later(self._model.behaviour.error_s, self._gone)
 
     def fall_silent(self) -> None:

@@ -1,4 +1,4 @@
-"""The simulated camera as a whole: made, used as a context, and told to misbehave."""
+"""The simulated camera as a whole: made, used as a context, and told to misbehave by its `fault_schedule`."""
 
 from __future__ import annotations
 
@@ -69,10 +69,6 @@ class SimulatedQx10:
         if self._searched is None:
             raise ValueError("this camera answers no searches")
         return self._searched.address
-
-    def misbehave(self, name: str, *, at: int | None = None, times: int = 1) -> None:
-        """See `FaultSchedule.order`."""
-        self.fault_schedule.order(name, at=at, times=times)
 
     def __enter__(self) -> Self:
         if self._server is not None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -28,7 +27,7 @@ from decoder.panel.scale import shortest
 from decoder.registration.thresholds import SCORE_THRESHOLD
 from decoder.timeseries.cross_checks import CrossCheck, Disagreement, cross_checks
 from decoder.timeseries.events import What, find_events
-from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs, spans
+from decoder.timeseries.flight_data import FlightData, NeedleSeries, lost_runs
 from decoder.timeseries.outliers import find_outliers
 
 STEPS = 3
@@ -128,7 +127,7 @@ def _disagreement(check: CrossCheck, each: Disagreement) -> str:
 
 def _of_needle(series: NeedleSeries, *, is_combined: bool) -> Iterator[Flag]:
     for status, kind in _NEEDLE_KINDS.items():
-        for first, last in spans(series.has(status) & np.isfinite(series.score)):
+        for first, last in series.runs(status):
             score = float(np.min(series.score[first : last + 1]))
             yield Flag(kind, series.quantity.name, first, last, _reason(series, kind, score, is_combined=is_combined))
 
@@ -273,10 +272,7 @@ def evidence(
 
 def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int], *, has_crop: bool) -> Evidence | None:
     height, width = picture.shape[:2]
-    left, top, right, bottom = gauge.box_px
-    x, y, reach = (left + right) / 2, (top + bottom) / 2, REACH * max(right - left, bottom - top) / 2
-    box = (max(0, x - reach), max(0, y - reach), min(width, x + reach), min(height, y + reach))
-    left, top, right, bottom = (math.floor(side) for side in box)
+    left, top, right, bottom = gauge.part_px(REACH, (width, height))
     if right - left < 2 or bottom - top < 2:  # noqa: PLR2004 - it lies outside the frame
         return None
     return {

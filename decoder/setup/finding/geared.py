@@ -17,12 +17,12 @@ from decoder.panel.arrays import Floats
 from decoder.setup.drawn_plane import DrawnPlane, rim_of
 from decoder.setup.finding.hands import Hands, together
 from decoder.setup.finding.thresholds import LONG_PART
-from decoder.setup.proposals import Dial, Pictures, Proposal, needle_at
+from decoder.setup.proposals import AROUND_DEG, Dial, Pictures, Proposal, needle_at
 
 Document = dict[str, Any]
 
 # Templates are measured this far around a hand, and clear of what turns beside it, by such a part of its length.
-AROUND_DEG, CLEAR_PART = 60.0, 1.06
+CLEAR_PART = 1.06
 # Values below nothing that an altimeter may show, in turns of its longest hand.
 BELOW = 0.5
 

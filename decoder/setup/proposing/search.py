@@ -25,7 +25,7 @@ from decoder.setup.finding.numerals import EXTRA, Text, is_there, parts_of, text
 from decoder.setup.finding.proposal import Document, ProposedGauge, banked, gauge_of, settled
 from decoder.setup.finding.ticks import Comb, flat_shape
 from decoder.setup.proposals import Pictures
-from decoder.setup.session import Aligned, SetupSession
+from decoder.setup.session import SetupSession
 
 Box = tuple[float, float, float, float]
 
@@ -94,12 +94,11 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
         yield proposed
     draft = {**document, "anchors": anchors}
     yield Looking("locating the panel in other frames")
-    aligned, planes = session.aligned(draft, key, stale), session.planes(draft, key)
+    seen, planes = session.seen(draft, key, stale), session.planes(draft, key)
     texts = yield from _printed(picture, stale)
     yield Looking("looking for dials: rings of ticks around one centre")
-    laid = _laid(picture, aligned, planes)
+    laid = _laid(seen, planes)
     still = np.asarray(np.median(np.stack(laid), axis=0), np.uint8) if len(laid) >= MIN_VIEWS else picture
-    seen = Pictures(picture, aligned, planes.optics.own)
     page = page_of(picture, still, planes, texts)
     dials: list[FoundDial] = []
     names: set[str] = set()
@@ -221,14 +220,14 @@ def _draws(gauge: object, dial: FoundDial) -> bool:
         return False
 
 
-def _laid(picture: GreyPicture, aligned: Aligned, planes: Planes) -> list[GreyPicture]:
+def _laid(pictures: Pictures, planes: Planes) -> list[GreyPicture]:
     """Lay each frame on the panel picture."""
-    height, width = picture.shape
+    height, width = pictures.picture.shape
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     straight = np.asarray(planes.optics.straight(np.stack([columns.ravel(), rows.ravel()])), np.float32)
     points = np.ascontiguousarray(straight.T.reshape(height, width, 2))
     laid = []
-    for frame, alignment in aligned:
+    for frame, alignment in pictures.frames:
         there = np.asarray(alignment.places(points), np.float32)
         seen = cv2.remap(frame, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         laid.append(np.asarray(seen, np.uint8))

@@ -10,17 +10,16 @@ from typing import Any
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.panel.errors import PanelError
-from decoder.setup.drafts import Stale, panel_of_gauge
+from decoder.setup.drafts import Stale
 from decoder.setup.drawn_plane import XY
 from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.finding.thresholds import ALIKE
-from decoder.setup.proposals import Dial, Pictures, needle_at
+from decoder.setup.proposals import AROUND_DEG, Dial, needle_at
 from decoder.setup.proposing.search import Anchors, Step, search
 from decoder.setup.session import SetupSession
 from decoder.setup.trial import Trial, tried
 
 NEEDLES = "needles"
-AROUND_DEG = 60.0
 # How well marks are measured on a dial that nobody looked at, one sigma.
 DRAWN_DEG = 1.0
 
@@ -62,16 +61,11 @@ class _Flight:
     def trial(self, gauge: Mapping[str, Any]) -> Trial:
         """Try a gauge."""
         document = {**self.draft, "gauges": [gauge]}
-        pictures = self.session.pictures(document, self.key)
-        encoded = self.session.encoded(document, self.key)
-        source = panel_of_gauge(document, 0, pictures, self.session.camera, encoded)
-        return tried(self.session.remembered(source, document, self.key), self.session.frames(), self.stale)
+        return tried(self.session.panel_of_gauge(document, self.key, 0), self.session.frames(), self.stale)
 
     def pointed(self, gauge: dict[str, Any], measured_px: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
         """Measure anew where the needles of a dial point, from where they turn, and between which distances."""
-        draft, key = self.draft, self.key
-        planes = self.session.planes(draft, key)
-        seen = Pictures(self.session.store.grey(key), self.session.aligned(draft, key, self.stale), planes.optics.own)
+        seen, planes = self.session.seen(self.draft, self.key, self.stale), self.session.planes(self.draft, self.key)
         (x, y), (inner, outer) = gauge["centre"], gauge["radius"]
         whole_px = float(inner), float(outer)
         plane = planes.drawn((x, y), gauge.get("rim")).plane

@@ -132,7 +132,7 @@ def test_stop_ends_a_shot_and_the_picture_is_accounted_for(make_bench: MakeBench
 def test_camera_that_never_gets_ready_is_connected_again(make_quick_bench: MakeBench) -> None:
     """An error that stays ends the connection, not the driver."""
     bench = make_quick_bench()
-    bench.simulated.model.fail(failed=True)
+    bench.simulated.model.fail()
     with pytest.raises(CameraError, match=r"not ready but Error; it will be connected again\."), bench.camera:
         pass
 
