@@ -66,7 +66,6 @@ class FlightWriter:
         self._status = status
         self.finished: list[Path] = []
         self._dropped = status.dropped
-        self._stored = 0
         self._segment = self._open(plan.session.segment, at, plan.session.chain)
 
     @property
@@ -79,16 +78,10 @@ class FlightWriter:
         """The number of frames and reports, counted from the last, that are not certain to be on the disk."""
         return self._segment.unsynced
 
-    @property
-    def stored(self) -> int:
-        """Frames handed over so far."""
-        return self._stored
-
     def write_frame(self, frame: Frame, at: ClockReading) -> None:
         """Store a frame that arrived at this time."""
         self.make_room(at, len(frame.encoded))
         self._segment.write_frame(frame, at)
-        self._stored += 1
 
     def write_status(self, status: CameraStatus, at: ClockReading) -> None:
         """Store a change of the camera's state; the next segment will start with it."""

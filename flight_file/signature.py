@@ -35,7 +35,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from flight_file.errors import FlightNotReadableError
 from flight_file.files import replace_durably
@@ -60,19 +60,6 @@ PUBLIC_SUFFIX = ".pub"
 _PRIVATE_MODE = 0o600
 _PUBLIC_MODE = 0o644
 _OTHERS = 0o077  # any right of the group or of others; with an ACL, the group's bits are its mask
-
-
-class Signer(Protocol):
-    """A private key."""
-
-    @property
-    def public_key(self) -> bytes:
-        """The public half, 32 bytes."""
-        ...
-
-    def sign(self, message: bytes) -> bytes:
-        """Signature of the message, 64 bytes."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +182,8 @@ def _from_base64(text: bytes, length: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class KeySigner:
-    """A private key that signs; a `Signer`."""
+class Signer:
+    """A private key that signs."""
 
     key: Ed25519PrivateKey
 
@@ -238,7 +225,7 @@ def make_key_files(path: Path) -> Path:
     return public
 
 
-def load_signer(path: Path) -> KeySigner:
+def load_signer(path: Path) -> Signer:
     """Load the private key from a file that only its owner may read.
 
     Raises
@@ -256,7 +243,7 @@ def load_signer(path: Path) -> KeySigner:
         raise KeyFileError(path, reason="is no private key; make one with `recorder keygen`") from error
     if not isinstance(key, Ed25519PrivateKey):
         raise KeyFileError(path, reason="is a private key, but not Ed25519; make one with `recorder keygen`")
-    return KeySigner(key)
+    return Signer(key)
 
 
 def load_public_key(path: Path) -> bytes:

@@ -98,7 +98,7 @@ class Pairing:
         return waiting
 
     def end_chunk(self) -> list[Unpaired]:
-        """Finish a chunk; return what has waited a whole chunk in vain."""
+        """Finish a chunk, or the file behind the last; return what has waited a whole chunk in vain."""
         late = list(takewhile(lambda waiting: waiting.round < self._round, self._waiting.values()))
         for waiting in late:  # the first of all, so each is also the first of its time
             self._take_first(isinstance(waiting.item, Frame), waiting.item.captured_ns)
@@ -108,10 +108,6 @@ class Pairing:
             for waiting in late
             for item in (waiting.item,)
         ]
-
-    def end_file(self) -> list[Unpaired]:
-        """Finish the file; return all that still waits."""
-        return self.end_chunk()
 
 
 class Records:
@@ -173,7 +169,7 @@ def walk(segment: Segment) -> Iterator[tuple[ChunkPlace, Frame] | Loss]:
             except UNREADABLE as error:
                 yield Loss(segment.path, place.offset, place.length, str(error), LossKind.DAMAGED)
             yield from _left(segment, pairing.end_chunk())
-        yield from _left(segment, pairing.end_file())
+        yield from _left(segment, pairing.end_chunk())
 
 
 def _left(segment: Segment, unpaired: Sequence[Unpaired]) -> Iterator[Loss]:

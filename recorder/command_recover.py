@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -111,14 +109,6 @@ def _as_json(recovery: Recovery) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Extracted:
-    """A picture that lies in a file of its own now."""
-
-    path: Path
-    sequence: int
-
-
 @click.command(
     epilog="""\b
 Examples:
@@ -141,7 +131,7 @@ def extract(context: click.Context, files: tuple[Path, ...], directory: Path) ->
     """
     with failures_as_sentences():
         flight = open_flight(files)
-        count = sum(1 for _ in extract_pictures(flight, directory))
+        count = extract_pictures(flight, directory)
         packets = extract_sound(flight, directory)
     say(f"{directory}: {count} pictures{f', {packets} packets of sound' if packets else ''}")
     for loss in flight.losses:
@@ -149,10 +139,10 @@ def extract(context: click.Context, files: tuple[Path, ...], directory: Path) ->
     context.exit(DONE_WITH_LOSS if flight.losses else 0)
 
 
-def extract_pictures(flight: Flight, directory: Path) -> Iterator[Extracted]:
-    """Write every picture of a flight as it was recorded, byte for byte; their names sort in its order.
+def extract_pictures(flight: Flight, directory: Path) -> int:
+    """Write every picture of a flight as it was recorded, byte for byte; return how many there are.
 
-    What cannot be read of the flight is among its `losses` afterwards.
+    Their names sort in the flight's order; what cannot be read of it is among its `losses` afterwards.
 
     Raises
     ------
@@ -161,7 +151,7 @@ def extract_pictures(flight: Flight, directory: Path) -> Iterator[Extracted]:
     FileNotWrittenError
         A picture cannot be written.
     """
-    begun: set[Path] = set()
+    count, begun = 0, set[Path]()
     for frame in flight.frames():
         is_video = frame.format in VIDEO_FORMATS
         name = file_name(flight.recording) if is_video else file_name(f"{frame.sequence:06d}")
@@ -179,7 +169,8 @@ def extract_pictures(flight: Flight, directory: Path) -> Iterator[Extracted]:
             raise FileNotWrittenError(path, error) from error
         if is_video:
             begun.add(path)
-        yield Extracted(path, frame.sequence)
+        count += 1
+    return count
 
 
 def extract_sound(flight: Flight, directory: Path) -> int:

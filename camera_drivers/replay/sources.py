@@ -64,11 +64,6 @@ class FlightSource:
             originals=session.originals,
         )
 
-    @property
-    def losses(self) -> int:
-        """The number of losses so far; lost frames are gaps in the replay."""
-        return len(self._flight.losses)
-
     def pictures(self) -> Iterator[Upcoming]:
         """Iterate over the frames that are whole, each with positions and sound up to a second later."""
         fixes, sounds = self._flight.fixes(), Alongside(self._flight.heard())
@@ -85,22 +80,13 @@ class FlightSource:
                     waiting = next(fixes, None)
                 heard = sounds.with_picture(frame.captured_ns)
                 whole = replace(frame, fixes=tuple(came), sound=heard) if came or heard else frame
-                yield Upcoming(frame.captured_ns, AsItWas(whole))
+                yield Upcoming(frame.captured_ns, partial(_as_it_was, whole))
         except FlightFileError as error:
             raise ReplayError(str(error)) from error
 
 
-class AsItWas:
-    """Returns a frame as it is."""
-
-    __slots__ = ("_frame",)
-
-    def __init__(self, frame: Frame) -> None:
-        self._frame = frame
-
-    def __call__(self, _clock: Clock) -> Frame:
-        """Give the frame."""
-        return self._frame
+def _as_it_was(frame: Frame, _clock: Clock) -> Frame:
+    return frame
 
 
 class FolderSource:

@@ -13,7 +13,7 @@ from typing import NoReturn
 import click
 from tqdm import tqdm
 
-from decoder.commands.options import format_option, images_option, method_option, refuse_unheld_images
+from decoder.commands.options import EXIT_LOSS, format_option, images_option, method_option, refuse_unheld_images
 from decoder.outputs.thresholds import MOST_LISTED
 from decoder.panel.errors import FleetError
 from decoder.parallel.decoding import decode_one
@@ -25,7 +25,7 @@ from decoder.parallel.running import HomeWorkers, Workers, run_fleet
 from decoder.parallel.stores import INSTALL
 from flight_file.untrusted import printable, say
 
-EXIT_DONE, EXIT_FAILED, EXIT_LOSS = 0, 1, 3
+EXIT_DONE, EXIT_FAILED = 0, 1
 LOSSY = "with loss"
 EPILOG = """\b
 Exit codes: 0 done, 1 failed or some flights failed, 2 wrong usage, 3 done with loss (flight files are damaged).

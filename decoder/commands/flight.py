@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from decoder.commands.options import (
+    EXIT_LOSS,
     asked_part,
     camera_option,
     column_option,
@@ -46,7 +47,6 @@ from flight_file.frame import VIDEO_FORMATS
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say
 
-EXIT_LOSS = 3
 _PIXELS_OF_A_BYTE = 10  # of a cockpit's JPEG
 EPILOG = """\b
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).

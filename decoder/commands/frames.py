@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import IO
 
 import click
 
-from decoder.commands.options import camera_option, flights_argument, method_option, panel_option
+from decoder.commands.options import camera_option, end_with_losses, flights_argument, method_option, panel_option
 from decoder.imaging.pictures import ColourPicture, colour_picture
 from decoder.imaging.video import GroupDecoder, encoded_of
 from decoder.outputs.drawn_readings import DrawnGauge, ReadingPlaces
@@ -33,7 +32,6 @@ from decoder.timeseries.flight_data import FlightData
 from flight_file.reader import open_flight
 from flight_file.untrusted import file_names, say
 
-EXIT_LOSS = 3
 EPILOG = """\b
 Names: NAME_FRAME_TIME.jpg, with --gauge NAME_FRAME_TIME_GAUGE.jpg; TIME is when the picture was taken, UTC.
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
@@ -105,10 +103,7 @@ def command(
     rows = _rows(decoded.data, at_s, step, wants_flagged=wants_flagged)
     written = _write(decoded, rows, gauge_names, directory)
     say(f"{_counted(len(written), 'picture')} of {_counted(len(rows), 'frame')} in {directory}")
-    for loss in decoded.provenance.losses:
-        say(f"lost: {loss}", err=True)
-    if decoded.provenance.losses:
-        sys.exit(EXIT_LOSS)
+    end_with_losses(decoded.provenance.losses)
 
 
 def _rows(data: FlightData, at_s: tuple[float, ...], step: int | None, *, wants_flagged: bool) -> Rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +15,9 @@ from decoder.panel.errors import PartError
 from decoder.panel.vocabulary import AUTO, TIME_COLUMN, WINDOW_S, Method, Names
 from decoder.timeseries.flight_part import EXAMPLES, AskedPart, FlightPart, TypedTime, part_of, typed_time
 from flight_file.reader import Flight
+from flight_file.untrusted import say
+
+EXIT_LOSS = 3
 
 flights_argument = click.argument(
     "flights", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FLIGHT..."
@@ -151,6 +155,14 @@ format_option = click.option(
     "--format", "formats", callback=_formats, default="csv", show_default=True, metavar="FORMAT,...",
     help=f"{', '.join(FORMATS)}, or several; the description is always NAME.json.",
 )  # fmt: skip
+
+
+def end_with_losses(losses: Sequence[object]) -> None:
+    """Say what was lost of a flight, and end with the exit code for that; come back if nothing was."""
+    for loss in losses:
+        say(f"lost: {loss}", err=True)
+    if losses:
+        sys.exit(EXIT_LOSS)
 
 
 def refuse_unheld_images(formats: Sequence[str], *, with_images: bool) -> None:

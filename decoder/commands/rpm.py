@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import sys
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import IO, Any
 import click
 import numpy as np
 
-from decoder.commands.options import flights_argument
+from decoder.commands.options import end_with_losses, flights_argument
 from decoder.outputs.csv_output import utc_text
 from decoder.outputs.outputs import as_text, output_name, refuse_overwriting, write_all
 from decoder.panel.errors import SoundMissing, TableError
@@ -24,7 +23,6 @@ from flight_file.frame import NS_PER_S, SoundPeaks
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say, say_json
 
-EXIT_LOSS = 3
 _MORE = "--cylinders, --blades and --range narrow it down"
 _MOST_OFTEN = 3
 COLUMNS = (
@@ -125,10 +123,7 @@ def command(
         say_json(_document(speed, beside, written))
     else:
         say(*_lines(speed, beside), "", str(written))
-    for loss in flight.losses:
-        say(f"lost: {loss}", err=True)
-    if flight.losses:
-        sys.exit(EXIT_LOSS)
+    end_with_losses(flight.losses)
 
 
 def _why_silent(flight: Flight) -> str:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from flight_file.untrusted import say
+
+if TYPE_CHECKING:
+    from decoder.setup.session import SetupSession
 
 EPILOG = """\b
 Examples:
@@ -65,18 +69,9 @@ def command(
         raise click.UsageError(
             "the set-up page needs starlette and uvicorn: pip install 'image-flight-recorder[setup]'"
         )
-    # Half a second that only this command needs.
-    import cv2  # noqa: PLC0415
+    from decoder.setup.app import setup_server  # noqa: PLC0415 - half a second that only this command needs
 
-    from decoder.panel.camera import camera_from_file  # noqa: PLC0415
-    from decoder.setup.app import setup_server  # noqa: PLC0415
-    from decoder.setup.session import SetupSession  # noqa: PLC0415
-    from decoder.setup.sources import open_source  # noqa: PLC0415
-
-    cv2.setNumThreads(1)  # as `decode` does: what is tried here is what will be read there
-    camera = None if camera_file is None else camera_from_file(camera_file)
-    target = target or panel_file or Path("panel.yaml")
-    session = SetupSession(open_source(pictures), panel_file, target, camera=camera)
+    session = _session(pictures, panel_file, target or panel_file or Path("panel.yaml"), camera_file)
     server = setup_server(session)
     say(f"Draw the panel at {server.url}", f"It is saved to {session.target}; Ctrl-C ends the page.")
     if browser:
@@ -84,26 +79,34 @@ def command(
     server.run()
 
 
-def _propose(pictures: tuple[Path, ...], target: Path, camera_file: Path | None, *, as_json: bool) -> None:
-    """Write a draft of what was found, and say it."""
-    import cv2  # noqa: PLC0415 - half a second that only this command needs
+def _session(
+    pictures: tuple[Path, ...], panel_file: Path | None, target: Path, camera_file: Path | None, *, is_new: bool = False
+) -> SetupSession:
+    """Open what the page or the proposal is about."""
+    import cv2  # noqa: PLC0415
 
-    from decoder.outputs.outputs import refuse_unwritable  # noqa: PLC0415
     from decoder.panel.camera import camera_from_file  # noqa: PLC0415
-    from decoder.panel.errors import OutputError  # noqa: PLC0415
-    from decoder.setup.proposing.draft import drafted  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 
-    cv2.setNumThreads(1)
+    cv2.setNumThreads(1)  # as `decode` does: what is tried here is what will be read there
     camera = None if camera_file is None else camera_from_file(camera_file)
+    return SetupSession(open_source(pictures), panel_file, target, camera=camera, is_new=is_new)
+
+
+def _propose(pictures: tuple[Path, ...], target: Path, camera_file: Path | None, *, as_json: bool) -> None:
+    """Write a draft of what was found, and say it."""
+    from decoder.outputs.outputs import refuse_unwritable  # noqa: PLC0415
+    from decoder.panel.errors import OutputError  # noqa: PLC0415
+    from decoder.setup.proposing.draft import drafted  # noqa: PLC0415
+
     if target.exists():
         raise click.UsageError(f"{target} is there already: name another file for --propose")
     try:
         refuse_unwritable(target.parent, target.name)
     except OutputError as error:
         raise OutputError(f"{target.parent}: no panel can be written there; name another file for --propose") from error
-    session = SetupSession(open_source(pictures), None, target, camera=camera, is_new=True)
+    session = _session(pictures, None, target, camera_file, is_new=True)
     if session.draft is not None:
         raise click.UsageError(f"what was drawn for {target} is not saved yet: save it first, or name another file")
     draft = drafted(session)

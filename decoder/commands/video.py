@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -16,6 +15,7 @@ from decoder.commands.options import (
     asked_part,
     camera_option,
     end_option,
+    end_with_losses,
     every_option,
     flights_argument,
     panel_option,
@@ -32,7 +32,6 @@ from flight_file.frame import Frame
 from flight_file.reader import Flight, open_flight
 from flight_file.untrusted import say
 
-EXIT_LOSS = 3
 EPILOG = """\b
 H.264 in an MP4, each frame at its own time; the file's creation time is that of the first frame, if known.
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done with loss (the flight file is damaged or unfinished).
@@ -109,10 +108,7 @@ def command(
     if keep_sound and not film.packets:
         _tell("no sound is kept in the flight file; `recorder replay --keep-sound` stores it")
     say(f"{film.drawn} of {frames} frames in {file}")
-    for loss in flight.losses:
-        _tell(f"lost: {loss}")
-    if flight.losses:
-        sys.exit(EXIT_LOSS)
+    end_with_losses(flight.losses)
 
 
 Rows = Iterator[tuple[int, Frame]]

@@ -32,7 +32,7 @@ from decoder.timeseries.thresholds import LEAST_KT, SMALLEST_PART, WINDOW_S
 Rows = NDArray[np.intp]
 """(K,): rows of the flight data."""
 SEEN = (Status.READ, Status.EDGE)
-KT_MPS, FT_M, GRAVITY_MPS2, MINUTE_S = 0.514444, 0.3048, 9.80665, 60.0
+KT_MPS, GRAVITY_MPS2, MINUTE_S = 0.514444, 9.80665, 60.0
 UNITS = {
     "airspeed": "kt", "true airspeed": "kt", "altitude": "ft", "altimeter setting": "inHg", "vertical speed": "fpm",
     "pitch": "deg", "roll": "deg", "heading": "deg", "compass": "deg", "turn rate": "deg/s",

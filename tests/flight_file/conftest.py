@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flight_file.frame import Frame
-from flight_file.signature import KeySigner, load_signer, make_key_files
+from flight_file.signature import Signer, load_signer, make_key_files
 from tests.flight_file.flights import make_frame, write_flight
 
 
@@ -34,7 +34,7 @@ def flight(tmp_path: Path, frames: list[Frame]) -> Path:
 
 
 @pytest.fixture
-def signer(tmp_path: Path) -> KeySigner:
+def signer(tmp_path: Path) -> Signer:
     """The box's key; its public half lies beside it."""
     make_key_files(tmp_path / "box.key")
     return load_signer(tmp_path / "box.key")

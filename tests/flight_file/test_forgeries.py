@@ -28,7 +28,7 @@ from flight_file.salvage import recover_segment
 from flight_file.scan import scan_file
 from flight_file.segment import open_segment, opened
 from flight_file.session import Session, sealed
-from flight_file.signature import KeySigner, load_signer, make_key_files, signature_path, write_signature
+from flight_file.signature import Signer, load_signer, make_key_files, signature_path, write_signature
 from flight_file.verification import Verdict, prove, verify
 from flight_file.writer import SegmentWriter
 from recorder.evidence import verify as verify_command
@@ -44,7 +44,7 @@ class Evidence:
     """A signed recording of three segments of three frames, each frame in a chunk of its own; a forger's plaything."""
 
     paths: list[Path]
-    signer: KeySigner
+    signer: Signer
     key: Path
     jpeg: bytes
 
@@ -78,7 +78,7 @@ class Evidence:
 
 
 @pytest.fixture
-def evidence(tmp_path: Path, signer: KeySigner) -> Evidence:
+def evidence(tmp_path: Path, signer: Signer) -> Evidence:
     """What the box recorded."""
     folder = tmp_path / "flights"
     folder.mkdir()

@@ -16,7 +16,7 @@ from flight_file.frame import CameraStatus, ClockReading, Frame
 from flight_file.reader import open_flight
 from flight_file.salvage import Outcome, Recovery, recover_segment
 from flight_file.session import EndRecord, Session
-from flight_file.signature import KeySigner, read_signature, write_signature
+from flight_file.signature import Signer, read_signature, write_signature
 from flight_file.verification import Verdict, verify
 from flight_file.writer import SegmentWriter
 from tests.flight_file.flights import MAGIC_BYTES, after, chunks, flipped, make_frame, telling_places, write_flight
@@ -182,7 +182,7 @@ def test_frame_that_does_not_fit_its_digest_is_left_out(flight: Path, frames: li
 
 
 @pytest.fixture
-def signed(tmp_path: Path, frames: list[Frame], signer: KeySigner) -> bytes:
+def signed(tmp_path: Path, frames: list[Frame], signer: Signer) -> bytes:
     """The six frames as a box with a key writes them, finished."""
     (path,) = write_flight(tmp_path, frames, recording="signed", signer=signer)
     return path.read_bytes()
@@ -194,7 +194,7 @@ def final(tmp_path: Path) -> Path:
     return tmp_path / "work" / "signed_0000.mcap"
 
 
-def test_whole_file_in_work_with_its_signature_is_renamed(signed: bytes, signer: KeySigner, final: Path) -> None:
+def test_whole_file_in_work_with_its_signature_is_renamed(signed: bytes, signer: Signer, final: Path) -> None:
     """Killed between the signature and the renaming: not a byte is changed."""
     part = as_left_behind(final, signed)
     write_signature(final, hashlib.sha256(signed).hexdigest(), signer)
@@ -206,7 +206,7 @@ def test_whole_file_in_work_with_its_signature_is_renamed(signed: bytes, signer:
 
 
 def test_whole_file_in_work_without_its_signature_is_signed_as_far_as_it_is_proven(
-    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+    signed: bytes, signer: Signer, frames: list[Frame], final: Path
 ) -> None:
     """Neither its end record nor its index is signed: anybody could have written them."""
     recovery = recover_segment(as_left_behind(final, signed), at=AT, signer=signer)
@@ -217,7 +217,7 @@ def test_whole_file_in_work_without_its_signature_is_signed_as_far_as_it_is_prov
     assert [finding.kind for finding in check.findings] == [FindingKind.CUT]
 
 
-def test_unsigned_file_in_work_is_never_signed(flight: Path, frames: list[Frame], signer: KeySigner) -> None:
+def test_unsigned_file_in_work_is_never_signed(flight: Path, frames: list[Frame], signer: Signer) -> None:
     """Whole or cut, whoever put it there: a key signs only what its checkpoints prove."""
     content = flight.read_bytes()
     for end in (len(content), -200):
@@ -231,7 +231,7 @@ def test_unsigned_file_in_work_is_never_signed(flight: Path, frames: list[Frame]
 
 
 def test_frames_behind_the_last_checkpoint_are_set_apart(
-    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+    signed: bytes, signer: Signer, frames: list[Frame], final: Path
 ) -> None:
     """Killed between a chunk and its checkpoint, or added by somebody: not thrown away, not signed, not made twice."""
     part = as_left_behind(final, signed)
@@ -256,7 +256,7 @@ def test_frames_behind_the_last_checkpoint_are_set_apart(
 
 
 def test_own_recording_under_another_name_is_not_signed(
-    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+    signed: bytes, signer: Signer, frames: list[Frame], final: Path
 ) -> None:
     """Its checkpoints are genuine, but the box never recorded it as this segment."""
     part = as_left_behind(final.with_name("signed_0001.mcap"), signed[:-300])
@@ -268,7 +268,7 @@ def test_own_recording_under_another_name_is_not_signed(
 
 
 def test_damaged_signed_file_is_signed_again_as_far_as_it_is_proven(
-    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path
+    signed: bytes, signer: Signer, frames: list[Frame], final: Path
 ) -> None:
     """Behind the damage no checkpoint fits any more: what is whole there is set apart."""
     as_left_behind(final, b"")
@@ -286,7 +286,7 @@ def test_damaged_signed_file_is_signed_again_as_far_as_it_is_proven(
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(end=PLACES, bit=st.none() | st.integers(0, 20_000 * 8 - 1))
 def test_nothing_is_signed_that_was_not_recorded(
-    signed: bytes, signer: KeySigner, frames: list[Frame], final: Path, end: int, bit: int | None
+    signed: bytes, signer: Signer, frames: list[Frame], final: Path, end: int, bit: int | None
 ) -> None:
     """Wherever it ends and whatever bit is flipped: signed are the frames before the first damage, in order."""
     content = signed[:end] if bit is None or bit // 8 >= len(signed[:end]) else flipped(signed[:end], bit)

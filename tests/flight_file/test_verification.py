@@ -20,7 +20,7 @@ from flight_file.frame import CameraStatus, ClockReading, Frame
 from flight_file.reader import open_flight
 from flight_file.salvage import recover_segment
 from flight_file.session import Session
-from flight_file.signature import KeySigner, load_public_key, load_signer, make_key_files, signature_path
+from flight_file.signature import Signer, load_public_key, load_signer, make_key_files, signature_path
 from flight_file.verification import RecordingCheck, Verdict, verify
 from tests.flight_file.flights import after, flipped, make_frame, write_flight
 from tests.flight_file.forging import Taken, flip, forge
@@ -294,7 +294,7 @@ def test_any_changed_byte_is_noticed(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def signed(tmp_path: Path, frames: list[Frame], signer: KeySigner) -> list[Path]:
+def signed(tmp_path: Path, frames: list[Frame], signer: Signer) -> list[Path]:
     """Two signed segments, of a frame each."""
     return write_flight(tmp_path, frames[:2], frames_per_segment=1, signer=signer)
 
@@ -319,7 +319,7 @@ def test_key_is_private_and_what_is_none_is_one_sentence(tmp_path: Path) -> None
 
 
 def test_kill_between_any_two_steps_leaves_no_fault(
-    tmp_path: Path, frames: list[Frame], signer: KeySigner, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, frames: list[Frame], signer: Signer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before each write and renaming: what lies there is cut off, never accused, nor is what is made of it."""
     flight, left = tmp_path / "flight", list[Path]()
@@ -364,7 +364,7 @@ def test_signature_that_is_no_file_is_one_sentence(signed: list[Path]) -> None:
         verify(signed)
 
 
-def test_signature_of_a_recovery_that_was_cut_off_accuses_nobody(signed: list[Path], signer: KeySigner) -> None:
+def test_signature_of_a_recovery_that_was_cut_off_accuses_nobody(signed: list[Path], signer: Signer) -> None:
     """It lies where that of the file in work would, and is of other bytes; so is whatever somebody puts there."""
     part = signed[1].rename(signed[1].with_name(signed[1].name + ".part"))
     for text in (signature_path(signed[0]).read_bytes(), b"no signature\n"):
