@@ -10,17 +10,19 @@ recording there may be more than one place with a time, and it is one of them.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, time
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from decoder.panel.errors import PartError
-from flight_file.frame import NS_PER_S
 
 if TYPE_CHECKING:
-    from flight_file.reader import Flight
+    from flight_file.session import Session
 
+NS_PER_S = 1_000_000_000
 NS_PER_DAY = 86_400 * NS_PER_S
 EXAMPLES = "90, 1:30, 12:01:30Z or 2018-05-04T12:01:30Z"
 
@@ -133,7 +135,23 @@ class FlightPart:
     began_ns: int
 
 
-def part_of(flight: Flight, asked: AskedPart) -> FlightPart:
+class FrameTimes(Protocol):
+    """What tells a flight's parts: its files, and when each frame was taken, as far as that is known."""
+
+    session: Session
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """The files, in their order."""
+
+    def count(self) -> int:
+        """Count the frames."""
+
+    def captured_ns(self, rank: int) -> int | None:
+        """When the frame of that rank was taken; None where it is damaged."""
+
+
+def part_of(flight: FrameTimes, asked: AskedPart) -> FlightPart:
     """Find the frames that were asked for.
 
     Raises
@@ -153,7 +171,7 @@ def part_of(flight: Flight, asked: AskedPart) -> FlightPart:
     return FlightPart(ranks, frames, began_ns)
 
 
-def _span(flight: Flight, began_ns: int) -> str:
+def _span(flight: FrameTimes, began_ns: int) -> str:
     backwards = (flight.captured_ns(rank) for rank in reversed(range(flight.count())))
     end_ns = next((time for time in backwards if time is not None), began_ns)
     lasts = f"lasts {(end_ns - began_ns) / NS_PER_S:.2f} s"
@@ -162,7 +180,7 @@ def _span(flight: Flight, began_ns: int) -> str:
     return f"the flight begins at {datetime.fromtimestamp(began_ns // NS_PER_S, UTC):%Y-%m-%dT%H:%M:%SZ} and {lasts}"
 
 
-def _rank_from(flight: Flight, time_ns: int) -> int:
+def _rank_from(flight: FrameTimes, time_ns: int) -> int:
     """Find the first frame taken then or later; the count of frames if none was."""
     low, high = 0, flight.count()
     while low < high:
@@ -175,7 +193,7 @@ def _rank_from(flight: Flight, time_ns: int) -> int:
     return low
 
 
-def _time_ns(flight: Flight, rank: int, stop: int) -> int | None:
+def _time_ns(flight: FrameTimes, rank: int, stop: int) -> int | None:
     """When the frame of that rank was taken, or the next one that is whole."""
     times = (flight.captured_ns(each) for each in range(rank, stop))
     return next((time for time in times if time is not None), None)

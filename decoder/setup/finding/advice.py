@@ -13,7 +13,7 @@ import copy
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -25,11 +25,43 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, shortest
 from decoder.registration.thresholds import CLEAR_SCORE
 from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.thresholds import MAX_MOVE_PX
-from decoder.setup.trial import Trial
 from decoder.timeseries.thresholds import SMALLEST_PART
 
 GaugeDraft = dict[str, Any]
 """A gauge in the words of `panel.yaml`."""
+
+
+class TriedValue(Protocol):
+    """One value in one frame, as `decoder.setup.trial.NeedleTrial`."""
+
+    @property
+    def status(self) -> Status: ...  # noqa: D102 - said there
+    @property
+    def score(self) -> float: ...  # noqa: D102
+    @property
+    def is_together(self) -> bool: ...  # noqa: D102
+
+
+class TriedFrame(Protocol):
+    """One frame, as `decoder.setup.trial.FrameTrial`."""
+
+    @property
+    def readings(self) -> Sequence[TriedValue]: ...  # noqa: D102 - said there
+
+
+class Trial(Protocol):
+    """A gauge tried on the sample, as `decoder.setup.trial.Trial`."""
+
+    @property
+    def frames(self) -> Sequence[TriedFrame]: ...  # noqa: D102 - said there
+    @property
+    def moved_px(self) -> XY | None: ...  # noqa: D102
+    @property
+    def axes_deg(self) -> Mapping[str, float]: ...  # noqa: D102
+    @property
+    def are_points(self) -> bool: ...  # noqa: D102
+
+
 Try = Callable[[GaugeDraft], Trial]
 Axis = Callable[[GaugeDraft, float, XY], float]
 """Measures the axis of the needle of a gauge near an angle, in degrees, which turns around a place in the picture."""

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from decoder.panel.errors import UnitError
 from decoder.panel.units import UNITS, converted
-from decoder.timeseries.flight_part import NS_PER_DAY, typed_time
-from flight_file.frame import NS_PER_S
+from decoder.timeseries.flight_part import NS_PER_DAY, NS_PER_S, typed_time
 
 
 @pytest.mark.parametrize(
