@@ -89,7 +89,7 @@ def test_what_is_ambiguous_is_listed(tmp_path: Path, flight: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["fixtures/thesis_a1.mcap", "--cylinders", "4"], "holds no sound: it was not made of a film"),
+        (["fixtures/thesis_a1.mcap", "--cylinders", "4"], "holds no sound: it was not made from a film"),
         (["fixtures/thesis_a1.mcap", "--cylinders", "0", "--blades", "0"], "there is nothing to hear"),
         (["fixtures/thesis_a1.mcap", "--range", "3000-500"], "no range from a speed to a higher one"),
     ],

@@ -247,7 +247,7 @@ def test_a_video_in_place_of_a_flight_is_answered_with_the_command_to_run_first(
     done = ran(program, *(["info"] if program == "recorder" else []), video)
 
     assert done.returncode == 1
-    assert "first make one of it: recorder replay cockpit.mp4 -o cockpit.mcap" in done.stderr
+    assert "first make one from it: recorder replay cockpit.mp4 -o cockpit.mcap" in done.stderr
 
 
 def test_without_the_extra_a_video_is_answered_with_how_to_install_it(tmp_path: Path, video: Path) -> None:
