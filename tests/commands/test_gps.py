@@ -30,7 +30,7 @@ def decoded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = ran("decode", folder / "f.mcap", "-o", folder / "out", "--jobs", 1, "--format", "csv,mcap,parquet,html")
     assert (made.returncode, done.returncode) == (0, 0), made.stderr + done.stderr
     assert "GPS: 16 of 20 frames have a position; the receiver had no fix in 10 of 50 samples" in done.stdout
-    assert "by the video&#39;s GPS time" in (folder / "out" / "f.html").read_text(encoding="utf-8")
+    assert "from the video&#39;s GPS time" in (folder / "out" / "f.html").read_text(encoding="utf-8")
     return folder / "out" / "f.csv"
 
 
