@@ -113,7 +113,7 @@ def test_a_value_says_what_its_uncertainty_is_made_of(open_report: OpenReport) -
     expect(page.locator("#evidence-title")).to_have_text("Frame 13")
     expect(page.locator("#evidence-strip details.why")).to_have_count(1)
     expect(why.locator("li")).to_have_text(
-        [re.compile("48 % how precisely"), re.compile("40 % how sharply"), re.compile("12 % where it turns")]
+        [re.compile("48 % how precisely"), re.compile("40 % how sharp"), re.compile("12 % the position of its pivot")]
     )
 
 
