@@ -281,11 +281,11 @@ def test_a_search_that_fails_is_said(start: Start, open_page: OpenPage, monkeypa
     expect(offered(page)).to_have_count(2)
     page.locator("#found .accept").first.click()
     going_on.set()
-    expect(page.locator("#found .notes")).to_contain_text("What you accepted as tachometer turned out")
+    expect(page.locator("#found .notes")).to_contain_text("The dial that you accepted as tachometer turned out")
     is_said.set()
     expect(page.locator("#banner")).to_contain_text("ended before its time")
     expect(page.locator("#looking")).to_have_text("Not finished.")
-    expect(page.locator("#found .notes")).to_contain_text("What you accepted as tachometer turned out")
+    expect(page.locator("#found .notes")).to_contain_text("The dial that you accepted as tachometer turned out")
     assert names(page) == ["dial"]
     expect(page.locator("#findagain")).to_be_visible()
 
