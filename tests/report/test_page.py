@@ -69,7 +69,9 @@ def until(page: Page, condition: str, arg: object = None) -> None:
         if page.evaluate(condition, arg):
             return
         page.wait_for_timeout(50)
-    pytest.fail(f"never came: {condition}")
+    curves = "one.data?.map((each) => [each.meta, each.x.length])"
+    shown = f"[...document.querySelectorAll('.plot')].map((one) => [one.layout?.xaxis.range, {curves}])"
+    pytest.fail(f"never came: {condition}; the plots show {page.evaluate(shown)}")
 
 
 def plotted(page: Page, plot: int, meta: str) -> dict[str, Any]:
@@ -145,7 +147,8 @@ def test_single_flag_of_two_hours_is_seen(long_page: Page) -> None:
 
     assert width_px >= 2.0
     assert begun < 1_525_435_200_000 + ALONE * 250 < ended
-    # The key's plots are drawn one after the other.
+    # Plots out of sight are drawn when they are seen, and those in sight one after the other.
+    page.locator(".plot").first.scroll_into_view_if_needed()
     until(
         page,
         "() => document.querySelectorAll('.plot')[0].data.some((one) => one.meta === 'mark' && one.customdata?.length)",

@@ -78,7 +78,7 @@ def test_jpegs_have_the_sensors_time(tmp_path: Path, program: Program, jpegs: li
 
 @pytest.mark.parametrize(
     ("metadata", "frame_ns", "sentence"),
-    [("none", 10**9 // 30, "tells no times"), ("wrong", FRAME_NS, "are of no use")],
+    [("none", 10**9 // 30, "gives no times"), ("wrong", FRAME_NS, "are unusable")],
 )
 def test_without_useful_metadata_the_arrival_is_taken(
     program: Program, jpegs: list[bytes], metadata: str, frame_ns: int, sentence: str
