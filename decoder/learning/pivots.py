@@ -1,13 +1,13 @@
-"""Pivots: where the needles of a flight really turn, told by the needles themselves, dial by dial and together.
+"""Pivots: where a flight's needles really turn, estimated from the needles, per dial and over the whole panel.
 
 A needle lies on a line through its pivot. If the dial is unwrapped around a point beside the pivot, the needle's inner
-end is turned further than its tip, and how far changes as the needle goes round: over a flight that gives the pivot to
-some hundredths of a pixel, whatever the needle looks like. A pivot that is off by one pixel on a dial 100 pixels wide
-moves readings by a degree and a half to and fro.
+end appears rotated by more than its tip, by an amount that varies as the needle turns. Over a flight this gives the
+pivot to a few hundredths of a pixel, whatever the needle looks like. A pivot that is off by one pixel on a dial 100
+pixels wide makes readings swing by a degree and a half either way.
 
-The panel picture is one more frame in which all needles' angles are known: by how much a needle's line was turned there
-tells the pivot even if the needle hardly moves in flight. Where it tells little all the same, half a pixel is to be
-feared; but where the other gauges of the panel turn within hundredths of a pixel of where they are drawn, so will it.
+The panel picture is one more frame, in which all needles' angles are known: the tilt of a needle there gives its pivot
+even if it hardly moves in flight. Where a needle tells little, an error of half a pixel must be assumed; but if the
+other gauges of the panel turn within hundredths of a pixel of where they are drawn, so does this one.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from decoder.panel.gauge import Gauge
 from decoder.registration.frame_placer import UnwrappedFrame
 from decoder.registration.pivot import PRIOR_PX, Pivot
 
-# How carefully a panel may be drawn, pixels, and how likely that is before any needle is seen: each as the next, but a
-# careless hand the less, the more it would leave in doubt.
+# How carefully a panel may be drawn (spread of offsets, pixels), with prior weights. All spreads are equally likely,
+# except that careless ones count less the more they would leave uncertain.
 CARES_PX = {
     0.005: 1,
     0.01: 1,
@@ -48,7 +48,7 @@ CARES_PX = {
     2.56: 1 / 32,
     5.12: 1 / 128,
 }
-# So many gauges of a panel are drawn with less care than the others, whatever these tell.
+# Prior probability that a gauge is drawn with less care than the rest of its panel.
 CARELESS_PART = 0.1
 
 
@@ -63,9 +63,9 @@ def estimate_pivots(
     Parameters
     ----------
     samples, found
-        Frames, and by frame the readings of their needles.
+        Frames, and for each the readings of its needles.
     paths
-        By gauge: how far its pivot was moved already from where it is drawn.
+        For each gauge, how far its pivot has been moved already from where it is drawn.
     """
     pivots = []
     parts = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, paths, strict=True)
@@ -76,7 +76,7 @@ def estimate_pivots(
         ]
         if (
             isinstance(grid, PolarGrid) and not reader.placement.dials_move
-        ):  # else the panel picture shows the dial from another side
+        ):  # else the panel picture shows the dial from a different side
             frames.append((reader.own_gauges[index], _drawn_readings(gauge, grid), (0.0, 0.0)))
         pivot = kind_of(gauge).pivot(Instrument(index, gauge, grid, face), reader.appearance, frames)
         pivots.append(path.within_reach(path.with_search(pivot, gauge.radius[1]), REACH_PART * gauge.radius[1]))
@@ -85,7 +85,7 @@ def estimate_pivots(
 
 
 def _drawn_readings(gauge: Gauge, grid: PolarGrid) -> dict[str, Reading]:
-    """Needles as the panel has them in its picture; one that was cut elsewhere is missing there."""
+    """Return the needles' angles in the panel picture; a needle cut from another picture is missing."""
     return {
         needle.name: Reading(Status.MISSING, math.nan, math.inf, 0.0)
         if needle.at_deg is None or needle.hides_deg is None
@@ -97,20 +97,20 @@ def _drawn_readings(gauge: Gauge, grid: PolarGrid) -> dict[str, Reading]:
 def empirical_bayes(
     pivots: Sequence[Pivot], moved_px: Sequence[tuple[float, float]], reaches_px: Sequence[float]
 ) -> tuple[Pivot, ...]:
-    """Each pivot by its own needles and by how far the others are from where they were drawn.
+    """Combine each pivot's own estimate with how far the other gauges' pivots are from where they were drawn.
 
-    The offsets of a panel come from one normal distribution of unknown spread or, one in ten, from the one that is
-    feared of every panel: empirical Bayes, with the spread averaged over, not chosen (Efron, Large-Scale Inference,
-    2010, chapter 1).
+    The offsets of a panel come from one normal distribution of unknown spread or, with a probability of one in ten,
+    from the wide one assumed for any panel. This is empirical Bayes, with the spread averaged over, not chosen (Efron,
+    Large-Scale Inference, 2010, chapter 1).
 
     Parameters
     ----------
     pivots
-        Each with the prior that knows of no other gauge.
+        Each estimated with the prior that ignores the other gauges.
     moved_px
-        By the same order: how far each was moved from where it is drawn.
+        In the same order: how far each was moved from where it is drawn.
     reaches_px
-        By the same order: no hand draws it further off. A spread is half as much at most.
+        In the same order: the furthest anybody would draw it off. Spreads are limited to half of it.
     """
     told = [_Told.of(pivot, moved) for pivot, moved in zip(pivots, moved_px, strict=True)]
     any_px = np.array([*CARES_PX, PRIOR_PX])
@@ -129,9 +129,9 @@ def empirical_bayes(
 
 @dataclass(frozen=True, slots=True)
 class _Told:
-    """What a gauge's own needles tell of its pivot's offset from where it is drawn, as if nothing were known before.
+    """What a gauge's own needles tell of its pivot's offset from where it is drawn, without a prior.
 
-    `information` (2, 2) is the inverse of its covariance, `product` (2,) the information times the offset.
+    `information` (2, 2) is the inverse covariance, `product` (2,) the information times the offset.
     """
 
     information: Floats
@@ -139,14 +139,14 @@ class _Told:
 
     @classmethod
     def of(cls, pivot: Pivot, moved_px: tuple[float, float]) -> Self:
-        """Return a pivot without its prior."""
+        """Remove the prior from a pivot."""
         inverse = np.linalg.inv(pivot.covariance_px2)
         values, vectors = np.linalg.eigh(inverse - np.eye(2) / PRIOR_PX**2)
         information = (vectors * np.maximum(values, 0.0)) @ vectors.T
         return cls(information, inverse @ np.array(pivot.offset_px) + information @ np.array(moved_px))
 
     def log_evidence(self, spreads_px: Floats) -> Floats:
-        """(S,): how likely that is if offsets have each of these spreads; up to a constant."""
+        """(S,): the log marginal likelihood for each of these spreads of offsets, up to a constant."""
         variances_px2 = spreads_px[:, None, None] ** 2
         fit = np.linalg.inv(self.information + np.eye(2) / variances_px2) @ self.product @ self.product
         _, size = np.linalg.slogdet(np.eye(2) + variances_px2 * self.information)
@@ -154,7 +154,7 @@ class _Told:
         return evidence
 
     def mixed(self, spreads_px: Floats, weights: Floats) -> tuple[Floats, Floats]:
-        """Mean (2,) and covariance (2, 2) of the offset, over spreads (S,) with these weights."""
+        """Mean (2,) and covariance (2, 2) of the offset, averaged over spreads (S,) with these weights."""
         covariances = np.linalg.inv(self.information + np.eye(2) / spreads_px[:, None, None] ** 2)
         means = covariances @ self.product
         mean = weights @ means
@@ -169,10 +169,10 @@ def _replaced(pivot: Pivot, moved_px: tuple[float, float], mean_px: Floats, cova
 
 
 def care_part(paths: Sequence[PivotPath], pivots: Sequence[Pivot], gauges: Sequence[Gauge]) -> float:
-    """Tell how far beside their pivots a panel's centres are drawn, to each side, by those whose needles tell.
+    """Estimate how far a panel's centres are drawn from their pivots, per axis, from gauges whose needles tell.
 
-    Of the radius: on a larger dial a hand misses by more. It is the spread of a normal distribution with the same
-    median.
+    As a part of the radius, since a hand misses by more on a larger dial. It is the standard deviation of the normal
+    distribution with the same median.
     """
     told = [
         math.hypot(*path.beside_px) / gauge.radius[1]
@@ -183,10 +183,10 @@ def care_part(paths: Sequence[PivotPath], pivots: Sequence[Pivot], gauges: Seque
 
 
 def lifts_missing(lifts: Sequence[float], pivots: Sequence[Pivot]) -> list[float]:
-    """How far needles go beyond their dials besides `lifts`; nothing where that is not sure yet."""
+    """How much each needle's lift differs from `lifts`; zero where that is not significant yet."""
     return [pivot.shrunk_lift if lift or pivot.is_lifted else 0.0 for lift, pivot in zip(lifts, pivots, strict=True)]
 
 
 def any_lift_is_off(missing: Sequence[float]) -> bool:
-    """Whether some needle goes another way than it was thought to, by more than lifts settle to."""
+    """Whether some needle's lift has not converged."""
     return any(abs(lift) > SETTLED_PX for lift in missing)

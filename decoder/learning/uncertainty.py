@@ -1,9 +1,9 @@
-"""What readings are uncertain by beyond what their own frames tell: the panel's drawing, the pivot, the dial's place.
+"""Uncertainty of readings beyond what their own frames tell: the panel's drawing, the pivot, the dial's position.
 
-A frame tells how sharply a needle is seen and how well the panel is found. It does not tell how precisely somebody
+A frame tells how sharply a needle is seen and how well the panel is located. It does not tell how precisely somebody
 drew the scale (to a fifth of a pixel, or as carelessly as the centres), from which side the camera sees needles that
-turn above their marks, where they truly turn (their tilts do), nor by how much a dial is found beside its place (the
-scatter of those tilts does).
+stand above their marks, where the needles truly turn (their tilts tell), or how far off a dial is located (the scatter
+of those tilts tells).
 """
 
 from __future__ import annotations
@@ -31,49 +31,49 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, shortest
 from decoder.registration.pivot import Pivot, across
 from decoder.registration.thresholds import CERTAIN_SIGMAS
 
-# A mark is a line to draw to, while a pivot lies under a cap: marks are off by such a part of what centres are off, and
-# by no more than such a part of the radius.
+# Marks are drawn more precisely than centres, because a mark is a visible line while a pivot lies under a cap: their
+# error is this part of the centres' error, limited to a part of the radius (`MOST_MARK_PART`).
 MARK_PART = 1 / 3
-# Needles turn so high above their marks, in radii: 0.05 inches on a dial of 2.5.
+# Height of needles above their marks, in radii: 0.05 inches on a dial with a radius of 1.25 inches.
 NEEDLE_HEIGHT_PART = 0.04
-# The tangent at which cameras see dials at least: as far before a panel as it is wide they see its edges at 0.5.
+# Tangent of the usual viewing angle, as a minimum: a camera as far from a panel as it is wide sees its edges at 0.5.
 USUAL_VIEW = 0.2
-# A dial that is found by itself is off by about this beyond its own pixels' noise.
+# Position error of a dial that is located by itself, beyond its own pixels' noise.
 FOUND_PX = 0.02
-# A needle above its dial throws a shadow to one side of it, and is as high as somebody wrote to a hundredth of an inch:
-# by such a part of its height it seems to turn elsewhere, and no tilt tells.
+# Error of a raised needle's apparent pivot that no tilt shows, as a part of its height: the needle casts a shadow to
+# one side, and its height is given to a hundredth of an inch only.
 HEIGHT_PART = 0.005
-# Of a uniform distribution the standard deviation, for each unit of its width: what was not seen may be anywhere.
+# Standard deviation of a uniform distribution of width 1, for what may be anywhere.
 ANYWHERE = 12**-0.5
-# One dial's needles tell little of how well dials are found: the others count for as much as so many tilts of its own.
+# One dial's needles tell little of how well dials are located: the others count for as much as this many of its tilts.
 SHARED_TILTS = 16
 
 
 @dataclass(frozen=True, slots=True)
 class QuantityUncertainty:
-    """One quantity's.
+    """The uncertainty of one quantity's readings.
 
     Attributes
     ----------
     drawn_deg
-        By its scale, as somebody drew it.
+        From its scale as it was drawn.
     seen_deg
-        By the side from which the camera sees it: that is only allowed for, as nothing in a flight tells it.
+        From the side the camera sees it from: an allowance only, since nothing in a flight shows it.
     place_px
-        By where its dial is found.
+        From the position at which its dial is located.
     radius_px
-        At which it is read.
+        The radius at which it is read.
     pivot
         Its gauge's.
     missed_px
-        From how far beside it marks and zero may have been seen, (x, y).
+        How far beside the pivot marks and zero may have been seen from, (x, y).
     rim_px
-        How far out its marks are. The needle was seen along all of its length, on average at `radius_px`.
+        The radius of its marks. The needle was seen along its whole length, at `radius_px` on average.
     zero_deg
-        The angle at which the needle's zero was set; None for a card, which is read all round: beside its pivot one
-        half makes up for the other.
+        The angle at which the needle's zero was set; None for a card, which is read all around, so that the effects of
+        a wrong pivot on its two halves cancel.
     marks_deg
-        Where its marks are, rising; none where it is read all round, and no angle lies beyond them.
+        The angles of its marks, rising; empty where it is read all around, so that no angle lies beyond them.
     """
 
     drawn_deg: float
@@ -87,11 +87,11 @@ class QuantityUncertainty:
     marks_deg: tuple[float, ...] = ()
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
-        """(N,): a standard uncertainty for readings at these angles."""
+        """(N,): the standard uncertainty of readings at these angles."""
         return _together(self.parts_deg(angles_deg).values())
 
     def parts_deg(self, angles_deg: Floats) -> dict[Cause, Floats]:
-        """(N,) by cause: what the standard uncertainty is the root of the sum of squares of."""
+        """(N,) for each cause: the contributions, whose root sum of squares is the standard uncertainty."""
         drawn_deg, pivot_deg = np.full_like(angles_deg, self.drawn_deg), np.zeros_like(angles_deg)
         if self.zero_deg is not None:
             drawn_deg = np.hypot(drawn_deg * self._lever(angles_deg), self._missed_deg(angles_deg, self.zero_deg))
@@ -104,14 +104,14 @@ class QuantityUncertainty:
         }
 
     def _missed_deg(self, angles_deg: Floats, zero_deg: float) -> Floats:
-        """(N,): by how much marks and zero are off if they were seen from that far beside: what is nearer by more."""
+        """(N,): the error from having seen marks and zero from `missed_px` aside, which is larger at small radii."""
         missed_px = np.array(self.missed_px)
         marks, zero = across(angles_deg) @ missed_px, across(np.array([zero_deg])) @ missed_px
         off_deg: Floats = np.degrees(np.abs(marks / self.rim_px - zero / self.radius_px))
         return off_deg
 
     def _lever(self, angles_deg: Floats) -> Floats:
-        """(N,): how many times as far a scale is off as one of its marks: beyond the last the last two tell it."""
+        """(N,): the error of the scale relative to that of one mark; beyond the marks it extrapolates from two."""
         if len(self.marks_deg) < 2:  # noqa: PLR2004 - then nothing lies beyond them
             return np.ones_like(angles_deg)
         first, second, *_ = self.marks_deg
@@ -134,7 +134,7 @@ def quantity_uncertainties(
     found: Sequence[Mapping[str, Reading]] = (),
     templates: Mapping[str, NeedleTemplate] = MappingProxyType({}),
 ) -> dict[str, QuantityUncertainty]:
-    """Estimate, by quantity, what its readings are uncertain by beyond what their frames tell.
+    """Estimate, for each quantity, the uncertainty of its readings beyond what their frames tell.
 
     Parameters
     ----------
@@ -143,19 +143,19 @@ def quantity_uncertainties(
     told
         Its gauges with angles as they are read, around their pivots.
     pivots
-        By the gauges' order in the panel: what is still to be thought of each.
+        For each gauge in the panel's order, what remains uncertain of its pivot.
     paths
-        By the same order: how far each was moved from where it is drawn.
+        In the same order: how far each was moved from where it is drawn.
     log_odds
-        Of marks that are points seen from where centres are drawn, and not angles.
+        That marks are points as seen from where centres are drawn, rather than angles.
     care_part
-        How far beside their pivots the panel's centres are drawn, of the radius: the same hand drew its marks.
+        How far the panel's centres are drawn from their pivots, as a part of the radius: the same hand drew its marks.
     dials_move
-        Whether each dial is found by itself.
+        Whether each dial is located by itself.
     found
-        By frame of a sample, what was read.
+        For each frame of a sample, what was read.
     templates
-        By needle, what it looks like to the flight.
+        For each needle, what it looks like in the flight.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     uncertainties = {}
@@ -169,8 +169,8 @@ def quantity_uncertainties(
             place_px=place_px,
             missed_px=(missed * path.beside_px[0], missed * path.beside_px[1]),
         )
-        as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # what is written was drawn by nobody
-        # Marks that are uneven were seen from beside their middle, and so was all else on the dial.
+        as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # its scale is given in writing, not drawn
+        # If the marks are uneven, they were seen from off-centre, and so was everything else on the dial.
         marks_deg = max((uneven_deg(quantity) for quantity in as_told.quantities), default=0.0)
         as_card, as_needle = (replace(each, drawn_deg=max(each.drawn_deg, marks_deg)) for each in (as_card, as_needle))
         needles, mistaken = {needle.name for needle in gauge.turning}, _mistaken(gauge, pivot, found, templates)
@@ -188,7 +188,7 @@ def quantity_uncertainties(
 def _of_needle(
     dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, *, is_mistaken: bool
 ) -> QuantityUncertainty:
-    """Estimate it for one needle of a dial; one that may be another thing may point anywhere along the sweep."""
+    """Estimate it for one needle of a dial; one that may be something else may point anywhere along the sweep."""
     first_deg, last_deg = gauge.sweep
     (zero_deg,) = (needle.at_deg for needle in gauge.turning if needle.name == quantity.name)
     anywhere_deg = ANYWHERE * (last_deg - first_deg) if is_mistaken else 0.0
@@ -203,7 +203,7 @@ def _of_needle(
 def _of_card(
     drawn: PanelPictures, index: int, pivot: Pivot, path: PivotPath, *, log_odds: float, care_part: float
 ) -> QuantityUncertainty:
-    """Estimate it for a card, whose marks are carried to where it turns, as far as that is known."""
+    """Estimate it for a card, whose marks are carried to its pivot as far as that is known."""
     gauge = drawn.panel.gauges[index]
     rim_px = gauge.radius[1]
     card_px = 0.0
@@ -224,16 +224,16 @@ def _of_card(
 
 
 def _by_hand_deg(gauge: Gauge, care_part: float) -> float:
-    """Estimate how precisely a scale is drawn: as its centre, as is said, and to a fifth of a pixel at best."""
+    """Estimate how precisely a scale is drawn: like its centre, as the panel says, and to HAND_PX at best."""
     missed = MARK_PART * care_part
     hand = math.hypot(HAND_PX / gauge.arc_px, min(missed, MOST_MARK_PART))
     return math.hypot(math.degrees(hand), gauge.doubt_deg)
 
 
 def _to_allow_for(log_odds: float) -> float:
-    """Tell by which part of itself an error counts that is there at such odds.
+    """Return the factor by which an error with these odds of being present counts.
 
-    A 95 % interval has to hold it, unless it is less likely than one in twenty.
+    A 95 % interval has to cover it, unless it is less likely than one in twenty.
     """
     return math.sqrt(min(10.0 * (1.0 + math.tanh(log_odds / 2)), 1.0))
 
@@ -241,12 +241,11 @@ def _to_allow_for(log_odds: float) -> float:
 def _mistaken(
     gauge: Gauge, pivot: Pivot, found: Sequence[Mapping[str, Reading]], templates: Mapping[str, NeedleTemplate]
 ) -> frozenset[str]:
-    """Name needles that may not be what was cut for them, but the dial beside or beyond them.
+    """Name needles whose cut may show not the needle but the dial beside it or beyond its tip.
 
-    The cut may lie beside a needle around a centre that is far off, and beyond its tip where `radius` begins there.
-    Around such a centre what was found elsewhere than where it was cut is a needle for all that; what was cut beyond a
-    tip is if it mostly moves, by more than its readings are uncertain by. Hands that tell one value may stand still for
-    long, but must go together.
+    A cut may miss the needle sideways if the drawn centre is far off, or lie beyond its tip if `radius` begins there.
+    In the first case, being found elsewhere than where it was cut proves it a needle; in the second, moving by more
+    than its uncertainty in most frames does. Hands that tell one value may stand still for long, but have to agree.
     """
     mistaken = set()
     agreeing = () if gauge.combination is None else gauge.combination.parts
@@ -268,7 +267,7 @@ def _mistaken(
 
 
 def _comes_from_hub(template: NeedleTemplate | None) -> bool:
-    """Whether something covers a needle's axis in the inner half of where it is looked for, as far as is known."""
+    """Whether something covers a needle's axis in the inner half of its search area; True if unknown."""
     if template is None:
         return True
     covers = 1.0 - template.transparency[template.rows // 2]
@@ -276,21 +275,21 @@ def _comes_from_hub(template: NeedleTemplate | None) -> bool:
 
 
 def _parallax_deg(drawn: PanelPictures, index: int) -> float:
-    """Estimate what needles of unknown height above their marks leave in doubt, from the side the camera sees them.
+    """Estimate the uncertainty due to parallax of needles whose height above their marks is unknown.
 
-    Seen obliquely a needle lies beside the marks that it points to, up to its height times the tangent of the view.
+    Seen obliquely, a needle appears beside the mark it points to, by up to its height times the tangent of the view.
     """
     if drawn.grid(index).raised is not None:
-        return 0.0  # then its height is known
+        return 0.0  # its height is known
     plane = drawn.grid(index).plane
     oblique = math.hypot(USUAL_VIEW, 0.0 if plane is None else plane.obliqueness)
     return math.degrees(NEEDLE_HEIGHT_PART * oblique / math.sqrt(2.0))
 
 
 def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
-    """Estimate by how much a turn is read too far or not far enough on a dial drawn as seen square on, which it is not.
+    """Estimate the error in a turn read on a dial that is drawn as if seen square on, although it is not.
 
-    A circle that is seen obliquely is an ellipse; marks that stand still are drawn on it, those that turn are not.
+    A circle seen obliquely is an ellipse. Fixed marks are drawn on it as they appear; marks that turn are not.
     """
     if drawn.grid(index).plane is not None or drawn.panel.gauges[index].window is not None:
         return 0.0
@@ -298,7 +297,7 @@ def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
 
 
 def _height_px(drawn: PanelPictures, index: int) -> float:
-    """Estimate what a needle's height leaves to doubt of where it turns."""
+    """Estimate the uncertainty of a pivot that is due to its needle's height."""
     raised = drawn.grid(index).raised
     if raised is None:
         return 0.0
@@ -307,7 +306,7 @@ def _height_px(drawn: PanelPictures, index: int) -> float:
 
 
 def _places_px(pivots: Sequence[Pivot], least_px: float) -> list[float]:
-    """By gauge: how far its dial is beside where it is unwrapped, as its needles' tilts scatter."""
+    """For each gauge, how far its dial is from where it is unwrapped, from the scatter of its needles' tilts."""
     shared_px2 = _middling([pivot.scatter_px2 for pivot in pivots if pivot.tilts])
     own_px2 = [
         (pivot.tilts * pivot.scatter_px2 + SHARED_TILTS * shared_px2) / (pivot.tilts + SHARED_TILTS) for pivot in pivots
@@ -321,7 +320,7 @@ def _together(parts: Iterable[Floats]) -> Floats:
 
 
 def _middling(values: Sequence[float]) -> float:
-    """Average all but the lowest and the highest: one odd gauge says nothing of the others."""
+    """Average all but the lowest and the highest, so that one odd gauge does not affect the others."""
     if not values:
         return 0.0
     inner = sorted(values)[1:-1] or values

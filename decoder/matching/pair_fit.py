@@ -1,8 +1,9 @@
 """Two needles that nearly coincide, read together in many frames at once.
 
-Too little of the lower needle shows for a search of its own, but what shows still pulls at the upper one.
+Too little of the lower needle shows to search for it alone, but what shows still biases the fit of the upper one.
 
-Every place is tried at which the lower needle touches the upper one; the best of either side is settled jointly.
+So every position at which the lower needle touches the upper one is tried, and the best on either side is fitted
+jointly.
 """
 
 from __future__ import annotations
@@ -27,18 +28,19 @@ from decoder.panel.arrays import Floats, Indices, limited
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """M pairs, (M,) each.
+    """The fits of M pairs, (M,) each.
 
     Attributes
     ----------
     upper_row, upper_sigma_rows, upper_score
-        As of a `matching.Match`; where several pairs explain what is seen nearly as well, sigma spans them.
+        As in a `matching.Match`; where several pairs explain the pixels nearly as well, sigma covers them.
     lower_row, lower_sigma_rows
         The lower needle's.
     lower_score
-        Of what shows of it: how much of what upper needle and face leave there it explains; 0 where it is not believed.
+        How much of what the upper needle and the face leave unexplained the lower one's visible part explains; 0 where
+        it is not trusted.
     lower_doubt_rows
-        How far from the upper needle the lower may be with nearly the same to be seen.
+        How far from the upper needle the lower may be while looking nearly the same.
     correlation
         The NCC of the whole window with both needles over the face; 0 where nothing fits.
     """
@@ -54,12 +56,12 @@ class Pairs:
 
     @classmethod
     def none(cls, upper_rows: Floats) -> Self:
-        """Return what is said where no pair explains what is seen."""
+        """Return the result for frames in which no pair explains the pixels."""
         nothing = {field.name: np.zeros(len(upper_rows)) for field in fields(cls)}
         return cls(**nothing | {"upper_row": upper_rows.astype(np.float64)})
 
     def put(self, which: Indices, others: Pairs) -> None:
-        """Return what was found in some of the frames."""
+        """Store the results of some of the frames, in place."""
         for field in fields(self):
             getattr(self, field.name)[which] = getattr(others, field.name)
 
@@ -70,7 +72,7 @@ class PairFitter:
     Attributes
     ----------
     reach_rows
-        How far apart their axes are tried.
+        The largest distance of their axes that is tried.
     """
 
     def __init__(self, upper: NeedleTemplate, lower: NeedleTemplate, pixels_per_sample: float) -> None:
@@ -85,7 +87,7 @@ class PairFitter:
 
     @cached_property
     def hidden_reach_rows(self) -> float:
-        """How far apart the axes can be with too little of the lower needle showing to tell."""
+        """The largest distance of the axes at which too little of the lower needle shows to tell where it is."""
         apart = np.arange(self._axis)
         shown = self._lower.at(self._axis + np.stack([-apart, apart]).astype(float)).shown(self._upper.transparency)
         pixels = shown.sum(axis=(2, 3), where=shown > SHOWN_PART) * self._pixels_per_sample
@@ -93,7 +95,7 @@ class PairFitter:
         return float(tells.argmax()) if tells.any() else float(self._axis)
 
     def over(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Settled:
-        """Settle the upper needle near a row, over the lower one on another, (M,) each."""
+        """Fit the upper needle near a row, over the lower one on another row, (M,) each."""
 
         def fit(open_: Indices, rows: Indices, guess_rows: Floats) -> Fits:
             seen, face = strips.part(open_).windows(rows, self._axis)
@@ -110,7 +112,7 @@ class PairFitter:
         return settle(fit, np.rint(upper_rows), limits, self._axis)
 
     def fit(self, strips: Strips, upper_rows: Floats) -> Pairs:
-        """Return the best pairs near the rows, (M,), where the upper needles were found."""
+        """Return the best pairs near the rows (M,) at which the upper needles were found."""
         last = len(strips.face) - self._axis - 1
         tried = self._places.tried(strips, limited(np.rint(upper_rows).astype(np.intp), self._axis, last))
         pairs = Pairs.none(upper_rows)
@@ -120,7 +122,7 @@ class PairFitter:
         return pairs
 
     def _settled(self, strips: Strips, upper_rows: Floats, tried: Tried) -> Pairs:
-        """Return the best of the places of either side, settled: the mirrored pair may leave as little unexplained."""
+        """Fit the best start on either side: a mirrored pair may leave as little unexplained."""
         frames = len(upper_rows)
         sides = (tried.lower_row - tried.upper_row) * np.array([1, -1])[:, None, None] >= 0
         noise = np.where(sides, tried.noise, np.inf)  # (2, M, K)
@@ -137,7 +139,7 @@ class PairFitter:
         return self._believed(joint, number, alone.noise, tried.middle + alone.fraction)
 
     def _believed(self, joint: Joint, number: Indices, noise_alone: Floats, row_alone: Floats) -> Pairs:
-        """Choose the best of the pairs numbered (2, M) for each frame, beside the other and the upper needle alone."""
+        """Choose the best of each frame's pairs, numbered (2, M), and compare it with the rest and no lower needle."""
         noise, upper_row, lower_row = (own[number] for own in (joint.noise, joint.upper_row, joint.lower_row))
         best = joint.part(number[noise.argmin(axis=0), np.arange(number.shape[1])])
         with np.errstate(invalid="ignore"):
@@ -165,7 +167,7 @@ class PairFitter:
         )
 
     def _lower_score(self, joint: Joint) -> Floats:
-        """How well what shows of the lower needle explains what upper needle and face leave there: a correlation."""
+        """Correlate the lower needle's visible part with what the upper needle and the face leave unexplained there."""
         layer = self._lower.at(joint.lower_row - joint.window + self._axis)
         shown = layer.shown(self._upper.transparency)
         light = (layer.colour * shown).reshape(joint.face.shape)

@@ -1,4 +1,4 @@
-"""Where needles turn: a gauge's pivot as they tell it, and how uncertain that is."""
+"""A gauge's pivot as estimated from its needles, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -10,36 +10,38 @@ import numpy as np
 from decoder.panel.arrays import Floats
 from decoder.registration.thresholds import CERTAIN_SIGMAS, SIGNIFICANT_SIGMAS
 
-# What is thought of a panel's pivot before any frame has been seen, pixels.
+# Prior standard deviation of a pivot's offset, before any frame has been seen, pixels.
 PRIOR_PX = 0.5
-# A needle stands a few millimetres above a dial that lies some centimetres from the anchors' plane.
+# Prior standard deviation of the lift: needles stand a few millimetres above their dial, and dials lie a few
+# centimetres from the anchors' plane.
 PRIOR_LIFT = 0.2
-# A direction of which less is told, beside the other, is not told at all.
+# Relative cutoff: a direction with less information than this part of the other's counts as having none.
 LEAST_TOLD = 1e-9
 
 
 def across(angles_deg: Floats) -> Floats:
-    """(N, 2): the unit vectors across needles at angles, in the direction in which angles grow."""
+    """(N, 2): unit vectors perpendicular to needles at these angles, in the direction of increasing angle."""
     angles = np.radians(angles_deg)
     return np.stack([-np.sin(angles), np.cos(angles)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Pivot:
-    """A gauge's pivot as its needles tell it, relative to where the gauge was unwrapped.
+    """A gauge's pivot as estimated from its needles, relative to the point the gauge was unwrapped around.
 
     Attributes
     ----------
     offset_px
         (x, y).
     covariance_px2
-        (2, 2) of the offset.
+        (2, 2), of the offset.
     lift, lift_sigma
-        How far the needle goes beyond its dial, for each pixel that the dial moves against the anchors: it stands
-        nearer to the camera; and how uncertain that is.
+        How far the needle moves beyond its dial for each pixel that the dial moves relative to the anchors, because it
+        stands nearer to the camera; and the uncertainty of that.
     scatter_px2, tilts
-        The variance of the needles' tilts beyond their own noise, which may come out below nothing, and how many
-        tilts tell it: by so much the dial is not where it was unwrapped, another way in each frame.
+        The variance of the needles' tilts in excess of their own noise (an estimate, so it may be negative), and how
+        many tilts it comes from. It measures how far, differently in each frame, the dial is from where it was
+        unwrapped.
     """
 
     offset_px: tuple[float, float]
@@ -51,49 +53,49 @@ class Pivot:
 
     @property
     def is_certain(self) -> bool:
-        """Whether the needles turn elsewhere for all that is known.
+        """Whether the offset is significant enough to follow.
 
-        Beyond doubt would be too much: a needle that is learned around a wrong pivot shows a part of its offset only.
+        A stricter test would miss real offsets: a needle learned around a wrong pivot shows only part of its offset.
         """
         offset = np.array(self.offset_px)
         return float(offset @ np.linalg.solve(self.covariance_px2, offset)) > CERTAIN_SIGMAS**2
 
     @property
     def sigma_px(self) -> float:
-        """How uncertain the offset is, to each side."""
+        """The standard deviation of the offset per axis."""
         return math.sqrt(float(np.trace(self.covariance_px2)) / 2)
 
     @property
     def is_lifted(self) -> bool:
-        """Whether the needle goes another way than its dial beyond doubt."""
+        """Whether the lift differs from zero significantly."""
         return abs(self.lift) > SIGNIFICANT_SIGMAS * self.lift_sigma
 
     @property
     def shrunk_lift(self) -> float:
-        """The lift as far as needles tell it."""
+        """The lift, shrunk towards zero by its uncertainty."""
         return self.lift**3 / (self.lift**2 + self.lift_sigma**2)
 
     @property
     def shrunk_px(self) -> Floats:
-        """(2,): the offset as far as needles tell it."""
+        """(2,): the offset, shrunk towards zero by its uncertainty."""
         told: Floats = self.shrinkage @ np.array(self.offset_px)
         return told
 
     @property
     def shrinkage(self) -> Floats:
-        """(2, 2): how much of what is left needles tell, the less the more they doubt it in some direction.
+        """(2, 2): the matrix that shrinks the offset, most in the directions in which it is least certain.
 
-        It is what to think of an offset that is about as long as it seems and may lie in any direction (a ridge).
+        It is ridge regression for an offset of about the length measured that may point in any direction.
         """
         size_px2 = float(np.square(self.offset_px).sum())
         part: Floats = size_px2 * np.linalg.inv(self.covariance_px2 + size_px2 * np.eye(2))
         return part
 
     def settled(self, first_px: tuple[float, float], moved_px: tuple[float, float]) -> Pivot:
-        """Scale the covariance to what it is after the pivot was moved in steps, of which `first_px` was the first.
+        """Scale the covariance for a pivot that was moved in several steps, of which `first_px` was the first.
 
-        A step falls short where the needle that was learned around the old pivot took in a part of the tilts. All of
-        them together, `moved_px` and what is left, go so many times as far as the first, and so do its errors.
+        Each step falls short, because the needle learned around the old pivot absorbed part of the tilts. The whole
+        way, `moved_px` plus the remaining offset, is longer than the first step by some factor; errors grow by it too.
         """
         first, whole = math.hypot(*first_px), math.dist(moved_px, [-left for left in self.offset_px])
         if first == 0.0 or whole <= first:
@@ -101,13 +103,14 @@ class Pivot:
         return replace(self, covariance_px2=self.covariance_px2 * (whole / first) ** 2)
 
     def unsettled(self) -> Pivot:
-        """Add what is left of the offset to the covariance: the pivot was looked for, and not found."""
+        """Add the remaining offset to the covariance, for a pivot that was searched for without converging."""
         return self.beside(np.array(self.offset_px))
 
     def doubted(self) -> Pivot:
-        """Doubt what needles told by as much as it is: few places told it, and what spoils one of them would move it.
+        """Inflate what the needles tell by the offset they indicate: with few positions, one bad one could cause it.
 
-        That is of what they told alone, without the prior: doubting both as one leaves a pull with nothing behind it.
+        Only the needles' own information is inflated. Inflating the prior as well would leave a pull without
+        information behind it.
         """
         prior = np.eye(2) / PRIOR_PX**2
         inverse = np.linalg.inv(self.covariance_px2)
@@ -119,22 +122,22 @@ class Pivot:
         return replace(self, offset_px=(x, y), covariance_px2=covariance)
 
     def beside(self, offset_px: Floats) -> Pivot:
-        """Add to the covariance that it may as well lie by so much, (2,), to one side or the other."""
+        """Add to the covariance a possible offset (2,) to either side."""
         return replace(self, covariance_px2=self.covariance_px2 + np.outer(offset_px, offset_px))
 
     def blurred(self, sigma_px: float) -> Pivot:
-        """Add so much uncertainty in every direction."""
+        """Add an uncertainty of `sigma_px` in every direction."""
         return replace(self, covariance_px2=self.covariance_px2 + sigma_px**2 * np.eye(2))
 
     def sigma_deg(self, angles_deg: Floats, zero_deg: float, radius_px: float) -> Floats:
-        """Return what a pivot that is still not quite right may add to readings, as a standard uncertainty.
+        """Return the standard uncertainty of readings that is due to the remaining error of the pivot.
 
         Parameters
         ----------
         angles_deg
             (N,): of the readings.
         zero_deg
-            The angle at which the needle's zero was set: there the pivot does no harm.
+            The angle at which the needle's zero was set; there an error of the pivot has no effect.
         radius_px
             The needle's mean radius.
         """

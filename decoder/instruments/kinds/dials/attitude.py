@@ -1,13 +1,13 @@
 """Attitude indicators: how far a horizon has turned and shifted behind its window, and what it looks like.
 
-What moves is one picture, larger than the window: turned with bank, then shifted with pitch along its own upright. The
-coarse search correlates it, at every shift, with the window unwrapped around the dial's centre, by Fourier transforms
-along the rows for all turns at once; least squares on the pixels there give parts of a degree and of a pixel, and the
-uncertainty. A ring of marks around the window turns with bank alone: it is a card, and where there is one, bank is read
-from it, and the horizon is looked for at the turn that the ring shows.
+What moves is one picture, larger than the window: it turns with bank, and then shifts with pitch along its own vertical
+axis. The coarse search correlates it, at every shift, with the window unwrapped around the dial's centre, by Fourier
+transforms along the rows for all turns at once. Least squares on the pixels there give fractions of a degree and of a
+pixel, and the uncertainty. A ring of marks around the window turns with bank alone, like a card. Where there is one,
+bank is read from it, and the horizon is searched for at the ring's turn only.
 
-The picture is put together from frames, each turned and shifted back by what was read of it. What stands still in the
-window instead, an aircraft symbol, the frame, a reflection, is smeared out by that and shows where frames differ.
+The picture is composed from frames, each turned and shifted back by its reading. What stands still in the window
+instead (an aircraft symbol, the frame, a reflection) is smeared out by that, and shows where frames differ.
 """
 
 from __future__ import annotations
@@ -51,18 +51,19 @@ from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOI
 HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
 SEARCH_STEP_DEG = 2.0
 SEARCH_COLUMNS = 14
-# The horizon is looked for up to so many radii of the window away, at so many places.
+# The horizon is searched for up to this many window radii away, at this many shifts.
 REACH_RADII = 2.0
 SEARCH_SHIFTS = 97
-# A score is a peak if none is higher within so many steps.
+# A score is a peak if none is higher within this many steps.
 PEAK_STEPS = 2
 FIT_STEPS = 5
-# What is not explained lies in patches, not in pixels: the window has so many around, and across.
+# Errors are correlated within patches of the window: this many around, and across.
 PATCHES = 12, 3
 ROUNDS = 5
-# The law by which an odd horizon shifts is looked for in such parts of its turn.
+# Steps of the search for the law by which an unusual horizon shifts, as fractions of its turn; and the most steps.
 LAW_STEPS = 6
-# A pitch mark is drawn so well on a line that is tilted, and anywhere in it: lines are a thirtieth of the radius thick.
+# How precisely a pitch mark is drawn: on a tilted line, and anywhere within it, lines being a thirtieth of the radius
+# thick.
 MARK_PX, MARK_PART = 0.5, 0.01
 
 Spectra = NDArray[np.complexfloating[Any, Any]]
@@ -70,7 +71,7 @@ Spectra = NDArray[np.complexfloating[Any, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a horizon lies: `turned_deg` clockwise and `down_px` along its own upright from the panel picture."""
+    """Where a horizon lies relative to the panel picture: `turned_deg` clockwise, `down_px` along its vertical axis."""
 
     turned_deg: float
     down_px: float
@@ -86,18 +87,18 @@ class AttitudePicture:
     Attributes
     ----------
     horizon
-        (H, W) float32, what moves behind the window, upright as in the panel picture, the dial's centre in the middle;
-        a cell is as large as a column of the gauge's grid.
+        (H, W) float32, what moves behind the window, upright as in the panel picture, with the dial's centre in the
+        middle; a cell is as large as a column of the gauge's grid.
     weights
-        (P, C) in [0, 1]: where in the window, which stands still, it is to be seen.
+        (P, C) in [0, 1]: how well each place of the window, which stands still, shows the horizon.
     ring
-        The ring that turns around the window, if one does.
+        The ring that turns around the window, if there is one.
     drawn
         (P, C) float32, the window in the panel picture.
     origin
-        Where that shows what is in `horizon`.
+        The place of `horizon` in that window.
     shift_turn
-        By how many degrees the way of its shift turns for one of the ring, as the panel has it or a flight tells.
+        How many degrees the direction of the shift turns per degree of the ring, from the panel or from a flight.
     """
 
     horizon: Floats
@@ -110,7 +111,7 @@ class AttitudePicture:
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """A horizon in one frame: its place with the spread of that, its light, and whether nothing else matches so."""
+    """A horizon in one frame: its place with sigmas, its light, and whether no other place matches as well."""
 
     place: Place
     sigma_deg: float
@@ -122,7 +123,7 @@ class Sight:
 
     @property
     def is_sure(self) -> bool:
-        """Whether it can be told."""
+        """Whether it can be read."""
         return self.score >= SCORE_THRESHOLD and self.is_alone
 
 
@@ -131,7 +132,7 @@ NOT_SEEN = Sight(AS_DRAWN, math.inf, math.inf, 1.0, 0.0, 0.0, is_alone=False)
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Ring and horizon in one frame; `ring_deg` is how far the ring, or what stands for it, is turned clockwise."""
+    """Ring and horizon in one frame; `ring_deg` is how far the ring, or the horizon instead, is turned clockwise."""
 
     ring_deg: float
     ring_sigma_deg: float
@@ -142,7 +143,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Attitudes:
-    """One attitude indicator on its grid, and how it moves: pixels of its own plane, degrees clockwise."""
+    """One attitude indicator on its grid, and how it moves: pixels in its own plane, degrees clockwise."""
 
     own: Attitude
     gauge: Gauge
@@ -150,24 +151,24 @@ class Attitudes:
 
     @classmethod
     def of(cls, gauge: Gauge, grid: PolarGrid) -> Attitudes:
-        """Of a gauge that has one."""
+        """Return that of a gauge that has one."""
         if gauge.attitude is None:
             raise AssertionError(f"{gauge.name} is no attitude indicator")
         return cls(gauge.attitude, gauge, grid)
 
     def shifting(self, shift_turn: float) -> Attitudes:
-        """Let the way of its shift turn by so many degrees for one of the ring."""
+        """Let the direction of its shift turn by `shift_turn` degrees per degree of the ring."""
         return replace(self, own=self.own.model_copy(update={"shift_turn": shift_turn}))
 
     @property
     def is_odd(self) -> bool:
-        """Whether its horizon turns otherwise than the way of its shift, which no mark on it tells."""
+        """Whether the direction of the shift turns differently from the horizon, so that no mark on it shows it."""
         return self.own.shift_turn != self.own.horizon_turn
 
     @cached_property
     def rows(self) -> int:
         """How many rows of the grid are one turn."""
-        return self.grid.rows - 1  # the last is the first again
+        return self.grid.rows - 1  # the last repeats the first
 
     @cached_property
     def window(self) -> int:
@@ -198,7 +199,7 @@ class Attitudes:
 
     @cached_property
     def level_px(self) -> float:
-        """How far below the centre zero pitch lies in the panel picture, along the horizon's upright."""
+        """How far below the centre zero pitch lies in the panel picture, along the horizon's vertical axis."""
         return -float(Scale.of(self.own.ladder).angles_of(np.zeros(1))[0])
 
     @cached_property
@@ -206,29 +207,29 @@ class Attitudes:
         return np.array([up_px for up_px, _ in self.own.ladder])
 
     def _slant(self, turned_deg: float) -> float:
-        """Angle from the horizon's upright to the way of its shift, radians, so far from the panel picture."""
+        """Return the angle from the horizon's vertical axis to its direction of shift, radians, at this turn."""
         ring_deg = (self.upright_deg + turned_deg) / self.own.horizon_turn
         return math.radians((self.own.shift_turn - self.own.horizon_turn) * ring_deg)
 
     def aside_px(self, place: Place) -> float:
-        """How far the picture has gone to the right of its own upright."""
+        """Return how far the picture has moved to the right across its own vertical axis."""
         there, here = math.tan(self._slant(0.0)), math.tan(self._slant(place.turned_deg))
         return self.level_px * there - (self.level_px + place.down_px) * here
 
     def up_px(self, place: Place) -> tuple[float, float]:
-        """How far above the centre the mark lies in the panel picture that is at the centre now; what a pixel is worth.
+        """Return the height in the panel picture of the mark that is now at the centre, and its change per pixel.
 
-        All of a shift lies along the horizon's upright where both turn alike.
+        Where both turn alike, the whole shift lies along the horizon's vertical axis.
         """
         part = math.cos(self._slant(place.turned_deg))
         return (self.level_px + place.down_px) / part - self.level_px, 1.0 / abs(part)
 
     def is_level_in_sight(self, place: Place) -> bool:
-        """Whether zero pitch lies in the window: marks of a ladder look all alike where it does not."""
+        """Whether zero pitch lies in the window; without it, the marks of the ladder all look alike."""
         return abs(self.level_px + place.down_px) < self.own.window
 
     def drawn_sigma_px(self, up_px: float) -> float:
-        """How well marks that a hand drew tell a place on the ladder: along the line through them."""
+        """Return the uncertainty, due to marks drawn by hand, of a place on the straight line fitted through them."""
         middle_px = float(self._ups_px.mean())
         off_px = self._ups_px - middle_px
         mark_px = math.hypot(MARK_PX, MARK_PART * self.gauge.radius[1])
@@ -252,12 +253,12 @@ class Ring(Protocol):
     """Reads a ring of marks, as `decoder.instruments.kinds.dials.card.CardReader`."""
 
     def turn(self, unwrapped: UnwrappedGauge) -> Turned:
-        """Tell how far it has turned from where it lies in the panel picture."""
+        """Measure how far it has turned from where it lies in the panel picture."""
         ...
 
 
 class AttitudeReader:
-    """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if one turns."""
+    """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if there is one."""
 
     def __init__(self, own: Attitudes, picture: AttitudePicture, ring: Ring | None) -> None:
         self._own, self._ring, self._origin = own.shifting(picture.shift_turn), ring, picture.origin
@@ -283,7 +284,7 @@ class AttitudeReader:
         return Seen(ring_deg, turn.sigma_rows * step_deg, turn.score, is_sure, sight)
 
     def horizon_in(self, window: UnwrappedGauge, turned_deg: float) -> Sight:
-        """Find the horizon in a window (P, C) alone, where a ring would show so much; at any turn where none turns."""
+        """Find the horizon in a window (P, C) at the turn a ring would show; at any turn if there is no ring."""
         return self._horizon.sight(window, None if self._ring is None else turned_deg)
 
     def _readings(self, seen: Seen) -> tuple[Reading, Reading]:
@@ -298,12 +299,12 @@ class AttitudeReader:
         return roll, Reading(_status(is_sure), up_px * a_pixel_deg, sigma_px * a_pixel_deg, sight.score)
 
     def _since_drawn(self, sight: Sight) -> Place:
-        """Where the horizon lies, from where the panel picture shows it."""
+        """Return where the horizon lies relative to where the panel picture shows it."""
         here, there = sight.place, self._origin
         return Place(here.turned_deg - there.turned_deg, here.down_px - there.down_px)
 
 
-def _status(is_sure: bool) -> Status:  # noqa: FBT001 - all there is to say
+def _status(is_sure: bool) -> Status:  # noqa: FBT001 - its only argument
     return Status.READ if is_sure else Status.MISSING
 
 
@@ -315,9 +316,9 @@ class _HorizonReader:
         angles = np.radians(grid.angle_deg(0) + grid.step_deg * np.arange(own.rows))
         radii_px = grid.radii_px[: own.window]
         self._x, self._y = _around(angles, radii_px)
-        # samples further out stand for more of the window
+        # samples further out cover more of the window
         self._weights = picture.weights * (radii_px / radii_px[-1]).astype(np.float32)
-        # least squares look at rows as far apart, at the rim, as columns are
+        # least squares use rows as far apart at the rim as columns are
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
@@ -327,7 +328,7 @@ class _HorizonReader:
         self._search = _Search(own, picture.horizon, self._weights)
 
     def sight(self, strip: UnwrappedGauge, turned_deg: float | None) -> Sight:
-        """Find the horizon in a gauge (R, C), at the turn it has from the panel picture where that is known."""
+        """Find the horizon in a gauge (R, C), at its turn from the panel picture where that is known."""
         seen = strip[: self._own.rows, : self._own.window]
         found = self._search.best(seen, turned_deg)
         if found is None:
@@ -337,7 +338,7 @@ class _HorizonReader:
         return replace(sight, is_alone=1.0 - rival**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2))
 
     def still(self, views: Sequence[tuple[UnwrappedGauge, Sight]]) -> Floats:
-        """(P, C): the weight of each place in the window, by how well frames show there what moves."""
+        """(P, C): the weight of each place in the window, by how consistently frames show what moves there."""
         shape = self._picture.weights.shape
         apart = [
             (strip[: shape[0], : shape[1]] - sight.offset) / sight.gain
@@ -349,20 +350,20 @@ class _HorizonReader:
         return np.asarray(weights, np.float32)
 
     def _turned(self, place: Place, stride: int) -> tuple[Floats, Floats]:
-        """Where every so many rows of the window lie, (P', C) to the right and down along the horizon's upright."""
+        """Return where every `stride`-th row of the window lies, (P', C) to the right and down the vertical axis."""
         back = math.radians(self._own.upright_deg + place.turned_deg)
         x, y = self._x[::stride], self._y[::stride]
         return math.cos(back) * x + math.sin(back) * y, math.cos(back) * y - math.sin(back) * x
 
     def _shown(self, levels: Floats, x_px: Floats, y_px: Floats, place: Place) -> Floats:
-        """Levels of a picture, or of several, (P, C, K), at a place, in the window at its places along the upright."""
+        """Return a picture (H, W), or several as (H, W, K), at a place, as seen at these points of the window."""
         x_px, y_px = x_px - self._own.aside_px(place), y_px - place.down_px
         return _sampled(levels, x_px, y_px, self._own.grid.column_px)
 
     def _fitted(self, seen: Floats, place: Place, *, is_turn_known: bool) -> Sight:
         """Fit gain, offset, shift and, where it is not known, turn, by least squares.
 
-        Outliers have no weight in the place, but all the weight in the score: few pixels match many places.
+        Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
         """
         start, weights = place, self._thinned
         for _ in range(FIT_STEPS):
@@ -389,7 +390,7 @@ class _HorizonReader:
         return Sight(place, math.degrees(sum(sigmas)), sigma_px, gain, offset, score, is_alone=True)
 
     def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
-        """(3 or 4, N): what gain, offset, shift and turn change."""
+        """(3 or 4, N): the derivatives by gain, offset, shift and turn."""
         x, y = self._turned(place, self._stride)
         levels, down, right = np.moveaxis(self._shown(self._levels, x, y, place), -1, 0)
         columns = [levels, np.ones_like(levels), -down]
@@ -398,7 +399,7 @@ class _HorizonReader:
         return np.stack(columns).reshape(len(columns), -1).astype(np.float32, copy=False)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
-        """Return the standard uncertainties of a fit: the larger of what pixels tell one by one, and patch by patch."""
+        """Return the standard uncertainties of a fit: the larger of the estimate per pixel and the one per patch."""
         noise = float((weights * left**2).sum() / weights.sum()) / self._pixels_per_sample
         pulls = np.stack([np.bincount(self._patches, column * left.ravel(), math.prod(PATCHES)) for column in weighted])
         by_patch = np.diag(inverse @ (pulls @ pulls.T) @ inverse)
@@ -407,7 +408,7 @@ class _HorizonReader:
 
 
 def _patches(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """(N,): by sample of a window (P, C) the patch that it is in."""
+    """(N,): the patch of each sample of a window (P, C)."""
     rows, columns = shape
     around, across = PATCHES
     numbers = (np.arange(rows) * around // rows)[:, None] * across + np.arange(columns) * across // columns
@@ -437,15 +438,15 @@ class _Search:
         self._spread = np.sqrt(np.maximum(square - self._mean**2, 0.0))
 
     def is_near(self, place: Place, start: Place) -> bool:
-        """Whether two places are the same peak."""
+        """Whether two places belong to the same peak."""
         turns = abs(place.turned_deg - start.turned_deg) / self._step_deg
         shifts = abs(place.down_px - start.down_px) / float(self._step_px)
         return turns <= MAX_PEAK_ROWS and shifts <= MAX_PEAK_ROWS
 
     def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, float] | None:
-        """Where the picture matches a window (P, C) best, and how well it matches elsewhere; None if nothing is there.
+        """Return where the picture matches a window (P, C) best, and its best score elsewhere; None for a blank window.
 
-        With `turned_deg` it is looked for at that turn alone.
+        With `turned_deg`, only that turn is searched.
         """
         rows = None if turned_deg is None else round(turned_deg / self._step_deg) % self._rows
         scores = self._scores(self._thinned(seen), rows)
@@ -457,7 +458,7 @@ class _Search:
         return Place(found_deg if turned_deg is None else turned_deg, float(self._downs_px[shift])), rival
 
     def _scores(self, seen: Floats, rows: int | None) -> Floats | None:
-        """(K, P) at every shift and turn, or (K, 1) at one; None where a window (P, C) shows nothing."""
+        """(K, P) at every shift and turn, or (K, 1) at one turn; None where a window (P, C) is blank."""
         weighted = self._weights * seen
         mean = float(weighted.sum()) / self._total
         spread = math.sqrt(max(float((weighted * seen).sum()) / self._total - mean**2, 0.0))
@@ -478,14 +479,14 @@ class _Search:
         return thinned
 
     def _turned_sums(self, image: Floats, spectra: Spectra) -> Floats:
-        """Sum over a window (P, C) times each picture (K, P, C) turned by each number of rows: (K, P)."""
+        """Sum the product of a window (P, C) and each picture (K, P, C) turned by each number of rows: (K, P)."""
         spectrum = (np.fft.rfft(image, axis=0) * spectra).sum(axis=2)
         sums: Floats = np.fft.irfft(spectrum, self._rows, axis=1)
         return sums
 
 
 def _second_peak(scores: Floats, shift: int, turn: int) -> float:
-    """Return the highest score (K, P) that is a peak of its own, besides the highest at all; turns go round."""
+    """Return the second highest peak of scores (K, P), which are cyclic in turns."""
     around = PEAK_STEPS if scores.shape[1] > 1 else 0
     padded = np.pad(scores, ((0, 0), (around, around)), mode="wrap").astype(np.float32)
     highest = cv2.dilate(padded, np.ones((2 * PEAK_STEPS + 1, 2 * around + 1), np.uint8))
@@ -495,7 +496,7 @@ def _second_peak(scores: Floats, shift: int, turn: int) -> float:
 
 
 def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | None) -> AttitudePicture:
-    """Return it as the panel picture shows it, (R, C), with all that lies over it."""
+    """Return it as the panel picture (R, C) shows it, with all that lies over it."""
     weights = np.ones((own.rows, own.window), np.float32)
     horizon = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
     return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window], own.own.shift_turn)
@@ -504,7 +505,7 @@ def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | No
 def learn_attitude(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
-    """Return it from frames (R, C) in the panel picture's light; as it was given if they do not tell."""
+    """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice."""
     law = given.shift_turn if ring is None or not own.is_odd else _shift_turn(own, strips[::2], given, ring)
     known = replace(given, shift_turn=law)
     learned = _put_together(own.shifting(law), strips, known, ring, ROUNDS)
@@ -512,9 +513,9 @@ def learn_attitude(
 
 
 def _shift_turn(own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring) -> float:
-    """By how much the way of its shift turns for the ring: so that most is explained of frames (R, C).
+    """Estimate how much the direction of the shift turns with the ring: the value that explains most of frames (R, C).
 
-    As the panel has it where they do not tell.
+    It is the panel's value where the frames do not tell.
     """
 
     def left(law: float) -> float:
@@ -538,7 +539,7 @@ def _shift_turn(own: Attitudes, strips: Sequence[UnwrappedGauge], given: Attitud
 
 
 def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: AttitudePicture, ring: Ring) -> float:
-    """Which part of the horizon a picture leaves unexplained in frames (R, C), on average."""
+    """Return the part of the horizon's variance that a picture leaves unexplained in frames (R, C), on average."""
     reader = AttitudeReader(own, picture, ring)
     return float(np.mean([1.0 - reader.seen(strip).horizon.score ** 2 for strip in strips]))
 
@@ -546,7 +547,7 @@ def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: Atti
 def _put_together(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None, rounds: int
 ) -> AttitudePicture:
-    """Put it together from frames, by the law that the panel gives."""
+    """Compose it from frames, with the panel's law of shifting."""
     known = given
     for _ in range(rounds):
         reader = AttitudeReader(own, known, ring)
@@ -566,7 +567,7 @@ def _put_together(
 
 
 def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: Sight) -> Floats:
-    """(H, W): what a frame shows of the picture, in its light; NaN where it does not."""
+    """(H, W): what a frame shows of the picture, in the picture's light; NaN where it shows nothing."""
     rows, columns, grid = own.rows, own.window, own.grid
     height, width = 2 * math.ceil(columns * (1.0 + REACH_RADII)) + 1, 2 * columns + 1
     y, x = np.mgrid[:height, :width].astype(np.float32)
@@ -581,8 +582,8 @@ def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: S
 
 
 def _composed(views: Sequence[Floats]) -> Floats:
-    """(H, W): the middle of what frames show; where none shows anything, what lies nearest on the same height."""
-    seen = np.sort(np.stack(views), axis=0)  # those that show nothing come last
+    """(H, W): the median of what frames show; where none shows anything, the nearest pixel at the same height."""
+    seen = np.sort(np.stack(views), axis=0)  # NaN is sorted last
     count = np.isfinite(seen).sum(axis=0)
     low, high = np.maximum(count - 1, 0) // 2, count // 2
     both = [np.take_along_axis(seen, np.minimum(each, len(seen) - 1)[None], axis=0)[0] for each in (low, high)]
@@ -603,7 +604,7 @@ def _around(angles: Floats, radii_px: Floats) -> tuple[Floats, Floats]:
 
 
 def _sampled(levels: Floats, x_px: Floats, y_px: Floats, cell_px: float) -> Floats:
-    """Levels of a picture, or of several as (P, C, K), at places of it, counted from its middle."""
+    """Sample a picture (H, W), or several as (H, W, K), at points relative to its middle."""
     height, width = levels.shape[:2]
     return _at(levels, x_px / cell_px + (width - 1) / 2, y_px / cell_px + (height - 1) / 2)
 
@@ -615,7 +616,7 @@ def _at(levels: Floats, columns: Floats, rows: Floats) -> Floats:
 
 
 def _ring_of(own: Attitudes, picture: AttitudePicture) -> CardReader | None:
-    """Return what reads the ring around a horizon, if one turns."""
+    """Return a reader of the ring around a horizon, if there is one."""
     return None if picture.ring is None else CardReader(own.gauge, own.ring_grid, picture.ring)
 
 
@@ -639,7 +640,7 @@ class _Attitudes:
 
 
 class AttitudeKind(Still):
-    """A horizon that turns and shifts behind a window; what is learned of it stands under its roll."""
+    """A horizon that turns and shifts behind a window; its picture is stored under the name of its roll."""
 
     is_searched = False
 

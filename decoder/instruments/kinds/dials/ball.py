@@ -1,7 +1,7 @@
 """Balls in curved tubes: what moves along the tube, dark or bright, learned from the flight.
 
-Unwrapped along its tube a ball shifts up and down, as a needle does, and is found as one. What it looks like nobody
-draws: in each frame it is where the tube differs most from what it mostly shows, among what changes over the flight.
+Unwrapped along its tube, a ball shifts up and down as a needle does, and is found the same way. Nobody draws what it
+looks like: among the pixels that change over the flight, it is where the tube differs most from its usual look.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 2
 PASSES = 4
-# A ball's picture is so many times as long as the tube is wide.
+# Length of a ball's picture, in widths of the tube.
 PICTURE_WIDTHS = 1.5
-# So well a click tells the middle of a ball, and its outline where it is: a glint on it lies to one side.
+# How precisely a click marks a ball's middle, and how precisely its outline is found, as a glint lies to one side.
 MIDDLE_PX = 1.0
 
 
@@ -49,7 +49,7 @@ class BallPicture:
 
 @dataclass(frozen=True)
 class _Tube:
-    """One tube on its grid, and how needles over a face that stands still are read."""
+    """One tube on its grid, and the kind that reads needles over a still face."""
 
     gauge: Gauge
     grid: PolarGrid
@@ -57,7 +57,7 @@ class _Tube:
 
     @property
     def name(self) -> str:
-        """Of its column."""
+        """The name of its column."""
         return self.gauge.quantities[0].name
 
     @property
@@ -69,7 +69,7 @@ class _Tube:
 
     @property
     def bare_gauge(self) -> Gauge:
-        """What it is read as: a dial with a needle."""
+        """The gauge as which it is read: a dial with a needle."""
         span_deg = PICTURE_WIDTHS * self.ball_rows * self.grid.step_deg
         needle = Needle(name=self.name, template=Template(at=sum(self.gauge.sweep) / 2, span=max(span_deg, 2.0)))
         return self.gauge.model_copy(update={"ball": None, "needles": (needle,)})
@@ -94,12 +94,12 @@ class BallReader:
         )
 
     def read(self, strips: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
-        """Read F gauges (R, C); `place_sigmas_deg` (F, 1) as of `Reader`."""
+        """Read F gauges (R, C); `place_sigmas_deg` (F, 1) is as in `Reader`."""
         return self._reader.read([self._sampler.of_unwrapped([strip]) for strip in strips], place_sigmas_deg)
 
 
 def learn_ball(tube: _Tube, strips: Sequence[UnwrappedGauge]) -> BallPicture | None:
-    """Return ball and tube as frames (R, C) in one light tell them; None where nothing moves, or too few tell."""
+    """Learn ball and tube from frames (R, C) in one light; None if nothing moves or there are too few frames."""
     if len(strips) < FRAMES_TO_LEARN:
         return None
     places = _places(tube, np.stack(strips))
@@ -130,8 +130,8 @@ def learn_ball(tube: _Tube, strips: Sequence[UnwrappedGauge]) -> BallPicture | N
 def _places(tube: _Tube, strips: Floats) -> Floats | None:
     """(F,): the rows of the ball's middle in frames (F, R, C); None where nothing moves.
 
-    A tube shows mostly the same along its length; where a pixel changes over the flight it is a ball's that makes it
-    differ from that.
+    A tube looks mostly the same along its length, so where a pixel changes over the flight, the ball makes it differ
+    from that.
     """
     middle = np.median(strips, axis=0)
     changes = MAD_TO_SIGMA * np.quantile(np.abs(strips - middle), 0.9, axis=0) > OUTLIER_SPREADS * NOISE_LEVELS
@@ -171,7 +171,7 @@ class _Balls:
 
 
 class BallKind(Still):
-    """A ball in a curved tube; `needle_kind` says how needles are read that turn over a face."""
+    """A ball in a curved tube; `needle_kind` reads needles that turn over a face."""
 
     is_searched = False
 

@@ -2,12 +2,12 @@
 
 In the unwrapped gauge the whole card shifts around the circle. The best shift comes from the circular NCC of card and
 gauge, by Fourier transforms along the rows; least squares on the pixels there give the fraction of a row and the
-uncertainty, as for a needle. What does not turn with the card, a lubber line or an aircraft symbol, has no weight.
-Light does not turn with it either: a reflection in the glass or a lamp at one side changes slowly around the dial, by
-more than fine print does, so what changes slowly is taken out first.
+uncertainty, as for a needle. What does not turn with the card (a lubber line, an aircraft symbol) has no weight. Light
+does not turn with it either: a reflection in the glass or a lamp at one side varies slowly around the dial but by more
+than fine print does, so slow variations are removed first.
 
-Turned back by what was read of each frame, the card is what all frames share; what stays put instead, a lubber line
-or an aircraft symbol, is smeared out by that and shows where the frames differ from the card.
+The card is learned as what all frames share once each is turned back by its reading. Whatever stands still instead is
+smeared out by that, and shows where the frames differ from the card.
 """
 
 from __future__ import annotations
@@ -57,13 +57,14 @@ from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
 from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 FIT_STEPS = 3
-# Another place is one this far away; nearer, it is the same peak.
+# Another match this far away is a rival; nearer, it is the same peak.
 RIVAL_REACH_DEG = 8.0
 EDGE_ROWS = 2
 ROUNDS = 3
 MORE_STARTS = 4
 WAYS = 4
-# Waves to a turn: light on a dial has as many at most, and marks have more. On strangers' compass 2 and 12 read alike.
+# Waves per turn: light on a dial has this many at most, marks have more. In other people's pictures of a compass, 2 and
+# 12 give the same readings.
 SHADING_WAVES = 4
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
@@ -71,7 +72,7 @@ Spectrum = NDArray[np.complexfloating[Any, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """How many rows a card has turned, the spread of that, its score, and whether no other turn matches as well."""
+    """How many rows a card has turned, with sigma and score, and whether no other turn matches as well."""
 
     rows: float
     sigma_rows: float
@@ -80,7 +81,7 @@ class Turn:
 
 
 def card_rows(grid: PolarGrid) -> int:
-    """How many rows of a card's grid are one turn: all but the last, which is the first again."""
+    """Return how many rows of a card's grid are one turn: all but the last, which repeats the first."""
     return grid.rows - 1
 
 
@@ -107,11 +108,11 @@ class CardReader:
         return [self.reading(self.turn(strip)) for strip in strips]
 
     def turn(self, unwrapped: UnwrappedGauge) -> Turn:
-        """Tell how far the card has turned from where it lies in the panel picture."""
+        """Measure how far the card has turned from where it lies in the panel picture."""
         return self.lit_turn(evenly_lit(unwrapped, self._grid))
 
     def lit_turn(self, seen: Floats) -> Turn:
-        """As `turn`, of one turn of the dial, (P, C), without the light on it."""
+        """Do as `turn` for one turn of the dial (P, C) from which the light was removed."""
         scores = self._scores(seen)
         best = int(scores.argmax())
         row, sigma_rows, score = self._fitted(seen, float(best), self._picture.weights)
@@ -119,7 +120,7 @@ class CardReader:
         return Turn(row, sigma_rows, score, alone)
 
     def turn_without(self, unwrapped: UnwrappedGauge, hidden: Mask, about: Turn) -> Turn:
-        """As `turn`, of a card that has turned about so far, without what is hidden of it, (P, C)."""
+        """Do as `turn`, ignoring what is `hidden` of the card (P, C), from a rough turn `about`."""
         seen = evenly_lit(unwrapped, self._grid)
         around = about if about.is_alone else self.lit_turn(seen)
         shown = np.where(hidden, np.float32(0.0), self._picture.weights)
@@ -127,7 +128,7 @@ class CardReader:
         return Turn(row, sigma_rows, score, around.is_alone)
 
     def likely_rows(self, seen: Floats, count: int) -> list[int]:
-        """List the turns at which one turn of a dial (P, C) matches best, the best first."""
+        """List the turns at which one turn of a dial (P, C) matches best, best first."""
         scores, reach = self._scores(seen), round(RIVAL_REACH_DEG / self._grid.step_deg)
         found: list[int] = []
         while len(found) < count:
@@ -136,33 +137,32 @@ class CardReader:
         return found
 
     def pivot(self, strips: Sequence[UnwrappedGauge]) -> Pivot:
-        """Estimate where the card turns, relative to where it is unwrapped, from F frames (R, C).
+        """Estimate where the card turns, relative to the point it is unwrapped around, from F frames (R, C).
 
-        Around a centre beside its pivot the card goes round in a circle as it turns: least squares of all pixels for
-        that circle, beside each frame's own light and turn.
+        Around a centre beside its pivot the card moves along a circle as it turns. Least squares over all pixels give
+        that circle, together with each frame's own light and turn.
         """
         found = [(evenly_lit(strip, self._grid), self.turn(strip)) for strip in strips]
         views = [(turned(strip, -turn.rows), turn.rows) for strip, turn in found if turn.score >= SCORE_THRESHOLD]
         if len(views) < FRAMES_TO_LEARN:
             return UNKNOWN
         ways = np.stack([_turned_back(math.radians(rows * self._grid.step_deg)) for _, rows in views])
-        ways = ways - ways.mean(axis=0)  # what all frames share has gone into the learned card
+        ways = ways - ways.mean(axis=0)  # what all frames share was absorbed by the learned card
         told = [self._told(view, way) for (view, _), way in zip(views, ways, strict=True)]
         normal, product, left = (np.sum(parts, axis=0) for parts in zip(*told, strict=True))
         noise = max(float(left[0] / left[1]), 1.0) / self._grid.pixels_per_sample
         covariance = np.linalg.inv(normal / noise + np.eye(2) / PRIOR_PX**2)
         x, y = (covariance @ product / noise).tolist()
         if math.hypot(x, y) > FAR_PART * self._grid.radii_px[-1]:
-            return UNKNOWN  # from so far the pixels do not tell it: `card_pivot` does
+            return UNKNOWN  # so far off the pixels do not tell it: `card_pivot` does
         pivot = replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
         places = places_of(rows * self._grid.step_deg for _, rows in views)
         return pivot.doubted() if places <= MIN_PLACES else pivot
 
     def _told(self, view: Floats, way: Floats) -> tuple[Floats, Floats, Floats]:
-        """Set up one frame's least squares for an offset that shows in it, turned back, turned by `way`.
+        """Set up one frame's least squares for an offset that appears rotated by `way` in the turned-back view.
 
-        Returns its normal matrix (2, 2), its right side (2,), and the squares it leaves with their
-        weight.
+        Return its normal matrix (2, 2), its right side (2,), and the sum of squares it leaves, with the sum of weights.
         """
         card = self._picture.card
         around = (np.roll(card, -1, axis=0) - np.roll(card, 1, axis=0)) / 2
@@ -180,7 +180,7 @@ class CardReader:
         return gain**2 * weighted[:2] @ left[:2].T, gain * weighted[:2] @ left[2], squares
 
     def _gradient(self, around: Floats) -> Floats:
-        """(P, C, 2): by how much the card's levels rise to the right and downwards, a pixel."""
+        """(P, C, 2): the gradient of the card's levels to the right and downwards, per pixel."""
         angles = np.radians(self._grid.angle_deg(0) + self._grid.step_deg * np.arange(self._rows))
         outward = np.gradient(self._picture.card, self._grid.column_px, axis=1)[..., None]
         sideways = (around / math.radians(self._grid.step_deg) / self._grid.radii_px)[..., None]
@@ -192,10 +192,10 @@ class CardReader:
         return gradient
 
     def reading(self, turn: Turn) -> Reading:
-        """Tell what stands under the index of a card that has turned so far."""
+        """Convert a turn to what stands under the index."""
         angle_deg = self._index_deg - turn.rows * self._grid.step_deg
         angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
-        # Of a card that the flight did not teach, what stands still over it may match as well as the card does.
+        # With a card that the flight did not teach, what stands still over it may match as well as the card does.
         least = SCORE_THRESHOLD if self._picture.is_learned else SURE_SCORE
         status = Status.READ if turn.score >= least and turn.is_alone else Status.MISSING
         return Reading(status, angle_deg, turn.sigma_rows * self._grid.step_deg, turn.score)
@@ -214,21 +214,21 @@ class CardReader:
         return clipped
 
     def _shifted_sums(self, image: Floats, transformed: Spectrum) -> Floats:
-        """Sum over all pixels of an image (P, C) times another turned by each number of rows: (P,)."""
+        """Sum the product of an image (P, C) and another turned by each number of rows: (P,)."""
         spectrum = (np.fft.rfft(image, axis=0) * transformed).sum(axis=1)
         sums: Floats = np.fft.irfft(spectrum, self._rows)
         return sums
 
     def _rival(self, scores: Floats, best: int) -> float:
-        """Return the best score elsewhere."""
+        """Return the best score away from the peak."""
         reach = round(RIVAL_REACH_DEG / self._grid.step_deg)
         elsewhere = np.roll(scores, -best)[reach:-reach]
         return float(elsewhere.max(initial=0.0))
 
     def _fitted(self, seen: Floats, row: float, shown_there: Floats) -> tuple[float, float, float]:
-        """Row, spread and score by least squares for gain, offset and shift, with weights (P, C).
+        """Fit gain, offset and shift by least squares with weights (P, C); return row, sigma and score.
 
-        Outliers have no weight in the row, but all the weight in the score: few pixels match many places.
+        Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
         """
         start, trusted = row, shown_there
         columns = np.ones((3, seen.size), np.float32)
@@ -259,21 +259,21 @@ class CardReader:
 
 
 def _turned_back(turn: float) -> Floats:
-    """(2, 2): what turns a vector back by radians, clockwise ones."""
+    """(2, 2): the matrix that turns a vector anticlockwise by an angle in radians."""
     return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
 
 
 def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
-    """Return a card (P, C) turned clockwise by a number of rows, whole or not; so many rows more at each end."""
+    """Return a card (P, C) turned clockwise by a number of rows, whole or not, with `beyond` more rows at each end."""
     first, count = math.floor(-rows) - beyond, len(card) + 2 * beyond
     around = card[np.arange(first - EDGE_ROWS, first + count + EDGE_ROWS) % len(card)]
     return rows_at(around, np.arange(count) + (-rows - math.floor(-rows)) + EDGE_ROWS)
 
 
 def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
-    """Search for the pivot of a card as `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
+    """Search for a card's pivot with `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
 
-    What moves over a card that stands still would be taken for it.
+    On a card that stands still, whatever moves over it would be taken for the card.
     """
     if not strips:
         return None
@@ -283,13 +283,13 @@ def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGaug
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
-    """Return the card as the panel picture shows it, (R, C), with all that lies over it."""
+    """Return the card as the panel picture (R, C) shows it, with all that lies over it."""
     card = evenly_lit(strip, grid)
     return CardPicture(card, np.ones_like(card))
 
 
 def evenly_lit(strip: UnwrappedGauge, grid: PolarGrid) -> UnwrappedGauge:
-    """Return one turn of a dial (P, C) without what changes slowly around it, but for its mean."""
+    """Return one turn of a dial (P, C) without slow variations around it, keeping the mean."""
     turn = strip[: card_rows(grid)]
     waves = _slow_waves(len(turn))
     lit: UnwrappedGauge = turn - waves @ (waves.T @ turn)
@@ -298,18 +298,18 @@ def evenly_lit(strip: UnwrappedGauge, grid: PolarGrid) -> UnwrappedGauge:
 
 @cache
 def _slow_waves(rows: int) -> Floats:
-    """(P, 2 * SHADING_WAVES) float32: what light does around a dial, of length one each."""
+    """(P, 2 * SHADING_WAVES) float32: the slow waves around a dial, each of unit length."""
     turns = np.arange(1, SHADING_WAVES + 1) * (2 * np.pi / rows * np.arange(rows)[:, None])
     return (math.sqrt(2 / rows) * np.concatenate([np.cos(turns), np.sin(turns)], axis=1)).astype(np.float32)
 
 
 def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], given: CardPicture) -> CardPicture:
-    """Return the card from frames (R, C) in the panel picture's light; as it was given if they do not tell.
+    """Learn the card from frames (R, C) in the panel picture's light; return it as given if they do not suffice.
 
-    From the card of the panel picture frames that are turned far from it may be taken for others that look alike, and
-    what is learned then is no card, or one that is printed twice. It must match the panel picture at one place only;
-    where frames looked alike at several, each is tried, and one must explain all frames clearly better than the others.
-    If none does, learning starts from the card of a frame instead.
+    Starting from the panel picture's card, frames turned far from it may be taken for others that look alike. What is
+    learned then is no card, or one printed twice. So the result must match the panel picture at one place only, and
+    where frames matched several places, each is tried, and one has to explain all frames clearly better than the rest.
+    If none does, learning starts again from the card of a frame.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
     others = (CardPicture(lit[index], given.weights) for index in _apart(len(lit), MORE_STARTS))
@@ -326,7 +326,7 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
 
 
 def _ways(start: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Floats]) -> Iterator[CardPicture]:
-    """Give what a card may be as the frame that is least like it tells, turned back by each turn at which it may be."""
+    """Yield the card, and what it may be if the worst-matching frame is turned back by each of its likely turns."""
     yield start
     reader = CardReader(gauge, grid, start)
     least = min(lit, key=lambda seen: reader.lit_turn(seen).score, default=None)
@@ -338,14 +338,14 @@ def _ways(start: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Float
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """A card, by how many rows frames are turned from it, and what of their variance it leaves unexplained."""
+    """A card, the turns of the frames relative to it in rows, and the part of their variance left unexplained."""
 
     picture: CardPicture
     rows: Floats
     unexplained: float
 
     def agrees(self, other: Learned, step_deg: float) -> bool:
-        """Whether both turn frames alike, with rows of so many degrees, but for fewer than would tell a card."""
+        """Whether both turn all frames alike, except too few to teach a card; a row is `step_deg` degrees."""
         apart_deg = (self.rows - other.rows) * step_deg
         others_deg = shortest(apart_deg[:, None] - apart_deg, FULL_CIRCLE_DEG)
         is_alike = np.isclose(others_deg, 0.0, atol=RIVAL_REACH_DEG)
@@ -353,9 +353,9 @@ class Learned:
 
 
 def clearest(learned: Sequence[Learned | None], step_deg: float) -> CardPicture | None:
-    """Return the card that explains frames clearly better than those that turn them otherwise; None if none does.
+    """Return the card that explains frames clearly better than those that turn them differently; None if none does.
 
-    A row of the cards is so many degrees.
+    A row of the cards is `step_deg` degrees.
     """
     found = sorted((each for each in learned if each is not None), key=lambda each: each.unexplained)
     rivals = [each for each in found[1:] if not each.agrees(found[0], step_deg)]
@@ -365,7 +365,7 @@ def clearest(learned: Sequence[Learned | None], step_deg: float) -> CardPicture 
 
 
 def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Floats]) -> Learned | None:
-    """Learn the card in some rounds, at any turn; None where too few frames match, or the card hardly turns."""
+    """Learn the card in several rounds; None if too few frames match, or the card hardly turns."""
     for _ in range(ROUNDS):
         reader = CardReader(gauge, grid, known)
         found = [(seen, reader.lit_turn(seen)) for seen in lit]
@@ -380,12 +380,12 @@ def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequen
 
 
 def _apart(count: int, wanted: int) -> list[int]:
-    """Choose so many of some things, spread evenly, by their numbers."""
+    """Choose `wanted` indices out of `count`, spread evenly."""
     return [count * (2 * index + 1) // (2 * wanted) for index in range(min(count, wanted))]
 
 
 def shared(views: Sequence[tuple[Floats, float]]) -> CardPicture:
-    """Return what frames (P, C) share turned back by what each has turned, rows; little where they differ."""
+    """Return what frames (P, C), each with its turn in rows, share when turned back; weights drop where they differ."""
     middle = np.median([turned(seen, -rows) for seen, rows in views], axis=0).astype(np.float32)
     apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(middle, rows)) for seen, rows in views], axis=0)
     weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(apart - NOISE_LEVELS, 0.0) ** 2)
@@ -393,7 +393,7 @@ def shared(views: Sequence[tuple[Floats, float]]) -> CardPicture:
 
 
 def arc_deg(rows: Sequence[float], grid: PolarGrid) -> float:
-    """Return the arc that the card went through, degrees."""
+    """Return the arc that the card has covered, degrees."""
     angles_deg = np.sort(np.mod(np.array(rows) * grid.step_deg, FULL_CIRCLE_DEG))
     gaps = np.diff(np.append(angles_deg, angles_deg[0] + FULL_CIRCLE_DEG))
     return FULL_CIRCLE_DEG - float(gaps.max())

@@ -1,8 +1,8 @@
-"""Parallax over a card: what turns in front of it is seen beside where it points, as the camera looks from aside.
+"""Parallax over a card: a raised marker seen obliquely appears beside the place on the card it points to.
 
-The height of a bug above its card moves it in the picture always the same way, so that what it shows swings once to
-and fro as it goes round. A bug stays where it was set and goes round with its card: the swing shows in a flight that
-turns, and what remains between two settings does not.
+The height of a bug above its card shifts it in the picture in one fixed direction, so its apparent position on the card
+swings once back and forth per turn. A bug stays where it was set and turns with its card, so the swing shows in any
+flight that turns; what remains constant between two settings is not parallax.
 """
 
 from __future__ import annotations
@@ -16,36 +16,37 @@ from decoder.matching.thresholds import OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 
-# What is known before any flight: a bug a sixtieth of its radius above the card, seen from 45 degrees aside.
+# Prior: a bug a sixtieth of its radius above the card, seen from 45 degrees aside.
 USUAL_DEG = 1.0
 PASSES = 20
 
 
 @dataclass(frozen=True, slots=True)
 class CardParallax:
-    """By how much something over a card is seen further clockwise than it points: where it points right, and down."""
+    """How much further clockwise something over a card appears than it points, where it points right and down."""
 
     right_deg: float = 0.0
     down_deg: float = 0.0
 
     def at(self, seen_deg: float) -> float:
-        """Return it for something that is seen there, in degrees clockwise from the right."""
+        """Return the parallax of something seen at this angle, in degrees clockwise from the right."""
         at = np.radians(seen_deg)
         return float(self.right_deg * np.cos(at) + self.down_deg * np.sin(at))
 
 
 def parallax_of(seen_deg: Floats, on_card_deg: Floats, sigma_deg: float) -> CardParallax:
-    """Tell the parallax of what goes round with its card, but for the few times that somebody sets it.
+    """Estimate the parallax of something that turns with its card, except for the few times somebody sets it.
 
-    Least squares of how far it moved on the card from one time to the next, robust against settings, and held by what
-    is usual. None is told where it was set again and again, hardly went round, or is not clearly seen from aside.
+    This is a least-squares fit of its movement on the card from one time to the next, robust against settings and
+    regularised by what is usual. It is zero where the bug was set again and again, hardly turned, or is not clearly
+    seen obliquely.
 
     Parameters
     ----------
     seen_deg, on_card_deg
         (N,) in order of time: its direction on the dial, and on the card.
     sigma_deg
-        How uncertain one of the latter is.
+        The uncertainty of one of the latter.
     """
     at = np.radians(seen_deg)
     design = np.diff(np.stack([np.cos(at), np.sin(at)], axis=1), axis=0)

@@ -1,10 +1,10 @@
-"""Geared hands: an altimeter's or a clock's hands tell one value, and the value is what is looked for.
+"""Geared hands: the hands of an altimeter or a clock tell one value, so the search is for that value.
 
-Every turn of the finest hand is a value that the frame may show; the gearing then says where the other hands are. So
-for each direction in which the finest hand seems to point, and each number of its turns, the whole dial is drawn, and
-what explains the frame best is it. A hand that is short, dim, hidden or like another one helps as far as it shows; one
-that should show and does not speaks against the value. What explains the dial nearly as well with another value, or
-much better with hands that do not go together, makes the value doubtful.
+For each direction in which the finest hand seems to point, each number of its turns is a value the frame may show, and
+the gearing says where the other hands are then. The whole dial is drawn for each such value, and the one that explains
+the frame best is read. A hand that is short, dim, hidden or like another one helps as far as it shows; one that should
+show and does not counts against the value. If another value explains the dial nearly as well, or hands that contradict
+the gearing explain it much better, the value is doubtful.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Gearing, shortest
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
-# So many directions of the finest hand are tried, each with so many numbers of turns, and with the others anywhere.
+# The number of directions of the finest hand that are tried, of turns for each, and of free peaks of each hand.
 DIRECTIONS, TURNS, ANYWHERE = 6, 8, 2
-# Of these so many are judged that go together, and so many that do not.
+# How many guesses that obey the gearing are judged, and how many that do not.
 LIKELY = 8
 ROUNDS = 2
-# What a hand at the end of its tolerance must score more than one where the gearing has it.
+# Score penalty for a hand at the end of its tolerance.
 STRAY_COST = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """What hands that are geared to each other tell in F frames: each by itself, (F, K), and their value, by frame."""
+    """What geared hands tell in F frames: each hand by itself, (F, K), and their value for each frame."""
 
     hands: Found
     values: list[Reading]
 
 
 def gearing_of(gauge: Gauge) -> Gearing:
-    """Return how the hands of a gauge go together whose panel combines them."""
-    assert gauge.combination is not None  # noqa: S101 - nobody asks for others
+    """Return the gearing of a gauge whose panel combines its hands."""
+    assert gauge.combination is not None  # noqa: S101 - only called for gauges with a combination
     return Gearing(gauge.quantities, gauge.combination)
 
 
 def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
-    """Return the value that hands tell which were read one by one, if they go together."""
+    """Return the value told by hands that were read one by one; missing if they contradict the gearing."""
     gearing = gearing_of(gauge)
     hands = [readings[name] for name in gearing.names]
     score = min(hand.score for hand in hands)
@@ -70,13 +70,13 @@ def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
 
 
 def _reading(gearing: Gearing, status: Status, value: float, sigma: float, score: float) -> Reading:
-    """Return a value as an angle on the circle that is one turn of the coarsest hand."""
+    """Return a value as an angle on a circle that is one turn of the coarsest hand."""
     return Reading(status, gearing.circle_deg(value), sigma * FULL_CIRCLE_DEG / gearing.turn, score)
 
 
 @dataclass(frozen=True, slots=True)
 class _Guesses:
-    """M ways to explain each frame: the hands' rows, (..., M, K), and values, (..., M), NaN where these disagree."""
+    """M ways to explain each frame: the hands' rows (..., M, K), and values (..., M), NaN where hands disagree."""
 
     rows: Floats
     values: Floats
@@ -88,7 +88,7 @@ class _Guesses:
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """Hands as least squares have them, each given the others, and how much of their contrast shows: (F, K) each."""
+    """Hands as fitted, each given the others, and how much of their contrast is visible: (F, K) each."""
 
     row: Floats
     sigma_rows: Floats
@@ -98,14 +98,14 @@ class _Placed:
 
     @property
     def shows(self) -> Mask:
-        """Whether what shows of it matches well enough."""
+        """Whether the visible part matches well enough."""
         needed = np.where(self.visible >= HALF, SCORE_THRESHOLD, SURE_SCORE)
         shows: Mask = self.is_settled & (self.visible >= MIN_VISIBLE) & (self.score >= needed)
         return shows
 
     @property
     def may_show(self) -> Mask:
-        """Whether it matches as well as it can over another hand that is much like it."""
+        """Whether it matches as well as can be expected over another hand that looks much like it."""
         may: Mask = self.is_settled & (self.visible >= HALF) & (self.score >= HALF)
         return may
 
@@ -135,12 +135,12 @@ class GearedReader:
 
     @property
     def name(self) -> str:
-        """Of the value."""
+        """The name of the value."""
         return self.gearing.name
 
     @property
     def share(self) -> float:
-        """What part of the value's circle one of the finest hand's is."""
+        """The ratio of one turn of the finest hand to the value's whole circle."""
         return self.gearing.share
 
     def read(self, strips: Floats) -> Together:
@@ -153,7 +153,7 @@ class GearedReader:
         return self._judged(thin, guesses, self._settled(dials, guesses.rows[:, 0]))
 
     def _once_around(self, strips: Floats) -> Floats:
-        """(..., N, C'): gauges (..., R, C) once around, from the centre outwards."""
+        """(..., N, C'): one turn of gauges (..., R, C), from the centre outwards."""
         around: Floats = strips[..., self._first : self._first + self._turn, self._grid.tail_columns :]
         return around
 
@@ -166,7 +166,7 @@ class GearedReader:
         return rows
 
     def _scores(self, strips: Floats, template: NeedleTemplate) -> Floats:
-        """(F, N'): how well a hand matches on every third row."""
+        """(F, N'): the NCC of a hand on every third row."""
         axis = (template.rows - 1) // 2
         rows = COARSE_STEP * np.arange(-axis, self._turn // COARSE_STEP + axis) % self._turn + self._first
         seen, face = strips[:, rows, ::COARSE_STEP], self._whole_face[rows, ::COARSE_STEP]
@@ -203,7 +203,7 @@ class GearedReader:
         return self.gearing.tolerance_deg(hand) / self._grid.step_deg / COARSE_STEP
 
     def _near(self, scores: Floats, hand: int) -> tuple[Floats, Floats]:
-        """How well a hand matches near each coarse row, less what it strays, and where: (F, N') each."""
+        """(F, N') each: the best score of a hand near each coarse row, less its stray cost, and the row of it."""
         slack = self._slack(hand)
         off = np.arange(-np.ceil(slack), np.ceil(slack) + 1).astype(np.intp)
         around = (np.arange(scores.shape[1])[:, None] + off) % scores.shape[1]
@@ -215,9 +215,9 @@ class GearedReader:
         ) / COARSE_STEP
 
     def _likely(self, seen: Floats, guesses: _Guesses) -> _Guesses:
-        """Return the guesses that explain a thinned dial best, first the best, and of those that go together and not.
+        """Return the guesses that explain a thinned dial best, best first, some that obey the gearing and some not.
 
-        Hands that do not go together must explain it clearly better to be the best.
+        Hands that contradict the gearing must explain it clearly better to come first.
         """
         pictures = self._drawn(guesses.rows)
         left, is_geared = unexplained(seen, pictures), np.isfinite(guesses.values)
@@ -235,7 +235,7 @@ class GearedReader:
         )
 
     def _settled(self, dials: Floats, rows: Floats) -> _Placed:
-        """Fit all hands in F frames, from rows (F, K) on, each given the others, from the uppermost down."""
+        """Fit all hands in F frames from starting rows (F, K), each given the others, from the uppermost down."""
         rows = rows.copy()
         placed: dict[int, _Placed] = {}
         for _ in range(ROUNDS):
@@ -247,7 +247,7 @@ class GearedReader:
         return _Placed(*(np.stack([getattr(own, each.name) for own in by_hand], axis=1) for each in fields(_Placed)))
 
     def _fitted(self, dials: Floats, rows: Floats, layer: int) -> _Placed:
-        """Fit one hand, given those below and above it: (F,) each."""
+        """Fit one hand given those below and above it: (F,) each."""
         hand = self._order[layer]
         template, drawn_rows = self._templates[hand], rows[:, self._order]
         behind = self._dial.drawn(drawn_rows, range(layer))
@@ -268,7 +268,7 @@ class GearedReader:
         return _Placed(row, found.sigma_rows, np.nan_to_num(found.score), visible, found.is_settled)
 
     def _windows(self, dials: Floats, which: Indices, top_rows: Indices, template: NeedleTemplate) -> Floats:
-        """(M, H * C): some of the dials, (F, N, C'), around rows of their own."""
+        """(M, H * C): windows of the chosen dials, (F, N, C'), each from its own top row."""
         rows = (top_rows[:, None] + np.arange(template.rows)) % self._turn
         seen = dials[which[:, None], rows]
         if self._grid.tail_columns:
@@ -278,15 +278,15 @@ class GearedReader:
         return windows
 
     def _judged(self, seen: Floats, guesses: _Guesses, placed: _Placed) -> Together:
-        """Judge the hands of F thinned dials, (F, N', C'), and their values, by what else would explain the dials.
+        """Judge the hands of F thinned dials (F, N', C') and their values by what else would explain the dials.
 
-        The first guess of each is what was placed.
+        The first guess of each frame is the one that was fitted.
         """
         off_rows = np.abs(shortest(guesses.rows - guesses.rows[:, :1], self._turn))
         others = np.where(off_rows <= MAX_PEAK_ROWS, placed.row[:, None], guesses.rows)
         is_rival = self._rivals(seen, placed.row, others)
         shows = placed.shows & ~(is_rival[..., None] & (off_rows > self._reach_rows)).any(axis=1)
-        # The finest hand over another that is much like it: it is there, but not to the fraction of a row.
+        # The finest hand over another one much like it: it is there, but not located to a fraction of a row.
         merged = ~shows[:, 0] & placed.may_show[:, 0] & self._is_beside_others(placed.row)
         sigma_rows = placed.sigma_rows.copy()
         sigma_rows[merged, 0] = np.hypot(sigma_rows[merged, 0], self._half_widths_rows[0])
@@ -311,17 +311,17 @@ class GearedReader:
         return Together(hands, [_reading(self.gearing, STATUSES[own], *rest) for own, *rest in told])
 
     def _drawn(self, rows: Floats) -> Floats:
-        """(..., N', C'): the thinned dial with its hands on rows (..., K); NaN draws none."""
+        """(..., N', C'): the thinned dial with its hands on rows (..., K); NaN leaves a hand out."""
         drawn = self._thin.drawn(rows.reshape(-1, rows.shape[-1])[:, self._order])
         return drawn.reshape(*rows.shape[:-1], *drawn.shape[1:])
 
     def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
-        """(F, M): which other rows, (F, M, K), explain thinned dials nearly as well as their own, (F, K)."""
+        """(F, M): which other rows, (F, M, K), explain thinned dials nearly as well as the fitted ones, (F, K)."""
         lit = lit_as(seen, self._drawn(np.concatenate([rows[:, None], others], axis=1)))
         return times_worse(seen, lit[:, 0], lit[:, 1:]) <= CLEARLY_WORSE
 
     def _adds_up(self, seen: Floats, rows: Floats) -> Mask:
-        """(F,): whether no hand on these rows, (F, K), is clearly better left out, and nothing like a hand is left."""
+        """(F,): whether every hand on these rows (F, K) is needed, and nothing like a hand is left over."""
         without = np.where(np.eye(rows.shape[1], dtype=bool), np.nan, rows[:, None])
         drawn = self._drawn(np.concatenate([rows[:, None], without], axis=1))
         lit = lit_as(seen, drawn)
@@ -332,7 +332,7 @@ class GearedReader:
         return adds_up
 
     def _left_over(self, left: Floats, rows: Floats) -> Floats:
-        """(F,): how much of a hand's contrast is left of dials, (F, N', C'), where none of the hands is, (F, K)."""
+        """(F,): the largest part of a hand's contrast that dials (F, N', C') show away from all hands (F, K)."""
         there = COARSE_STEP * np.arange(left.shape[1])
         away = (np.abs(shortest(there[:, None] - rows[:, None], self._turn)) > self._reach_rows).all(axis=-1)
         spread = np.maximum(np.sqrt(np.vecdot(left, left)), 1e-6)
@@ -354,7 +354,7 @@ class GearedReader:
         return beside
 
     def _hidden(self, values: Floats, scores: Floats) -> Found:
-        """Return the hands where values, (F,), have them, give or take what the panel allows."""
+        """Return the hands where the gearing puts them for values (F,), within the panel's tolerance."""
         hands = range(scores.shape[1])
         rows = np.stack([self._rows(self.gearing.angles_deg(hand, values)) for hand in hands], axis=1)
         slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in hands]) / self._grid.step_deg
@@ -363,7 +363,7 @@ class GearedReader:
 
 
 def _axis(template: NeedleTemplate, face: Floats) -> Floats:
-    """(C,): what a hand adds along its axis to what a dial (N, C) mostly shows."""
+    """(C,): what a hand adds along its axis to the dial's (N, C) median."""
     own = slice(-face.shape[1], None)
     middle = (template.rows - 1) // 2
     added: Floats = template.light[middle, own] + (template.transparency[middle, own] - 1.0) * np.median(face, axis=0)
@@ -371,7 +371,7 @@ def _axis(template: NeedleTemplate, face: Floats) -> Floats:
 
 
 def _peaks(scores: Floats, count: int) -> Indices:
-    """(F, count): where scores around dials, (F, N), are higher than beside it, the highest first; again if too few."""
+    """(F, count): the peaks of scores around dials (F, N), highest first; the highest is repeated if there are few."""
     is_peak = (scores >= np.roll(scores, 1, axis=1)) & (scores > np.roll(scores, -1, axis=1))
     ordered = np.argsort(np.where(is_peak, -scores, np.inf), axis=1, kind="stable")[:, :count]
     peaks: Indices = np.where(np.take_along_axis(is_peak, ordered, axis=1), ordered, ordered[:, :1])
@@ -379,7 +379,7 @@ def _peaks(scores: Floats, count: int) -> Indices:
 
 
 def _climbed(scores: Floats, at: Indices) -> Indices:
-    """Go from some rows, (F, P), to the highest of their own scores, (F, N), and those beside them."""
+    """Move each row (F, P) to the highest of its own score (F, N) and its two neighbours'."""
     around = (at[..., None] + np.array([0, -1, 1])) % scores.shape[1]
     there = _at(scores, around)
     climbed: Indices = np.take_along_axis(around, there.argmax(axis=-1)[..., None], axis=-1)[..., 0]
@@ -387,7 +387,7 @@ def _climbed(scores: Floats, at: Indices) -> Indices:
 
 
 def _refined(scores: Floats, at: Indices) -> Floats:
-    """(F, P): rows of dials at which parabolas through scores, (F, N), around some have their peaks."""
+    """(F, P): the peaks of parabolas through the scores (F, N) around given coarse rows, as rows of dials."""
     before, here, after = (
         np.take_along_axis(scores, (at + step) % scores.shape[1], axis=1).astype(np.float64) for step in (-1, 0, 1)
     )
@@ -398,14 +398,14 @@ def _refined(scores: Floats, at: Indices) -> Floats:
 
 
 def _at(every: Floats, rows: Floats) -> Floats:
-    """(F, ...): what stands on the rows, (F, N), of dials that are nearest to some, (F, ...)."""
+    """(F, ...): the values of (F, N) on the rows nearest to given ones, (F, ...)."""
     nearest = np.rint(rows).astype(np.intp) % every.shape[1]
     there: Floats = np.take_along_axis(every, nearest.reshape(len(every), -1), axis=1).reshape(rows.shape)
     return there
 
 
 def _each_with_each(parts: Sequence[Floats]) -> list[Floats]:
-    """Give each of some, (F, P) each, an axis of its own, so that together they broadcast to all combinations."""
+    """Give each of some arrays, (F, P) each, its own axis, so that they broadcast to all combinations."""
     axes = range(len(parts))
     return [np.expand_dims(part, tuple(1 + axis for axis in axes if axis != own)) for own, part in enumerate(parts)]
 

@@ -1,8 +1,8 @@
-"""The cells of a display: which digit each shows, by what every digit looks like there.
+"""The cells of a display: which digit each shows, by comparing it with what every digit looks like there.
 
-A cell is compared with all digits at once, each a little beside its place too: frames are placed to parts of a pixel
-only, and some fonts draw a digit beside the middle of its cell. The best digit is right if no other segment shows in
-what it leaves, and none of its own is missing.
+A cell is compared with all digits at once, each at small offsets too: frames are aligned to fractions of a pixel only,
+and some fonts draw a digit off the middle of its cell. The best digit is right if no other segment shows in the
+residual, and none of its own is missing.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from decoder.instruments.kinds.windows.segments import NAMES, Segments
 from decoder.panel.arrays import Floats, Indices
 from decoder.panel.thresholds import LEAST_VALUE
 
-# How far beside its place a digit may be, in pitches along the row, and in samples across it.
+# How far off its place a digit may be, in pitches along the row, and in samples across it.
 ALONG = 0.2
 ACROSS = 1.0
 STEP = 0.5
-# Samples around the strokes that are looked at too.
+# Samples around the strokes that are compared too.
 BESIDE = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What cells show in F frames, N cells.
+    """What N cells show in F frames.
 
     Attributes
     ----------
     symbols
-        (F, N): the best digit's number.
+        (F, N): the best digit.
     scores
         (F, N): its NCC.
     gains
         (F, N): its brightness, in grey levels.
     contents, lefts
-        (F, N): how bright the faintest digit would be that makes as much of a difference as all that is there, and as
-        what the best digit leaves.
+        (F, N): how bright the faintest digit would have to be to account for everything in the cell, and for what the
+        best digit leaves.
     worse
-        (F, N): how many times as much the next digit leaves unexplained.
+        (F, N): the ratio of what the second best digit leaves unexplained to what the best does.
     strays
-        (F, N, 7): how much of each segment there is besides, of that brightness; less than none where it is missing.
+        (F, N, 7): the excess of each segment, relative to that brightness; negative where it is missing.
     """
 
     symbols: Indices
@@ -57,24 +57,24 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """All cells of a display, N cells of P pixels, S ways to draw a digit at H places; what a cell lacks of P is zero.
+    """All N cells of a display, of P pixels each (padded with zeros), with S ways to draw a digit at H offsets.
 
     Attributes
     ----------
     pixels
-        (N, P): which of the strip's.
+        (N, P): indices into the strip.
     still
-        (N, P, L): what light does there, and what stands still, orthonormal.
+        (N, P, L): the light modes and what stands still there, orthonormal.
     strokes
-        (N, P, H * 7): the segments without what light explains.
+        (N, P, H * 7): the segments, with light projected out.
     which
         (7, S): the segments of each way to draw a digit.
     lengths
-        (N, H * S): how bright the digits are, light left out.
+        (N, H * S): the norms of the digits without light.
     shared, besides
         (N, H * S, 7): how much of each digit there is in a segment, and the square of the rest of the segment.
     alike
-        (S,): the number of the digit that each is a way to draw.
+        (S,): the digit that each way draws.
     sign
         -1 where digits are dark.
     """
@@ -101,7 +101,7 @@ class Cells:
         x, y, middles = (part.ravel() for part in own.places((ground.shape[0], ground.shape[1])))
         shape, still = own.shape, ground.ravel()
         wide, high = (shape.width + shape.upright) / 2 + BESIDE, (shape.height + shape.across) / 2 + BESIDE
-        wide = max(wide, shape.pitch / 2)  # what is there between cells makes none of them dark
+        wide = max(wide, shape.pitch / 2)  # so that what lies between cells makes none of them dark
         inside = [np.flatnonzero((np.abs(x - middle) <= wide) & (np.abs(y) <= high)) for middle in middles]
         count = max(map(len, inside), default=0)
         which = np.array([[name in way for name in NAMES] for _, way in drawings], float)
@@ -136,9 +136,9 @@ class Cells:
         )
 
     def seen(self, strips: Floats) -> Seen:
-        """Compare F frames, (F, R, C), with all digits; each for itself, to the bit the same whatever the others."""
+        """Compare each of F frames (F, R, C) with all digits, bit for bit independently of the other frames."""
         flat = strips.reshape(len(strips), -1)
-        own = np.ascontiguousarray(flat[:, self.pixels], np.float32)  # sums depend on how it lies in memory
+        own = np.ascontiguousarray(flat[:, self.pixels], np.float32)  # sums depend on the memory layout
         own *= self.sign * self.still.any(axis=2)
         light = np.matmul(own[:, :, None, :], self.still)
         own -= np.matmul(light, self.still.transpose(0, 2, 1))[:, :, 0]
@@ -161,14 +161,14 @@ class Cells:
 
 
 def _shifts(pitch: float) -> list[tuple[float, float]]:
-    """How far beside its place a digit may be, to the right and downwards."""
+    """List the offsets at which a digit may be, to the right and downwards."""
     reaches = round(ALONG * pitch / STEP), round(ACROSS / STEP)
     along, across = (STEP * np.arange(-reach, reach + 1) for reach in reaches)
     return list(product(along.tolist(), across.tolist()))
 
 
 def _padded(values: Floats | Indices, count: int, axis: int = -1) -> Floats:
-    """Fill an axis up with zeros."""
+    """Pad an axis with zeros."""
     lacking = [(0, 0)] * values.ndim
     lacking[axis] = (0, count - values.shape[axis])
     return np.pad(values, lacking)

@@ -1,7 +1,7 @@
-"""Digits: the value that a display of seven segments shows, read cell by cell.
+"""Digits: the value that a seven-segment display shows, read cell by cell.
 
-What is read is certain or it is nothing: each cell must match one digit clearly better than any other, no segment may
-be half lit, and where a segment was dark though a digit needs it, digits that it could make of others are not read.
+A reading is certain or missing: each cell must match one digit clearly better than any other, and no segment may be
+half lit. Where a segment is broken, digits that others may turn into without it are not read.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class DigitsReader:
         self._digits, self._display = digits, display
 
     def read(self, strips: Floats, _: Floats) -> list[dict[str, Reading]]:
-        """Read F frames of the window with what is around it, (F, R, C)."""
+        """Read F frames of the window and its surroundings, (F, R, C)."""
         if self._display is None:
             return [{self._digits.name: UNREAD} for _ in strips]
         cells, scores, sure = self._display.read(strips)
@@ -36,7 +36,7 @@ class DigitsReader:
         resolution = self._digits.written.resolution
         values = np.maximum(cells, 0) @ places * resolution
         statuses = [Status.READ if one else Status.MISSING for one in sure.tolist()]
-        # A value is rounded or cut off to its last digit; text is what it is.
+        # A value is rounded or truncated to its last digit; text is exact.
         sigma = 0.0 if self._digits.text else UNIFORM_SIGMA * resolution
         return [
             {self._digits.name: Reading(status, value, sigma, score)}
@@ -45,7 +45,7 @@ class DigitsReader:
 
 
 class DigitsKind(WindowKind):
-    """A display of seven segments."""
+    """A seven-segment display."""
 
     def owns(self, gauge: Gauge) -> bool:
         return gauge.digits is not None

@@ -1,4 +1,4 @@
-"""Displays: what a row of cells shows, and what a flight teaches of how it looks."""
+"""Displays: what a row of cells shows, and how its look is learned from a flight."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 DIGITS = "0123456789"
 LEARNING_ROUNDS = 2
-# So many texts of a flight teach its display: they hold nearly all digits.
+# The number of texts from a flight that teach its display; they contain nearly all digits.
 MOST_TEXTS = 4
 
 BLANK = -1
@@ -34,17 +34,17 @@ class Display:
     segments
         Where they are.
     drawings
-        By digit its segments.
+        The segments of each digit that can be drawn in several ways.
     gain
-        How many grey levels a lit segment adds as a rule; less than none where digits are dark.
+        How many grey levels a lit segment usually adds; negative where digits are dark.
     ground
-        (R, C): what else is seen there, in any light; nothing where that is not known.
+        (R, C): what else is seen there, in any light; zero where that is not known.
     may_be_blank
-        (N,): the cells in which there may be nothing.
+        (N,): the cells that may be blank.
     broken
         (N, 7): segments that were dark where a digit needs them.
     drawn, shown
-        (R, C) and (N,): the panel picture, and which digits are known to be on it.
+        (R, C) and (N,): the panel picture, and the digits known to be on it.
     """
 
     segments: Segments
@@ -70,7 +70,7 @@ class Display:
 
     @cached_property
     def _doubtful(self) -> Mask:
-        """(N, 10): digits that a broken segment makes of others."""
+        """(N, 10): digits that may be another digit with a broken segment."""
         ways = {frozenset(way): digit for digit, way in self._drawings}
         doubtful = np.zeros((len(self.broken), len(DIGITS)), bool)
         for cell, place in np.argwhere(self.broken).tolist():
@@ -88,24 +88,24 @@ class Display:
 
         Returns
         -------
-        (F, N) each cell's digit, `BLANK` where there is none; (F,) the least score; (F,) whether all is sure.
+        (F, N) each cell's digit, `BLANK` where there is none; (F,) the lowest score; (F,) whether all is certain.
         """
         cells = self.seen(strips)
         is_digit, is_blank = self._told(cells)
         blank_first = np.cumprod(is_blank & self.may_be_blank, axis=1).astype(bool)
         first = is_digit & (np.cumsum(~blank_first, axis=1) == 1)
-        superfluous = (first & self.may_be_blank & (cells.symbols == 0)).any(axis=1)  # a zero in front would be dark
+        superfluous = (first & self.may_be_blank & (cells.symbols == 0)).any(axis=1)  # a leading zero would be dark
         sure = (is_digit | blank_first).all(axis=1) & is_digit.any(axis=1) & ~superfluous
         scores = np.where(blank_first, 1.0, cells.scores).min(axis=1) * ~blank_first.all(axis=1)
         return np.where(blank_first, BLANK, cells.symbols), scores, sure
 
     def _told(self, cells: Seen) -> tuple[Mask, Mask]:
-        """(F, N) each: whether a cell shows a digit for sure, and whether it shows nothing."""
+        """(F, N) each: whether a cell certainly shows a digit, and whether it is blank."""
         gains = cells.gains / abs(self.gain)
         likely = (cells.scores >= SCORE_THRESHOLD) & (gains >= MIN_LIGHT_GAIN)
         ordered = np.sort(np.where(likely, gains, np.inf), axis=1)
         middle = np.maximum(likely.sum(axis=1, keepdims=True) - 1, 0) // 2
-        usual = np.take_along_axis(ordered, middle, axis=1)  # endless where nothing is seen
+        usual = np.take_along_axis(ordered, middle, axis=1)  # infinite where nothing is seen
         whole = gains > HALF * usual
         alone = (cells.worse >= CLEARLY_WORSE) & (np.abs(cells.strays).max(axis=2) <= HALF_LIT)
         doubtful = np.take_along_axis(self._doubtful, cells.symbols.T, axis=1).T
@@ -135,13 +135,13 @@ class Display:
 
     @property
     def mistaken(self) -> Mask:
-        """(N,): the cells in which the panel picture seems to show another digit than is known."""
+        """(N,): the cells in which the panel picture seems to show another digit than the known one."""
         cells = self.seen(self.drawn[None])
         wrong: Mask = (cells.symbols[0] != self.shown) & (self.shown >= 0)
         return wrong
 
     def _shown(self, cells: Seen) -> Indices:
-        """(F, N): what is likely shown; all blank where a cell shows neither a digit nor nothing."""
+        """(F, N): what is likely shown; the whole row is blank if any cell shows neither a digit nor nothing."""
         gains = cells.gains / abs(self.gain)
         likely = (cells.scores >= SCORE_THRESHOLD) & (gains >= MIN_LIGHT_GAIN)
         nothing = self._nothing(cells, likely, gains.max(axis=1, keepdims=True)) & self.may_be_blank
@@ -149,7 +149,7 @@ class Display:
         return np.where(likely & whole, cells.symbols, BLANK)
 
     def _nothing(self, cells: Seen, likely: Mask, usual: Floats) -> Mask:
-        """(F, N): whether a cell holds less than half of the faintest digit, beyond what digits leave beside them."""
+        """(F, N): whether a cell contains less than half of a usual digit, beyond what digits leave unexplained."""
         noise = np.where(likely, cells.lefts, 0.0).max(axis=1, keepdims=True)
         beyond = np.sqrt(np.maximum(cells.contents**2 - noise**2, 0.0))
         nothing: Mask = beyond < HALF * usual * abs(self.gain)
@@ -164,7 +164,7 @@ class Display:
 
 
 def _most_telling(texts: Counter[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Choose a few texts that show as many digits in as many cells as may be; of others the commonest."""
+    """Choose a few texts that together show as many digits in as many cells as possible, preferring common ones."""
     chosen: list[tuple[int, ...]] = []
     known: set[tuple[int, int]] = set()
     for _ in range(MOST_TEXTS):
@@ -186,11 +186,11 @@ class Row:
     symbols
         What the panel picture shows in each: a digit or a blank.
     cells
-        (N, 2): how many cells and how many separators stand before each.
+        (N, 2): how many cells and how many separators precede each.
     points
-        After which cells there is a decimal point.
+        The cells that are followed by a decimal point.
     may_be_blank
-        (N,): in which there may be nothing.
+        (N,): which cells may be blank.
     """
 
     symbols: tuple[str, ...]
@@ -200,9 +200,9 @@ class Row:
 
 
 def in_picture(strip: Floats, row: Row, margin: int) -> Display | None:
-    """Find a display in a picture of it, (R, C), with a margin; None where its digits are not to be seen.
+    """Find a display in a picture of it (R, C), with a margin; None if its digits are not visible.
 
-    Where one of its cells shows another digit than it should, some of that cell's segments do not light.
+    Where a cell shows another digit than it should, some of its segments do not light.
     """
     fit, drawings = found(strip, row.symbols, row.cells, row.points, margin)
     if fit.left > 1 - LIKELY_SCORE**2:

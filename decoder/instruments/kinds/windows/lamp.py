@@ -1,9 +1,9 @@
 """Lamps: whether a warning light is lit, and how much light it adds.
 
-A window brightens when its lamp is lit, and as well when the sun comes round. What lies around the window tells the two
-apart: from there the light on the panel is fitted, its strength and how it falls off to one side, and what the window
-shows beyond the panel picture in that light is the lamp's own. Which of its pixels tell most, those of a shining bezel
-do not, a sample of the flight teaches.
+A window brightens when its lamp is lit, but also when the sun moves around. The surroundings of the window tell the two
+apart: they give the strength and the gradient of the light on the panel, and whatever the window shows beyond the panel
+picture in that light is the lamp's own. A sample of the flight teaches which of its pixels tell most; those of a
+reflecting bezel, for example, tell little.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 WHITE = 255.0
 PERCENT = 100.0
-# The light around a window is fitted so many times, what does not fit it counting less each time.
+# Passes of the fit of the light around a window; pixels that do not fit count less each time.
 PASSES = 3
-# Where flat surroundings do not tell, light is stronger rather than hazy: so much of them says that there is no haze.
+# Where flat surroundings cannot tell gain from haze, assume gain: this part of them says that there is no haze.
 HAZE_PRIOR = 0.1
-# What a fit leaves around a window lies in patches, not in pixels: so many of them.
+# Residuals around a window are correlated within patches: the number of independent ones.
 PATCHES = 8
-# Of a normal distribution a quarter of pairs is no further apart than a sigma over this (Rousseeuw and Croux, 1993).
+# In a normal distribution, a quarter of all pairs are no further apart than sigma / 2.2219 (Rousseeuw and Croux, 1993).
 QUARTER_OF_PAIRS, PAIRS_TO_SIGMA = 0.25, 2.2219
 
 
@@ -44,20 +44,20 @@ class LampPicture:
     Attributes
     ----------
     drawn
-        (R, C): its window with what is around it in the panel picture.
+        (R, C): its window and surroundings in the panel picture.
     weights
         (r, c), sum 1: how much each pixel of the window tells.
     sigma
-        How far what is told in this way scatters by itself, grey levels.
+        The scatter of the weighted level by itself, grey levels.
     left
-        The variance of what is left around the window when the light there was fitted, as a rule.
+        The usual residual variance around the window after fitting the light there.
     response
-        (r, c): how many grey levels more it shows than the light around it explains, for each gain of that: a lamp
-        that is lit in the panel picture does not shine more in the sun.
+        (r, c): how many grey levels more it shows than the light around it explains, per unit of gain: a lamp that is
+        lit in the panel picture does not shine more in the sun.
     other
-        How many grey levels away its other state is, if the sample shows it.
+        The distance of its other state in grey levels, if the sample shows it.
     is_contradicted
-        Whether the sample shows it darker than off, or brighter than lit: then the panel has its state wrong.
+        Whether the sample shows it darker than off, or brighter than lit: then the panel states the wrong state.
     """
 
     drawn: UnwrappedGauge
@@ -75,12 +75,12 @@ class LampPicture:
         return told
 
     def sigmas(self, added: Added) -> Floats:
-        """(F,): how far off that may be, the more the less is as usual around: a hand, the edge of a shadow."""
+        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge."""
         sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
         return sigmas
 
     def scores(self, added: Added) -> Floats:
-        """(F,): how well what is around the window is what was drawn there, in the light that was fitted."""
+        """(F,): how well the surroundings match the panel picture in the fitted light."""
         shown = added.shown + NOISE_LEVELS**2
         scores: Floats = np.sqrt(shown / (shown + self._unusual(added.left)))
         return scores
@@ -92,10 +92,10 @@ class LampPicture:
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """Light beyond the panel picture's in F frames: (F, r, c) by pixel.
+    """Light beyond the panel picture's in F frames: (F, r, c) per pixel.
 
-    `gain` (F,) is the light around the window, `shown` the variance of what is seen there, and `left` what the fitted
-    light leaves of it.
+    `gain` (F,) is the light around the window, `shown` the variance of the surroundings, and `left` their variance that
+    the fitted light does not explain.
     """
 
     levels: Floats
@@ -105,12 +105,12 @@ class Added:
 
 
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Added:
-    """Tell what windows show beyond the panel picture, in the light that falls around them.
+    """Measure what windows show beyond the panel picture, in the light that falls around them.
 
     Parameters
     ----------
     drawn, strips
-        (R, C) and (F, R, C): the window with what is around it, in the panel picture and in frames.
+        (R, C) and (F, R, C): the window and its surroundings, in the panel picture and in frames.
     """
     around = np.ones((grid.rows, grid.columns), bool)
     around[grid.within] = False
@@ -131,7 +131,7 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Adde
 
 
 def first_lamp(grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
-    """Take a lamp's looks from the panel picture alone: all of its window tells."""
+    """Build a lamp's picture from the panel picture alone: all of its window counts equally."""
     shape = drawn[grid.within].shape
     return LampPicture(drawn, np.full(shape, 1.0 / np.prod(shape)), NOISE_LEVELS)
 
@@ -149,15 +149,15 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     learned = replace(learned, sigma=max(float(_scatter(told)), FACE_NOISE_LEVELS))
     away = -told if lamp.lit else told
     seen = away[away >= 2 * MISSING_SPREADS * learned.sigmas(added)]
-    whole = added.levels.mean(axis=(1, 2))  # of a wrong state the pixels that tell most are wrong, too
+    whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
     is_contradicted = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
     return replace(learned, other=float(np.median(seen)) if seen.size else None, is_contradicted=is_contradicted)
 
 
 def _response(gains: Floats, levels: Floats) -> Floats:
-    """(r, c): by how much levels (F, r, c) fall as gains (F,) grow, as the middling pair of frames has it (Sen, 1968).
+    """(r, c): the slope of levels (F, r, c) over gains (F,), by the median over pairs of frames (Sen, 1968).
 
-    They never grow: where they seem to, the lamp goes out, and the light that it threw around itself with it.
+    It is never positive: where levels seem to grow with the gain, it is the lamp going out that dims its surroundings.
     """
     one, other = np.triu_indices(len(gains), 1)
     apart = gains[one] - gains[other]
@@ -169,9 +169,9 @@ def _response(gains: Floats, levels: Floats) -> Floats:
 
 
 def _scatter(levels: Floats) -> Floats:
-    """(...): the spread of (F, ...) levels of which each is of one of two states, however many are of either.
+    """(...): the spread of levels (F, ...), each in one of two states, however many are in either.
 
-    Half of all pairs at least are of the same state, so the nearest quarter of them is.
+    At least half of all pairs are in the same state, so the nearest quarter of pairs is.
     """
     one, other = np.triu_indices(len(levels), 1)
     scatter: Floats = PAIRS_TO_SIGMA * np.quantile(np.abs(levels[one] - levels[other]), QUARTER_OF_PAIRS, axis=0)
@@ -179,23 +179,24 @@ def _scatter(levels: Floats) -> Floats:
 
 
 class LampReader:
-    """Reads one lamp: its state and, where that is asked for, its light."""
+    """Reads one lamp: its state and, if asked for, its light."""
 
     def __init__(self, lamp: Lamp, grid: WindowGrid, picture: LampPicture) -> None:
         self._lamp, self._grid, self._picture = lamp, grid, picture
 
     def read(self, strips: Floats, _: Floats) -> list[dict[str, Reading]]:
-        """Read F frames of the window with what is around it, (F, R, C)."""
+        """Read F frames of the window and its surroundings, (F, R, C)."""
         picture = self._picture
         added = added_light(self._grid, picture.drawn, strips)
         told = (picture.told(added), picture.sigmas(added), picture.scores(added))
         return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
 
     def _reading(self, level: float, sigma: float, score: float) -> dict[str, Reading]:
-        """Tell what a window with so much light beyond the panel picture's, in grey levels, shows.
+        """Convert the light beyond the panel picture's, in grey levels, to readings.
 
-        The other state than the panel picture's is told only where the light is further off than a reflection's foot
-        or an uneven shade would bring it, or nearer to how the flight showed it; in between nothing is told.
+        The state that the panel picture does not show is only read if the light is further off than a reflection's
+        flank or an uneven shadow would bring it, or is nearer to what the flight showed of it. In between, nothing is
+        read.
         """
         lamp, picture = self._lamp, self._picture
         away, other = -level if lamp.lit else level, picture.other

@@ -1,8 +1,8 @@
-"""Linear scales: a pointer that slides along a straight scale, as a flap indicator's or an edgewise instrument's.
+"""Linear scales: a pointer that slides along a straight scale, as in a flap indicator or an edgewise instrument.
 
-Seen along its window, a pointer that slides only shifts, as a needle does in an unwrapped dial: so its template over
-the scale's face is searched for in the same way, fitted by least squares, and learned from the flight, as the scale's
-face is that it passes over. What matches at another place nearly as well is not believed.
+Seen along its window, such a pointer only shifts, as a needle does in an unwrapped dial. So its template is searched
+for over the scale's face in the same way, fitted by least squares, and learned from the flight, as is the face that it
+passes over. A match that another place equals nearly is not trusted.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 3
-# A mark is drawn so well on a scale, and the place where the pointer is in the panel picture.
+# How precisely a mark is drawn on a scale, and the pointer's place in the panel picture.
 MARK_PX = 0.5
-# Powers of row and column that a light may follow around a pointer.
+# Powers of row and column by which light may vary around a pointer.
 LIGHT_POWERS = ((0, 0), (1, 0), (0, 1))
 
 
@@ -49,7 +49,7 @@ class LinearPicture:
     drawn, face
         (R, C): the window in the panel picture, and the scale without its pointer.
     given, pointer
-        Its pointer in the panel picture, and as the flight has it.
+        Its pointer in the panel picture, and as learned from the flight.
     at_row
         Where it is in the panel picture.
     """
@@ -63,7 +63,7 @@ class LinearPicture:
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """One linear scale on its grid, whose rows of cells go along it."""
+    """One linear scale on its grid, whose rows go along the scale."""
 
     own: Linear
     grid: WindowGrid
@@ -71,7 +71,7 @@ class Slide:
 
     @classmethod
     def of(cls, gauge: Gauge, grid: WindowGrid) -> Slide:
-        """Of a gauge that has one."""
+        """Return that of a gauge that has one."""
         if gauge.linear is None:
             raise AssertionError(f"{gauge.name} is no linear scale")
         (quantity,) = gauge.quantities
@@ -84,16 +84,16 @@ class Slide:
         return width_px if self.own.moves == ACROSS else height_px
 
     def row_of(self, along_px: float) -> float:
-        """Return the row of a place, pixels along the window."""
+        """Return the row of a position in pixels along the window."""
         return along_px / self.row_px + self.grid.margin - 0.5
 
     def px_of(self, row: Floats) -> Floats:
-        """Return the places of rows, pixels along the window."""
+        """Return the positions of rows in pixels along the window."""
         along_px: Floats = (row - self.grid.margin + 0.5) * self.row_px
         return along_px
 
     def along(self, strips: Floats) -> Floats:
-        """(..., R, C): windows as they are sampled, with what is around them only before and behind."""
+        """(..., R, C): turn windows as they are sampled, with surroundings only before and behind."""
         down, across = self.grid.within
         if self.own.moves == ACROSS:
             return np.ascontiguousarray(np.swapaxes(strips[..., down, :], -1, -2))
@@ -141,7 +141,7 @@ class SlideReader:
         ]
 
     def found(self, along: Floats) -> tuple[Settled, Mask]:
-        """Find the pointer in F windows along their scale, (F, R, C), and whether no other place matches so well."""
+        """Find the pointer in F windows along their scale, (F, R, C), and whether no other place matches as well."""
         scores = np.concatenate([self._scores(window) for window in along])
         beside = np.pad(scores, ((0, 0), (1, 1)), constant_values=-1.0)
         peaks = (scores >= beside[:, 2:]) & (scores >= beside[:, :-2])
@@ -161,12 +161,12 @@ class SlideReader:
         return found, is_alone
 
     def _scores(self, window: Floats) -> Floats:
-        """(1, N): the partial NCC with the pointer, its first row on each row of the window."""
+        """(1, N): the partial NCC with the pointer starting at each row of the window."""
         scores, _ = partial_normxcorr(window[None], self._face[None], self._pointer, moments=self._moments)
         return scores
 
     def _settled(self, along: Floats, places: Floats) -> Settled:
-        """Fit the pointer by least squares, in even light and in light that changes around it: the better of both."""
+        """Fit the pointer by least squares, in even light and in light that varies around it, and keep the better."""
         plain, lit = (self._settled_by(fitter, along, places) for fitter in (self._fitter, self._lit_fitter))
         doubtful = plain.score < SURE_SCORE
         parts = ("row", "sigma_rows", "score", "correlation", "gain", "is_settled")
@@ -190,7 +190,7 @@ def _lights(height: int, width: int) -> Floats:
 
 
 def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
-    """Take it from the panel picture's window, as it is sampled."""
+    """Build it from the panel picture's window, as it is sampled."""
     strip = slide.along(drawn)
     at_row, rows = slide.row_of(slide.own.at_px(slide.grid.corners)), odd_rows(slide.own.span / slide.row_px, 1.0)
     cut = rows_at(strip, at_row + np.arange(rows) - (rows - 1) / 2).astype(np.float32)
@@ -227,9 +227,9 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
 
 
 def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
-    """Return scale and pointer told apart by views from which the pointer has gone, if there are enough.
+    """Separate scale and pointer by views from which the pointer has moved away, if there are enough.
 
-    It may have stood all but always where the panel picture shows it; what lies behind it is then seen nowhere else.
+    It may have stood nearly always where the panel picture shows it; then few other views show what is behind it.
     """
     rows, at = given.given.rows, given.at_row
     place = needle_pixels(given.face.shape, np.ones_like(given.given.pixels, bool), at)
@@ -248,7 +248,7 @@ def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
 
 
 def _pointer(known: LinearPicture, seen: Sequence[Floats], found_rows: Floats) -> NeedleTemplate:
-    """Learn the pointer from its cuts, its zero where the panel picture has it."""
+    """Learn the pointer from its cuts, keeping its zero as in the panel picture."""
     before, rows = known.pointer, known.pointer.rows
     behind = _behind(known.face, known.at_row, rows)
 

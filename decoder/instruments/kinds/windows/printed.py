@@ -1,8 +1,8 @@
-"""Printed digits: what drums, wheels and dots show, by what the panel's pictures teach of their print.
+"""Printed digits: what drums, wheels and dots show, read with the print that the panel's pictures teach.
 
-Each cell is compared with all that it may show. It is read where it matches one place clearly better than any other,
-and where nothing is left over that may be a stroke of a digit nobody taught. Of drums that roll, each higher one must
-stand where the next lower one has it: it moves only while that turns from 9 to 0.
+Each cell is compared with all that it may show. It is read if it matches one place clearly better than any other, and
+nothing is left over that may be a stroke of a digit nobody taught. On drums that roll, each higher drum must stand
+where the next lower one puts it: it moves only while that turns from 9 to 0.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TOGETHER = 6.0
 
 
 class PrintedReader:
-    """Reads one row of printed digits; `row_px` is how many pixels of the panel picture a row of its window is."""
+    """Reads one row of printed digits; a row of its window is `row_px` pixels of the panel picture."""
 
     def __init__(self, printed: Printed, known: Print, row_px: float) -> None:
         self._printed, self._print, self._row_px = printed, known, row_px
@@ -56,7 +56,7 @@ class PrintedReader:
         else:
             statuses, values = statuses & agrees, counts
             sigmas = np.hypot(self._sigmas_px(scores[:, -1]), place_sigmas_px) / (self._print.pitch * self._row_px)
-            # Drums at zero are found a little below it as often as above it: that is not the highest count.
+            # Drums at zero are found slightly below it as often as above; that is not the highest count.
             turn = float(DIGITS) ** places.shape[1]
             values = np.where(counts + TRUSTED_SIGMAS * sigmas >= turn, 0.0, counts)
         return [
@@ -67,7 +67,7 @@ class PrintedReader:
         ]
 
     def _places(self, seen: Compared) -> tuple[Floats, Floats, Mask]:
-        """(F, D) each: where cells stand, in digits, how well they match there, and whether that is sure."""
+        """(F, D) each: where cells stand, in digits, how well they match there, and whether that is certain."""
         places = self._print.looks.places
         step = places[1] - places[0]
         best = seen.scores.argmax(axis=2)
@@ -92,7 +92,7 @@ class PrintedReader:
         return found, scores, sure
 
     def _sigmas_px(self, scores: Floats) -> Floats:
-        """(F,): how uncertain it is how far a drum has rolled that matches so well."""
+        """(F,): the uncertainty of how far a drum with this score has rolled."""
         rows, columns = self._print.cells.size
         steep = self._print.steepness
         left = np.sqrt(np.maximum(1 - scores**2, 0.0)) / np.maximum(scores, LEAST_VALUE)
@@ -100,12 +100,12 @@ class PrintedReader:
 
 
 def counted(places: Floats) -> tuple[Floats, Mask]:
-    """(F,) each: what drums at places (F, D) count, and whether each stands where the next lower one has it."""
+    """(F,) each: the count that drums at places (F, D) show, and whether each is where the next lower one puts it."""
     counts, agrees = places[:, -1].copy(), np.ones(len(places), bool)
     moved = np.maximum(places[:, -1] - (DIGITS - 1), 0.0)
     for power, place in enumerate(places[:, -2::-1].T, 1):
         digit = np.rint(place - moved)
-        # half of what would be another digit, since half a digit further it is nearer to that
+        # half of what would be another digit, since half a digit further it is nearer to that one
         agrees &= np.abs(place - moved - digit) <= HALF / 2
         digit %= DIGITS
         counts += digit * DIGITS**power
@@ -128,14 +128,14 @@ class PrintedKind(WindowKind):
         return print_of(_printed(gauge), grid, [drawn])
 
     def learned(self, _: Gauge, __: WindowGrid, ___: Sequence[UnwrappedGauge], known: Print) -> Print:
-        return known  # nobody tells which digits a frame shows
+        return known  # frames do not come with the digits they show
 
     def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: Print) -> PrintedReader:
         return PrintedReader(_printed(gauge), picture, grid.cell_px[1])
 
 
 def print_of(own: Printed, grid: WindowGrid, windows: Sequence[UnwrappedGauge]) -> Print:
-    """Return what windows teach, the panel picture's first."""
+    """Build the print that windows teach, the panel picture's first."""
     cells = Cells.within(windows[0], own.before, own.gap, is_turned=own.rolls == "down")
     given = grid.rows if own.pitch is None else own.pitch / grid.cell_px[1]
     places = drums_at(np.array(own.shown_counts()[: len(windows)]), len(own.before))
@@ -148,7 +148,7 @@ def _taught_by(drawn: DrawnInstrument, place: int) -> UnwrappedGauge:
     Raises
     ------
     PanelError
-        If it does not show the window.
+        If that picture does not show the window.
     """
     taught, source, path = (
         _printed(drawn.gauge).also[place],

@@ -1,8 +1,8 @@
-"""Print: what printed digits look like as far as pictures show them, and how alike to them what a frame shows is.
+"""Print: what printed digits look like as far as pictures show them, and how similar to them a frame is.
 
-A row of digits is one strip for each cell, all digits below each other, as they are on a drum: what a drum shows is a
-part of it, and what a display shows are its whole digits. Rows of a strip are known that a picture showed, whose digits
-somebody told. Cells that are printed alike, or are not known to be printed otherwise, lend each other digits.
+Each cell of a row has a strip with all digits below each other, as on a drum: a drum shows any part of it, a display
+its whole digits. The known rows of a strip are those shown in a picture whose digits were given. Cells that are printed
+alike, or not known to be printed differently, share their digits.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from decoder.panel.thresholds import LEAST_VALUE
 from decoder.registration.thresholds import CLEAR_SCORE, MIN_SPREAD_LEVELS
 
 DIGITS = 10
-# How far beside its place a digit may be seen, in pixels: frames are placed, and windows drawn, to parts of a pixel.
+# Offsets at which a digit may be seen, in pixels: frames are aligned, and windows drawn, to fractions of a pixel only.
 ACROSS_PX, DOWN_PX = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), (-1.0, -0.5, 0.0, 0.5, 1.0)
-# Of drums, which are found as far as they have rolled.
+# For drums, whose vertical position is searched anyway.
 ASIDE_PX = (-0.7, 0.0, 0.7)
-# How far cells that are printed alike may lie otherwise in their windows.
+# Offsets between cells that are printed alike.
 APART_PX = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
-# Quantiles of a cell's grey levels that are its ground and its ink.
+# Quantiles of a cell's grey levels that stand for its ground and its ink.
 GROUND, INK = 0.1, 0.98
-# And of how steep ink begins at its edges.
+# Quantile of the gradients that stands for the steepness of edges.
 STEEP = 0.98
-# What is finer than a stroke, in parts of a window's height, is noise.
+# Anything finer than a stroke, as a part of the window's height, is noise.
 STROKE_PART = 1 / 7
 
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Where a row's cells lie in its window: from `left` (D,) columns on, each `size` rows and columns large.
+    """Where a row's cells lie in its window: from columns `left` (D,) on, each `size` rows and columns large.
 
-    `is_turned` where the drums roll so that the next digit comes from above: then cells are seen upside down.
+    `is_turned` if the drums roll so that the next digit comes from above; cells are then seen upside down.
     """
 
     left: Floats
@@ -50,7 +50,7 @@ class Cells:
 
     @classmethod
     def within(cls, window: Floats, before: Sequence[tuple[int, int]], gap: float, *, is_turned: bool) -> Cells:
-        """Lay them out in a window (R, C); a sign between digits takes so much of a cell's width."""
+        """Lay them out in a window (R, C); a sign between digits takes `gap` of a cell's width."""
         columns, cells = window.shape[1], np.array(before, np.float64)
         width = columns / (len(cells) + gap * cells[-1, 1])
         wide = max(int(width), 1)
@@ -76,13 +76,13 @@ class Print:
     cells
         Where they are.
     levels, known
-        (D, S, W) and (D, S): each cell's strip in ink, from 0 to 1, and the rows of it that pictures showed.
+        (D, S, W) and (D, S): each cell's strip as ink, from 0 to 1, and which of its rows pictures showed.
     contrast
-        (D,): how many grey levels ink is brighter than its ground; less than none where it is darker.
+        (D,): how many grey levels ink is brighter than its ground; negative where it is darker.
     rolls
-        Whether it is all of a strip that may be shown, or whole digits only.
+        Whether any part of a strip may be shown, or whole digits only.
     is_complete
-        (D,): whether all that a cell may show is known for sure.
+        (D,): whether everything a cell may show is known for certain.
     """
 
     cells: Cells
@@ -93,7 +93,7 @@ class Print:
     is_complete: Mask
 
     def __getstate__(self) -> dict[str, object]:
-        """Leave out what is worked out from the rest: it is a hundred times as large, and goes to each worker."""
+        """Leave out what is computed from the rest: it is a hundred times as large, and is sent to each worker."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
@@ -122,7 +122,7 @@ class Print:
         return seen.astype(np.float32), is_known.mean(axis=2) >= 1 - MIN_VISIBLE
 
     def lent(self) -> Print:
-        """Return it with digits that one cell does not know filled in by another that is printed alike."""
+        """Fill in digits that a cell lacks from other cells that are printed alike."""
         looks, has = self._seen(np.arange(DIGITS, dtype=np.float64))
         levels, known, whole = self.levels.copy(), self.known.copy(), has.copy()
         every = range(len(levels))
@@ -156,32 +156,32 @@ class Print:
 
     @cached_property
     def steepness(self) -> float:
-        """By what part of itself what a cell shows changes where it moves by a row."""
+        """The relative change of what a cell shows when it moves by a row."""
         looks, has = self._seen(np.arange(DIGITS, dtype=np.float64))
         changes = [np.gradient(look, axis=0).std() / max(look.std(), LEAST_VALUE) for look in looks[has]]
         return float(np.median(changes)) if changes else LEAST_VALUE
 
     @cached_property
     def sharpness(self) -> float:
-        """How many times as high as the blur of their edges its digits are, those that pictures showed."""
+        """The median height of the digits that pictures showed, in units of their edges' blur."""
         looks, has = self._seen(np.arange(DIGITS, dtype=np.float64))
         return float(np.median([_sharpness(look) for look in looks[has]])) if has.any() else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """All that D cells may show, N places of P pixels, each a little beside its place too, H ways.
+    """All that D cells may show: N places, each at H small offsets too, as P pixels.
 
     Attributes
     ----------
     places
         (N,): in digits.
     pixels
-        (D, P, N * H): what is seen there without what light explains, of length one; zeros where nothing is known.
+        (D, P, N * H): what is seen there, with light projected out, of unit length; zero where nothing is known.
     lengths
-        (D, N * H): how long it was before.
+        (D, N * H): its length before that.
     light
-        (P, L): what light does, orthonormal.
+        (P, L): the light modes, orthonormal.
     size
         Rows and columns of a cell.
     """
@@ -196,7 +196,7 @@ class Looks:
     def of(
         cls, seen: Floats, is_known: Mask, places: Floats, shifts: Sequence[tuple[float, float]], light: Floats
     ) -> Looks:
-        """Of what is seen at places, (D, N, R, W)."""
+        """Build them from what is seen at places, (D, N, R, W)."""
         count, size = len(seen), (seen.shape[2], seen.shape[3])
         moved = np.zeros((*seen.shape[:2], len(shifts), *size), np.float32)
         for cell, place in np.argwhere(is_known).tolist():
@@ -208,7 +208,7 @@ class Looks:
         return cls(places, np.ascontiguousarray(pixels.swapaxes(1, 2), np.float32), lengths, light, size)
 
     def compared(self, cells: Floats) -> Compared:
-        """Compare cells (F, D, R, W) with all of them; each for itself, to the bit the same whatever the others."""
+        """Compare each cell of (F, D, R, W) with all of them, bit for bit independently of the other cells."""
         own = cells.reshape(*cells.shape[:2], 1, -1)
         own = own - np.matmul(np.matmul(own, self.light), self.light.T)
         lengths = np.maximum(np.sqrt((own[:, :, 0] ** 2).sum(axis=2)), LEAST_VALUE)
@@ -237,9 +237,9 @@ class Compared:
     scores
         (F, D, N): the NCC with what is seen at each place.
     gains
-        (F, D): how many grey levels ink differs from its ground, if it is the best.
+        (F, D): how many grey levels ink differs from its ground in the best match.
     strays
-        (F, D): how much ink there is besides in some place, or is lacking, of all there is.
+        (F, D): the largest local excess or lack of ink, relative to the ink of the best match.
     """
 
     scores: Floats
@@ -248,9 +248,9 @@ class Compared:
 
 
 def first_print(cells: Cells, windows: Floats, places: Floats, pitch_rows: float | None) -> Print:
-    """Take it from pictures, (F, R, C), whose drums stand at places (F, D)."""
+    """Build the print from pictures (F, R, C) whose drums stand at places (F, D)."""
     own = cells.of(windows)
-    # A digit has ground to either side.
+    # A digit has ground on either side.
     beside = (own[..., 0].mean(axis=2) + own[..., -1].mean(axis=2)) / 2
     is_dark = (own.mean(axis=(2, 3)) - beside).sum(axis=0) < 0
     light = np.where(is_dark, -1.0, 1.0)[:, None, None].astype(np.float32)
@@ -271,7 +271,7 @@ def first_print(cells: Cells, windows: Floats, places: Floats, pitch_rows: float
 
 
 def _together(views: Floats, places: Floats) -> Floats:
-    """Return views (F, D, R, W) moved so that what stands at the same place in two of them lies on each other.
+    """Align views (F, D, R, W), so that the same place shown in two of them coincides.
 
     Their windows were drawn by hand.
     """
@@ -290,7 +290,7 @@ def _together(views: Floats, places: Floats) -> Floats:
 
 
 def _lay(total: Floats, weights: Floats, view: Floats, row: float) -> None:
-    """Add a view (R, W) to a strip's sums, its first row between two of the strip's."""
+    """Add a view (R, W) to a strip's sums, starting at a fractional row."""
     first = int(np.floor(row))
     part, size = row - first, len(total)
     for offset, share in ((0, 1 - part), (1, part)):
@@ -300,7 +300,7 @@ def _lay(total: Floats, weights: Floats, view: Floats, row: float) -> None:
 
 
 def _fill(strip: Floats, known: Mask, most: float) -> None:
-    """Fill in what lies between two digits: a few rows that no picture showed have no ink of their own."""
+    """Interpolate gaps between two digits: a few rows that no picture showed have no ink of their own."""
     size, seen = len(known), np.flatnonzero(known)
     for before, after in pairwise([*seen.tolist(), *(seen[:1] + size).tolist()]):
         gap = after - before - 1
@@ -312,7 +312,7 @@ def _fill(strip: Floats, known: Mask, most: float) -> None:
 
 
 def shifted(look: Floats, right: float, down: float) -> Floats:
-    """Return a look moved by parts of a pixel; what comes in from outside is as at its edge."""
+    """Return a look moved by fractions of a pixel; pixels from outside repeat its edge."""
     if not right and not down:
         return look
     move = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
@@ -321,7 +321,7 @@ def shifted(look: Floats, right: float, down: float) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How far what one cell shows is to be moved to be shown in another, pixels; sure if both show a digit alike."""
+    """How far one cell's digits have to be moved to appear in another, pixels; sure if a common digit confirms it."""
 
     right: float
     down: float
@@ -329,9 +329,9 @@ class Way:
 
 
 def _shifts_between(looks: Floats, has: Mask) -> list[list[Way | None]]:
-    """By cell how each other's digits are to be moved to be shown there, looks (D, 10, R, W).
+    """For each cell, how to move each other cell's digits to appear there, looks (D, 10, R, W).
 
-    None where they are printed otherwise. Cells that show no digit in common are compared by way of others.
+    None if they are printed differently. Cells without a common digit are compared by way of a third.
     """
     every = range(len(looks))
     ways: list[list[Way | None]] = [[Way(0.0, 0.0) if one == other else None for other in every] for one in every]
@@ -353,7 +353,7 @@ def _shifts_between(looks: Floats, has: Mask) -> list[list[Way | None]]:
 
 
 def _way_between(ones: Floats, others: Floats) -> Way | None:
-    """Return how digits (K, R, W) are to be moved to show what others do; None where no way does."""
+    """Return how digits (K, R, W) have to be moved to match others; None if no offset matches."""
     tries = []
     for right, down in product(APART_PX, APART_PX):
         scores = [_alike(shifted(one, right, down), other) for one, other in zip(ones, others, strict=True)]
@@ -367,7 +367,7 @@ def _alike(one: Floats, other: Floats) -> float:
 
 
 def _sharpness(look: Floats) -> float:
-    """How many times as high as the blur of its edges a digit is."""
+    """Return a digit's height in units of its edges' blur."""
     ink = look - np.median([look[:, 0], look[:, -1]])
     there = np.argwhere(ink >= HALF * HALF * ink.max())
     (top, left), (bottom, right) = there.min(axis=0), there.max(axis=0) + 1
@@ -379,7 +379,7 @@ def _sharpness(look: Floats) -> float:
 
 
 def _light(size: tuple[int, int], *, by_row: bool) -> Floats:
-    """(P, L): light that is even, and changes along rows and columns, orthonormal; a drum's is another on each row."""
+    """(P, L): light modes, constant and linear by rows and columns, orthonormal; for a drum, one constant per row."""
     rows, columns = np.mgrid[-1.0 : 1.0 : size[0] * 1j, -1.0 : 1.0 : size[1] * 1j]
     down = np.repeat(np.eye(size[0]), size[1], axis=1) if by_row else np.stack([np.ones(rows.size), rows.ravel()])
     light: Floats = np.linalg.qr(np.concatenate([down, columns.reshape(1, -1)]).T)[0]
@@ -387,7 +387,7 @@ def _light(size: tuple[int, int], *, by_row: bool) -> Floats:
 
 
 def _coarse(flat: Floats, size: tuple[int, int]) -> Floats:
-    """(F, D, Q): means of patches as large as a stroke is wide, of cells (F, D, P)."""
+    """(F, D, Q): means over patches as large as a stroke is wide, of cells (F, D, P)."""
     side = math.ceil(STROKE_PART * size[0])
     sums = flat.reshape(*flat.shape[:2], *size)
     for axis in (2, 3):

@@ -1,8 +1,8 @@
-"""Seven segments: where those of a display lie, fitted to pictures of it whose digits are known.
+"""Seven segments: the geometry of a display's segments, fitted to pictures whose digits are known.
 
-A display is a row of cells of one shape, drawn by a formula: seven strokes with soft edges, slanted, and the same in
-each cell. So few numbers tell where all segments are that one picture with known digits is enough, and all ten digits
-are known at once. A cell may stand a little beside its place, and a segment may be brighter than another.
+A display is a row of cells of one shape, drawn by a formula: seven strokes with soft edges, slanted, the same in each
+cell. It has so few parameters that one picture with known digits determines them, and with them the look of all ten
+digits. A cell may stand slightly off its place, and a segment may be brighter than another.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ SHAPES: Mapping[str, tuple[str, ...]] = {
 }
 """The segments of each digit, clockwise from the top, the middle last; some displays draw some digits otherwise."""
 
-# Rounds of a fit, each with other weights, and steps of each.
+# Rounds of a fit, each with new weights, and steps per round.
 ROUNDS = 3
 FIRST_ROUNDS = 2
 STEPS = 4
 STARTS = 6
 LAST = 2
-BLUR = 0.1  # of the height, in which it is first looked for
+BLUR = 0.1  # of the height, for the first search
 SHARP = 0.8
 TRIES = 6
 AROUND = 1.5
-# What a display may look like before it is fitted: slant, width over pitch, a separator's width over the pitch.
+# Initial values: slant, width over pitch, a separator's width over the pitch.
 FIRST_SLANTS = (0.0, 0.1, 0.2)
 FIRST_WIDTHS = (0.35, 0.5, 0.65)
 FIRST_SEPARATORS = (0.0, 0.25, 0.5, 1.0)
 FIRST_SHIFTS = (-2.0, 0.0, 2.0)
-FORGIVEN = 3.0  # spreads: beyond, a pixel counts less and less
-BELIEF = 2.0  # how many pixels a first guess is worth
+FORGIVEN = 3.0  # sigma; pixels further off count less and less
+BELIEF = 2.0  # the weight of a first guess, in pixels
 DIFFERENCE = 1e-3
 
 
 class Shape(NamedTuple):
-    """A display's numbers, in samples of its strip, all but the ratios.
+    """A display's parameters, in samples of its strip except for ratios.
 
     Attributes
     ----------
@@ -65,14 +65,14 @@ class Shape(NamedTuple):
     pitch
         From cell to cell.
     separator
-        How much further it is across a point or a colon, in pitches.
+        The extra distance across a point or a colon, in pitches.
     width, height
         Between the middles of opposite strokes.
     slant, tilt, taper
-        How far strokes lean to the right for each sample upwards; how far the row falls for each sample to the right;
-        what part of their height digits lose for each sample to the right.
+        How far strokes lean to the right per sample upwards; how far the row falls per sample to the right; the part of
+        their height that digits lose per sample to the right.
     across, upright
-        How thick lying and standing strokes are.
+        The thickness of horizontal and vertical strokes.
     corner
         How much shorter a stroke is at each end.
     softness
@@ -103,13 +103,13 @@ class Segments:
     shape
         What all cells share.
     cells
-        (N, 2): of each cell how many cells and how many separators stand before it.
+        (N, 2): for each cell, how many cells and how many separators precede it.
     points
-        After which cells there is a decimal point.
+        The cells that are followed by a decimal point.
     shifts
         (N,): how far to the right of its place each cell stands.
     strengths
-        (7,): how bright each segment is, of a usual one.
+        (7,): the brightness of each segment relative to the usual.
     """
 
     shape: Shape
@@ -119,7 +119,7 @@ class Segments:
     strengths: Floats
 
     def places(self, size: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
-        """Of each pixel of a strip (R, C) its x and y without slant and tilt, and the x of each cell's middle."""
+        """Return x and y of each pixel of a strip (R, C) with slant and tilt removed, and x of each cell's middle."""
         own = self.shape
         rows, columns = np.mgrid[: size[0], : size[1]].astype(np.float64)
         y = (rows - own.middle - own.tilt * (columns - own.left)) * np.exp(own.taper * (columns - own.left))
@@ -127,7 +127,7 @@ class Segments:
         return x, y, own.pitch * (self.cells @ np.array([1.0, own.separator])) + self.shifts
 
     def strokes(self, x: Floats, y: Floats) -> Floats:
-        """(7, ...): how much each segment covers of pixels around the middle of its cell."""
+        """(7, ...): how much each segment covers of pixels at x, y from the middle of its cell."""
         own = self.shape
         half, long, wide = own.height / 2, own.height / 2 - 2 * own.corner, own.width - 2 * own.corner
         left, right = (_bar(x + side * own.width / 2, own.upright, own.softness) for side in (1, -1))
@@ -141,7 +141,7 @@ class Segments:
         return scaled
 
     def dots(self, x: Floats, y: Floats, middles: Floats) -> Floats:
-        """How much decimal points cover of pixels."""
+        """Return how much decimal points cover of pixels."""
         own, covered = self.shape, np.zeros_like(x)
         for cell in self.points:
             between = (middles[cell] + middles[cell + 1]) / 2
@@ -149,11 +149,11 @@ class Segments:
         return covered
 
     def vector(self) -> Floats:
-        """(12 + N + 7,): all numbers that are fitted."""
+        """(12 + N + 7,): all fitted parameters."""
         return np.concatenate([self.shape, self.shifts, self.strengths])
 
     def at(self, vector: Floats) -> Segments:
-        """Return the display of other numbers."""
+        """Return the display with other parameters, clipped to what is possible."""
         count = len(Shape._fields)
         lowest = np.array([-np.inf, -np.inf, 1.0, 0.0, 1.0, 2.0, -1.0, -1.0, -0.02, 0.5, 0.5, 0.0, 0.3])
         shape = np.maximum(vector[:count], lowest)
@@ -163,13 +163,13 @@ class Segments:
 
 
 def lit(symbols: Sequence[str], shapes: Mapping[str, str]) -> Floats:
-    """(N, 7): which segments are lit; `shapes` where a digit is drawn otherwise than usual."""
+    """(N, 7): which segments are lit; `shapes` says which digits are drawn differently from usual."""
     return np.array([[name in shapes.get(symbol, SHAPES[symbol][0]) for name in NAMES] for symbol in symbols], float)
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A picture of a display whose digits are known: (R, C), and (N, 7) which segments are lit."""
+    """A picture (R, C) of a display whose digits are known, and (N, 7) which segments are lit."""
 
     strip: Floats
     lit: Floats
@@ -182,11 +182,11 @@ class Fitted:
     Attributes
     ----------
     segments
-        Them.
+        The segments.
     left
-        What part of the pictures is unexplained.
+        The part of the pictures' variance left unexplained.
     gain
-        By how many grey levels lit segments are brighter; less than none where digits are dark.
+        How many grey levels brighter lit segments are; negative where digits are dark.
     """
 
     segments: Segments
@@ -196,7 +196,7 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class _Left:
-    """What is left of a picture: (P,), also weighted; how much of what was `shown` (L, P) it holds, and its light."""
+    """A picture's residual (P,), plain and weighted, the coefficients of what was `shown` (L, P), and its light."""
 
     error: Floats
     weighted: Floats
@@ -207,7 +207,7 @@ class _Left:
 
 
 def fitted(start: Segments, known: Sequence[Known], *, rounds: int = ROUNDS, each: bool = True) -> Fitted:
-    """Fit a display's numbers to pictures of it; with `each` the shift of each cell and segments' strengths too."""
+    """Fit a display's parameters to pictures; with `each`, also each cell's shift and the segments' strengths."""
     fit = _Fit(start, known, each=each)
     own, damping = start, 1e-3
     for _ in range(rounds):
@@ -227,7 +227,7 @@ def fitted(start: Segments, known: Sequence[Known], *, rounds: int = ROUNDS, eac
 
 
 class _Fit:
-    """Least squares for a display's numbers; what light and brightness do is solved for in each picture."""
+    """Least squares for a display's parameters; light and brightness of each picture are solved for within it."""
 
     def __init__(self, start: Segments, known: Sequence[Known], *, each: bool = True) -> None:
         self._known = known
@@ -266,7 +266,7 @@ class _Fit:
         return near.ravel()
 
     def weigh(self, own: Segments) -> None:
-        """Let pixels that are far off count less."""
+        """Reduce the weight of pixels with large residuals."""
         around = self._near(own)
         left = [self._left(own, one, around).error for one in self._known]
         noise = MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate([one[around > 0] for one in left])))) + DIFFERENCE
@@ -275,12 +275,12 @@ class _Fit:
         self.belief = BELIEF * float(errors @ errors) / len(errors) / self._spreads**2
 
     def cost(self, own: Segments) -> float:
-        """Return what is unexplained, and how far the numbers are from their first guess."""
+        """Return the squared residuals plus the penalty for leaving the first guess."""
         off = own.vector() - self.first
         return float(sum(one.weighted @ one.weighted for one in self._all(own)) + off @ (self.belief * off))
 
     def slopes(self, own: Segments) -> tuple[Floats, Floats, float]:
-        """Return errors (E,), by how much each number changes them (E, K), and the cost."""
+        """Return the residuals (E,), their derivatives by each parameter (E, K), and the cost."""
         parts = self._all(own)
         errors = np.concatenate([one.weighted for one in parts])
         slopes = np.concatenate([self._slopes_of(own, *both) for both in zip(self._known, parts, strict=True)])
@@ -288,7 +288,7 @@ class _Fit:
         return errors, slopes, float(errors @ errors + off @ (self.belief * off))
 
     def unexplained(self, own: Segments) -> tuple[float, float]:
-        """Return what part is left, and by how much lit segments are brighter, at the mean of all pictures."""
+        """Return the part left unexplained, and how much brighter lit segments are, averaged over all pictures."""
         left = total = gain = 0.0
         for one, seen in zip(self._known, self._all(own), strict=True):
             squares = seen.weights**2
@@ -298,7 +298,7 @@ class _Fit:
         return left / max(total, LEAST_VALUE), gain
 
     def left_over(self, own: Segments) -> Floats:
-        """(R, C): the mean of what is left."""
+        """(R, C): the mean residual."""
         left: Floats = np.mean([one.error for one in self._all(own)], axis=0).reshape(self._size)
         return left
 
@@ -306,7 +306,7 @@ class _Fit:
         return [self._left(own, one, weights) for one, weights in zip(self._known, self._weights, strict=True)]
 
     def _drawn(self, own: Segments, one: Known) -> tuple[Floats, Floats, Floats]:
-        """Return the nearest cell of each pixel (P,), what each lit segment covers (7, P), and decimal points (P,)."""
+        """Return the nearest cell of each pixel (P,), the coverage of each lit segment (7, P), and of points (P,)."""
         x, y, middles = own.places(self._size)
         x, y = x.ravel(), y.ravel()
         near = np.abs(x[:, None] - middles).argmin(1)
@@ -324,7 +324,7 @@ class _Fit:
         return _Left(error, error * weights, shares, weighted, normal, weights)
 
     def _slopes_of(self, own: Segments, one: Known, seen: _Left) -> Floats:
-        """(P, K): by how much each number changes what is left of one picture, light and brightness solved for."""
+        """(P, K): the derivatives of one picture's residual, with light and brightness solved for."""
         near, strokes, _ = self._drawn(own, one)
         drawn, count, vector = strokes.sum(axis=0), len(Shape._fields), own.vector()
         changes = np.empty((len(vector), len(drawn)))
@@ -342,7 +342,7 @@ class _Fit:
 
 
 def left_over(own: Segments, known: Sequence[Known]) -> Floats:
-    """(R, C): what all pictures share besides the display: print beside it, its edges, what glows when it is dark."""
+    """(R, C): what all pictures share besides the display: nearby print, its edges, the glow of dark segments."""
     fit = _Fit(own, known)
     fit.weigh(own)
     return fit.left_over(own)
@@ -351,16 +351,16 @@ def left_over(own: Segments, known: Sequence[Known]) -> Floats:
 def found(
     strip: Floats, symbols: Sequence[str], cells: Floats, points: Sequence[int], margin: int
 ) -> tuple[Fitted, Mapping[str, str]]:
-    """Find the segments in a picture of the display, (R, C), that shows `symbols`, drawn around by hand.
+    """Find the segments in a picture (R, C) of the display, drawn around by hand, that shows `symbols`.
 
     Returns
     -------
-    Them, and how the digits are drawn that can be drawn in several ways.
+    The fit, and the segments of those digits that can be drawn in several ways.
     """
     several = sorted({symbol for symbol in symbols if len(SHAPES[symbol]) > 1})
     drawings = [dict(zip(several, ways, strict=True)) for ways in product(*(SHAPES[symbol] for symbol in several))]
     high, long = strip.shape[0] - 2 * margin, strip.shape[1] - 2 * margin
-    outer = margin - min(margin, 1)  # of what lies further out the margin was seen, but not asked for
+    outer = margin - min(margin, 1)  # the margin further out is part of the strip but not used here
     inner = strip[outer : strip.shape[0] - outer, outer : strip.shape[1] - outer]
     known = [[Known(inner, lit(symbols, drawing))] for drawing in drawings]
     blur = cv2.GaussianBlur(inner, (0, 0), BLUR * high).astype(np.float32)
@@ -380,12 +380,12 @@ def found(
 
 
 def _sharp(own: Segments) -> Segments:
-    """Return a display that was found in a blurred picture as it may look in the picture itself."""
+    """Return a display found in a blurred picture with the sharpness it may have in the picture itself."""
     return replace(own, shape=own.shape._replace(softness=SHARP))
 
 
 def _starts(size: tuple[int, int], cells: Floats, points: tuple[int, ...], margin: int) -> Iterator[Segments]:
-    """List what a display of this size may be, within a margin."""
+    """Yield initial guesses of a display of this size, within a margin."""
     high, long = size
     stroke = max(high / 8, 1.0)
     count, separators = cells[-1]
@@ -415,13 +415,13 @@ def _starts(size: tuple[int, int], cells: Floats, points: tuple[int, ...], margi
 
 
 def _light(size: tuple[int, ...]) -> Floats:
-    """(3, R * C): light that is even, and that changes along the rows or the columns."""
+    """(3, R * C): light modes: constant, and linear along rows and columns."""
     rows, columns = np.mgrid[: size[0], : size[1]].astype(np.float64)
     return np.stack([np.ones(rows.size), rows.ravel() / size[0] - 0.5, columns.ravel() / size[1] - 0.5])
 
 
 def _bar(distance: Floats, length: float, softness: float) -> Floats:
-    """How much a bar of this length covers of pixels so far from its middle."""
+    """Return how much a bar of this length covers of pixels at this distance from its middle."""
     half = length / 2
     covered: Floats = 0.5 * (np.tanh((distance + half) / softness) - np.tanh((distance - half) / softness))
     return covered

@@ -1,14 +1,14 @@
-"""Tapes: a scale that slides or turns behind a fixed index, as a compass card seen from its rim, or an altitude tape.
+"""Tapes: a scale that slides or turns behind a fixed index, such as a compass card seen edge-on or an altitude tape.
 
-What moves is one picture, longer than the window: a frame shows a part of it. At first it is known as far as the panel
-picture shows it; a frame that overlaps with what is known, and matches it well and nowhere else, shows some more, until
-no frame does. The best match goes first, and what it shows is known before the next is looked at: so a frame is not
-taken for another part of the tape that looks much alike while its own is not yet known. What stands still in the window
-instead, as a lubber line, is where all frames agree, and counts for nothing. Nor does what the tape shows wherever it
-stands, as a line along its ticks.
+What moves is one picture, longer than the window, of which a frame shows a part. At first only the part in the panel
+picture is known. A frame that overlaps the known part, and matches it well and nowhere else, adds some more, until no
+frame does. The best match goes first, and what it adds is known before the next one is looked at: this keeps a frame
+from being taken for a similar part of the tape while its own is still unknown. What stands still in the window instead,
+such as a lubber line, is where all frames agree, and has no weight. Neither has what the tape shows at every position,
+such as a line along its ticks.
 
-A reading is the whole tape's best match with the window, found at every place and then by least squares; where
-another place matches nearly as well there is none. Where the tape was never seen nothing is read.
+A reading is the whole tape's best match with the window, searched at every position and then refined by least squares.
+Where another position matches nearly as well, or the tape was never seen, nothing is read.
 """
 
 from __future__ import annotations
@@ -48,15 +48,16 @@ from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 FIT_STEPS = 6
-# What is not explained lies in patches, not in pixels: the window has so many along.
+# Errors are correlated within patches: this many along the window.
 PATCHES = 12
-# Samples that lie beside each other err together.
+# Neighbouring samples have correlated errors: one in this many is independent.
 TOGETHER = 6.0
-# What a shape gets wrong all views do: they tell no more of it than one would, and its samples less than they seem to.
+# All views share the shape's errors, so together they tell no more than one would, and samples tell less than their
+# number suggests.
 ALIKE = 20.0
-# Of a tape without an end, so many windows to either side may be seen.
+# How far a tape without an end is followed to either side, in windows.
 REACH_WINDOWS = 12
-# Of a sample's frames so many may show one and the same place, and still tell what stands still.
+# Up to this part of a sample's frames may show the same position and still tell what stands still.
 MOVING_QUANTILE = 0.8
 SETTLE_ROUNDS, REFINE_ROUNDS, GROW_ROUNDS = 2, 4, 40
 
@@ -68,7 +69,7 @@ class Laid:
     Attributes
     ----------
     rows, sigma_rows, score
-        (F,): how far it has moved from where it is unrolled, the spread of that, and how well it matches.
+        (F,): how far it has moved from where it is unrolled, with the uncertainty and the score.
     gains, lights
         (F, R, 1) and (F, R, C): the light there, `seen = gains * tape + lights`.
     is_there
@@ -83,7 +84,7 @@ class Laid:
     is_there: Mask
 
     def put(self, which: Indices | Mask, others: Laid) -> None:
-        """Put others in the place of some."""
+        """Overwrite some of them with others, in place."""
         for name in ("rows", "sigma_rows", "score", "gains", "lights", "is_there"):
             getattr(self, name)[which] = getattr(others, name)
 
@@ -101,18 +102,18 @@ class Laid:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """A step of least squares for K unknowns in F windows, whose first two are gain and place.
+    """A step of least squares for K unknowns in F windows, the first two of which are gain and position.
 
     Attributes
     ----------
     seen, weights, left
-        (F, R, C): the windows, what of them is looked at, and what the fit leaves of them.
+        (F, R, C): the windows, their weights, and the residuals.
     mean
-        (F,): the tape's level, which is none of the fit's.
+        (F,): the tape's mean level, which is subtracted before the fit.
     weighed, inverse, solution
         (F, K, R * C), (F, K, K) and (F, K).
     flat
-        (F, 1, R * C): the weights, outliers left out.
+        (F, 1, R * C): the weights without outliers.
     """
 
     seen: Floats
@@ -136,19 +137,19 @@ class TapePicture:
     Attributes
     ----------
     shape
-        Of it; `unrolled` are its rows in sight, each worth `step`.
+        How it lies; `unrolled` are its visible rows, each worth `step`.
     levels
-        (P, C) float32: the whole tape, that the panel picture shows from row 0 on; its end is its beginning.
+        (P, C) float32: the whole tape, cyclic, with the panel picture's part from row 0 on.
     known
-        (P, C): which cells of it were seen.
+        (P, C): which of its cells were seen.
     weights
-        (R, C) in [0, 1]: where in the window it is to be seen, and how much of it.
+        (R, C) in [0, 1]: how well each cell of the window shows it.
     drawn
         (along, across): the window in the panel picture.
     origin
         How far it has moved there.
     is_learned
-        Whether a flight told it from what stands still over it.
+        Whether a flight separated it from what stands still over it.
     """
 
     shape: TapeShape
@@ -163,7 +164,7 @@ class TapePicture:
 
     @cached_property
     def unroll(self) -> Unrolling:
-        """Unrolls its window."""
+        """What unrolls its window."""
         return Unrolling(self.shape, self.unrolled, self.step)
 
     @property
@@ -172,11 +173,11 @@ class TapePicture:
         return bool((self.known.mean(axis=1) >= HALF).all())
 
     def value(self, rows: float, index_px: float) -> float:
-        """Return what stands at a place of the window where it has moved by so many rows."""
+        """Return the value at a place of the window when the tape has moved by `rows`."""
         return self.shape.value_at(index_px) + self.moved(rows)
 
     def moved(self, rows: float) -> float:
-        """Return by how much values have moved where it lies at a row: the short way, as its end is its beginning."""
+        """Return the change of values when the tape lies at a row, the short way around as it is cyclic."""
         size = len(self.levels)
         return ((rows - self.origin + size / 2) % size - size / 2) * self.step
 
@@ -194,7 +195,7 @@ class TapeFinder:
         self._along = np.linspace(-1.0, 1.0, self._rows, dtype=np.float32)[:, None]
 
     def laid(self, strips: Floats) -> tuple[Laid, Floats]:
-        """Find the tape in F unrolled windows (F, R, C); and (F,) how well the next best place matches."""
+        """Find the tape in F unrolled windows (F, R, C); also return (F,) how well the next best place matches."""
         scores = np.stack([self._scores(strip) for strip in strips])
         best = scores.argmax(axis=1)
         found = self.settled(strips, self._places[best].astype(np.float64))
@@ -213,7 +214,7 @@ class TapeFinder:
 
     @cached_property
     def _places(self) -> Indices:
-        """(N,): the rows at which it is searched, by as much of the window as is known of it there."""
+        """(N,): the rows at which to search: those where enough of what the window would show is known."""
         rows = np.arange(0, self._size, COARSE_STEP)
         at = (rows[:, None] + np.arange(self._rows)) % self._size
         weights = self._picture.weights[:, ::COARSE_STEP]
@@ -222,7 +223,7 @@ class TapeFinder:
 
     @cached_property
     def _is_apart(self) -> Mask:
-        """(N, N): whether two places are not the same peak."""
+        """(N, N): whether two places are different peaks."""
         apart = np.abs(self._places[:, None] - self._places)
         far: Mask = 8 * np.minimum(apart, self._size - apart) > self._rows
         return far
@@ -235,7 +236,7 @@ class TapeFinder:
 
     @cached_property
     def _searched(self) -> tuple[Floats, Floats, Floats]:
-        """(N, S) each, and (5 N, S): the tape without light, weighed and of length one; weights; lights, so weighed."""
+        """(N, S) twice, (5 N, S): the tape without light, weighted, of unit length; weights; weighted light modes."""
         thin = (slice(None, None, COARSE_STEP), slice(None, None, COARSE_STEP))
         weights = self._picture.weights[thin]
         lights = self._lights.reshape(-1, self._rows, self._columns)[(slice(None), *thin)].reshape(
@@ -258,7 +259,7 @@ class TapeFinder:
         return parts[0].astype(np.float32), parts[1].astype(np.float32), parts[2].astype(np.float32)
 
     def _scores(self, strip: Floats) -> Floats:
-        """(N,): the NCC of a window (R, C) with the tape at each place, given an even light over both."""
+        """(N,): the NCC of a window (R, C) with the tape at each place, both without smooth light."""
         tape, weights, lights = self._searched
         thin = strip[::COARSE_STEP, ::COARSE_STEP].ravel()
         thin = thin - thin.mean()
@@ -275,9 +276,9 @@ class TapeFinder:
         return between
 
     def settled(self, strips: Floats, rows: Floats) -> Laid:
-        """Fit gain, its slope along the window, light and place by least squares, from places (F,) on.
+        """Fit gain, its slope along the window, light and position by least squares, starting from places (F,).
 
-        Outliers have no weight in the place, but all the weight in the score: few pixels match many places.
+        Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
         """
         count, size = len(strips), self._rows * self._columns
         found = Laid(
@@ -324,7 +325,7 @@ class TapeFinder:
         return found
 
     def _tell(self, found: Laid, which: Indices, fit: _Fit) -> None:
-        """Put down score, spread and light of windows that have come to rest, (F',); none of them where none has."""
+        """Store score, sigma and light of windows that have converged, (F',)."""
         if not which.size:
             return
         gain, usable = fit.solution[:, 0], found.is_there[which]
@@ -343,16 +344,16 @@ class TapeFinder:
         found.lights[which] = light - gains * fit.mean[:, None, None]
 
     def changes(self, rows: Floats, shifts: Floats) -> Floats:
-        """(F, K, R, C): how windows change where what they show is looked up elsewhere: `shifts` (K, 2, R, C)."""
+        """(F, K, R, C): how windows change if their pixels are sampled elsewhere, by `shifts` (K, 2, R, C)."""
         down = self._at(self._slopes, rows)
         across = self._at(np.gradient(self._picture.levels, axis=1).astype(np.float32), rows)
         changes: Floats = down[:, None] * shifts[:, 0] + across[:, None] * shifts[:, 1]
         return changes
 
     def told(self, strips: Floats, where: Laid, changes: Floats) -> tuple[Floats, Floats]:
-        """Set up least squares of what changes windows, (F, K, R, C) in the tape's light, beside their own light.
+        """Set up least squares for changes of windows (F, K, R, C), in the tape's light, with their light fitted too.
 
-        Returns the normal matrix (K, K) and the sides (K,), by what is left of windows (F, R, C) where they are.
+        Return the normal matrix (K, K) and the right side (K,) for the residuals of windows (F, R, C) at `where`.
         """
         kinds, size = changes.shape[1], self._rows * self._columns
         normal, sides = np.zeros((kinds, kinds)), np.zeros(kinds)
@@ -373,7 +374,7 @@ class TapeFinder:
         return normal / noise, sides / noise
 
     def _match(self, seen: Floats, left: Floats, weights: Floats) -> Floats:
-        """(F,): the NCC of windows with their fits, by what these leave, given the light over both."""
+        """(F,): the NCC of windows with their fits, from the residuals `left`, both without smooth light."""
         flat = weights.reshape(len(seen), 1, -1)
         lights = self._lights * flat
         normal = products(lights, self._lights).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
@@ -385,9 +386,9 @@ class TapeFinder:
 
 
 def _lights(rows: int, columns: int, profile: Floats) -> Floats:
-    """(5, R * C): what light adds to a window: a constant, what changes along it or bends, what changes across.
+    """(5, R * C): the light modes of a window: constant, linear and quadratic along it, linear across it.
 
-    The last is no light, but what a tape shows across wherever it stands, (C,): it tells of no place.
+    The last is not light but the tape's average profile across it, (C,), which tells nothing of its position.
     """
     along, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
     everywhere = np.broadcast_to(profile, along.shape)
@@ -395,7 +396,7 @@ def _lights(rows: int, columns: int, profile: Floats) -> Floats:
 
 
 def _profile(picture: TapePicture) -> Floats:
-    """(C,): what a tape shows across on average, as the line along its ticks, beyond an even light; of spread one."""
+    """(C,): the tape's average profile across, such as a line along its ticks, beyond even light; of unit spread."""
     levels = _mean(picture.levels, picture.known.astype(np.float32)).astype(np.float64)
     even = np.stack([np.ones_like(levels), np.linspace(-1, 1, len(levels))])
     beyond = levels - np.linalg.lstsq(even.T, levels, rcond=None)[0] @ even
@@ -404,7 +405,7 @@ def _profile(picture: TapePicture) -> Floats:
 
 
 def _trusted(left: Floats, weights: Floats) -> Floats:
-    """(F, R, C): 1 where fits leave no more than they leave as a rule where there is weight, else 0."""
+    """(F, R, C): 1 where residuals are no larger than usual for pixels with weight, else 0."""
     off = np.abs(left)
     spread = [float(median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
     most = OUTLIER_SPREADS * np.maximum(MAD_TO_SIGMA * np.array(spread, np.float32), NOISE_LEVELS)
@@ -412,7 +413,7 @@ def _trusted(left: Floats, weights: Floats) -> Floats:
 
 
 def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round: bool) -> TapePicture:
-    """Return a tape as far as the panel picture shows it in its window, (along, across), with all that lies over it."""
+    """Return a tape as far as the panel picture shows it in its window (along, across), with all that lies over it."""
     shape = TapeShape.of_marks(marks, (len(drawn), drawn.shape[1]), turn, is_round=is_round)
     rows, step = rows_in_sight(shape), shape.step
     size = (2 * REACH_WINDOWS + 1) * len(rows) if turn is None else round(turn / step)
@@ -425,7 +426,7 @@ def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round
 
 
 def _as_drawn(strip: Floats) -> Laid:
-    """Where the panel picture shows it, in its own light."""
+    """Return where the panel picture shows it, in its own light."""
     return Laid(
         np.zeros(1),
         np.zeros(1),
@@ -437,7 +438,7 @@ def _as_drawn(strip: Floats) -> Laid:
 
 
 def learn_tape(strips: Sequence[Floats], given: TapePicture, marks: DrawnMarks) -> TapePicture:
-    """Return the tape as far as frames (along, across) show it; as it was given if they do not tell."""
+    """Learn the tape as far as frames (along, across) show it; return it as given if they do not suffice."""
     drawn = softened(given.drawn)
     lit = [_in_light_of(drawn, softened(strip)) for strip in strips]
     if not lit:
@@ -447,7 +448,7 @@ def learn_tape(strips: Sequence[Floats], given: TapePicture, marks: DrawnMarks) 
 
 
 class _Learning:
-    """Puts a tape together; `windows` are its views, the panel picture first, `free` where nothing stands still."""
+    """Composes a tape from `windows`, the panel picture first; `free` is 1 where nothing stands still."""
 
     def __init__(self, given: TapePicture, windows: Sequence[Floats], free: Floats, marks: DrawnMarks) -> None:
         self._windows, self._free, self._marks = windows, free, marks
@@ -490,7 +491,7 @@ class _Learning:
         self._picture = replace(self._picture, levels=levels, known=known)
 
     def _settle(self) -> float:
-        """Find the views that are placed once more, and put the tape together; return what is left unexplained."""
+        """Fit the placed views again and compose the tape anew; return the part left unexplained."""
         which = np.flatnonzero(self._is_placed)
         left = 1.0
         for _ in range(SETTLE_ROUNDS):
@@ -501,7 +502,7 @@ class _Learning:
         return left
 
     def _refine(self) -> None:
-        """Let the views tell the tape's shape, as long as that explains them better."""
+        """Refine the tape's shape from the views, as long as that explains them better."""
         best, kept = self._settle(), self._state()
         for _ in range(REFINE_ROUNDS):
             self._use(self._picture.shape.refined(self._marks, *self._told()))
@@ -515,9 +516,9 @@ class _Learning:
         return self._picture, self._strips, self._where.part(np.arange(len(self._strips)))
 
     def _told(self) -> tuple[Floats, Floats]:
-        """Set up the views' least squares for what may be told of the shape: (4, 4) and (4,).
+        """Set up the views' least squares for the shape's parameters: (4, 4) and (4,).
 
-        What all views of a place share goes into the picture of the tape, and tells nothing.
+        What all views of a place share was absorbed by the picture of the tape, and tells nothing.
         """
         picture, size = self._picture, len(self._picture.levels)
         which = np.flatnonzero(self._is_placed)
@@ -560,7 +561,7 @@ def _composed(picture: TapePicture, strips: Floats, where: Laid) -> tuple[Floats
 
 
 def _facing(weights: Floats) -> Floats:
-    """How much of the tape a view tells: one from the side adds little to one that faces the window."""
+    """Return the weight of a view's pixels in the tape: those seen from the side count little."""
     told: Floats = np.square(np.square(weights))
     return told
 
@@ -571,7 +572,7 @@ def _mean(levels: Floats, weights: Floats) -> Floats:
 
 
 def _in_light_of(reference: Floats, window: Floats) -> Floats:
-    """Return a window with the middle and the spread of another."""
+    """Return a window scaled to the median and spread of another."""
     spread = max(float(window.std()), MIN_SPREAD_LEVELS)
     lit: Floats = (window - np.median(window)) / spread * float(reference.std()) + np.median(reference)
     return lit
@@ -599,8 +600,8 @@ class TapeReader:
     def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
         """Read F frames of its window, (F, R, C) as they are sampled.
 
-        Of a tape that is not wholly known another part may look much alike: then it must match better, and if two parts
-        that are known do, so may those that are not.
+        While part of a tape is unknown, that part may look like another, so a match must be better; and if two known
+        parts look alike, an unknown one may look like them too.
         """
         picture, drawn = self._picture, self._drawn
         windows = np.stack([picture.unroll(window) for window in drawn.along(strips)])
@@ -638,7 +639,7 @@ class DrawnTape:
 
     @classmethod
     def of(cls, gauge: Gauge, grid: WindowGrid) -> DrawnTape:
-        """Of a gauge that has one."""
+        """Return the tape of a gauge that has one."""
         own = gauge.tape
         if own is None:
             raise AssertionError(f"{gauge.name} is no tape")
@@ -650,7 +651,7 @@ class DrawnTape:
         return cls(own.name, goes_across, marks, index, own.turn, own.drum)
 
     def along(self, strips: Floats) -> Floats:
-        """(..., along, across): windows as they are sampled."""
+        """(..., along, across): turn windows as they are sampled."""
         return np.ascontiguousarray(np.swapaxes(strips, -1, -2)) if self.goes_across else strips
 
 

@@ -1,8 +1,8 @@
 """The shape of a tape in its window: flat, or the rim of a drum or card, whose marks crowd together towards the sides.
 
-A place on a tape is told by its value. Unrolled, a tape moves by whole and parts of rows: a drum's rim becomes flat.
-What a hand has drawn of the marks begins it; how the picture of the tape goes across the window as it moves tells the
-rest: a drum that leans, or is narrower at one end, or is seen from above.
+A place on a tape is identified by its value. Unrolled, a tape moves by rows, and a drum's rim becomes flat. The shape
+starts from marks drawn by hand; how the picture of the tape crosses the window as it moves gives the rest, such as a
+drum that leans, is narrower at one end, or is seen from above.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 
 from decoder.panel.arrays import Floats
 
-# A row of the unrolled tape is so much of a pixel where it faces the window.
+# Size of a row of the unrolled tape where it faces the window, in pixels.
 ROW_PX = 0.5
-# What is turned further away is too narrow to be read.
+# Parts turned further away than this are too narrow to be read.
 LIMB = math.radians(62.0)
-# A mark is drawn so well.
+# How precisely a mark is drawn.
 MARK_PX = 0.5
-# Fine print and noise, and a picture sharper than another, tell less of where a tape is than its numerals.
+# Blur that removes fine print, noise and differences in sharpness, which tell less of a tape's place than its numerals.
 BLUR_PX = 0.8
 MARK_STEPS = 30
-# By how much a drum is narrower at one side, and how far its edge bends, before a flight tells.
+# Priors, before a flight is seen: a drum's taper, and how far its edge bends.
 PRIOR_TAPER, PRIOR_SAG_PX = 0.3, 4.0
-# How far one step of refining goes.
+# The longest step of a refinement.
 STEPS = {"middle_px": 1.5, "radius_px": 1.5, "taper": 0.05, "sag_px": 1.0}
-# To tell how the unrolled tape changes with each.
+# The differences from which derivatives are taken.
 TRIALS = {"middle_px": 0.3, "radius_px": 0.3, "taper": 0.02, "sag_px": 0.3}
 
 DrawnMarks = Sequence[tuple[float, float, float]]
@@ -40,26 +40,26 @@ DrawnMarks = Sequence[tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class TapeShape:
-    """Where the values of a tape lie in its window when the panel picture was taken.
+    """Where the values of a tape lie in its window in the panel picture.
 
     Attributes
     ----------
     size
         Of the window: pixels along the tape, and across.
     middle_px
-        Along the window, where a drum faces it; on a flat tape where `value` is.
+        Along the window, where a drum faces it; on a flat tape, where `value` is.
     radius_px
-        Of a drum, on its middle; on a flat tape, pixels for `unit`. Negative where values fall along the window.
+        Of a drum, on its middle; on a flat tape, pixels per `unit`. Negative where values fall along the window.
     value
-        What stands there.
+        The value there.
     unit
         The value of a radian of a drum.
     turn
-        The value of a whole turn where they begin again after it.
+        The value of a whole turn, if values repeat after it.
     across_px
         How far across the window the marks were drawn.
     taper, sag_px
-        How much the radius grows a pixel across the window, and how far a drum's limb lies further across.
+        How much the radius grows per pixel across the window, and how far a drum's limb is displaced across it.
     """
 
     size: tuple[int, int]
@@ -75,7 +75,7 @@ class TapeShape:
 
     @classmethod
     def of_marks(cls, marks: DrawnMarks, size: tuple[int, int], turn: float | None, *, is_round: bool) -> TapeShape:
-        """Return the shape that drawn marks tell."""
+        """Fit a shape to drawn marks."""
         along, across, values = np.array(marks, np.float64).T
         unit = turn / math.tau if is_round and turn is not None else 1.0
         slope, _ = np.polyfit(values, along, 1)
@@ -85,7 +85,7 @@ class TapeShape:
         for _ in range(MARK_STEPS if is_round else 1):
             off_px, slopes = drawn._at_marks(marks)
             step = -np.linalg.lstsq(slopes[:3].T, off_px, rcond=None)[0]
-            # values that lie together tell little of a radius: it is found in small steps
+            # values that lie close together hardly determine a radius, so steps are kept small
             step *= min(1.0, abs(drawn.radius_px) / 4 / max(abs(float(step[1])), 1e-9))
             drawn = replace(
                 drawn,
@@ -98,9 +98,9 @@ class TapeShape:
         return drawn
 
     def _at_marks(self, marks: DrawnMarks) -> tuple[Floats, Floats]:
-        """How far (M,) its marks lie from where they were drawn, and how that changes with place, radius and value.
+        """Return how far (M,) marks lie from where they were drawn, with the derivatives.
 
-        The slopes are (5, M), the last two those with taper and sag.
+        Those are (5, M): by position, radius, value, taper and sag.
         """
         along, _, values = np.array(marks, np.float64).T
         angles = (values - self.value) / self.unit
@@ -117,19 +117,19 @@ class TapeShape:
 
     @cached_property
     def step(self) -> float:
-        """What a row of the unrolled tape is worth, in the tape's values."""
+        """The value of a row of the unrolled tape."""
         step = ROW_PX * self.unit / abs(self.radius_px)
         return step if self.turn is None else self.turn / max(round(self.turn / step), 1)
 
     def value_at(self, along_px: float) -> float:
-        """Return what stands at a place of the window, where the marks were drawn across it."""
+        """Return the value at a place along the window, at the height across it where the marks were drawn."""
         part = (along_px - self.middle_px) / self.radius_px
         return self.value + self.unit * (math.asin(min(max(part, -1.0), 1.0)) if self.is_round else part)
 
     def sigmas(self, marks: DrawnMarks, along_px: float) -> tuple[float, float]:
-        """Return how uncertain marks and an index, drawn by hand, make a value there; and values elsewhere, in parts.
+        """Return the uncertainty of a value there due to marks and index drawn by hand, and of differences from it.
 
-        The second is by how much for each unit that they lie further away.
+        The second is per unit of distance from that value.
         """
         _, slopes = self._at_marks(marks)
         known = (slopes[:3] if self.is_round else slopes[:2]) / MARK_PX
@@ -141,7 +141,7 @@ class TapeShape:
         return math.hypot(MARK_PX * a_pixel, math.sqrt(own)), math.sqrt(covariance[1, 1]) / abs(self.radius_px)
 
     def refined(self, marks: DrawnMarks, normal: Floats, pull: Floats) -> TapeShape:
-        """Return the shape one step nearer to what a flight tells, (4, 4) and (4,), and marks, together."""
+        """Return the shape one step closer to what a flight's normal equations (4, 4), (4,) and the marks tell."""
         off_px, slopes = self._at_marks(marks)
         order = [0, 1, 3, 4, 2]
         own = slopes[order] / MARK_PX
@@ -156,12 +156,12 @@ class TapeShape:
         return replace(self, **moved, value=self.value + part * float(steps[4]))
 
     def trials(self) -> list[tuple[TapeShape, float]]:
-        """Return by what a flight may tell the shape with that a little changed, and how much it is changed."""
+        """Return shapes that each differ a little in one parameter a flight may tell, with the difference."""
         return [(replace(self, **{name: getattr(self, name) + trial}), trial) for name, trial in TRIALS.items()]
 
 
 class Unrolling:
-    """Unrolls tapes of one shape; `rows` as of `rows_in_sight`, and a row is worth `step`."""
+    """Unrolls tapes of one shape; `rows` is as in `rows_in_sight`, and a row is worth `step`."""
 
     def __init__(self, shape: TapeShape, rows: NDArray[np.intp], step: float) -> None:
         self._rows, self._step = rows, step
@@ -180,9 +180,9 @@ class Unrolling:
         """(R, C): how many of the window's rows one of the tape's stands for, against where it faces the window."""
 
     def shifts(self, shapes: Sequence[tuple[TapeShape, float]]) -> Floats:
-        """(K, 2, R, C): by how many rows and columns what is unrolled moves for each unit that shapes differ by.
+        """(K, 2, R, C): how many rows and columns the unrolled tape moves per unit of difference to other shapes.
 
-        `shapes` are others, and by how much they differ.
+        `shapes` are those shapes with their differences.
         """
         (x_down, x_across), (y_down, y_across) = (np.gradient(each) for each in (self._x, self._y))
         area = x_down * y_across - x_across * y_down
@@ -198,18 +198,18 @@ class Unrolling:
         return self.of_soft(softened(strip))
 
     def of_soft(self, window: Floats) -> Floats:
-        """Unroll the tape of one window (along, across) that is softened already: (R, C) float32."""
+        """Unroll the tape of one window (along, across) that is already softened: (R, C) float32."""
         levels = cv2.remap(window, self._y, self._x, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(levels, np.float32)
 
 
 def softened(window: Floats) -> Floats:
-    """Return a window without what is finer than a tape's numerals."""
+    """Blur a window to remove what is finer than a tape's numerals."""
     return np.asarray(cv2.GaussianBlur(window.astype(np.float32, copy=False), (0, 0), BLUR_PX), np.float32)
 
 
 def rows_in_sight(shape: TapeShape) -> NDArray[np.intp]:
-    """(R,): the tape's rows that the window shows, counted from where `value` stands."""
+    """(R,): the tape's visible rows, counted from where `value` is."""
     most = LIMB * shape.unit / shape.step if shape.is_round else math.inf
     ends = []
     for end_px in (0.0, shape.size[0] - 1.0):

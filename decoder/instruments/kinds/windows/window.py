@@ -1,4 +1,4 @@
-"""What all kinds have in common that are read in a window: a picture is learned, nothing turns."""
+"""Common base of all kinds that are read in a window: a picture is learned, nothing turns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 
-# Of what lies anywhere within one step.
+# Standard deviation of a uniform distribution of width 1.
 UNIFORM_SIGMA = 12**-0.5
 
 
@@ -24,12 +24,12 @@ class WindowReader(Protocol):
     """Reads one window."""
 
     def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
-        """Read F frames of it, (F, R, C), by name; (F,) is how uncertain its place is."""
+        """Read F frames of it, (F, R, C), by name; `place_sigmas_px` (F,) is the uncertainty of its position."""
         ...
 
 
 class WindowKind(Still, ABC):
-    """A kind that lives in a window; what is learned of it stands under its first quantity."""
+    """A kind that is read in a window; its picture is stored under the name of its first quantity."""
 
     is_searched = False
 
@@ -39,17 +39,17 @@ class WindowKind(Still, ABC):
 
     @abstractmethod
     def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LearnedPicture:
-        """Take what it looks like from the panel picture, (R, C)."""
+        """Build its picture from the panel picture, (R, C)."""
 
     @abstractmethod
     def learned(
         self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LearnedPicture
     ) -> LearnedPicture:
-        """Learn what it looks like from a sample's frames, (R, C) each, in their own light."""
+        """Learn its picture from a sample's frames, (R, C) each, in their own light."""
 
     @abstractmethod
     def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LearnedPicture) -> WindowReader:
-        """Return what reads it."""
+        """Return a reader for it."""
 
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, _: Method
@@ -75,7 +75,7 @@ def _key(gauge: Gauge) -> str:
 
 
 class _Windows:
-    """Reads all windows of one kind, by their places in the panel."""
+    """Reads all windows of one kind, by their index in the panel."""
 
     def __init__(self, readers: Mapping[int, WindowReader], arcs_px: Sequence[float], sampler: GaugeSampler) -> None:
         self._readers, self._arcs_px, self._sampler = readers, arcs_px, sampler
