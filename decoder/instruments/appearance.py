@@ -1,8 +1,8 @@
-"""Instruments as their kinds have them: drawn in a panel, and with what they look like beyond its description.
+"""Instruments as their kinds see them: drawn in a panel, and with their look, which is not part of its description.
 
 At first a needle's template is cut from the panel picture, or given as a cropped unwrapped picture (thesis 3.2.1). The
-face of a dial is the panel picture without its needles; what they hide there is filled with what the dial mostly shows
-at that radius.
+face of a dial is the panel picture without its needles; what they hide is filled in with the median of the dial at that
+radius.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class CardPicture:
     card
         Its grey levels.
     weights
-        In [0, 1]: where on the dial, which stands still, the card is to be seen.
+        In [0, 1]: how well each place of the dial, which stands still, shows the card.
     """
 
     card: UnwrappedGauge
@@ -63,7 +63,7 @@ class CardPicture:
 
     @property
     def is_learned(self) -> bool:
-        """Whether a flight told the card from what stands still over it."""
+        """Whether a flight separated the card from what stands still over it."""
         return bool((self.weights < 1.0).any())
 
 
@@ -73,7 +73,7 @@ LearnedPicture = Any
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What one instrument looks like: as `Appearance`, of its own quantities."""
+    """What one instrument looks like: as `Appearance`, for its own quantities."""
 
     face: UnwrappedGauge
     templates: Mapping[str, NeedleTemplate] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """First taken from the panel picture alone (`appearance_from_panel`), then from the flight's own frames.
+    """What a panel's instruments look like: from the panel picture alone at first, then from the flight's frames.
 
     Where things are is the other half of what a flight teaches: `decoder.registration.placement.Placement`.
 
@@ -93,16 +93,16 @@ class Appearance:
     faces
         For each gauge in the panel's order, the unwrapped dial without needles, (rows, columns) float32.
     evenly_lit_score
-        What a needle in even light scores at least. One that matches less well may stand in a light that changes over
-        the dial, which moves its reading.
+        The lowest score of needles in even light. One that matches less well may be in light that varies across the
+        dial, which shifts its reading.
     pictures
-        By quantity, of the kinds that learn more than needles do.
+        By quantity, for the kinds that learn more than needles do.
     doubted
-        Needles that were found in few of the sampled frames only. What is found of them may be what lay behind them in
-        the panel picture.
+        Needles that were found in only a few of the sampled frames. What is found of them may be what lay behind them
+        in the panel picture.
     taught_windows
-        The windows, by their places in the panel, that the flight has taught already: nothing turns in them, so that
-        they look the same wherever pivots are.
+        Indices in the panel of the windows that the flight has taught already: nothing turns in them, so that they
+        look the same wherever pivots are.
     """
 
     templates: Mapping[str, NeedleTemplate]
@@ -119,7 +119,7 @@ class Appearance:
 
     @classmethod
     def of(cls, looks: Sequence[Look], evenly_lit_score: float) -> Appearance:
-        """Gather what a panel's instruments look like, in the panel's order."""
+        """Collect the looks of a panel's instruments, in the panel's order."""
         templates = {name: template for look in looks for name, template in look.templates.items()}
         pictures = {name: picture for look in looks for name, picture in look.pictures.items()}
         return cls(templates, tuple(look.face for look in looks), evenly_lit_score, pictures)
@@ -127,7 +127,7 @@ class Appearance:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """One gauge of a panel, `index` its place there."""
+    """One gauge of a panel; `index` is its place there."""
 
     index: int
     gauge: Gauge
@@ -146,7 +146,7 @@ class Placed:
 
 @dataclass(frozen=True, slots=True)
 class DrawnInstrument(Placed):
-    """A gauge, and how the panel picture shows it: `strip`, as it is sampled."""
+    """A gauge and how the panel picture shows it: `strip`, as it is sampled."""
 
     source: PanelPictures
     strip: UnwrappedGauge
@@ -159,7 +159,7 @@ class Instrument(Placed):
     face: UnwrappedGauge
 
     def needles(self, appearance: Appearance) -> list[Needle]:
-        """Return its needles as they are looked for."""
+        """Return its needles with what is needed to search for them."""
         return [
             Needle(needle.name, self.index, self.gauge, self.grid, self.face, appearance.templates[needle.name])
             for needle in self.gauge.needles
@@ -167,27 +167,27 @@ class Instrument(Placed):
 
 
 class Still:
-    """What a kind says of which nothing turns around a pivot that was drawn."""
+    """Defaults for kinds in which nothing turns around a drawn pivot."""
 
     def pivot(self, _instrument: Instrument, _appearance: Appearance, _frames: Sequence[SeenGauge]) -> Pivot:
-        """Return nothing known."""
+        """Return the unknown pivot."""
         return UNKNOWN
 
     def far_pivot(
         self, _instrument: Instrument, _own: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
-        """Return none."""
+        """Return None."""
         return None
 
     def seen_deg(
         self, _instrument: Instrument, _own: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]
     ) -> Sequence[tuple[float, float]]:
-        """Return none."""
+        """Return an empty list."""
         return []
 
 
 def needles_in_picture(drawn: DrawnInstrument) -> Look:
-    """Cut an instrument's needles, if it has any, and bare the dial below them.
+    """Cut an instrument's needles, if it has any, and reconstruct the dial below them.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
 
 
 def face_behind(face: Floats, grid: PolarGrid, at_deg: float | None, rows: int) -> Floats:
-    """(rows, C): the face where a needle's template was cut; for a cropped picture, what the dial mostly shows."""
+    """(rows, C): the face where a needle's template was cut; for a cropped picture, the median of the dial."""
     if at_deg is None:
         return np.broadcast_to(median_of(face), (rows, face.shape[1])).astype(np.float32)
     return rows_at(face, row_of_angle(grid, at_deg) + np.arange(rows) - (rows - 1) / 2)
@@ -226,7 +226,7 @@ def face_behind(face: Floats, grid: PolarGrid, at_deg: float | None, rows: int) 
 def _row_in_panel_picture(
     gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid, strip: Floats, pixels: Floats
 ) -> float | None:
-    """Where a needle lies in the panel picture, by the panel's word or by looking; None if it cannot be told."""
+    """Return where a needle lies in the panel picture, as described or by searching; None if that fails."""
     if needle.template.at is not None and needle.template.picture is None:
         return row_of_angle(grid, needle.template.at)
     axis = (len(pixels) - 1) // 2
@@ -240,7 +240,7 @@ def _row_in_panel_picture(
 def _template_picture(
     source: PanelPictures, gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid, path: str
 ) -> Floats:
-    """Cut out the needle's picture, (H, C) float32, H odd, its axis in the middle row."""
+    """Cut out the needle's picture, (H, C) float32, H odd, with its axis in the middle row."""
     template = needle.template
     rows = odd_rows(template.span_deg, grid.step_deg)
     picture = source.picture if template.picture is None else source.pictures[template.picture]

@@ -1,11 +1,11 @@
-"""In which grey a gauge is read: in luma, or in the mixture of colours that tells its needles from the dial.
+"""The grey in which a gauge is read: luma, or a mixture of colours that separates its needles from the dial.
 
-A red needle on a teal dial may be as bright as what lies behind it: luma, which is all that frames carry until somebody
-asks for more, does not show it. Red alone does. A mixture is made of a frame's pixels around the gauge before they are
-resampled, so that whoever learns and reads sees one grey picture in either case.
+A red needle on a teal dial may be as bright as what lies behind it, so that luma, which is all that frames carry unless
+asked for more, does not show it. Red alone does. A frame's pixels around the gauge are mixed before they are resampled,
+so that whatever learns and reads sees one grey picture in either case.
 
-Of a JPEG's or a video's colours there is one for each two by two pixels. A mixture must tell a needle twice as clearly
-as luma, to be better wherever it is read.
+JPEG and video have one colour sample for each two by two pixels. A mixture must separate a needle twice as clearly as
+luma to be better wherever it is read.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.registration.thresholds import NOISE_LEVELS
 
-LUMA = np.array([0.299, 0.587, 0.114])  # what a JPEG's luma is made of. Source: JFIF
+LUMA = np.array([0.299, 0.587, 0.114])  # the weights of a JPEG's luma. Source: JFIF
 
 
 @cache
 def mixtures() -> tuple[Mixture, ...]:
-    """List all there are: but for their signs, and for that of all three, which is no other than luma."""
+    """List all mixtures, without those of opposite sign, and without the sum of all three, which is luma again."""
     counts = [each for each in product((1, 0, -1), repeat=3) if next(filter(None, each), 0) == 1]
     return tuple(Mixture(*each) for each in counts if min(each) < 1)
 
 
 def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
-    """By needle that the panel picture shows, (R,): the rows of its dial on which it lies there; none of a window."""
+    """(R,) for each needle that the panel picture shows: the rows of its dial that it covers; none for a window."""
     if not isinstance(grid, PolarGrid):
         return []
     return [
@@ -51,7 +51,7 @@ def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
 
 
 def in_panels_colours(source: PanelPictures) -> PanelPictures:
-    """Let those gauges be read in colour whose needles the panel picture shows in colour alone.
+    """Choose a mixture for gauges whose needles the panel picture shows in colour only.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def in_panels_colours(source: PanelPictures) -> PanelPictures:
 
 
 def _seen_in(source: PanelPictures, gauge: Gauge, index: int) -> Mixture | None:
-    """Which mixture shows needles that luma does not; None if luma does, or nothing."""
+    """Return a mixture that shows needles which luma does not; None if luma does, or nothing."""
     grid = source.grid(index)
     rows = needle_rows(gauge, grid)
     if not rows:
@@ -84,20 +84,20 @@ def _least_spread(drawn: Floats, rows: Sequence[Mask]) -> float:
 
 
 def shows_colour(drawn: Floats, rows: Sequence[Mask]) -> bool:
-    """Whether the panel picture, (R, C, 3), has more colour around a gauge's needles than noise has."""
+    """Whether the panel picture (R, C, 3) has more colour around a gauge's needles than noise explains."""
     beside = drawn - (drawn @ LUMA.astype(np.float32))[..., None]
     return any(float(beside[its].std(axis=(0, 1)).max()) > NOISE_LEVELS for its in rows)
 
 
 def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) -> Mixture | None:
-    """Choose the mixture that tells a gauge's needles clearly better than luma; None if there is none.
+    """Choose the mixture that separates a gauge's needles clearly better than luma; None if there is none.
 
     Parameters
     ----------
     drawn
         (R, C, 3): the unwrapped gauge in the panel picture, in colour.
     seen
-        The same of some frames.
+        The same in some frames.
     rows
         As `needle_rows`.
     """
@@ -108,9 +108,9 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) ->
 
 
 def _clearness(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask], parts: NDArray[np.float64]) -> float:
-    """How far the least clear needle of the panel picture stands out of the usual dial, in spreads of its noise.
+    """Return the contrast of the panel picture's least clear needle against the usual dial, in sigmas of noise.
 
-    Each colour has the noise that sensors and JPEGs have at least; more of it where frames differ by more.
+    Each colour has at least the noise of sensors and JPEGs, or more if frames differ by more.
     """
     weights = parts.astype(np.float32)
     own = drawn @ weights

@@ -1,4 +1,4 @@
-"""What is found of needles, as arrays: one frame is a batch of one."""
+"""Needles as they were found, as arrays: one frame is a batch of one."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Which = Indices | Mask | tuple[Indices | slice, Indices | int]
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Needles where they were found, arrays of one shape, by default (F, K): of K needles in F frames.
+    """Needles as they were found, arrays of one shape, usually (F, K): K needles in F frames.
 
     Attributes
     ----------
     status
         Index into `STATUSES`.
     row, sigma_rows
-        The gauge's row of the needle's axis, and the spread of that.
+        The gauge's row of the needle's axis, with its uncertainty.
     score
         In [-1, 1].
     """
@@ -46,30 +46,30 @@ class Found:
 
     @classmethod
     def beside(cls, others: Sequence[Found]) -> Found:
-        """Put the needles of several gauges beside each other."""
+        """Concatenate the needles of several gauges."""
         return cls(*(np.concatenate([getattr(own, name) for own in others], axis=1) for name in _COLUMNS))
 
     def part(self, which: Which) -> Found:
-        """Return some of them, with arrays of their own."""
+        """Return a copy of some of them."""
         return Found(*(getattr(self, name)[which].copy() for name in _COLUMNS))
 
     def put(self, which: Which, others: Found) -> None:
-        """Put others in the place of some."""
+        """Overwrite some of them with others, in place."""
         for name in _COLUMNS:
             getattr(self, name)[which] = getattr(others, name)
 
     def instead(self, where: Mask, others: Found) -> Found:
-        """Return them with others, of the same shape, where so told."""
+        """Return them with others, of the same shape, where the mask is true."""
         return Found(*(np.where(where, getattr(others, name), getattr(self, name)) for name in _COLUMNS))
 
     def as_missing(self) -> Found:
-        """Return the same, not believed."""
+        """Return the same with status MISSING."""
         return Found(np.full(self.status.shape, MISSING), self.row, self.sigma_rows, self.score)
 
 
 @dataclass(frozen=True, slots=True)
 class Needle:
-    """A needle as it is looked for: its place in the panel, its dial without needles, and what it looks like."""
+    """A needle to search for: its place in the panel, its dial without needles, and what it looks like."""
 
     name: str
     gauge_index: int
@@ -90,7 +90,7 @@ class Needle:
 
     @property
     def turn_rows(self) -> float | None:
-        """How many rows a full turn has where the dial is read all the way round."""
+        """How many rows are a full turn, if the dial is read all the way round."""
         return turn_rows(self.gauge, self.grid)
 
     @property
@@ -105,14 +105,14 @@ class Needle:
 
 
 def readings_of(found: Found, needles: list[Needle], place_sigmas_deg: Floats) -> list[dict[str, Reading]]:
-    """By frame the readings by needle.
+    """Convert what was found to readings, by frame and needle.
 
     Parameters
     ----------
     found
         (F, K).
     place_sigmas_deg
-        (F, K): what the readings are uncertain by because the places of their dials are.
+        (F, K): the uncertainty of the readings due to the positions of their dials.
     """
     steps_deg = np.array([needle.grid.step_deg for needle in needles])
     starts_deg = np.array([needle.grid.start_deg for needle in needles])

@@ -1,7 +1,7 @@
 """Reading frames in batches: the one place where many frames are read at once.
 
-A flight's frames are cut into batches by their position alone. What is read of a frame depends neither on who reads its
-batch nor on when, nor on the frames beside it: a batch may be read in parts. No frame's failure touches another's.
+A flight's frames are cut into batches by their position alone. A frame's result depends neither on who reads its batch
+or when, nor on the other frames in it: a batch may be read in parts. A frame that fails does not affect the others.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from flight_file.frame import Frame
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """Of a frame what reading it takes; `focal_length_mm` is None if it does not tell.
+    """What is needed to read a frame; `focal_length_mm` is None if unknown.
 
-    `picture` is decompressed, or its first rows, if that has been done; another process is not told.
+    `picture` holds the frame, or its first rows, if already decompressed; it is not sent to other processes.
     """
 
     sequence: int
@@ -43,7 +43,7 @@ class Unread:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut(Unread):
-    """Of a frame that was not read because whoever read it was killed: at another time it may be."""
+    """A frame that was not read because its reader was killed; it may be readable at another time."""
 
 
 Batch = tuple[RawFrame, ...]
@@ -55,11 +55,10 @@ ReadBatches = Callable[[PanelReader, Iterable[Batch]], Iterator[tuple[Batch, lis
 def batches(
     frames: Iterable[Frame], size: int, picture: Callable[[Frame], FramePicture | TopOfFrame | None] | None = None
 ) -> Iterator[Batch]:
-    """Return the frames in their order, so many at a time; the last batch may be smaller.
+    """Yield the frames in their order in batches of `size`; the last one may be smaller.
 
-    Of a video, whole groups of pictures are together, so that each is decoded once; only those are cut that are longer
-    than the 250 pictures which encoders put into a group unless they are told otherwise. `picture` gives those that are
-    decompressed already.
+    For video, whole groups of pictures stay together, so that each is decoded once. Only groups longer than the 250
+    pictures that encoders put into a group by default are cut. `picture` provides frames that are already decompressed.
     """
     raw = (
         RawFrame(
@@ -92,7 +91,7 @@ def _are_together(one: RawFrame, two: RawFrame) -> bool:
 
 
 def read_batch(reader: PanelReader, frames: Sequence[RawFrame]) -> list[Outcome]:
-    """Return what is read of each frame, in their order; keeps nothing from batch to batch."""
+    """Read each frame, in order; nothing is kept from batch to batch."""
     height, width = reader.source.picture.shape
     at_once = batch_frames((width, height))
     outcomes: list[Outcome] = []

@@ -1,6 +1,6 @@
 """What the rest of the program needs of a kind of instrument: one protocol.
 
-What is described and drawn of a kind is said in `decoder.panel.kind`.
+How a kind is described and drawn is in `decoder.panel.kind`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Kind(Protocol):
         ...
 
     def first_look(self, drawn: DrawnInstrument) -> Look:
-        """Return what the panel's pictures alone tell of it.
+        """Return its look from the panel's pictures alone.
 
         Raises
         ------
@@ -45,17 +45,17 @@ class Kind(Protocol):
     def learned_pictures(
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
-        """Learn by quantity, from a sample's frames in one light, what its looks are besides face and templates."""
+        """Learn, by quantity and from a sample's frames in one light, its look beyond face and templates."""
         ...
 
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
-        """Return where it turns, relative to where it is unwrapped, as a sample's frames tell by what was read."""
+        """Estimate where it turns, relative to where it is unwrapped, from a sample's frames and their readings."""
         ...
 
     def far_pivot(
         self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
-        """Return how far beside its centre it turns, (x, y) px of its own plane; None if it is near, or nothing tells.
+        """Return how far from its centre it turns, (x, y) px in its own plane; None if it is near, or unknown.
 
         `own` is the gauge in the panel picture, `strips` are a sample's frames in its light.
         """
@@ -64,8 +64,8 @@ class Kind(Protocol):
     def seen_deg(
         self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> Sequence[tuple[float, float]]:
-        """Return of what turns where it is drawn, and where the panel picture shows it around its pivot.
+        """Return, for what turns, where it is drawn and where the panel picture shows it around its pivot.
 
-        Of some of it, as of a card, a picture does not tell; of what never moves neither.
+        What a picture cannot tell (a card), or what never moves, is left out.
         """
         ...

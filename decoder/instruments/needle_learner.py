@@ -37,11 +37,11 @@ class NeedleLearner:
     pointers
         The needles.
     turn
-        How many rows of the grid are a turn, where the dial is read all the way round.
+        How many rows of the grid are a turn, if the dial is read all the way round.
     strips
-        The gauge in the sample's frames, in the panel picture's light, None where that cannot be had.
+        The gauge in the sample's frames, in the panel picture's light; None where that failed.
     first, given
-        Face and templates as the panel picture has them.
+        Face and templates from the panel picture.
     """
 
     pointers: Sequence[Pointer]
@@ -56,7 +56,7 @@ class NeedleLearner:
         return {pointer.name: pointer for pointer in self.pointers}
 
     def face(self, found: Sequence[Readings], templates: Templates) -> UnwrappedGauge:
-        """Learn the dial without needles; the panel picture's where too few frames show it."""
+        """Learn the dial without needles; return the panel picture's if too few frames show it."""
         touched = {name: templates[name].touched for name in self._needles}
         views, places = [], []
         for strip, readings in zip(self.strips, found, strict=True):
@@ -72,7 +72,7 @@ class NeedleLearner:
     def templates(
         self, found: Sequence[Readings], before: Templates, face: UnwrappedGauge
     ) -> dict[str, NeedleTemplate]:
-        """Learn the gauge's needles, those that enough frames show free of the others."""
+        """Learn those of the gauge's needles that enough frames show clear of the others."""
         learned = {}
         for name in self._needles:
             clear = [
@@ -91,11 +91,11 @@ class NeedleLearner:
         before: NeedleTemplate,
         face: UnwrappedGauge,
     ) -> NeedleTemplate:
-        """Learn a needle from its cuts, its zero where the panel's own template has it.
+        """Learn a needle from its cuts, keeping the zero of the panel's own template.
 
-        The frames tell the needle's form, but not where its axis is: all cuts share the error of the template that
-        found them. The given template, read with the learned needle over the face behind it, shows that error; the
-        cuts are moved by it.
+        The frames tell the needle's shape, but not where its axis is, since all cuts share the error of the template
+        that found them. Fitting the learned needle to the given template, over the face behind it, shows that error,
+        and the cuts are moved by it.
         """
         behind = face_behind(face, self.grid, self._needles[name].at_deg, before.rows)
         both = face, behind
@@ -115,7 +115,7 @@ class NeedleLearner:
         whole_and_given: tuple[UnwrappedGauge, Floats],
         shift_rows: float,
     ) -> tuple[Floats, Floats]:
-        """Cut the needle from the frames and, where it was cut from a picture, there; and the face behind each."""
+        """Cut the needle from the frames and, if it was cut from a picture, from that; also return the faces behind."""
         face, behind = whole_and_given
         axis_rows = np.array([row for _, row in clear]) + shift_rows
         windows = axis_rows[:, None] + np.arange(before.rows) - (before.rows - 1) / 2

@@ -1,4 +1,4 @@
-"""Needle lines: how far a needle is turned out of the radius, which tells of the pivot around which it turns."""
+"""Needle lines: how far a needle is tilted from the radius, from which its pivot is estimated."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from decoder.registration.pivot import PRIOR_LIFT, PRIOR_PX, UNKNOWN, Pivot, acr
 
 # Passes of robust least squares.
 ROBUST_PASSES = 4
-# What tilts claim to scatter counts for as much as so many tilts.
+# The prior weight of the tilts' own claimed scatter, in tilts.
 CLAIM_COUNTS = 2
-# Where each dial is found by itself, errors of its place that all frames share do not scatter.
+# Where each dial is located by itself, the scatter does not show errors of its position that all frames share.
 PLACED_SCALE = 0.8
-# Uneven light and marks that are not quite known tilt a needle by about this, pixels.
+# Tilt of a needle due to uneven light and imperfectly known marks, pixels.
 TILT_FLOOR_PX = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class Tilt:
-    """How far one needle in one frame is turned out of the radius, and where its dial stood against the anchors.
+    """How far one needle in one frame is tilted from the radius, and its dial's shift relative to the anchors.
 
-    A needle `kappa_px` beside the point around which the dial is unwrapped appears `kappa_px / r` radians further on
-    at radius r. It is relative to the needle's template.
+    A needle that passes `kappa_px` beside the point around which the dial is unwrapped appears `kappa_px / r` radians
+    further on at radius r. The tilt is relative to the needle's template.
     """
 
     needle: str
@@ -53,7 +53,7 @@ def tilts_of(
     templates: Mapping[str, NeedleTemplate],
     frames: Sequence[SeenGauge],
 ) -> list[Tilt]:
-    """Return the tilts of a gauge's needles where they stand alone."""
+    """Measure the tilts of a gauge's needles where they stand alone."""
     tilts = []
     for needle in gauge.needles:
         alone = [
@@ -77,7 +77,7 @@ def tilts_of(
 
 
 def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
-    """Fit the pivot that explains the tilts best: robust least squares, each needle with a tilt of its own."""
+    """Fit the pivot to the tilts by robust least squares; each needle has a constant tilt of its own."""
     names = sorted({tilt.needle for tilt in tilts})
     names = [name for name in names if sum(tilt.needle == name for tilt in tilts) >= FRAMES_TO_LEARN]
     tilts = [tilt for tilt in tilts if tilt.needle in names]
@@ -111,11 +111,11 @@ def pivot_of_tilts(tilts: Sequence[Tilt]) -> Pivot:
         scatter_px2=scatter_px2 - own_px2,
         tilts=len(left),
     )
-    return pivot.doubted() if places < MIN_PLACES + len(names) else pivot  # as many places as unknowns
+    return pivot.doubted() if places < MIN_PLACES + len(names) else pivot  # at least as many places as unknowns
 
 
 def places_of(angles_deg: Iterable[float]) -> int:
-    """In how many places, well apart, something stood."""
+    """Count the places, well apart, at which something stood."""
     count, last_deg = 0, -math.inf
     for angle_deg in sorted(angles_deg):
         if angle_deg - last_deg > APART_DEG:
@@ -124,11 +124,11 @@ def places_of(angles_deg: Iterable[float]) -> int:
 
 
 def _scale(spreads: Floats, freedoms: int, *, least: float) -> float:
-    """By how much tilts scatter more than they claim, or less: then their claims count beside what they do."""
+    """Return the scatter of tilts relative to what they claim; if smaller, the claim counts as well."""
     scale = MAD_TO_SIGMA * float(median(spreads))
     if scale < 1.0:
         known = max(freedoms, 0)
-        fitted = len(spreads) / max(known, 1)  # what is left is the less, the more was fitted
+        fitted = len(spreads) / max(known, 1)  # fitting makes the residuals smaller
         scale = math.sqrt((CLAIM_COUNTS + known * fitted * scale**2) / (CLAIM_COUNTS + known))
     return max(scale, least)
 
@@ -156,9 +156,9 @@ def _window(angle_deg: float, grid: PolarGrid, template: NeedleTemplate) -> Floa
 def _tilts(
     cuts: Floats, windows: Floats, face: UnwrappedGauge, grid: PolarGrid, template: NeedleTemplate
 ) -> list[tuple[float, float] | None]:
-    """Kappa and its spread by least squares of the pixels around M readings for gain, offset, shift and tilt.
+    """Fit gain, offset, shift and tilt to the pixels around M readings by least squares; return kappa and sigma.
 
-    `cuts` are (M, H, C), from the gauge's fractional rows `windows`, (M, H).
+    `cuts` (M, H, C) are from the gauge's fractional rows `windows` (M, H).
     """
     behind = rows_of_each([face] * len(cuts), windows)
     phases = phases_of(template)
@@ -179,7 +179,7 @@ def _tilts(
 
 
 def _solved(moments: Floats, total: float, pixels_per_sample: float) -> list[tuple[float, float] | None]:
-    """Kappa and its spread from the weighted moments of the four unknowns' columns and the pixels, (M, 5, 5)."""
+    """Solve for kappa and sigma from the weighted moments of the four unknowns' columns and the pixels, (M, 5, 5)."""
     normal, right = moments[:, :4, :4], moments[:, :4, 4]
     tells = ~is_singular(normal)
     inverse = np.linalg.inv(np.where(tells[:, None, None], normal, np.eye(4)))

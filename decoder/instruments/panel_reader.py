@@ -39,11 +39,11 @@ class PanelReader:
     drawn
         The panel, its grids, and the panel picture on them.
     placement
-        Where the panel and its dials are, as far as the flight has told.
+        Where the panel and its dials are, as far as the flight has taught.
     placer
-        Tells where the panel lies in frames.
+        Locates the panel in frames.
     instruments
-        Read what it shows, by what the flight has told of its looks.
+        Read what it shows, with the looks that the flight has taught.
     block
         Memory for frames.
     """
@@ -63,7 +63,7 @@ class PanelReader:
         placement: Placement,
         drawn: UnwrappedPanel | None = None,
     ) -> PanelReader:
-        """Return the reader of a panel; `drawn` is the same panel with its grids, if it is at hand.
+        """Return a reader of a panel; `drawn` is the panel with its grids, if already made.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class PanelReader:
 
     @property
     def aligner(self) -> Aligner:
-        """Tells where the panel as a whole lies in frames."""
+        """Locates the panel as a whole in frames."""
         return self.placer.aligner
 
     @cached_property
@@ -120,16 +120,16 @@ class PanelReader:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the panel leaves wanting, a sentence each."""
+        """The shortcomings of the panel, a sentence each."""
         return (*self.aligner.shortcomings, *filter(None, [self.source.optics.shortcoming]))
 
     def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
-        """Return a frame aligned and unwrapped; `focal_length_mm` is its own, if it tells.
+        """Align and unwrap a frame; `focal_length_mm` is its own, if known.
 
         Raises
         ------
         PictureError
-            If the frame is of another shape than the panel picture, or the panel is not found in it.
+            If the frame differs in shape from the panel picture, or the panel is not found in it.
         """
         (unwrapped,) = self.placer.unwrap_many([FramePicture(frame, focal_length_mm)])
         if isinstance(unwrapped, PictureError):
@@ -137,7 +137,7 @@ class PanelReader:
         return unwrapped
 
     def read(self, frames: Iterable[Taken]) -> list[FrameReadings | PictureError]:
-        """Read each frame, or tell why it cannot be; to the bit the same whatever the frames beside it."""
+        """Read each frame, or say why not; bit for bit independently of the other frames."""
         placed = self.placer.placed(frames)
         there = [one for one in placed if not isinstance(one, PictureError)]
         sampler = self.instruments.sampler
@@ -151,11 +151,11 @@ class PanelReader:
         return [one if isinstance(one, PictureError) else next(read) for one in placed]
 
     def read_unwrapped(self, frames: Sequence[UnwrappedFrame]) -> list[FrameReadings]:
-        """Read frames that are unwrapped already."""
+        """Read frames that are already unwrapped."""
         return self._readings(frames, [self.instruments.sampler.of_unwrapped(frame.gauges) for frame in frames])
 
     def _readings(self, frames: Sequence[UnwrappedFrame], samples: Sequence[Samples]) -> list[FrameReadings]:
-        """Return what is read of each frame, as uncertain as the places of its dials make it."""
+        """Read each frame, with the uncertainty of its dials' positions."""
         sigmas_px = self._places.sigmas_px([frame.alignment for frame in frames])
         for sigma_px, frame in zip(sigmas_px, frames, strict=True):
             if frame.dial_sigmas_px:
@@ -169,7 +169,7 @@ class PanelReader:
         ]
 
     def _shown(self, frame: UnwrappedFrame) -> list[bool]:
-        """By gauge whether it is to be read: all of it lies in the frame, or enough of a dial with one needle."""
+        """Decide for each gauge whether to read it: all of it lies in the frame, or half of a dial with one needle."""
         if all(frame.whole) or frame.size_px is None:
             return list(frame.whole)
         return [is_whole or self._is_half_in_sight(frame, index) for index, is_whole in enumerate(frame.whole)]
@@ -182,17 +182,17 @@ class PanelReader:
         return part_inside(self.drawn.rims[gauge_index], alignment, *frame.size_px) >= HALF
 
     def _needle_in_sight(self, frame: UnwrappedFrame, gauge_index: int, reading: Reading) -> bool:
-        """Whether the whole of a needle that was read lies in the frame, and is the needle beyond doubt."""
+        """Whether the whole of a needle that was read lies in the frame, and certainly is the needle."""
         alignment, grid = frame.alignment_of(gauge_index), self.grids[gauge_index]
         if reading.score < SURE_SCORE or frame.size_px is None or alignment is None or not isinstance(grid, PolarGrid):
             return False
         return inside(grid.at(reading.angle_deg, 1).rim(), alignment, *frame.size_px)
 
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
-        """By needle its reading; doubted needles that do not match well are missing.
+        """Return the readings with those marked missing that belong to doubted needles and do not match well.
 
-        So is a doubted value that some of these tell together: the score is of the hands that show, and those that do
-        not may count its turns.
+        A doubted value that several hands tell together goes missing with them: its score is that of the hands that
+        show, but those that do not may count its turns.
         """
         checked = dict(readings)
         for index, (gauge, is_whole) in enumerate(zip(self.source.panel.gauges, frame.whole, strict=True)):
@@ -207,7 +207,7 @@ class PanelReader:
         return checked
 
     def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
-        """How far the needles of each gauge lie from where the alignment has them: their dial's shift, and the lift."""
+        """Return how far each gauge's needles are from where the alignment puts them: the dial's shift, with lift."""
         shifts_px = unwrapped.dial_shifts_px
         if not shifts_px:
             return ()
@@ -216,7 +216,7 @@ class PanelReader:
 
 
 def read_picture(reader: PanelReader, picture: GreyPicture, focal_length_mm: float | None = None) -> FrameReadings:
-    """Read one frame of which there is no more than its greys, as `read_frame`.
+    """Read one frame of which only the grey levels are known, as `read_frame`.
 
     Raises
     ------
@@ -241,12 +241,12 @@ def read_frame(reader: PanelReader, frame: FramePicture) -> FrameReadings:
 
 
 def taken(frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> Iterator[FramePicture | TopOfFrame]:
-    """Return the frames of a sample, those without a focal length too."""
+    """Yield the frames of a sample, wrapping those without a focal length."""
     return (FramePicture(frame) if isinstance(frame, np.ndarray) else frame for frame in frames)
 
 
 def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> list[UnwrappedFrame]:
-    """Those of the frames that can be aligned, unwrapped."""
+    """Return those of the frames that can be aligned, unwrapped."""
     sampled = taken(frames)
     height, width = reader.source.picture.shape
     samples: list[UnwrappedFrame] = []
@@ -257,12 +257,12 @@ def unwrapped(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture |
 
 
 def _may_be_cut(gauge: Gauge) -> bool:
-    """Whether a gauge that lies in part outside a picture can be read where its needle shows."""
+    """Whether a gauge partly outside a picture can be read where its needle shows."""
     return len(gauge.turning) == len(gauge.pointers) == 1
 
 
 def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None) -> Appearance:
-    """Let each instrument's kind look at the panel's own pictures; of windows it keeps what is `known`.
+    """Let each instrument's kind take its look from the panel's own pictures; windows keep what is `known`.
 
     Raises
     ------
@@ -278,6 +278,6 @@ def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None
             looks.append(known.look_of(index, gauge))
         else:
             looks.append(kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip)))
-    # a needle cut from one picture need not match others better than any match must, whatever the light
+    # a needle cut from a single picture need not match others better than any match must, whatever the light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
     return seen if known is None else replace(seen, taught_windows=known.taught_windows)

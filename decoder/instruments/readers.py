@@ -1,7 +1,7 @@
 """The kinds of instrument there are, and the readers of one panel's instruments.
 
-Whoever reads, learns or draws asks for a gauge's kind here and goes by the answer. A new kind is a module in `kinds`,
-a line in `KINDS`, and its part of the schema in `decoder.panel.gauge`.
+Whatever reads, learns or draws asks here for a gauge's kind, and uses only that. A new kind is a module in `kinds`, a
+line in `KINDS`, and its part of the schema in `decoder.panel.gauge`.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class InstrumentReaders:
     def __init__(self, gauges: Sequence[Gauge], unwrapper: Unwrapper, appearance: Appearance, method: Method) -> None:
         self._gauges, self._unwrapper = gauges, unwrapper
         self.appearance, self.method = appearance, method
-        plain = method is Method.XCORR  # then every needle is looked for by itself
+        plain = method is Method.XCORR  # then every needle is searched for by itself
         kinds = [kind_of(gauge) for gauge in gauges]
         self._kinds = [KINDS[0] if plain and isinstance(kind, NeedleKind) else kind for kind in kinds]
 
@@ -90,22 +90,22 @@ class InstrumentReaders:
         return [_Columns.of(gauge) for gauge in self._gauges]
 
     def with_appearance(self, appearance: Appearance) -> InstrumentReaders:
-        """Return readers of the same panel that have learned something else."""
+        """Return readers of the same panel with another appearance."""
         readers = InstrumentReaders(self._gauges, self._unwrapper, appearance, self.method)
         readers.sampler = self.sampler
         return readers
 
     def read(self, frames: Sequence[Samples], whole: Sequence[Sequence[bool]], place_sigmas_deg: Floats) -> Readings:
-        """Read F frames; what is read of one does not depend on the others.
+        """Read F frames, each independently of the others.
 
         Parameters
         ----------
         frames
             As `sampler` takes them.
         whole
-            By frame for each gauge whether all of it lies in the frame: else nothing is known of it.
+            For each frame and gauge, whether all of it lies in the frame; if not, it is missing.
         place_sigmas_deg
-            (F, gauges): what angles are uncertain by because the places of their dials are.
+            (F, gauges): the uncertainty of angles due to the positions of their dials.
         """
         if not frames:
             return []
@@ -133,7 +133,7 @@ class _Columns:
 
     @classmethod
     def of(cls, gauge: Gauge) -> Self:
-        """Name them once: frames are many."""
+        """Collect the names once, as frames are many."""
         together = None if gauge.combination is None else gauge.combination.quantity.name
         return cls(gauge, tuple(quantity.name for quantity in gauge.quantities), together)
 

@@ -45,7 +45,7 @@ class Reading:
     score: float
 
     def in_place_within(self, sigma_deg: float) -> Reading:
-        """Return the same of a dial whose place is so uncertain, seen from its pivot."""
+        """Return the reading with the uncertainty `sigma_deg` of its dial's position added."""
         return Reading(self.status, self.angle_deg, math.hypot(self.sigma_deg, sigma_deg), self.score)
 
 
@@ -53,8 +53,8 @@ class Reading:
 class FrameReadings:
     """One frame's alignment, and its readings by needle.
 
-    `dial_shifts_px` are how far the needles of dials that were located one by one lie from where the alignment
-    has them, (x, y) in the panel picture's pixels, in the panel's order; empty where all lie where it says.
+    `dial_shifts_px` are how far the needles of dials that were located one by one lie from where the alignment puts
+    them, (x, y) in the panel picture's pixels, in the panel's order; empty where all lie where it says.
     """
 
     alignment: Alignment

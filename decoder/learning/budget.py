@@ -1,6 +1,6 @@
-"""The uncertainty budget of a quantity: what its panel and flight leave in doubt, by cause and over its values.
+"""The uncertainty budget of a quantity: what its panel and flight leave uncertain, by cause and over its values.
 
-A value's sigma is the root of the sum of squares of these and of what its own frame leaves in doubt (GUM, 5.1.2).
+A value's sigma is the root sum of squares of these and of its own frame's uncertainty (GUM, 5.1.2).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, Quantity, Scale, in_turn
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 
-# Over a scale, or over the turn of a pointer, causes change no faster than a sine does over a turn, in degrees; what a
-# degree is worth changes as far around each mark as a value's interval reaches.
+# Over a scale, or over a pointer's turn, causes vary no faster than a sine over a turn, in degrees; the value of a
+# degree changes around each mark as far as a value's interval reaches.
 PLACES = 17
 AROUND = (-1.0, 0.0, 1.0)
 
@@ -40,16 +40,16 @@ PartsDeg = Callable[[str, Floats], Mapping[Cause, Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """A quantity's.
+    """The uncertainty budget of a quantity.
 
     Attributes
     ----------
     values
         (K,), rising, in the quantity's unit.
     turn
-        After how much of it all comes again: a turn of its finest pointer. None where nothing goes round.
+        The value after which everything repeats: a turn of its finest pointer. None if it does not repeat.
     sigmas
-        By cause (K,) standard uncertainties at these values, in the quantity's unit.
+        For each cause (K,) standard uncertainties at these values, in the quantity's unit.
     """
 
     values: Floats
@@ -57,7 +57,7 @@ class Budget:
     sigmas: Mapping[Cause, Floats]
 
     def at(self, value: float) -> dict[Cause, float]:
-        """Look up the standard uncertainties at a value by cause; beyond the ends as at these."""
+        """Look up the standard uncertainties at a value by cause; beyond the ends they stay constant."""
         first = float(self.values[0])
         within = value if self.turn is None else float(in_turn(np.array(value), self.turn, first))
         return {cause: float(np.interp(within, self.values, sigma)) for cause, sigma in self.sigmas.items()}
@@ -66,7 +66,7 @@ class Budget:
 def budgets(
     quantities: Iterable[Quantity], combinations: Sequence[Combination], parts_deg: PartsDeg
 ) -> dict[str, Budget]:
-    """Draw up the budgets of all quantities that are measured; what is combined has that of its finest pointer."""
+    """Compute the budgets of all measured quantities; a combined one has that of its finest pointer."""
     drawn = {quantity.name: quantity for quantity in quantities if quantity.written is None}
     found = {name: _budget(quantity, quantity, parts_deg) for name, quantity in drawn.items()}
     for each in combinations:
@@ -93,6 +93,6 @@ def _budget(quantity: Quantity, finest: Quantity, parts_deg: PartsDeg) -> Budget
 
 
 def _whole(parts: Mapping[Cause, Floats]) -> Floats:
-    """(N,): all causes together."""
+    """(N,): the root sum of squares of all causes."""
     whole: Floats = np.sqrt(np.sum([np.square(part) for part in parts.values()], axis=0))
     return whole

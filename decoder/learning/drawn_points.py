@@ -1,10 +1,10 @@
-"""Marks of gauges whose centres are drawn far beside where needles turn: points, or angles.
+"""Marks of gauges whose centres are drawn far from where needles turn: points, or angles.
 
-Somebody who clicks on a mark, and on a wrong centre, gives the mark's direction from that centre: around the right one
-it lies elsewhere, by up to half a degree for each hundredth of the radius. Somebody who reads angles off the dial gives
-them right. A panel does not say which; its needles and its scales do. Each needle is drawn where the panel picture
-shows it, as seen from one centre or the other; and most scales are even around one of them only, as a circle's marks
-seen from beside its centre lie closer on one side. One hand drew them all.
+Somebody who clicks on a mark, and on a wrong centre, gives the mark's direction as seen from that centre. Seen from the
+right one, it differs by up to half a degree for each hundredth of the radius. Somebody who reads angles off the dial
+gives the right ones. A panel does not say which, but its needles and its scales do. Each needle is drawn where the
+panel picture shows it, as seen from one centre or the other; and most scales are even around one of them only, just as
+a circle's marks seen from off-centre are closer together on one side. The same hand drew them all.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 
-# How precisely needles and marks are drawn by an ordinary hand, and needles seen in the panel picture.
+# How precisely an ordinary hand draws needles and marks, and needles are seen in the panel picture.
 ANGLE_DEG = 1.5
-# Angles are likelier before needles tell: those of a needle above its dial are right, too, and it turns elsewhere.
+# Prior: angles are more likely. A needle above its dial appears to turn elsewhere although its angles are right.
 PRIOR_LOG_ODDS = -3.0
-# Least squares for the middle of a ring settle within so many steps, from a tenth of its radius.
+# Least squares for the middle of a ring converge within this many steps from a tenth of its radius.
 MIDDLE_STEPS = 4
 
 Seen = Sequence[tuple[float, float]]
@@ -32,7 +32,7 @@ Seen = Sequence[tuple[float, float]]
 
 
 def log_odds_of_points(gauges: Sequence[Gauge], paths: Sequence[PivotPath], seen: Sequence[Seen]) -> float:
-    """Tell how likely a panel's angles are points that were seen from its centres, by its needles and its scales."""
+    """Estimate the log odds that a panel's angles are points as seen from its centres, by its needles and scales."""
     return PRIOR_LOG_ODDS + sum(
         _of_needles(gauge, path, own) + log_odds_of_scales(gauge, path)
         for gauge, path, own in zip(gauges, paths, seen, strict=True)
@@ -51,7 +51,7 @@ def _of_needles(gauge: Gauge, path: PivotPath, seen: Seen) -> float:
 
 
 def log_odds_of_scales(gauge: Gauge, path: PivotPath) -> float:
-    """Tell the same by the scales of a gauge as it is drawn whose pivot was moved."""
+    """Estimate these log odds from the scales of a gauge as it is drawn whose pivot was moved."""
     return sum(
         log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
         for angles_deg, values, turn in _scales(gauge)
@@ -60,16 +60,16 @@ def log_odds_of_scales(gauge: Gauge, path: PivotPath) -> float:
 
 
 def _scales(gauge: Gauge) -> Iterator[tuple[Sequence[float], Sequence[float], float | None]]:
-    """Give each scale's angles, its values, and the value of a turn."""
+    """Yield each scale's angles, its values, and the value of a turn."""
     for marks, turn in dict.fromkeys((each.marks, each.wraps) for each in gauge.quantities if each.is_measured):
         angles_deg, values = zip(*marks, strict=True)
         yield angles_deg, values, turn
 
 
 def uneven_deg(quantity: Quantity) -> float:
-    """Tell by how much the marks of a scale are beside even ones, as a spread: of all, or of the worst if that is more.
+    """Return how far a scale's marks are from even ones, as a standard deviation: of all, or of the worst if larger.
 
-    Only of a scale of which a turn has a value it is known that it is even; of another nothing is told.
+    Only a scale whose full turn has a known value is known to be even; for others it is zero.
     """
     if quantity.wraps is None or not quantity.is_measured:
         return 0.0
@@ -77,14 +77,13 @@ def uneven_deg(quantity: Quantity) -> float:
     beside_deg = angles_deg - _pace_deg(values, quantity.wraps) * values
     beside_deg -= beside_deg.mean()
     spread_deg = math.sqrt(float(beside_deg @ beside_deg) / (len(beside_deg) - 1))
-    return max(spread_deg, float(np.abs(beside_deg).max()) / 2)  # beside it two sigma have to hold it
+    return max(spread_deg, float(np.abs(beside_deg).max()) / 2)  # two sigma have to cover the worst
 
 
 def middle_of_marks_px(gauge: Gauge) -> Vector | None:
     """Find the place from which the marks of a drawn gauge are even, if they are points: (x, y) from its centre.
 
-    Only a scale that goes all the way round tells, and only with marks enough: two are even from somewhere, whatever
-    they are.
+    Only a scale that goes all the way round tells, and only if it has enough marks: two are always even from somewhere.
     """
     around = [(angles_deg, values, turn) for angles_deg, values, turn in _scales(gauge) if turn is not None]
     if not around:
@@ -100,13 +99,13 @@ def middle_of_marks_px(gauge: Gauge) -> Vector | None:
         middle = middle[0] + x * radius_px, middle[1] + y * radius_px
     carried_deg = [seen_from(middle, radius_px, angle_deg) for angle_deg in angles_deg]
     odds = log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
-    told = (len(angles_deg) - 3) / (len(angles_deg) - 1)  # what its own two numbers explain tells nothing
+    told = (len(angles_deg) - 3) / (len(angles_deg) - 1)  # discount the two fitted parameters
     total = PRIOR_LOG_ODDS + told * odds
     return middle if total > 0.0 else None
 
 
 def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Floats:
-    """(N - 2,) or (N - 1,): how far marks are from an even scale; one that goes all the way round has a known pace."""
+    """(N - 2,) or (N - 1,): residuals of marks from an even scale; one that goes all the way round has a known pace."""
     angles, steps = np.array(angles_deg, np.float64), np.array(values, np.float64)
     columns = np.stack([np.ones_like(steps), steps], axis=1)
     if turn is not None:
@@ -118,30 +117,30 @@ def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: flo
 
 
 def _pace_deg(values: Sequence[float] | Floats, turn: float) -> float:
-    """Tell how many degrees a unit is worth; negative where values rise the other way round."""
+    """Return how many degrees a unit is; negative where values rise anticlockwise."""
     return math.copysign(FULL_CIRCLE_DEG / turn, values[-1] - values[0])
 
 
 def log_odds_of_even(drawn_deg: Floats, carried_deg: Floats) -> float:
-    """Weigh how far from even a scale is as it was drawn, and if its marks were points.
+    """Weigh how far a scale is from even as it was drawn against how far if its marks were points.
 
-    What is left has a normal distribution of unknown spread, of `ANGLE_DEG` or more: a scale that is uneven either way
-    tells little.
+    Residuals are normally distributed with an unknown spread of at least `ANGLE_DEG`, so a scale that is uneven either
+    way tells little.
     """
     drawn, carried = (ANGLE_DEG**2 + float(beside @ beside) for beside in (drawn_deg, carried_deg))
     return len(drawn_deg) / 2 * math.log(drawn / carried)
 
 
 def log_odds_of_point(off: float, moved: float) -> float:
-    """Weigh a needle that is seen so far beside where it is drawn, if a point would have moved by `moved`; in spreads.
+    """Weigh a needle seen `off` from where it is drawn, if a point would have moved by `moved`; in sigmas.
 
-    Errors of drawing are taken for a Cauchy distribution's: one needle that is drawn quite wrongly decides nothing.
+    Drawing errors are assumed to follow a Cauchy distribution, so that one needle drawn quite wrongly decides nothing.
     """
     return math.log((1.0 + off**2) / (1.0 + (off - moved) ** 2))
 
 
 def seen_from(offset_px: Vector, radius_px: float, angle_deg: float) -> float:
-    """Tell the angle of a point from elsewhere, in the same turn.
+    """Return the angle of a point as seen from elsewhere, in the same turn.
 
     Parameters
     ----------
@@ -160,7 +159,7 @@ def _short_way(angle_deg: float) -> float:
 
 
 def seen_from_pivots(gauges: Sequence[Gauge], paths: Sequence[PivotPath], log_odds: float) -> tuple[Gauge, ...]:
-    """Tell drawn gauges' angles around their pivots, if they are rather points around the centres that are drawn."""
+    """Convert gauges' angles to those around their pivots, if they are more likely points seen from drawn centres."""
     if log_odds <= 0.0:
         return tuple(gauges)
     return tuple(

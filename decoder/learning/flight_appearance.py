@@ -1,7 +1,7 @@
 """What needles and dials look like, learned from a sample of a flight's own frames.
 
 A template cut from one picture carries that picture's noise, and whatever lies behind the needle there, into every
-reading. Many frames tell needle and dial apart: the dial's face is what each pixel shows when no needle is there, and
+reading. Many frames separate needle and dial: the dial's face is what each pixel shows when no needle is there, and
 the needle is what it adds to the faces it passes over. A reading then compares the gauge with the needle drawn over
 the face behind it, so marks and numerals no longer pull at it.
 """
@@ -20,12 +20,12 @@ from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews, in_light_of
 from decoder.registration.frame_placer import UnwrappedFrame
 
-# Learned needles over learned faces score 0.99 as a rule.
+# Learned needles over learned faces usually score 0.99.
 EVENLY_LIT_SCORE = 0.97
 
 
 def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitViews:
-    """Bring all dials of the samples into the panel picture's light; windows, which may shine, are as they are."""
+    """Bring all dials of the samples into the panel picture's light; windows, which may shine, are left as they are."""
     dials = [isinstance(grid, PolarGrid) for grid in reader.grids]
     return [
         in_light_of(picture, (sample.gauges[index] for sample in samples))
@@ -36,14 +36,14 @@ def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitView
 
 
 def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readings]) -> PanelReader:
-    """Learn what instruments look like; with too few frames the reader stays as it was.
+    """Learn what instruments look like; with too few frames the reader is returned unchanged.
 
     Parameters
     ----------
     views
-        By gauge and frame, as `lit_views` brings them.
+        By gauge and frame, from `lit_views`.
     found
-        By frame what the reader finds in it.
+        For each frame, the readings in it.
     """
     if len(found) < FRAMES_TO_LEARN:
         return reader

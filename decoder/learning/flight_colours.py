@@ -1,6 +1,6 @@
-"""In which grey each gauge of a panel is read, as a few frames of a flight tell it.
+"""The grey in which each gauge of a panel is read, chosen from a few frames of a flight.
 
-Nobody asks for the colours of a flight whose needles are all read in luma: they cost nothing there.
+A flight whose needles are all read in luma never decodes its colours, so they cost nothing there.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Frame = GreyPicture | FramePicture | TopOfFrame
 
 
 def in_best_colours(reader: PanelReader, lost: Sequence[int], frames: Iterable[Frame]) -> PanelReader:
-    """Let gauges be read in the grey that tells their needles best; the same reader where that is as it was.
+    """Let gauges be read in the grey that shows their needles best; return the same reader if nothing changes.
 
     Parameters
     ----------
     lost
-        The gauges whose needles may not be told as they are read; the others are left so.
+        The gauges whose needles may not be visible as they are read now; the others stay as they are.
     frames
         A few of the flight.
     """
@@ -59,7 +59,7 @@ def _panels_colours(reader: PanelReader, indices: Sequence[int]) -> list[Floats]
 
 
 def _seen(reader: PanelReader, indices: Sequence[int], frames: Iterable[Frame]) -> list[list[Floats]]:
-    """By frame in which the panel is found, some of its gauges in colour."""
+    """Sample some of the gauges in colour, in each frame in which the panel is found."""
     unwrapper = Unwrapper([reader.grids[index] for index in indices])
     seen = []
     for placed in reader.placer.placed(taken(frames)):

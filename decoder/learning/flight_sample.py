@@ -1,4 +1,4 @@
-"""The sample of a flight that its reader is fitted to, and what it tells of where the camera stands."""
+"""The sample of a flight that its reader is fitted to, and what it tells of where the camera is."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from decoder.registration.thresholds import SIGNIFICANT_SIGMAS
 from flight_file.frame import Frame
 from flight_file.reader import Flight, spread
 
-# Eight pictures of 18 megapixels, or all that are looked at of smaller ones.
+# Eight pictures of 18 megapixels, or all smaller ones that are needed.
 KEPT_BYTES = 144 * 2**20
 
 Taken = FramePicture | TopOfFrame
 
-# Where anchors and dials move against each other, needles tell less of their pivots.
+# Needles tell less of their pivots where anchors and dials shift relative to each other.
 MORE_FRAMES = 3 * SAMPLE_FRAMES
 
 Sample = Callable[[int], Iterable[GreyPicture | FramePicture | TopOfFrame]]
@@ -41,15 +41,15 @@ Tell = Callable[[str], None]
 
 
 def nobody(words: str) -> None:
-    """Tell nobody."""
+    """Ignore the words."""
 
 
 class FlightSample:
-    """Gives so many frames, spread over the flight; pictures are kept as long as there is room for them.
+    """Yields any number of frames, spread over the flight; pictures are kept in memory as far as there is room.
 
-    Of each frame so many first `rows` as show the panel are decompressed, until more is asked of too many; None if it
-    is not known how many. Room is held back for those that are looked at once more in the end. `opened` are the frames
-    that could be opened so far.
+    Only the first `rows` of each frame are decompressed, until those turn out too few too often; None if their number
+    is unknown. Some room is reserved for the frames that are looked at again at the end. `opened` are the frames that
+    could be opened so far.
     """
 
     def __init__(
@@ -66,19 +66,19 @@ class FlightSample:
         self._video = GroupDecoder()
 
     def __call__(self, frames: int) -> Iterator[Taken]:
-        """Give the same frames each time for the same number; those that cannot be opened are left out."""
+        """Return the same frames each time for the same number, without those that cannot be opened."""
         ranks = sorted(spread(self._flight.count(), frames))
         if all(rank in self._by_rank for rank in ranks):
             return (self._kept[self._by_rank[rank]] for rank in ranks)
         return self._read(frames, ranks)
 
     def given_up(self, frame: Frame) -> Taken | None:
-        """Hand over the picture of a frame, if it was kept, and keep it no longer."""
+        """Hand over the picture of a frame, if it was kept, and drop it."""
         self._by_rank.clear()
         return self._kept.pop(frame.sequence, None)
 
     def _read(self, frames: int, ranks: list[int]) -> Iterator[Taken]:
-        """From the file, but for pictures that are kept."""
+        """Read frames from the file, except for pictures that are kept."""
         given = []
         often = spread(self._flight.count(), LOOKED_AT)
         for number, (rank, frame) in enumerate(zip(ranks, self._flight.sample_frames(frames), strict=False), start=1):
@@ -101,13 +101,13 @@ class FlightSample:
         if self._rows is None or frame.group is not None:
             return FramePicture(grey_picture(encoded, self._video), focal_length_mm, coloured_by(encoded, self._video))
         taken = PictureBlock().frame(encoded, 0, focal_length_mm, self._rows)
-        coloured = coloured_by(encoded, self._video)  # in no memory that is kept
+        coloured = coloured_by(encoded, self._video)  # does not use the block's memory
         if isinstance(taken, TopOfFrame):
             return replace(taken, whole=partial(self._whole, frame), coloured=coloured)
         return replace(taken, coloured=coloured)
 
     def _whole(self, frame: Frame) -> FramePicture:
-        """All of a frame whose first rows did not do: if they often do not, no more of them are tried."""
+        """Decompress a whole frame whose first rows were not enough; if that happens often, stop trying rows only."""
         self._too_few += 1
         if self._too_few > MIN_VIEWS:
             self._rows = None
@@ -119,7 +119,7 @@ class FlightSample:
         return picture
 
     def _keep(self, frame: Frame, taken: Taken, held_back: int) -> None:
-        """If there is room for it, and for as many more as it is `held_back` for."""
+        """Keep a picture if there is room for it and for `held_back` more."""
         size = _size(frame, taken)
         if (1 + held_back) * size <= self._room:
             self._room -= size
@@ -127,12 +127,12 @@ class FlightSample:
 
 
 def _size(frame: Frame, taken: Taken) -> int:
-    """Bytes that a picture keeps in memory: its JPEG too, or what a video's decoder holds of it, for its colours."""
+    """Return the bytes that a picture keeps in memory, including its JPEG, or a video decoder's data, for colours."""
     return taken.pixels.nbytes + (len(frame.encoded) if frame.group is None else 3 * taken.pixels.nbytes // 2)
 
 
 def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list[UnwrappedFrame]]:
-    """Align and unwrap a sample, once it is known where the camera stands, and whether it rolls or dials move."""
+    """Align and unwrap a sample, after finding out where the camera is, and whether it rolls or dials move."""
     panel = reader.source.panel
     if len(panel.anchors) == 1 and panel.level is None:
         reader = reader.with_placement(replace(reader.placement, is_upright=False))
@@ -147,7 +147,7 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
         samples = unwrapped(reader, sample(SAMPLE_FRAMES))
     if _camera_moves(reader, samples):
         agree = _anchors_agree(reader, samples)
-        there = with_usual_place(reader, samples)  # anchors that are seen obliquely are looked for as they are seen
+        there = with_usual_place(reader, samples)  # so that anchors seen obliquely are searched for as they appear
         one_by_one = there.with_placement(replace(there.placement, dials_move=True, anchors_agree=agree))
         if _dials_move(one_by_one, sample):
             return one_by_one, unwrapped(one_by_one, sample(frames_wanted(one_by_one.placement)))
@@ -155,7 +155,7 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
 
 
 def with_usual_place(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
-    """Let searches start where the camera mostly was; with too few frames the reader stays as it was."""
+    """Let searches start where the camera mostly was; with too few frames the reader is returned unchanged."""
     if len(samples) < FRAMES_TO_LEARN:
         return reader
     matrices = _at_panels_zoom(reader, samples)
@@ -170,7 +170,7 @@ def with_usual_place(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> 
 
 
 def _usual(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix]) -> Alignment:
-    """Take the median alignment, at the panel picture's zoom; a shift and a roll where all others are."""
+    """Return the median alignment at the panel picture's zoom; if all are a shift and a roll, so is the median."""
     usual = median_of(np.array(matrices))
     if all(is_rigid(matrix) for matrix in matrices):
         usual[:2, :2] /= np.hypot(usual[0, 0], usual[1, 0])
@@ -178,7 +178,7 @@ def _usual(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix]) -> Ali
 
 
 def _motions(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix], usual: Alignment) -> tuple[Matrix, ...]:
-    """How those samples moved that show most of the panel."""
+    """Return the motions of those samples that show most of the panel."""
     models = [0 if each.alignment.covariance is None else each.alignment.covariance.model for each in samples]
     there = np.linalg.inv(usual.matrix)
     most = max(models)
@@ -186,7 +186,7 @@ def _motions(samples: Sequence[UnwrappedFrame], matrices: Sequence[Matrix], usua
 
 
 def _at_panels_zoom(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Matrix]:
-    """(3, 3) each: frames' alignments, had they been taken at the panel picture's zoom and size."""
+    """(3, 3) each: frames' alignments as if they had been taken at the panel picture's zoom and size."""
     optics = reader.aligner.optics
     kinds = [(sample.focal_length_mm, sample.size_px or optics.size_px) for sample in samples]
     back = {kind: np.linalg.inv(optics.zoom(*kind)) for kind in dict.fromkeys(kinds)}
@@ -195,12 +195,12 @@ def _at_panels_zoom(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> l
 
 
 def frames_wanted(placement: Placement) -> int:
-    """How many frames a sample is to have."""
+    """Return how many frames a sample needs."""
     return MORE_FRAMES if placement.dials_move and not placement.anchors_agree else SAMPLE_FRAMES
 
 
 def _pictures(frames: Iterable[GreyPicture | FramePicture | TopOfFrame]) -> Iterator[FramePicture]:
-    """Decompress the frames of a sample whole."""
+    """Decompress the frames of a sample wholly."""
     for frame in taken(frames):
         try:
             yield frame.whole() if isinstance(frame, TopOfFrame) else frame
@@ -217,11 +217,11 @@ def _camera_moves(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> boo
 
 
 def _never_rolls(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
-    """Whether a lone anchor tells the usual roll in all frames, within what that is uncertain by."""
+    """Whether a lone anchor shows the usual roll in all frames, within its uncertainty."""
     sigmas = []
     for alignment in (sample.alignment for sample in samples):
         known = alignment.covariance
-        # A round anchor cannot tell, nor can what is aligned by a shift.
+        # A round anchor does not tell, and neither does an alignment by a shift.
         if known is not None and known.model is Model.RIGID and known.covariance[2, 2] > 0.0:
             roll_px = math.radians(alignment.roll_deg - reader.placement.usual.roll_deg) * known.axes.lever_px
             sigmas.append(roll_px / math.sqrt(known.covariance[2, 2]))
@@ -229,12 +229,12 @@ def _never_rolls(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool
 
 
 def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool:
-    """Whether all anchors tell the same, in most frames."""
+    """Whether all anchors agree, in most frames."""
     return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
 
 
 def _dials_move(reader: PanelReader, sample: Sample) -> bool:
-    """Whether dials lie elsewhere than the anchors have them, in some of the sampled frames."""
+    """Whether dials lie elsewhere than the anchors put them, in some of the sampled frames."""
     shifts_px: list[float] = []
     frames = 0
     for frame in _pictures(sample(SAMPLE_FRAMES)):
@@ -250,7 +250,7 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
 
 
 def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
-    """Where the camera stands, by the first frames that first sight makes out; None where it makes out too few."""
+    """Return where the camera is, by the first frames in which SIFT finds the panel; None if those are too few."""
     if 2 * found >= sum(1 for _ in sample(SAMPLE_FRAMES)):
         return None
     optics, sight = reader.aligner.optics, reader.aligner.localizer
@@ -271,7 +271,7 @@ def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment |
 
 
 def _second_sight(reader: PanelReader, sample: Sample) -> Alignment | None:
-    """Where the camera stands, if most frames show the panel in another perspective than its anchors can tell."""
+    """Return where the camera is, if most frames show the panel in a perspective that its anchors cannot express."""
     aligner = reader.aligner
     seen: list[Matrix] = []
     for frame in () if aligner.tells_perspective else _pictures(sample(MIN_VIEWS)):
@@ -288,7 +288,7 @@ def _second_sight(reader: PanelReader, sample: Sample) -> Alignment | None:
 
 
 def _medoid(seen: Sequence[Matrix]) -> Alignment | None:
-    """Take of some motions the one that is least far from the others."""
+    """Return the motion that is closest to the others."""
     if not seen:
         return None
     apart = [sum(float(np.abs(one - other)[:2, 2].sum()) for other in seen) for one in seen]

@@ -4,12 +4,11 @@
 with a weight for each pixel of the template: equal weights give the thesis's NCC. The template spans all columns, so
 the search is in angle only. A window or a template without variance scores 0, never 1 and never NaN.
 
-Over a face F the needle shows as `n = light + (transparency - 1) F` on top of it. The score is the partial
-correlation of the gauge with n, given F and a constant: the NCC of gauge and needle after both have lost what the
-face can explain. On a plain dial it is the thesis's NCC; over marks and numerals it does not suffer from them, and
-where only the face is to be seen it is about 0.
+Over a face F, the needle adds `n = light + (transparency - 1) F`. The score is the partial correlation of the gauge
+with n given F and a constant: the NCC of gauge and needle after removing from both what the face explains. On a plain
+dial it equals the thesis's NCC; marks and numerals do not disturb it, and where only the face is visible it is about 0.
 
-All sums slide along the rows; results are by the row on which the template starts.
+All sums slide along the rows; results are indexed by the row on which the template starts.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ from decoder.matching.thresholds import FACE_NOISE_LEVELS, MAX_CONDITION, OUTLIE
 from decoder.panel.arrays import Floats, Mask, limited
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
-EVERY = 4  # pixels: so many tell a median as well
-ROUNDING = np.finfo(np.float32).eps  # keeps a division by the weight of no pixels finite
+EVERY = 4  # pixels; this subset gives the median as well
+ROUNDING = np.finfo(np.float32).eps  # keeps a division by a total weight of zero finite
 
 
 def sliding_sums(images: Floats, kernels: Floats) -> Floats:
@@ -42,7 +41,7 @@ def sliding_sums(images: Floats, kernels: Floats) -> Floats:
     (K, ..., R - H + 1) float32
     """
     count, height, width = kernels.shape
-    products = images @ kernels.reshape(count * height, width).T  # the sums that are wanted lie on its diagonals
+    products = images @ kernels.reshape(count * height, width).T  # the wanted sums lie on its diagonals
     *outer, row, column = products.strides
     shape = (count, *images.shape[:-2], images.shape[-2] - height + 1, height)
     strides = (height * column, *outer, row, row + column)
@@ -91,16 +90,16 @@ def xcorr(images: Floats, template: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class FaceMoments:
-    """Weighted moments of face and needle under a template, arrays of one shape: all that the gauge does not change.
+    """Weighted moments of face and needle under a template, arrays of one shape: all that is independent of the gauge.
 
     Attributes
     ----------
     total
-        The weight of all pixels.
+        The total weight of the pixels.
     face_mean, face_variance, needle_mean
-        Of each pixel's weight.
+        Weighted, per unit of weight.
     needle_per_face
-        How much of the needle goes along with the face.
+        The regression coefficient of the needle on the face.
     needle_left
         The needle's variance that the face does not explain.
     """
@@ -114,7 +113,7 @@ class FaceMoments:
 
     @classmethod
     def of_means(cls, total: Floats, means: tuple[Floats, Floats, Floats, Floats, Floats]) -> FaceMoments:
-        """Return them by the means of the face, its square, the needle, the needle times the face, and its square."""
+        """Compute them from the means of the face, its square, the needle, needle times face, and needle squared."""
         face, face_square, needle, needle_face, needle_square = means
         face_variance = np.maximum(face_square - face**2, 0.0) + FACE_NOISE_LEVELS**2
         per_face = (needle_face - needle * face) / face_variance
@@ -123,7 +122,7 @@ class FaceMoments:
 
     @property
     def needle_contrast(self) -> Floats:
-        """The needle's variance that the face does not explain, times the weights it was seen with."""
+        """The needle's variance that the face does not explain, times the total weight."""
         contrast: Floats = self.needle_left * self.total
         return contrast
 
@@ -136,7 +135,7 @@ def partial_ncc(known: FaceMoments, mean: Floats, square: Floats, with_face: Flo
     known
         Of face and needle.
     mean, square, with_face, with_needle
-        The means of the gauge, its square, and the gauge times the face and times the needle: arrays of one shape.
+        The means of the gauge, of its square, and of its products with the face and the needle: arrays of one shape.
 
     Returns
     -------
@@ -151,7 +150,7 @@ def partial_ncc(known: FaceMoments, mean: Floats, square: Floats, with_face: Flo
 
 
 def face_moments(faces: Floats, template: NeedleTemplate, masks: Floats | None = None) -> FaceMoments:
-    """Return the moments of a template on each row of faces, of the pixels that the masks leave.
+    """Return the moments of a template on each row of faces, over the pixels that the masks keep.
 
     Parameters
     ----------
@@ -187,7 +186,7 @@ def partial_normxcorr(
     masks: Floats | None = None,
     moments: FaceMoments | None = None,
 ) -> tuple[Floats, FaceMoments]:
-    """Return the partial correlation of gauges with a needle, given their faces, and the moments that it took.
+    """Return the partial correlation of gauges with a needle, given their faces, and the moments used.
 
     Parameters
     ----------
@@ -195,7 +194,7 @@ def partial_normxcorr(
     masks : (..., R, C) float32
         0 where pixels are left out.
     moments
-        Of faces and masks, if they are known already.
+        Of faces and masks, if already known.
 
     Returns
     -------
@@ -216,29 +215,29 @@ def partial_normxcorr(
 
 
 def _sums_over(kernels: list[list[Floats]], *images: Floats) -> Floats:
-    """Slide several kernels, of three parts each, along as many images side by side."""
+    """Slide several kernels, each of one part per image, along the images side by side."""
     blocks = np.stack([np.concatenate(parts, axis=1) for parts in kernels]).astype(np.float32)
     return sliding_sums(np.concatenate(images, axis=-1), blocks)
 
 
 def products(left: Floats, right: Floats) -> Floats:
-    """(..., K, L): the inner products of few long rows, (..., K, N), with as few others, (..., L, N).
+    """(..., K, L): the inner products of a few long rows (..., K, N) with a few others (..., L, N).
 
-    A matrix product of such shapes takes ten times as long: its blocks are made for square ones.
+    A matrix product of such shapes takes ten times as long, since it is blocked for square matrices.
     """
     inner: Floats = np.vecdot(left[..., :, None, :], right[..., None, :, :])
     return inner
 
 
 def is_singular(normals: Floats) -> Mask:
-    """(...): whether symmetric matrices, (..., K, K), have no inverse in double precision."""
+    """(...): whether symmetric matrices (..., K, K) have no inverse in double precision."""
     spread = np.linalg.eigvalsh(normals)
     singular: Mask = ~(spread[..., 0] * MAX_CONDITION > spread[..., -1])
     return singular
 
 
 def explained(left: Floats, weights: Floats) -> Floats:
-    """1 where a fit leaves no more (P, C) than it leaves as a rule where there is weight, else 0."""
+    """Return 1 where residuals (P, C) are no larger than usual for pixels with weight, else 0."""
     off = np.abs(left)
     some, known = off.ravel()[::EVERY], weights.ravel()[::EVERY]
     some = some[known > 0]
@@ -247,7 +246,7 @@ def explained(left: Floats, weights: Floats) -> Floats:
 
 
 def weighted_correlation(seen: Floats, left: Floats, weights: Floats) -> float:
-    """Return the NCC of what is seen (P, C) with its fit, by what that leaves."""
+    """Return the NCC of pixels (P, C) with their fit, from the residuals `left`."""
     total = float(weights.sum())
     mean = float((weights * seen).sum()) / total
     variance = float((weights * (seen - mean) ** 2).sum())

@@ -21,9 +21,9 @@ LitViews = Sequence[Sequence[Floats | None]]
 
 
 def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
-    """Unwrapped gauges, each in the light of a reference picture of it; None if they have nothing in common.
+    """Bring unwrapped gauges into the light of a reference picture; None for those that have nothing in common with it.
 
-    Gain and offset by least squares over every third pixel, without the pixels where needles or glares make them
+    Gain and offset are fitted by least squares over every third pixel, without pixels where needles or glare make them
     differ.
     """
     wanted = _thinned(reference)
@@ -31,13 +31,13 @@ def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | No
 
 
 def _thinned(strip: Floats) -> Floats:
-    """(N,): some of a gauge's pixels, counted from the middle grey: that keeps sums small enough for float32."""
+    """(N,): a subset of a gauge's pixels, relative to middle grey to keep sums small enough for float32."""
     thinned: Floats = strip.ravel()[::LIGHT_STRIDE] - np.float32(MIDDLE_GREY)
     return thinned
 
 
 def _lit(wanted: Floats, strip: Floats) -> Floats | None:
-    """One gauge in the light of such pixels."""
+    """Bring one gauge into the light of a reference's thinned pixels."""
     seen = _thinned(strip)
     off = wanted - seen
     gain, offset = 1.0, float(median(off))
@@ -50,7 +50,7 @@ def _lit(wanted: Floats, strip: Floats) -> Floats | None:
         is_near = np.abs(off, out=off) < 5 * NOISE_LEVELS
         near = is_near.astype(np.float32)
         here = seen * near
-        # one product after the other: for so few rows a matrix product costs three times as much
+        # separate dot products: for so few rows a matrix product takes three times as long
         count, sum_x, sum_y = np.count_nonzero(is_near), float(seen @ near), float(wanted @ near)
         spread = float(here @ seen) / count - (sum_x / count) ** 2 if count else 0.0
         if spread < 1.0:
@@ -65,16 +65,16 @@ def _lit(wanted: Floats, strip: Floats) -> Floats | None:
 
 
 def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: Floats) -> Floats:
-    """Return the dial's face: the median of each pixel over the frames in which no needle lies on it.
+    """Return the dial's face: the median of each pixel over the frames in which no needle covers it.
 
     Parameters
     ----------
     strips
         (R, C) each, in one light.
     without
-        Of each the pixels, numbered through, on which a needle lies; some may be there twice.
+        For each, the flat indices of the pixels that a needle covers; they may repeat.
     fallback
-        (R, C): stands where fewer than three frames show a pixel without a needle, or two differ.
+        (R, C): used where fewer than three frames show a pixel without a needle, or only two that differ.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: F
     """
     views = np.stack(strips)
     count = np.full(fallback.size, len(views), np.uint16)
-    # As much lies far below as far above: what is seen of a pixel stays around the middle.
+    # Covered pixels become -inf and +inf in turn, so that the visible ones stay around the middle.
     far = np.full(fallback.size, -np.inf, np.float32)
     for view, covered in zip(views.reshape(len(views), -1), without, strict=True):
         view[covered] = far[covered]
@@ -90,7 +90,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: F
         count[covered] -= 1
     low, high = middle_views(views)
     counts = count.reshape(fallback.shape)
-    alone = low if len(views) % 2 else high  # of an odd number of values
+    alone = low if len(views) % 2 else high  # the middle of an odd number of values
     with np.errstate(invalid="ignore"):  # where no value is left
         middle = np.where(counts & 1, alone, (low + high) / 2)
     seen = (counts >= MIN_VIEWS) | ((counts == MIN_VIEWS - 1) & (high <= low + 2 * NOISE_LEVELS))
@@ -99,7 +99,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: F
 
 
 def bare_face(strip: Floats, place: Mask) -> Floats:
-    """Return a dial's face from one picture, (R, C): where needles lie, their column's median elsewhere."""
+    """Return a dial's face from one picture (R, C): where needles cover it, the median of the rest of the column."""
     columns = np.where(place, np.inf, strip).T.copy()
     columns.sort(axis=1)
     count = len(place) - place.sum(axis=0)

@@ -1,10 +1,10 @@
 """Least squares of a needle over its face for gain, offset and shift, in many windows at once.
 
-Its solution is the NCC's maximum between rows. The fit is linear in the shift, so it is made twice: once with the
-needle where it is expected, once with the needle moved to the half row nearest to what the first found.
+The solution is the maximum of the NCC between rows. The fit is linear in the shift, so it is done twice: first with the
+needle where it is expected, then with the needle moved to the half row nearest to the first result.
 
-Each window is summed up by a product of its own, always of one shape, and all else is number by number: so a fit does
-not depend on those beside it.
+Each window is summed by a product of its own, always of the same shape, and everything else is elementwise, so a fit
+does not depend on the others in the batch.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from decoder.matching.thresholds import MAX_FRACTION_ROWS, MAX_STEPS, MIN_CONTRA
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 
 PHASES_PER_ROW = 2
-# How many phases to either side a fit may need.
+# The furthest phase to either side that a fit may need.
 PHASE_REACH = math.ceil(MAX_FRACTION_ROWS * PHASES_PER_ROW)
 MIDDLE_GREY = 128.0
 ROUNDING = np.finfo(np.float32).eps
-# Keeps the normal matrix of several lights from being singular, a part of its trace.
+# Regularises the normal matrix of several lights, relative to its trace.
 LIGHT_HOLD = 1e-12
 
-# Rows of the moment matrix: the needle over the face, how that changes down the rows, 1, the gauge, and the face alone.
+# Rows of the moment matrix: the needle over the face, its derivative along the rows, 1, the gauge, and the face alone.
 NEEDLE, SLOPE, ONE, SEEN, FACE = range(5)
 
 BehindWindows = Callable[[Indices | slice, Floats], Floats]
@@ -38,10 +38,10 @@ BehindWindows = Callable[[Indices | slice, Floats], Floats]
 
 @dataclass(frozen=True, slots=True)
 class Phases:
-    """The template moved by every half row that a fit may need, upwards first.
+    """The template moved by every half row that a fit may need, from the furthest up to the furthest down.
 
-    `light` and `transparency`, (2 * PHASE_REACH + 1, 2, H, C) each, are its layers and how these change when it moves
-    on; at PHASE_REACH it is where it was.
+    `light` and `transparency`, (2 * PHASE_REACH + 1, 2, H, C) each, are its layers and their derivatives by its
+    movement; at index PHASE_REACH it is unmoved.
     """
 
     light: Floats
@@ -58,9 +58,9 @@ def _phases(template: NeedleTemplate) -> Phases:
     margin = PHASE_REACH + 1
     within = limited(np.arange(-margin, rows + margin), 0, rows - 1)
     padded = np.stack([template.light[within], template.transparency[within]])
-    # the template, then how it changes, of light and transparency: (2, phases, 2, H, C)
+    # light and transparency of the template and their changes: (2, phases, 2, H, C)
     layers = np.empty((2, 2 * PHASE_REACH + 1, 2, rows, columns), np.float32)
-    between: dict[float, Floats] = {}  # by part of a row: phases a whole row apart are rows of the same
+    between: dict[float, Floats] = {}  # by fraction of a row: phases a whole row apart share their rows
     for phase in range(-PHASE_REACH, PHASE_REACH + 1):
         before, part = divmod(-phase / PHASES_PER_ROW, 1.0)
         if part not in between:
@@ -75,7 +75,7 @@ def _phases(template: NeedleTemplate) -> Phases:
 
 
 def _between(layers: Floats, part: float) -> Floats:
-    """(2, R - 3, C): layers (2, R, C) a part of a row below each of their rows but the first and the last two."""
+    """(2, R - 3, C): layers (2, R, C) interpolated a part of a row below each row except the first and the last two."""
     count = layers.shape[1] - 3
     first, *others = (
         np.float32(weight) * layers[:, tap : tap + count] for tap, weight in enumerate(cubic_weights(part)) if weight
@@ -93,11 +93,11 @@ class Fits:
     Attributes
     ----------
     fraction, sigma_rows
-        How many rows below the window's middle the needle lies, NaN where none fits, and the spread of that.
+        How many rows below the window's middle the needle lies, NaN where none fits, with its uncertainty.
     score
         The partial NCC of gauge and needle, given the face: in [-1, 1].
     noise
-        The mean square that stays unexplained, grey levels squared.
+        The mean square residual, grey levels squared.
     gain
         The needle's contrast in units of the template's.
     correlation
@@ -113,16 +113,16 @@ class Fits:
 
 
 class WindowFitter:
-    """Fits needles whose templates have one shape, (H, C), in many windows.
+    """Fits needles whose templates have one shape (H, C), in many windows.
 
     Parameters
     ----------
     templates
         One for each needle.
     pixels_per_sample
-        By needle, how much of an original pixel one sample of its gauge stands for.
+        For each needle, how much of an original pixel one sample of its gauge covers.
     lights
-        (L, H * C): what else may lie over a window, in any amount: a constant unless more are given.
+        (L, H * C): what else may be added over a window, in any amount; by default a constant.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class WindowFitter:
     ) -> None:
         self._pixels_per_sample = np.array(pixels_per_sample)
         phases = [phases_of(template) for template in templates]
-        # (needles, phases, 2, H * C): light and transparency, and how they change when the needle moves on
+        # (needles, phases, 2, H * C): light and transparency, and their derivatives by the needle's movement
         self._light, self._transparency = (
             np.stack([getattr(own, name).reshape(2 * PHASE_REACH + 1, 2, -1) for own in phases])
             for name in ("light", "transparency")
@@ -184,7 +184,7 @@ class WindowFitter:
         return solved(moments, phase, self._pixels_per_sample[which])
 
     def _moments(self, layers: Floats, weights: Floats) -> Floats:
-        """(5, 5, M) float64: the weighted sums of products of layers (M, 5, H * C), without what lights explain."""
+        """(5, 5, M) float64: the weighted sums of products of layers (M, 5, H * C), with lights projected out."""
         if self._lights is None:
             plain: Floats = summed_products(layers, weights[:, None]).transpose(1, 2, 0)
             return plain
@@ -194,7 +194,7 @@ class WindowFitter:
         of_light, shared = sums[:, :count, :count], sums[:, :count, count:]
         hold = LIGHT_HOLD * (1.0 + np.trace(of_light, axis1=1, axis2=2))[:, None, None] * np.eye(count)
         left = sums[:, count:, count:] - shared.transpose(0, 2, 1) @ np.linalg.solve(of_light + hold, shared)
-        left[:, ONE] = left[:, :, ONE] = 0.0  # the lights hold a constant
+        left[:, ONE] = left[:, :, ONE] = 0.0  # the lights include a constant
         left[:, ONE, ONE] = sums[:, count + ONE, count + ONE]
         moments: Floats = left.transpose(1, 2, 0)
         return moments
@@ -213,15 +213,15 @@ def _layers(light: Floats, transparency: Floats, back: Floats, windows: Floats) 
 
 
 def summed_products(layers: Floats, weights: Floats) -> Floats:
-    """(M, K, K) float64: the sums of products of any two of K layers, (M, K, H * C), by the weights of their pixels."""
+    """(M, K, K) float64: the weighted sums of products of any two of K layers (M, K, H * C)."""
     weighted = layers * weights
-    # as many products of two vectors: on matrices of so few rows a library spends its time on getting started
+    # a dot product per pair: for so few rows, the overhead of a matrix product dominates
     sums: Floats = np.vecdot(weighted[:, :, None], layers[:, None]).astype(np.float64)
     return sums
 
 
 def nearest_phases(moments: Floats, phase: Indices) -> Indices:
-    """(M,): the phase nearest to where the least squares find the needle; where that is in another window, the same."""
+    """(M,): the phase nearest to where least squares find the needle; unchanged where that is in another window."""
     with np.errstate(divide="ignore", invalid="ignore"):
         (gain, _, shift), _ = _solutions(moments)
         fraction = phase / PHASES_PER_ROW + shift / gain
@@ -230,9 +230,9 @@ def nearest_phases(moments: Floats, phase: Indices) -> Indices:
 
 
 def solved(moments: Floats, phase: Indices, pixels_per_sample: Floats | float) -> Fits:
-    """Gain, offset and shift by moments, (5, 5, M) or at least their first four rows and columns.
+    """Solve for gain, offset and shift from moments (5, 5, M), or at least their first four rows and columns.
 
-    Moments are alike either way; these are looked at where the row is not less than the column.
+    Moments are symmetric; only the entries on and below the diagonal are used.
     """
     total, seen = moments[ONE, ONE], moments[SEEN]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -255,7 +255,7 @@ def solved(moments: Floats, phase: Indices, pixels_per_sample: Floats | float) -
 
 
 def _solutions(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:
-    """Gain, offset and shift of each window, and the variance of its shift, as `_solution`."""
+    """Return gain, offset and shift of each window, and the variance factor of its shift."""
     a, c, b, x = moments[:FACE, NEEDLE]
     f, e, z = moments[SLOPE:FACE, SLOPE]
     d, y = moments[ONE:FACE, ONE]
@@ -270,7 +270,7 @@ def _solutions(moments: Floats) -> tuple[tuple[Floats, Floats, Floats], Floats]:
 
 
 def partial_correlation(moments: Floats) -> Floats:
-    """Return the partial NCC of needle and gauge, given the face, by moments (5, 5, M): (M,)."""
+    """Return the partial NCC of needle and gauge, given the face, from moments (5, 5, M): (M,)."""
     total = np.maximum(moments[ONE, ONE], ROUNDING)
     means = moments / total
     known = FaceMoments.of_means(
@@ -288,16 +288,16 @@ def partial_correlation(moments: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """Where M windows came to rest; (M,) each.
+    """Where the needles of M windows were found; (M,) each.
 
     Attributes
     ----------
     row
-        Of the needle's axis; NaN where the least squares led astray.
+        Of the needle's axis; NaN where least squares diverged.
     sigma_rows, score, correlation, gain
-        As of `Fits`.
+        As in `Fits`.
     is_settled
-        Whether the last fit lies in its own window.
+        Whether the last fit lies in its own window, so that the windows converged.
     """
 
     row: Floats
@@ -320,9 +320,9 @@ def settle(fit: FitAround, places: Floats, limits: tuple[Floats | int, Floats | 
     places
         (M,): the fractional rows at which the needles are expected.
     limits
-        The first and the last row around which a window lies on its gauge.
+        The first and the last row around which a window fits into its gauge.
     reach_rows
-        How far from the place a needle may turn out to lie.
+        The furthest a needle may turn out to be from its place.
     """
     low, high = (np.broadcast_to(limit, places.shape) for limit in limits)
     rows = limited(np.rint(places), low, high).astype(np.intp)

@@ -1,6 +1,6 @@
-"""Two needles of one gauge, one over the other, settled together by least squares: both places, gain and offset.
+"""Two needles of one gauge, one over the other, fitted together by least squares: both places, gain and offset.
 
-What shows of each depends on where the other is; so from a first guess both are moved at once, a few times over.
+What shows of each depends on where the other is, so both are moved at once, in several steps from a first guess.
 """
 
 from __future__ import annotations
@@ -29,42 +29,42 @@ from decoder.matching.thresholds import MAX_FRACTION_ROWS, MAX_PEAK_ROWS, MIN_CO
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 
 STEPS = 6
-# What two needles leave unexplained is their edges' rather than noise: neighbouring pixels share it.
+# Neighbouring pixels share their errors, since what two needles leave unexplained is from their edges, not noise.
 SHARED_NOISE = 3.0
-# The lower needle's place, and those to either side that tell how its layer changes.
+# Offsets of the lower needle: its place, and those to either side for the derivative of its layer.
 BESIDE_ROWS = np.array([[0.0], [-0.5], [0.5]])
 LOWER, LAYERS = FACE + 1, FACE + 2
-# The rows of the moment matrix that are solved for; and where in all of its numbers theirs are, and what these are to
-# explain. What `take` gives lies in memory frame by frame: so its sums do not depend on how many frames there are.
+# The rows of the moment matrix that are solved for, and the flat indices of their equations in it. The result of `take`
+# is laid out frame by frame, so that its sums do not depend on how many frames there are.
 UNKNOWNS = np.array([NEEDLE, SLOPE, LOWER, ONE])
 NORMAL, RIGHT = UNKNOWNS[:, None] * LAYERS + UNKNOWNS, UNKNOWNS * LAYERS + SEEN
-# A lower needle that is hidden says nothing of its place: it stays.
+# Regularisation: a lower needle that is hidden tells nothing of its place, and stays.
 HELD = 1e-2
 HOLD = np.diag([1e-6, 1e-6, 1e-3, 1e-6])
 
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """M pairs of needles where they leave least unexplained; (M,) but for the last three, (M, H * C).
+    """M pairs of needles, as fitted; (M,) except for the last three, (M, H * C).
 
     Attributes
     ----------
     upper_row, lower_row
-        NaN where they do not settle.
+        NaN where they do not converge.
     upper_sigma_rows, lower_sigma_rows
-        Their spreads.
+        Their uncertainties.
     score
         Of the upper needle, given all that lies behind it.
     correlation
         Of the whole window with both needles over the face.
     noise
-        The mean square that stays unexplained, grey levels squared; infinite where nothing fits.
+        The mean square residual, grey levels squared; infinite where nothing fits.
     gain
         The needles' contrast in units of their templates'.
     window
         The row around which the windows lie.
     unexplained
-        What stays of each pixel.
+        The residual of each pixel.
     face
         The dial there.
     """
@@ -88,9 +88,9 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Where M upper needles are drawn, (M,) each, and gauge and face there, (M, H * C).
+    """Where M upper needles are drawn, (M,) each, with gauge and face there, (M, H * C).
 
-    `phase` is by half rows from the row `window` around which they lie, `row` both together.
+    `phase` counts half rows from the row `window` of the windows; `row` is both together.
     """
 
     window: Indices
@@ -101,7 +101,7 @@ class _Places:
 
 
 class JointFitter:
-    """Settles two needles together; `pixels_per_sample` as of their gauge's grid."""
+    """Fits two needles together; `pixels_per_sample` is that of their gauge's grid."""
 
     def __init__(self, upper: NeedleTemplate, lower: LowerNeedle, pixels_per_sample: float) -> None:
         self._lower, self._shape = lower, upper.pixels.shape
@@ -109,19 +109,19 @@ class JointFitter:
         self._pixels_per_sample = pixels_per_sample
         phases = phases_of(upper)
         light, transparency = phases.light, phases.transparency
-        # Both by phase, how both change when the needle moves on, and what its transparency is held to.
+        # By phase: light, transparency, their derivatives by movement, and the transparency held above a minimum.
         held = np.maximum(transparency[:, 0], np.float32(MIN_CONTRAST_PART))
         self._drawn = np.stack([light[:, 0], transparency[:, 0], light[:, 1], transparency[:, 1], held])
         self._trust = upper.trust.ravel()
 
     def fit(self, strips: Strips, upper_rows: Floats, lower_rows: Floats) -> Joint:
-        """From where the needles seem to be, (M,) each, on gauges of which the strips are parts."""
+        """Fit pairs from starting rows (M,) each; the strips are parts of their gauges."""
         count, size = len(upper_rows), len(self._trust)
         upper, lower = upper_rows.astype(np.float64), lower_rows.astype(np.float64)
         window, moments = np.empty(count, np.intp), np.empty((count, LAYERS, LAYERS))
         unexplained, face = np.empty((2, count, size), np.float32)
         open_, is_near = np.arange(count), np.zeros(count, bool)
-        for steps_left in range(STEPS, -1, -1):  # the last one where the needles then are
+        for steps_left in range(STEPS, -1, -1):  # the last one evaluates the final rows
             at = self._places(strips.part(open_), upper[open_])
             layers = self._layers(at, lower[open_])
             sums = summed_products(layers, self._trust)
@@ -143,7 +143,7 @@ class JointFitter:
         return Joint(**self._found(upper, lower, moments), window=window, unexplained=unexplained, face=face)
 
     def _found(self, upper: Floats, lower: Floats, moments: Floats) -> dict[str, Floats]:
-        """Return what the sums, (M, 6, 6), say of pairs that are drawn on these rows, (M,)."""
+        """Return the results for pairs drawn on these rows (M,), from their sums (M, 6, 6)."""
         solution, inverse = _solved(moments)
         gain, off, noise = solution[:, 0], _off(solution), _noise(moments, solution)
         near = (np.abs(off) <= MAX_FRACTION_ROWS).all(axis=1)
@@ -165,14 +165,14 @@ class JointFitter:
         }
 
     def _places(self, strips: Strips, upper: Floats) -> _Places:
-        """Return the places nearest to where the upper needles seem to be."""
+        """Return the places on the grid of phases nearest to the upper needles' rows."""
         last = len(strips.face) - self._axis - 1
         window = limited(np.rint(upper), self._axis, last).astype(np.intp)
         phase = limited(np.rint((upper - window) * PHASES_PER_ROW), -PHASE_REACH, PHASE_REACH).astype(np.intp)
         return _Places(window, phase, window + phase / PHASES_PER_ROW, *strips.windows(window, self._axis))
 
     def _layers(self, at: _Places, lower: Floats) -> Floats:
-        """(M, 6, H * C): what the sums are made of, with the lower needles on rows (M,) of the gauge."""
+        """(M, 6, H * C): the layers of the moment matrix, with the lower needles on rows (M,) of the gauge."""
         count = len(lower)
         light, over, more_light, more_over, held = self._drawn.take(at.phase + PHASE_REACH, axis=1)
         face = at.face.reshape(count, *self._shape)
@@ -192,7 +192,7 @@ class JointFitter:
 
 
 def _unexplained(solution: Floats, layers: Floats) -> Floats:
-    """(M, H * C) float32: what stays of each pixel."""
+    """(M, H * C) float32: the residuals."""
     parts = np.zeros((len(layers), 1, LAYERS), np.float32)
     parts[:, 0, UNKNOWNS] = -solution
     parts[:, 0, SEEN] = 1.0
@@ -201,7 +201,7 @@ def _unexplained(solution: Floats, layers: Floats) -> Floats:
 
 
 def _off(solution: Floats) -> Floats:
-    """(M, 2): how far the upper and the lower needle lie from where they were thought to be; NaN where none fits."""
+    """(M, 2): how far the upper and the lower needle lie from where they were drawn; NaN where none fits."""
     with np.errstate(invalid="ignore", divide="ignore"):
         gain = solution[:, 0]
         off: Floats = solution[:, 1:3] / np.where(gain >= MIN_CONTRAST_PART, gain, np.nan)[:, None]
@@ -218,7 +218,7 @@ def _solved(moments: Floats) -> tuple[Floats, Floats]:
 
 
 def _noise(moments: Floats, solution: Floats) -> Floats:
-    """(M,): the mean square that stays unexplained."""
+    """(M,): the mean square residual."""
     normal, right = _equations(moments)
     left = moments[:, SEEN, SEEN] + (((normal @ solution[..., None])[..., 0] - 2 * right) * solution).sum(axis=1)
     noise: Floats = np.maximum(left, 0.0) / np.maximum(moments[:, ONE, ONE], 1e-9)

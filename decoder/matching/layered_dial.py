@@ -1,7 +1,7 @@
-"""A round dial with needles over it: drawn wherever they may point, and held against what a frame shows.
+"""A round dial with needles over it: drawn for any positions of the needles, and compared with a frame.
 
-Rows go once around the dial, columns outward from its centre: each pixel is there once. A needle with a tail is two
-layers, half a turn apart. Needles are drawn from the lowest up, each as what it adds to what lies behind it.
+Rows go once around the dial, columns outward from its centre, so each pixel occurs once. A needle with a tail is two
+layers, half a turn apart. Needles are drawn from the lowest up, each added to what lies behind it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from decoder.registration.thresholds import NOISE_LEVELS
 
 @dataclass(frozen=True, slots=True)
 class _Layer:
-    """A needle, or its tail: light and transparency around a row so many rows behind the tip's.
+    """A needle or its tail: light and transparency around a row `behind_rows` behind the tip's.
 
     Attributes
     ----------
     pixels, rises
-        (H + 1, 2, C): by row, and how much more the next row has; the last row draws nothing.
+        (H + 1, 2, C): each row, and its difference to the next; the last row draws nothing.
     """
 
     pixels: Floats
@@ -55,7 +55,7 @@ class LayeredDial:
     templates
         The lowest needle first; those with tails have more columns than the face, the tail's first.
     step
-        Only every so many rows and columns of the dial are drawn; N is a multiple.
+        Only every `step`-th row and column of the dial is drawn; N is a multiple of it.
     """
 
     def __init__(self, face: Floats, templates: Sequence[NeedleTemplate], step: int = 1) -> None:
@@ -64,12 +64,12 @@ class LayeredDial:
         self._layers = [_layers_of(template, face.shape, step) for template in templates]
 
     def thinned(self, dials: Floats) -> Floats:
-        """(..., N', C'): what is drawn of dials (..., N, C)."""
+        """(..., N', C'): the rows and columns of dials (..., N, C) that are drawn."""
         thin: Floats = dials[..., :: self._step, :: self._step]
         return thin
 
     def drawn(self, rows: Floats, needles: Sequence[int] | None = None) -> Floats:
-        """(M, N', C') float32: the dial with all of its needles, or some of them, on rows (M, K); NaN draws none."""
+        """(M, N', C') float32: the dial with all or some of its needles on rows (M, K); NaN leaves a needle out."""
         pictures = np.repeat(self.face[None], len(rows), axis=0)
         for needle in range(len(self._layers)) if needles is None else needles:
             there = np.flatnonzero(np.isfinite(rows[:, needle]))
@@ -113,14 +113,14 @@ def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> l
 
 
 def lit_as(seen: Floats, drawn: Floats) -> Floats:
-    """Bring drawings (..., M, N, C) into the light of what is seen, (..., N, C): gain and offset, by least squares."""
+    """Bring drawings (..., M, N, C) into the light of (..., N, C), with gain and offset by least squares."""
     light, mean = _Light.of(seen, drawn), seen.mean(axis=(-2, -1))[..., None, None]
     lit: Floats = (light.off * light.gain[..., None].astype(np.float32) + mean).reshape(drawn.shape)
     return lit
 
 
 def unexplained(seen: Floats, drawn: Floats) -> Floats:
-    """Return the mean square that drawings (M, N, C) leave in the light of what is seen, grey levels squared: (M,)."""
+    """Return the mean square residual of drawings (M, N, C) in the light of what is seen, grey levels squared: (M,)."""
     light = _Light.of(seen, drawn)
     left: Floats = float(seen.var()) + light.gain * (light.gain * light.power - 2 * light.shared) / seen.size
     return left
@@ -128,7 +128,7 @@ def unexplained(seen: Floats, drawn: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Light:
-    """Drawings (..., M, N * C) about their means, their squares and products with what is seen, and their gains."""
+    """Drawings (..., M, N * C) about their means, with their squares, products with what is seen, and gains."""
 
     off: Floats
     power: Floats
@@ -145,9 +145,9 @@ class _Light:
 
 
 def times_worse(seen: Floats, best: Floats, others: Floats) -> Floats:
-    """Tell how many times as much as the best drawing others leave unexplained where they differ: (..., M).
+    """Return the ratio of what others and the best drawing leave unexplained, where the two differ: (..., M).
 
-    What sensors and JPEG do to a pixel is left by all of them: so 1 where two hardly differ.
+    Sensor and JPEG noise is added to both, so it is 1 where two drawings hardly differ.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """The needle as a layer over the dial's face: what it adds, and how much of the face shows through.
 
-Each pixel of the needle is a line `light + transparency * face`, fitted over the frames. On the needle the
-transparency is 0, beside it 1, at its blurred edges in between; where the face never changes behind a pixel the fit
-leans on what the contrast suggests.
+Each pixel of the needle is a line `light + transparency * face`, fitted over the frames. On the needle the transparency
+is 0, beside it 1, and in between at its blurred edges. Where the face behind a pixel never changes, the fit relies on
+the transparency that the contrast suggests.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     faces
         (K, H, C) float32: the dial's face behind each cut.
     before
-        (H, C): what was known of the needle before: its picture elsewhere on the dial.
+        (H, C): the needle as known before: its picture elsewhere on the dial.
     step_deg
-        Degrees from row to row.
+        Degrees per row.
     """
     plain = median_of(faces.reshape(-1, faces.shape[2]))
     pixels = median_of(cuts).astype(np.float32)
-    # A mark behind one of the two is not the needle's.
+    # A mark that is behind only one of the two is not part of the needle.
     expected = np.maximum(_expected_transparency(pixels, plain), _expected_transparency(before, plain))
     mean_cut, mean_face = cuts.mean(axis=0), faces.mean(axis=0)
     cut, face = cuts - mean_cut, faces - mean_face
@@ -59,7 +59,7 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     light = mean_cut + off_cut - transparency * (mean_face + off_face)
     spread = MAD_TO_SIGMA * median_of(np.abs(cut - transparency * face))
     shown = _columns_with_edges(expected)
-    # Beside the needle there is nothing but the face: a fit can only pick up accidents there.
+    # Beside the needle there is nothing but the face, and a fit would only pick up accidents.
     covered = _with_edges(expected)
     light = np.where(covered, light, np.float32(0.0))
     transparency = np.where(covered, transparency, np.float32(1.0))
@@ -67,16 +67,16 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
 
 
 def first_layer(pixels: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:
-    """Return a needle of which one picture is known, as if it were all light.
+    """Return a needle of which one picture is known, treating it all as light.
 
     Parameters
     ----------
     pixels
         (H, C) float32: the picture, the needle's axis in the middle row.
     plain
-        (C,) float32: what the dial mostly shows at each radius.
+        (C,) float32: the median of the dial at each radius.
     step_deg
-        Degrees from row to row.
+        Degrees per row.
     """
     transparency = _expected_transparency(pixels, plain)
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
@@ -84,13 +84,13 @@ def first_layer(pixels: Floats, plain: Floats, step_deg: float) -> NeedleTemplat
 
 
 def cut_over(layer: NeedleTemplate, behind: Floats) -> NeedleTemplate:
-    """Take out of a first layer what shines through it: the dial's face there, (H, C) float32, as far as known."""
+    """Subtract from a first layer the dial's face that shines through it, (H, C) float32."""
     light = layer.pixels - layer.transparency * behind
     return NeedleTemplate(layer.pixels, light, layer.transparency, layer.trust, layer.step_deg)
 
 
 def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplate:
-    """Return a needle of which one picture is known, and what lies behind it there; (H, C) float32 each."""
+    """Return a needle from one picture of it and of what lies behind it there, (H, C) float32 each."""
     transparency = _expected_transparency(pixels, behind)
     trust = np.broadcast_to(_columns_with_edges(transparency), pixels.shape).copy()
     light = (pixels - transparency * behind).astype(np.float32)
@@ -98,7 +98,7 @@ def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplat
 
 
 def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
-    """Cuts brought to the light of what the template expects there; (K, H, C). Light falls unevenly on a dial."""
+    """Bring cuts (K, H, C) into the light that the template expects there, since light falls unevenly on a dial."""
     flat = cuts.reshape(len(cuts), -1)
     weights = template.trust.ravel()
     total = weights.sum()
@@ -115,7 +115,7 @@ def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Fl
 def _slopes(cut: Floats, face: Floats, weighted: Floats, expected: Floats) -> Floats:
     """(H, C) float32: the transparency of each pixel by ridge regression of its cuts on its faces, (K, H, C) each.
 
-    Both are counted from their means; `weighted` are the faces by their weights.
+    Both are relative to their means; `weighted` are the faces times their weights.
     """
     hold = NOISE_LEVELS**2 / PRIOR_SPREAD**2
     slopes = (_summed(weighted, cut) + hold * expected) / (_summed(weighted, face) + hold)
@@ -130,9 +130,9 @@ def _summed(one: Floats, other: Floats) -> Floats:
 
 
 def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
-    """(H, C): 1 where the needle's picture is like the plain dial, 0 where it has the contrast of that half of it.
+    """(H, C): 1 where the needle's picture equals the plain dial, 0 where it has the full contrast of that half.
 
-    The dial is told pixel by pixel, or by column, (C,).
+    The dial is given per pixel, or per column, (C,).
     """
     difference = np.abs(pixels - plain)
     axis = len(difference) // 2
@@ -145,7 +145,7 @@ def _expected_transparency(pixels: Floats, plain: Floats) -> Floats:
 
 
 def _with_edges(transparency: Floats) -> Mask:
-    """(H, C): where a needle covers anything of the dial, to the end of its blurred edges."""
+    """(H, C): where a needle covers anything of the dial, including its blurred edges."""
     covered = transparency < 1.0 - OUTLINE_PART
     fading = transparency < 1.0 - FADED_PART
     for _ in range(MAX_EDGE_ROWS):
@@ -158,7 +158,7 @@ def _with_edges(transparency: Floats) -> Mask:
 
 
 def _columns_with_edges(transparency: Floats) -> Floats:
-    """(C,): 1, but 0 where a needle fills the whole of its template: there it has no edge to be found by."""
+    """(C,): 1, but 0 where a needle fills the whole height of its template, and has no edge to be located by."""
     rows = max(1, len(transparency) // 10)
     first, last = transparency[:rows].mean(axis=0), transparency[-rows:].mean(axis=0)
     shown: Floats = ((first >= HALF) | (last >= HALF)).astype(np.float32)

@@ -20,7 +20,7 @@ from decoder.panel.arrays import Floats
 
 T = TypeVar("T")
 
-# Of a needle's full contrast, where its blurred edge has faded out.
+# The part of a needle's full contrast at which its blurred edge has faded out.
 TOUCH_LEVEL = 0.1
 
 
@@ -33,14 +33,14 @@ class NeedleTemplate:
     Attributes
     ----------
     pixels
-        The needle on a plain dial: what is searched for.
+        The needle on a plain dial, as which it is searched for.
     light, transparency
-        The needle over any background: it shows as `light + transparency * background`. Where nothing is known of the
-        background, `light` is all there is.
+        The needle over any background: it shows as `light + transparency * background`. If the background is unknown,
+        `light` is the whole picture.
     trust
-        In [0, 1]: how far each pixel follows `light` and `transparency`.
+        In [0, 1]: how well each pixel follows `light` and `transparency`.
     step_deg
-        Degrees from one row to the next.
+        Degrees per row.
     """
 
     pixels: Floats
@@ -51,12 +51,12 @@ class NeedleTemplate:
     _made: dict[Callable[..., object], object] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, object]:
-        """Without what was worked out from it: equal templates are equal bytes."""
+        """Leave out what was computed from it, so that equal templates are equal bytes."""
         own = {each.name: getattr(self, each.name) for each in fields(self)}
         return own | {"_made": {}}
 
     def once(self, make: Callable[[NeedleTemplate], T]) -> T:
-        """Return what a function makes of this template: made when it is first asked for."""
+        """Return what a function makes of this template, computing it on first use."""
         if make not in self._made:
             self._made[make] = make(self)
         return cast("T", self._made[make])
@@ -74,7 +74,7 @@ class NeedleTemplate:
 
     @cached_property
     def _difference(self) -> tuple[Floats, Floats]:
-        """(H, C) and (C,): how much the needle differs from its surroundings, and how much at most around its axis."""
+        """(H, C) and (C,): the difference of the needle from its surroundings, and its maximum around the axis."""
         edge = max(1, self.rows // 10)
         surroundings = median_of(np.concatenate([self.pixels[:edge], self.pixels[-edge:]]))
         difference = np.abs(self.pixels - surroundings)
@@ -82,7 +82,7 @@ class NeedleTemplate:
 
     @cached_property
     def touched(self) -> NDArray[np.bool_]:
-        """(H, C): where the needle shows at all, its blurred edge with it."""
+        """(H, C): where the needle shows at all, including its blurred edge."""
         return self.place(TOUCH_LEVEL)
 
     @cached_property
@@ -92,7 +92,7 @@ class NeedleTemplate:
 
     @cached_property
     def half_width_deg(self) -> float:
-        """Half of the outline's extent in angle, at its widest."""
+        """Half of the outline's largest extent in angle."""
         rows = np.flatnonzero(self.outline.any(axis=1))
         return float(np.abs(rows - (self.rows - 1) / 2).max()) * self.step_deg if rows.size else 0.0
 

@@ -1,7 +1,7 @@
 """The places that the lower of two needles may have near the upper one, and what each leaves unexplained.
 
-The two of them at one distance are a needle like any other: a light and a transparency over the face; so the least
-squares of the upper one over each place of the lower take one product with what is seen.
+Two needles at a fixed distance are like one needle: a light and a transparency over the face. So the least squares of
+the upper needle over every place of the lower one take a single product with the pixels.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class Tried:
     middle
         (M,): the whole row of the upper needle near which they lie.
     lower_row, upper_row
-        (M, K): the lower needle's row, and where the upper one then is; NaN where it is lost.
+        (M, K): the lower needle's row, and the upper one's as fitted to it; NaN where that is out of reach.
     noise
-        (M, K): the mean square that stays unexplained, infinite where that is too much for a pair.
+        (M, K): the mean square residual, infinite where nothing fits within reach.
     is_hopeful
-        (M,): whether a pair may explain what is seen at all.
+        (M,): whether a pair may explain the pixels at all.
     """
 
     middle: Indices
@@ -52,7 +52,7 @@ class Tried:
     is_hopeful: Mask
 
     def part(self, which: Indices) -> Tried:
-        """In some of the frames."""
+        """Return those of some of the frames."""
         return Tried(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
@@ -74,7 +74,7 @@ class PairPlaces:
         self._known: dict[int, Floats] = {}
 
     def tried(self, strips: Strips, middle: Indices) -> Tried:
-        """All places near whole rows of the upper needle, (M,)."""
+        """Try all places near whole rows of the upper needle, (M,)."""
         seen, face = strips.windows(middle, self._axis)
         seen = seen - np.float32(MIDDLE_GREY)
         count = len(self._apart)
@@ -97,7 +97,7 @@ class PairPlaces:
         return Tried(middle, middle[:, None] + self._apart, rows, noise, is_hopeful)
 
     def _unseen(self, row: int, face: Floats) -> Floats:
-        """(3, 3, K): the moments of needles and 1 with each other on one row of the gauge: no frame changes them."""
+        """(3, 3, K): the moments of needles and 1 with each other on a row of the gauge, the same for all frames."""
         if row not in self._known:
             layers = np.empty((len(self._apart), 3, face.size), np.float32)
             np.multiply(self._part, face, out=layers[:, :ONE])
@@ -115,6 +115,6 @@ class PairPlaces:
 
     @staticmethod
     def _kernel(layers: Floats, more: Floats | None) -> Floats:
-        """(H * C, 2 K), and one column more."""
+        """(H * C, 2 K): the layers as columns, and `more` as one more column."""
         rows = layers.reshape(-1, layers.shape[-1])
         return np.ascontiguousarray((rows if more is None else np.vstack([rows, more])).T.astype(np.float32))

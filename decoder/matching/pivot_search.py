@@ -1,8 +1,8 @@
-"""The search for pivots that are drawn beside where needles and cards turn, by up to a tenth of the dial's radius.
+"""The search for pivots that are drawn off where needles and cards turn, by up to a tenth of the dial's radius.
 
-Tilts tell a pivot to hundredths of a pixel (`decoder.learning.pivots`), but only of needles that are found; and around
-a centre that is drawn too far off they are not, for a needle that has turned lies askew. Here needles are looked for
-askew, and one pivot must explain how askew they lie in all frames. A card is looked for around many centres: around
+Tilts give a pivot to hundredths of a pixel (`decoder.learning.pivots`), but only if the needles are found. Around a
+centre that is drawn too far off they are not, because a needle that has turned lies askew. Here needles are searched
+for askew, and one pivot must explain how askew they are in all frames. A card is unwrapped around many centres: around
 the right one all frames show the same card, only turned.
 """
 
@@ -31,16 +31,16 @@ Vector = tuple[float, float]
 Score = Callable[[Floats], Floats]
 """How well pivots at offsets (N, 2) px explain all frames: (N,) in [0, 1]."""
 
-# As coarse as this a needle that is askew by a fiftieth of the radius still shows.
+# At this resolution a needle that is askew by a fiftieth of the radius still shows.
 ROW_DEG, COLUMNS = 1.0, 16
-# A card's marks are finer, but a turn is searched for at once.
+# A card's marks are finer, but all turns are searched at once.
 CARD_ROW_DEG, FINE_ROW_DEG = 2.0, 1.0
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
-# The steps of the search, and those around the best, of the radius: from there tilts tell the rest.
+# The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
-# So far from where it is drawn a needle of the panel picture is looked for.
+# A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
-# Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
+# The frames that show a needle elsewhere, and so what lies behind it: the most different third of them.
 ELSEWHERE = 3
 
 
@@ -58,13 +58,13 @@ def needle_pivot(
     allowed
         (R,): the rows on which a needle's axis may lie.
     cuts
-        By needle: at which angle it stands in the panel picture, and how many degrees it is cut with.
+        For each needle, its angle in the panel picture, and how many degrees are cut around it.
     own, strips
-        (R, C) each: the gauge in the panel picture, and in frames that were brought into its light.
+        (R, C) each: the gauge in the panel picture, and in frames brought into its light.
 
     Returns
     -------
-    (x, y) from the centre, pixels of the dial's own plane; None where frames tell none that is far from it.
+    (x, y) from the centre, pixels in the dial's own plane; None if frames show none that is far from it.
     """
     if not strips:
         return None
@@ -84,9 +84,9 @@ def needle_pivot(
 def drawn_needles_deg(
     grid: PolarGrid, cuts: Sequence[tuple[float, float]], own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
 ) -> list[float | None]:
-    """Find by needle the angle at which the panel picture shows it, near where it is cut; None if it stays there.
+    """Find the angle at which the panel picture shows each needle, near where it is cut; None if it stays there.
 
-    As `needle_pivot`, of a gauge that is unwrapped around its pivot.
+    The parameters are those of `needle_pivot`, for a gauge that is unwrapped around its pivot.
     """
     if not strips:
         return [None] * len(cuts)
@@ -96,10 +96,10 @@ def drawn_needles_deg(
 
 
 def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
-    """Search for the pivot of a card, as `needle_pivot`: around it frames show the same card, only turned."""
+    """Search for a card's pivot, as `needle_pivot`: around it, frames show the same card, only turned."""
     strips = _spread(_turned_elsewhere(strips), MOST_CARD_FRAMES)
     radius_px = float(grid.radii_px[-1])
-    # What turns with it is to be seen all round.
+    # All of what turns with it has to be visible around every centre tried.
     reach_px = min(REACH_PART * radius_px, (radius_px - grid.inner_px) / 3)
     pairs = np.array(list(combinations(range(len(strips)), 2))).T
     if not pairs.size:
@@ -119,7 +119,7 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
 
         return score
 
-    # A card around a centre that is off by less is not read either, and then no tilt tells.
+    # A card around a centre that is off by less than for needles is not read either, and then no tilt helps.
     found = _best(score_in(CARD_ROW_DEG, COLUMNS), radius_px, reach_px, near_part=LAST_STEP_PART)
     if found is None:
         return None
@@ -127,7 +127,7 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
 
 
 def _turned_elsewhere(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
-    """Leave out frames that look as most do: they show what does not turn, and a card that stands as it mostly does."""
+    """Leave out frames that look like most, which show what does not turn, and the card where it mostly stands."""
     if not strips:
         return []
     mostly = median_of(np.stack(strips))
@@ -157,9 +157,9 @@ def _around(
 
 
 def _alike(rings: Floats, pairs: Indices) -> float:
-    """Return how well pairs of F frames, (F, angles, radii), match where one is turned: the mean of their best NCCs."""
+    """Return how well pairs of F frames (F, angles, radii) match if one is turned: the mean of their best NCCs."""
     rings = rings - rings.mean(axis=1, keepdims=True)
-    rings = rings - median_of(rings)  # what does not turn
+    rings = rings - median_of(rings)  # remove what does not turn
     energy = np.sqrt(np.square(rings).sum(axis=(1, 2)) + rings[0].size * NOISE_LEVELS**2)
     spectra = np.fft.rfft(rings, axis=1)
     one, other = pairs
@@ -171,8 +171,8 @@ def _alike(rings: Floats, pairs: Indices) -> float:
 class _CoarseDial:
     """A gauge on coarse rows and columns.
 
-    `own` (R, C) is the panel picture's, `frames` (F, R, C) are the sample's, `moving` (F, R, C) what of them is not
-    always there.
+    `own` (R, C) is from the panel picture, `frames` (F, R, C) are the sample's, `moving` (F, R, C) is their difference
+    from the median.
     """
 
     own: Floats
@@ -187,7 +187,7 @@ class _CoarseDial:
 
     @classmethod
     def of(cls, grid: PolarGrid, allowed: Mask, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> Self:
-        """Thin a gauge out, each sample the mean of those around it."""
+        """Thin a gauge out; each sample is the mean of those around it."""
         outward = grid.columns - grid.tail_columns
         every = math.ceil(ROW_DEG / grid.step_deg), math.ceil(outward / COLUMNS)
         columns = grid.tail_columns + np.arange(every[1] // 2, outward, every[1])
@@ -207,11 +207,11 @@ class _CoarseDial:
         )
 
     def angle_deg(self, row: float) -> float:
-        """Tell the angle of a row, or between rows."""
+        """Return the angle of a fractional row."""
         return float(self.angles_deg[0]) + self.step_deg * row
 
     def sheared(self, askew_px: float) -> Floats:
-        """(F, R, C): what moves, so that a needle that passes the pivot at this distance lies along a row."""
+        """(F, R, C): what moves, sheared so that a needle passing the pivot at this distance lies along a row."""
         beside = np.arcsin(limited(askew_px / self.radii_px, -0.9, 0.9))
         rows = np.rint(np.arange(len(self.own))[:, None] + np.degrees(beside) / self.step_deg).astype(np.intp)
         sheared: Floats = self.moving[:, np.clip(rows, 0, len(self.own) - 1), np.arange(len(self.radii_px))]
@@ -220,9 +220,9 @@ class _CoarseDial:
 
 @dataclass(frozen=True, slots=True)
 class _Bank:
-    """How well a needle matches F frames on each row, as askew as each of some steps: `scores` (F, S, R).
+    """How well a needle matches F frames on each row, at each of several distances from the pivot: `scores` (F, S, R).
 
-    `at_deg` is where it stands in the panel picture; `askew_px` (S,) rise evenly.
+    `at_deg` is where it stands in the panel picture; `askew_px` (S,) rises evenly.
     """
 
     at_deg: float
@@ -231,7 +231,7 @@ class _Bank:
     scores: Floats
 
     def score(self, offsets_px: Floats) -> Floats:
-        """(N,): the mean square of frames' best scores if the pivot lies at each of some offsets (N, 2)."""
+        """(N,): the mean square of frames' best scores if the pivot lies at each of these offsets (N, 2)."""
         askew_px = offsets_px @ (across(self.angles_deg) - across(np.array([self.at_deg]))).T
         step = (askew_px - self.askew_px[0]) / (self.askew_px[1] - self.askew_px[0])
         step = limited(step, 0.0, len(self.askew_px) - 1.001)
@@ -245,7 +245,7 @@ class _Bank:
 
 
 def _bank(dial: _CoarseDial, at_deg: float, span_deg: float) -> _Bank | None:
-    """Match one needle of the panel picture with all frames; None where it never leaves its place."""
+    """Match one needle of the panel picture with all frames; None if it never leaves its place."""
     needle = _needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg))
     if needle is None:
         return None
@@ -264,7 +264,7 @@ def _bank(dial: _CoarseDial, at_deg: float, span_deg: float) -> _Bank | None:
 class _DrawnNeedle:
     """A needle of the panel picture without the dial behind it.
 
-    Its axis lies on the row `axis`, `pixels` (H, C) are around the row `middle`, next to it.
+    Its axis lies on the row `axis`; `pixels` (H, C) are centred on the whole row `middle` next to it.
     """
 
     axis: float
@@ -273,7 +273,7 @@ class _DrawnNeedle:
 
 
 def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> _DrawnNeedle | None:
-    """Cut a needle out of the panel picture; None where it never leaves its place."""
+    """Cut a needle out of the panel picture; None if it never leaves its place."""
     half, around = height // 2, round(BESIDE_DEG / dial.step_deg)
     drawn = dial.row_of(at_deg)
     first, end = max(round(drawn) - half - around, 0), min(round(drawn) + half + around + 1, len(dial.own))
@@ -296,7 +296,7 @@ def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> _DrawnNeedle | 
 
 
 def _ncc(images: Floats, template: Floats) -> Floats:
-    """(F, R - H + 1): the NCC of images (F, R, C) with a template (H, C); noise alone scores little."""
+    """(F, R - H + 1): the NCC of images (F, R, C) with a template (H, C); noise alone scores low."""
     one = np.ones((1, *template.shape), np.float32)
     centred = template - template.mean()
     covariance, total = sliding_sums(images, np.concatenate([centred[None], one]))
@@ -308,9 +308,9 @@ def _ncc(images: Floats, template: Floats) -> Floats:
 
 
 def _best(score: Score, radius_px: float, reach_px: float, *, near_part: float = FAR_PART) -> Vector | None:
-    """Search for the offset that explains frames best; None where that is near, or none explains them clearly better.
+    """Search for the offset that explains frames best; None if it is near, or none is clearly better than no offset.
 
-    Between two that explain as much, as where a needle hardly turns, the nearer one is taken.
+    If two explain them equally well, as where a needle hardly turns, the nearer one is preferred.
     """
 
     def liked(offsets_px: Floats) -> Floats:
@@ -341,7 +341,7 @@ def _disc(reach: float, step: float) -> Floats:
 
 
 def _peak(places: Floats, heights: Floats, reach: float) -> Floats:
-    """(2,): where a parabola through heights at places (N, 2) has its peak; the highest place if it has none near."""
+    """(2,): the peak of a parabola through heights at places (N, 2); the highest place if the parabola has no peak."""
     x, y = places.T
     _, slope_x, slope_y, xx, xy, yy = np.linalg.lstsq(np.stack([x * 0 + 1, x, y, x * x, x * y, y * y], 1), heights)[0]
     curvature = np.array([[2 * xx, xy], [xy, 2 * yy]])
@@ -353,7 +353,7 @@ def _peak(places: Floats, heights: Floats, reach: float) -> Floats:
 
 
 def _spread(strips: Sequence[UnwrappedGauge], most: int) -> Sequence[UnwrappedGauge]:
-    """Return at most so many, spread evenly."""
+    """Return at most `most` of them, spread evenly."""
     if len(strips) <= most:
         return strips
     return [strips[index] for index in np.linspace(0, len(strips) - 1, most).round().astype(int)]

@@ -1,11 +1,11 @@
 """The search: how well each needle of a panel matches on every row of its gauge, for all gauges of many frames at once.
 
-The scores are those of `correlation`, found on every third row and column and laid out so that one pass of array
-arithmetic serves all needles: at this size a call costs more than its sums.
+The scores are those of `correlation`, on every third row and column, laid out so that one pass of array arithmetic
+serves all needles: for arrays this small, a call costs more than its sums.
 
-The rows that are searched are dealt out to lanes like cards, so that lanes beside each other hold rows that follow each
-other. One product with a template, which is written down once for each lane that it may begin on, then sums up as many
-of its rows as there are lanes, and a few such sums are one score.
+The searched rows are interleaved over lanes, so that neighbouring lanes hold consecutive rows. The template is stored
+once for each lane it may start on. One product with it sums as many of its rows as there are lanes, and a few such sums
+make one score.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from decoder.panel.arrays import Floats, Indices, Mask, limited
 
 # Scores are searched on every third row and column; a needle is wider than that.
 COARSE_STEP = 3
-# More lanes make fewer, longer sums, and more products with nothing.
+# More lanes make fewer, longer sums, but also more multiplications by zero.
 LANES = 5
-# A library's products take as many rows of a kernel at a time; what is left over costs it as much again.
+# Matrix libraries process this many rows of a kernel at a time; a remainder costs as much as a full block.
 ROWS_AT_ONCE = 4
-# Numbers whose sums are made together: more of them do not stay in the processor's cache.
+# How many numbers are summed together; more would not stay in the processor's cache.
 AT_ONCE = 6 << 16
 
 
 @dataclass(frozen=True, slots=True)
 class SearchTarget:
-    """A needle to be searched for: its template, its dial without needles, and which of the gauges that is."""
+    """A needle to search for: its template, its dial without needles, and which gauge that is."""
 
     template: NeedleTemplate
     face: Floats
@@ -49,7 +49,7 @@ class SearchedRows:
     gauge
         Which one it is.
     first_row, last_row
-        Of the whole gauge on which the needle's axis may lie.
+        Of the whole gauge, between which the needle's axis may lie.
     count
         Of scores.
     size
@@ -69,7 +69,7 @@ class SearchedRows:
 
 
 class Search:
-    """Searches any needles; those on gauges with equally many columns, which are of much the same size, together."""
+    """Searches any needles; those on gauges with the same number of columns, which are of similar size, together."""
 
     def __init__(self, sought: Sequence[SearchTarget]) -> None:
         widths = [each.face.shape[1] for each in sought]
@@ -86,10 +86,10 @@ class Search:
         self.count = max(batch.count for batch in self._batches)
 
     def scores(self, gauges: Sequence[Floats]) -> Floats:
-        """Return each needle's partial NCC in F frames on the rows that are searched, then zeros: (F, K, N) float32.
+        """Return each needle's partial NCC in F frames on the searched rows, padded with zeros: (F, K, N) float32.
 
-        `gauges` are those that the needles name, in F frames as `interleave_rows` has each. What is found in one frame
-        does not depend on the frames beside it.
+        `gauges` are those that the needles name, in F frames, each as made by `interleave_rows`. The result for a frame
+        does not depend on the other frames.
         """
         if len(self._batches) == 1:
             return self._batches[0].scores(gauges)
@@ -100,9 +100,9 @@ class Search:
 
 
 class _Batch:
-    """Searches K needles on gauges of equally many columns; each is padded to the longest.
+    """Searches K needles on gauges with the same number of columns, each padded to the longest.
 
-    What is dealt out to the lanes of a gauge is one array, (lanes * columns, M): number m of all lanes is a column.
+    The interleaved rows of a gauge are one array (lanes * columns, M): row m of every lane is a column of it.
     """
 
     def __init__(self, sought: Sequence[SearchTarget]) -> None:
@@ -110,7 +110,7 @@ class _Batch:
         faces = [interleave_rows(each.face) for each in sought]
         self.places = [_place(each, template.rows) for each, template in zip(sought, coarse, strict=True)]
         height = max(template.rows for template in coarse)
-        # A template that begins on any lane ends within so many times as many rows as there are lanes.
+        # The number of rows per lane that a template may span, whichever lane it starts on.
         self._parts = 1 + -(-max(height - 1, 1) // LANES)
         self._runs = -(-max(place.count for place in self.places) // LANES)
         self.count = LANES * self._runs
@@ -118,14 +118,14 @@ class _Batch:
         needles, rows = len(sought), -(-self._parts * LANES // ROWS_AT_ONCE) * ROWS_AT_ONCE
         self._faces = np.zeros((needles, size, self._runs + self._parts - 1), np.float32)
         at_once = AT_ONCE // (2 * self._faces.size) or 1
-        # By frame and needle the gauge, in the end by itself, and that by its face.
+        # By frame and needle: the gauge (later its square), and the gauge times its face.
         self._images = np.zeros((2, at_once, *self._faces.shape), np.float32)
-        # By image: for gauge and gauge times face the weights and the needle's own layer; for its square the weights.
+        # For the gauge, and gauge times face: the weights and the needle. `_weights` are for the square of the gauge.
         self._kernels = np.zeros((2, 1, needles, 2, rows, size), np.float32)
         self._weights = np.zeros((needles, rows, size), np.float32)
-        # Lanes follow each other in the images: so do their sums, with a few between them that are no scores.
+        # Lanes are consecutive in the images, and so are their sums, with a few between them that are not scores.
         self._width = LANES * self._faces.shape[-1] - self._parts + 1
-        # As the fields of `FaceMoments`, by needle; a needle that shows nothing scores nothing.
+        # By field of `FaceMoments` and needle; a needle that shows nothing scores nothing.
         self._known = np.ones((6, needles, self._width), np.float32)
         for index, (template, face) in enumerate(zip(coarse, faces, strict=True)):
             self._prepare(index, template, face)
@@ -136,17 +136,17 @@ class _Batch:
         count = self.places[index].count
         rows = np.ascontiguousarray(collected(face)[: count + template.rows - 1])
         own = face_moments(rows, template)
-        weights = template.trust / own.total[0]  # all pixels are seen, so the same on every row
+        weights = template.trust / own.total[0]  # all pixels are visible, so it is the same on every row
         self._weights[index] = self._kernels[:, 0, index, 0] = self._by_lane(weights)
         self._kernels[0, 0, index, 1] = self._by_lane(weights * template.light)
         self._kernels[1, 0, index, 1] = self._by_lane(weights * (template.transparency - 1))
         known = np.zeros((len(self._known), self.count), np.float32)
         known[:, :count] = [getattr(own, field.name) for field in fields(own)]
-        known[2, count:] = 1.0  # what is divided by
+        known[2, count:] = 1.0  # a divisor
         self._lanes(self._known)[:, index] = known.reshape(-1, self._runs, LANES).swapaxes(1, 2)
 
     def _by_lane(self, kernel: Floats) -> Floats:
-        """Return a kernel (H, C) beginning on each lane: (parts * lanes, lanes * C), then rows of nothing."""
+        """Return a kernel (H, C) starting on each lane: (parts * lanes, lanes * C), padded with rows of zeros."""
         rows = np.zeros((LANES, self._parts * LANES, kernel.shape[1]), np.float32)
         for lane in range(LANES):
             rows[lane, lane : lane + len(kernel)] = kernel
@@ -156,7 +156,7 @@ class _Batch:
         return kernels
 
     def scores(self, gauges: Sequence[Floats]) -> Floats:
-        """(F, K, N): as `Search.coarse`."""
+        """(F, K, N): as `Search.scores`."""
         frames, at_once = len(gauges[0]), self._images.shape[1]
         scores = np.empty((frames, len(self.places), self.count), np.float32)
         for first in range(0, frames, at_once):
@@ -174,7 +174,7 @@ class _Batch:
         by_lane[:] = self._lanes(self._partial(images))
 
     def _partial(self, images: Floats) -> Floats:
-        """Return what `correlation.partial_normxcorr` does, (F, K, width)."""
+        """Do `correlation.partial_normxcorr`: (F, K, width)."""
         size = images.shape[-2]
         both = self._kernels.reshape(*self._kernels.shape[:3], -1, size) @ images
         both = both.reshape(*both.shape[:3], 2, -1, images.shape[-1])
@@ -184,7 +184,7 @@ class _Batch:
         return partial_ncc(FaceMoments(*self._known), mean, square, with_face, with_needle)
 
     def _sums(self, products: Floats) -> Floats:
-        """`correlation.sliding_sums` by products of images with kernels as of `_by_lane`: (..., width)."""
+        """Do `correlation.sliding_sums` from products of images with kernels made by `_by_lane`: (..., width)."""
         rows = products[..., : self._parts * LANES, :]
         by_part = rows.reshape(*rows.shape[:-2], self._parts, -1)
         first, second, *others = (by_part[..., part, part : part + self._width] for part in range(self._parts))
@@ -194,7 +194,7 @@ class _Batch:
         return sums
 
     def _lanes(self, sums: Floats) -> Floats:
-        """Return (A, B, lanes, runs): a view on contiguous sums (A, B, width)."""
+        """Return a view (A, B, lanes, runs) on contiguous sums (A, B, width)."""
         *outer, number = sums.strides
         shape, strides = (*sums.shape[:2], LANES, self._runs), (*outer, number * self._faces.shape[-1], number)
         return np.ndarray(shape, sums.dtype, sums, strides=strides)
@@ -209,7 +209,7 @@ def _place(sought: SearchTarget, height: int) -> SearchedRows:
 def interleave_rows(gauge: NDArray[Any]) -> NDArray[Any]:
     """(lanes, C', M): every third column and row of an unwrapped gauge (R, C), row `m * LANES + lane` at [lane, :, m].
 
-    Where lanes lack a last row they have the gauge's once more.
+    Lanes that lack a last row repeat the gauge's.
     """
     thin = gauge[::COARSE_STEP, ::COARSE_STEP]
     whole = np.empty((-(-len(thin) // LANES), LANES, thin.shape[1]), gauge.dtype)
@@ -220,12 +220,12 @@ def interleave_rows(gauge: NDArray[Any]) -> NDArray[Any]:
 
 
 def collected(dealt_out: NDArray[Any]) -> NDArray[Any]:
-    """(lanes * M, C'): what was dealt out, row by row again."""
+    """(lanes * M, C'): undo `interleave_rows`."""
     return dealt_out.transpose(2, 0, 1).reshape(-1, dealt_out.shape[1])
 
 
 def thinned(template: NeedleTemplate) -> NeedleTemplate:
-    """Every third row and column of a template, its axis among the rows."""
+    """Return every third row and column of a template, including its axis."""
     skip = (template.rows - 1) // 2 % COARSE_STEP
     rows = slice(skip, template.rows - skip, COARSE_STEP)
     layers = {
@@ -235,7 +235,7 @@ def thinned(template: NeedleTemplate) -> NeedleTemplate:
 
 
 def peaks_of(scores: Floats, where: Mask) -> tuple[Indices, Floats]:
-    """Find the highest of scores (..., N) among some, and the peak of the parabola there: (...) each, as indices."""
+    """Find the highest of scores (..., N) where the mask is true, and its parabola's peak: (...) each, as indices."""
     top = np.where(where, scores, -np.inf).argmax(axis=-1)
     around = limited(top[..., None] + np.array([-1, 0, 1]), 0, scores.shape[-1] - 1)
     before, here, after = np.moveaxis(np.take_along_axis(scores, around, axis=-1).astype(np.float64), -1, 0)

@@ -1,4 +1,4 @@
-"""Strips: rows of unwrapped gauges, cut around a needle in many frames, and what a needle leaves of them."""
+"""Strips: rows of unwrapped gauges, cut around a needle in many frames, and what a needle leaves uncovered of them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Strips:
     Attributes
     ----------
     pixels
-        (N, S, C) float32: of these frames and maybe others.
+        (N, S, C) float32: of these frames and possibly others.
     frames
-        (M,): which of them they are.
+        (M,): the indices of these frames in `pixels`.
     first
-        (M,): the gauge's row that is the first of them.
+        (M,): the gauge's row of the first row of `pixels`.
     face
         (R, C) float32: the dial without needles.
     """
@@ -34,7 +34,7 @@ class Strips:
 
     @classmethod
     def of(cls, pixels: Floats, first: Indices, face: Floats) -> Self:
-        """Of all frames whose pixels these are."""
+        """Return the strips of all frames that `pixels` contains."""
         return cls(pixels, np.arange(len(pixels)), first, face)
 
     def part(self, which: Indices | Mask) -> Strips:
@@ -42,14 +42,14 @@ class Strips:
         return Strips(self.pixels, self.frames[which], self.first[which], self.face)
 
     def rows(self, index: Indices, step: int = 1) -> tuple[Floats, Floats]:
-        """Gauge and face on rows (M, H) of the gauge, every so many columns of them: (M, H, C') each."""
+        """Return gauge and face on rows (M, H) of the gauge, every `step`-th column of them: (M, H, C') each."""
         pixels = self.pixels[:, :, ::step]
         own = limited(index - self.first[:, None], 0, pixels.shape[1] - 1)
         seen = pixels[self.frames[:, None], own]
         return seen, self.face[limited(index, 0, len(self.face) - 1), ::step]
 
     def windows(self, rows: Indices, axis: int) -> tuple[Floats, Floats]:
-        """Gauge and face around a row of each frame, (M,), as near to it as they reach: (M, H * C) each."""
+        """Return gauge and face around a row of each frame (M,), or as near to it as they reach: (M, H * C) each."""
         height, top_rows = 2 * axis + 1, rows - axis
         pixels, face = blocks_of(self.pixels, height), blocks_of(self.face, height)
         seen = pixels[self.frames, limited(top_rows - self.first, 0, pixels.shape[1] - 1)]
@@ -57,14 +57,14 @@ class Strips:
 
 
 def blocks_of(pixels: Floats, height: int) -> Floats:
-    """(..., S - H + 1, H * C): a view on contiguous pixels, (..., S, C), that shows all blocks of so many rows."""
+    """(..., S - H + 1, H * C): a view on contiguous pixels (..., S, C) with all blocks of H rows."""
     *others, rows, columns = pixels.shape
     shape, strides = (*others, rows - height + 1, height * columns), pixels.strides
     return np.ndarray(shape, pixels.dtype, pixels, strides=strides)
 
 
 def rows_at(strip: Floats, rows: Floats) -> Floats:
-    """Interpolate an unwrapped gauge at fractional rows by cubics: (len(rows), C); beyond its ends, its end rows."""
+    """Interpolate an unwrapped gauge at fractional rows by cubics: (len(rows), C); its end rows repeat beyond them."""
     first = np.floor(rows).astype(np.intp)
     if len(rows) > 1 and first[0] >= 1 and rows[-1] - rows[0] == len(rows) - 1 and first[-1] + 2 < len(strip):
         return _shifted(strip, int(first[0]), len(rows), float(rows[0]) - int(first[0]))
@@ -79,7 +79,7 @@ def rows_at(strip: Floats, rows: Floats) -> Floats:
 
 
 def rows_of_each(strips: Sequence[Floats], rows: Floats) -> Floats:
-    """`rows_at` of K unwrapped gauges of one shape, each at rows of its own, (K, H): (K, H, C)."""
+    """Do `rows_at` for K unwrapped gauges of one shape, each at rows of its own, (K, H): (K, H, C)."""
     first = np.floor(rows[:, 0]).astype(np.intp)
     follow = np.abs(rows[:, -1] - rows[:, 0] - (rows.shape[1] - 1)) < np.finfo(np.float32).eps
     follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
@@ -97,7 +97,7 @@ def rows_of_each(strips: Sequence[Floats], rows: Floats) -> Floats:
 
 
 def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
-    """Of the row before a place, its own, and the two behind, for a place so far behind its own (Catmull and Rom)."""
+    """Return the weights of the row before a place, its own, and the next two, at a fraction of a row (Catmull-Rom)."""
     square = part * part
     return (
         -0.5 * part + square - 0.5 * square * part,
@@ -108,7 +108,7 @@ def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a n
 
 
 def _shifted(strip: Floats, first: int, count: int, part: float) -> Floats:
-    """`rows_at` for rows that follow each other: no row of the strip is looked up by itself."""
+    """Do `rows_at` for consecutive rows, by slices instead of indices."""
     if part == 0.0:
         return strip[first : first + count].copy()
     weights = [np.float32(weight) for weight in cubic_weights(part)]
@@ -120,14 +120,14 @@ def _shifted(strip: Floats, first: int, count: int, part: float) -> Floats:
 
 
 class UncoveredPixels:
-    """The pixels beside a needle, in blocks of so many rows: every so many rows and columns.
+    """The pixels that a needle leaves uncovered, in blocks of every `step`-th row and column.
 
     Parameters
     ----------
     touched
         (H, C): the pixels that the needle touches.
     rows, step
-        How many rows a block has, and how many rows and columns they are apart.
+        How many rows a block has, and the distance of its rows and columns.
     """
 
     def __init__(self, touched: Mask, rows: int, step: int = 1) -> None:
@@ -142,9 +142,9 @@ class UncoveredPixels:
         self._blocks = np.ndarray(shape, left.dtype, left, strides=strides)
 
     def at(self, first_rows: Indices, needle_rows: Floats) -> Floats:
-        """(M, rows, C') float32: 1 where a pixel is left, in blocks from rows (M,) on.
+        """(M, rows, C') float32: 1 where a pixel is uncovered, in blocks starting at rows (M,).
 
-        The needle's own first rows, (M,), may lie between two others: then it touches the pixels of either.
+        The needle's own first rows (M,) may lie between two others; it then touches the pixels of both.
         """
         before = np.floor(needle_rows)
         start = first_rows - before.astype(np.intp) + self._margin

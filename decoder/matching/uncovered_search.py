@@ -1,6 +1,6 @@
-"""The search for needles that others cover in part, in many frames at once: as `correlation` has it.
+"""The search for partly covered needles, in many frames at once, with the scores of `correlation`.
 
-Only rows near the covering needle are searched, every third of them, with the pixels that this needle leaves.
+Only every third row near the covering needle is searched, with the pixels that this needle leaves uncovered.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from decoder.registration.thresholds import SCORE_THRESHOLD
 
 @dataclass(frozen=True, slots=True)
 class Uncovered:
-    """What is found of a covered needle in M frames, (M,) each.
+    """A covered needle as found in M frames, (M,) each.
 
     Attributes
     ----------
     row, sigma_rows, score
-        As of a `matching.Match`; a score of 0 where there is nothing.
+        As in a `matching.Match`; the score is 0 where there is nothing.
     visible
         How much of the needle's contrast shows there.
     is_settled
-        Whether the least squares came to an end beyond doubt.
+        Whether the result is final: least squares converged, or it did not match to begin with.
     """
 
     row: Floats
@@ -43,7 +43,7 @@ class Uncovered:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Where a covered needle is to be looked at closely in M frames; (M,) but for the last one.
+    """Where to look closely for a covered needle in M frames; (M,) except for the last one.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Candidate:
     score
         On the searched row there.
     is_there
-        Whether that is a place for the needle at all.
+        Whether the needle may be there at all.
     first_row
         The first of the searched rows.
     visible
@@ -69,12 +69,12 @@ class Candidate:
     visible: Floats
 
     def part(self, which: Indices) -> Candidate:
-        """In some of the frames."""
+        """Return those of some of the frames."""
         return Candidate(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 class UncoveredSearch:
-    """Looks for a needle near one that lies over it.
+    """Searches for a needle near one that lies over it.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class UncoveredSearch:
     allowed
         (R,): the rows on which the lower needle's axis may lie.
     pixels_per_sample
-        As of the gauge's grid.
+        That of the gauge's grid.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class UncoveredSearch:
     ) -> None:
         self._axis = (lower.rows - 1) // 2
         self._upper_axis = (upper.rows - 1) // 2
-        # as far as one reaches into the other's window, and a searched row more to see a peak there
+        # as far as one reaches into the other's window, and one more searched row to see a peak there
         self.reach_rows = self._upper_axis + self._axis + 1 + COARSE_STEP
         self._face_rows = len(face)
         self._allowed = allowed
@@ -107,7 +107,7 @@ class UncoveredSearch:
         self._left_searched = UncoveredPixels(upper.touched, len(self._searched), COARSE_STEP)
 
     def look(self, strips: Strips, above_rows: Floats) -> Candidate:
-        """Where the needle matches best near the rows (M,) of the covering one's axis."""
+        """Find where the needle matches best near the rows (M,) of the covering one's axis."""
         rows = np.rint(above_rows).astype(np.intp)[:, None] + self._steps
         scores, visible = self._scores(strips, rows, above_rows)
         inside = (rows >= self._axis) & (rows < self._face_rows - self._axis)
@@ -122,7 +122,7 @@ class UncoveredSearch:
         return Candidate(above_rows, place, scores[every, top], where[every, top], rows[:, 0], visible)
 
     def settle(self, strips: Strips, candidate: Candidate) -> Uncovered:
-        """Find the needle near where it was seen, by the least squares of its uncovered pixels."""
+        """Fit the needle near its candidate place by least squares of its uncovered pixels."""
         above_rows = candidate.above_row - self._upper_axis
 
         def fit(open_: Indices, rows: Indices, guess_rows: Floats) -> Fits:
@@ -137,11 +137,11 @@ class UncoveredSearch:
         at = limited((row - candidate.first_row) / COARSE_STEP, 0.0, last - 0.001)
         first = at.astype(np.intp)
         shows = candidate.visible[every, first] * (1 - at + first) + candidate.visible[every, first + 1] * (at - first)
-        # What no least squares settle on is hidden if it did not even match, and else for others to look at.
+        # Where least squares fail, it is hidden if it did not even match, and otherwise left to other methods.
         return Uncovered(row, found.sigma_rows, score, shows, found.is_settled | (score < SCORE_THRESHOLD))
 
     def _scores(self, strips: Strips, rows: Indices, above_rows: Floats) -> tuple[Floats, Floats]:
-        """Scores and how much shows, on rows (M, J)."""
+        """Return scores and how much shows, on rows (M, J)."""
         first = rows[:, 0] - self._axis + self._axis % COARSE_STEP
         seen, face = strips.rows(first[:, None] + self._searched, COARSE_STEP)
         mask = self._left_searched.at(first, above_rows - self._upper_axis)

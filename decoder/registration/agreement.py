@@ -1,11 +1,11 @@
 """Agreement: which of the places where anchors were found belong to one panel, and what too few leave unknown.
 
-Features that look alike, a hand, or a glare give hits in wrong places. Every two hits of different anchors propose a
-shift, roll and scale; the proposal that most other hits agree with wins (as in RANSAC, but with all proposals, of
-which there are few). So identical knobs are told apart by where they stand.
+Features that look alike, a hand, or glare give hits in wrong places. Every two hits of different anchors propose a
+shift, roll and scale; the proposal that most other hits agree with wins (as in RANSAC, but exhaustively, since there
+are few). So identical knobs are told apart by their positions.
 
-Three anchors carry no perspective, one anchor no roll. Where a hand covers the others, the frame is aligned by a
-smaller model, and dials away from what is left may lie pixels beside it. How far, the frames that showed enough tell.
+Three anchors determine no perspective, one anchor no roll. Where a hand covers the others, the frame is aligned with a
+smaller model, and dials away from what is left may be pixels off. The frames that showed enough tell by how much.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from decoder.registration.thresholds import (
 )
 
 NEAR_PX = 4.0
-# Of the distance between the outermost anchors: what perspective may add to a common shift, roll and scale.
+# What perspective may add to a common shift, roll and scale, as a part of the distance between the outermost anchors.
 NEAR_PART = 0.03
 MAX_ANCHORS = 16
-# How uncertain a place to the pixel is, and how far perspective may move a point at the lever's length.
+# The uncertainty of a hit found to the pixel, and how far perspective may move a point, as a part of the lever.
 HIT_SIGMA_PX = 0.5
 PRIOR_PART = 0.05
 FITTING_PASSES = 4
@@ -48,7 +48,7 @@ class Agreement:
 
 
 def agreements(places_px: Sequence[Point], hits: Sequence[Sequence[AnchorHit]]) -> list[Agreement]:
-    """Motions that at least two anchors agree on, the best first, at most three.
+    """Return the motions that at least two anchors agree on, best first, at most three.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def agreements(places_px: Sequence[Point], hits: Sequence[Sequence[AnchorHit]]) 
     span_px = float(np.abs(usual[usable][:, None] - usual[usable][None, :]).max())
     off = np.abs(turn[:, None] * usual[owner] + shift[:, None] - there)
     worth = score * (1.0 - off / (NEAR_PX + NEAR_PART * span_px))
-    worth = np.where(worth > 0, worth + 1.0, 0.0)  # each that agrees counts more than how well it does
+    worth = np.where(worth > 0, worth + 1.0, 0.0)  # the number of hits that agree counts more than how well they do
     of_anchor = np.stack([worth[:, owner == index].max(axis=1) for index in np.unique(owner)], axis=1)
     chosen: list[Agreement] = []
     taken: set[frozenset[int]] = set()
@@ -91,9 +91,9 @@ def agreements(places_px: Sequence[Point], hits: Sequence[Sequence[AnchorHit]]) 
 
 
 def fitted(places_px: Sequence[Point], hits: dict[int, AnchorHit], model: Model) -> Matrix:
-    """(3, 3): the motion that carries the anchors' usual places nearest to where they were found.
+    """(3, 3): fit the motion from the anchors' usual places to where they were found.
 
-    Where the hits do not tell, it stays near a mere shift, roll and scale.
+    Where the hits do not determine it, it stays close to a plain shift, roll and scale.
     """
     usual = np.array([places_px[index] for index in hits]).T
     there = np.array([hit.centre_px for hit in hits.values()]).T
@@ -120,7 +120,7 @@ def all_fitted(usual: Floats, there: Floats, model: Model) -> Floats:
 
 
 def consistent(places_px: Sequence[Point], hits: dict[int, AnchorHit]) -> dict[int, AnchorHit]:
-    """Of many hits those that one perspective explains: the worst go, one by one, while five or more remain."""
+    """Keep the hits that one perspective explains, dropping the worst one by one while five or more remain."""
     kept = dict(hits)
     while len(kept) > MIN_PAIRS:
         motion = fitted(places_px, kept, Model.PERSPECTIVE)
@@ -136,13 +136,13 @@ def consistent(places_px: Sequence[Point], hits: dict[int, AnchorHit]) -> dict[i
 
 
 def _best_anchors(hits: Sequence[Sequence[AnchorHit]]) -> list[int]:
-    """Choose the anchors that were found best, so many that the work stays bounded."""
+    """Choose the anchors with the best hits, limited in number to bound the work."""
     order = sorted(range(len(hits)), key=lambda index: -max((hit.score for hit in hits[index]), default=0.0))
     return sorted(order[:MAX_ANCHORS])
 
 
 def _proposals(usual: Floats, owner: Floats, there: Floats) -> tuple[Floats, Floats]:
-    """Turn (with scale) and shift, as complex numbers, from each two hits of different anchors, the plausible ones."""
+    """Return turn (with scale) and shift, as complex numbers, for each plausible pair of hits of different anchors."""
     one, other = np.triu_indices(len(owner), 1)
     apart = usual[owner[other]] - usual[owner[one]]
     pair = (owner[one] != owner[other]) & (np.abs(apart) > 1.0)
@@ -154,12 +154,12 @@ def _proposals(usual: Floats, owner: Floats, there: Floats) -> tuple[Floats, Flo
 
 
 def unseen_px(motions: Sequence[Matrix], features: Sequence[Point], places: Floats, model: Model) -> Floats:
-    """(N,): how far (2, N) places lie, as a rule, from where the features' best motion of a model has them.
+    """(N,): how far places (2, N) typically lie from where the features' best motion of a model puts them.
 
     Parameters
     ----------
     motions
-        (3, 3) each: whole motions that were seen.
+        (3, 3) each: full motions that were observed.
     features
         Where the features lie before a motion, (x, y) px.
     """
@@ -173,7 +173,7 @@ def unseen_px(motions: Sequence[Matrix], features: Sequence[Point], places: Floa
 
 
 def _carried(motions: Floats, places: Floats) -> Floats:
-    """(F, 2, N): where motions (F, 3, 3) carry (2, N) places."""
+    """(F, 2, N): apply motions (F, 3, 3) to places (2, N)."""
     there = motions @ np.vstack([places, np.ones(places.shape[1])])
     carried: Floats = there[:, :2] / there[:, 2:]
     return carried

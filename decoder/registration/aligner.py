@@ -1,7 +1,7 @@
 """The aligner: from a frame to its alignment with the panel picture, or the reason why there is none.
 
-It knows how the panel looks at each zoom and size of frames; one frame's search is in `frame_search`. A frame that is
-rolled, nearer or further than the search looks is first located by SIFT features before it is given up.
+It knows how the panel looks at each zoom and frame size; the search of one frame is in `frame_search`. A frame that is
+rolled, or nearer or further than that search covers, is first located by SIFT features before it is given up.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from decoder.registration.thresholds import CONSISTENT_PX, FEW_FAILED, KEPT, MOS
 class Aligner:
     """Aligns frames with one panel picture.
 
-    `usual` is where the camera mostly was during the flight, at the panel picture's zoom (`IDENTITY` if nothing is
-    known): searches start there, and what the features found cannot tell stays as it is there. `left_out` are the
-    places of anchors that the panel picture does not show clearly enough to be found by.
+    `usual` is where the camera mostly was during the flight, at the panel picture's zoom (`IDENTITY` if unknown):
+    searches start there, and what the features found cannot determine stays as it is there. `left_out` are the indices
+    of anchors that the panel picture does not show clearly enough to be found by.
     """
 
     def __init__(
@@ -53,19 +53,19 @@ class Aligner:
         self._seen: OrderedDict[tuple[float | None, int, int], SeenPanel] = OrderedDict()
 
     def at(self, usual: Alignment, *, is_upright: bool = True) -> Aligner:
-        """Align frames of a camera that mostly was there, and perhaps rolls."""
+        """Return an aligner for a camera that was mostly there, and perhaps rolls."""
         other = copy(self)
         vars(other).update(usual=usual, _is_upright=is_upright, _seen=OrderedDict())
         return other
 
     @property
     def shortcomings(self) -> tuple[str, ...]:
-        """What the panel's anchors leave wanting, a sentence each."""
+        """The shortcomings of the panel's anchors, a sentence each."""
         left_out = [f"anchors[{index}].box: {NOTHING_THERE}; frames are aligned without it" for index in self.left_out]
         return (*left_out, *filter(None, [self._own.shortcoming]))
 
     def outline(self) -> Floats:
-        """(2, M) float32: points of the panel picture around all that frames are aligned by."""
+        """(2, M) float32: points of the panel picture around everything that frames are aligned by."""
         boxes = [anchor.box for anchor in self._panel.anchors]
         corners = [
             (x, y) for left, top, width, height in boxes for x in (left, left + width) for y in (top, top + height)
@@ -78,21 +78,21 @@ class Aligner:
         return self.seen_at(self.optics.focal_length_mm, self.optics.size_px)
 
     def align(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
-        """Where the panel picture's points lie in the frame.
+        """Find where the panel picture's points lie in the frame.
 
         Raises
         ------
         AlignmentLost
             Naming what was not found and its score.
         PictureError
-            If the frame is of another shape than the panel picture, or its zoom outside the camera's calibration.
+            If the frame differs in shape from the panel picture, or its zoom is outside the camera's calibration.
         """
         seen = self._seen_in(frame, focal_length_mm)
         (as_usual,) = seen.as_usual([seen.look_at(frame)])
         return self._searched(seen, frame) if as_usual is None else as_usual
 
     def search(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
-        """Align a frame in which the panel is known not to lie where it usually does.
+        """Align a frame in which the panel is known not to lie at its usual place.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Aligner:
         return self._searched(self._seen_in(frame, focal_length_mm), frame)
 
     def _searched(self, seen: SeenPanel, frame: GreyPicture) -> Alignment:
-        """Search a frame around where the panel usually is; what that leaves in doubt, around where SIFT has it."""
+        """Search around the panel's usual place, and if that leaves doubt, around where SIFT puts it."""
         lost: AlignmentLost | None = None
         try:
             found = FrameSearch(seen, frame).alignment()
@@ -123,14 +123,14 @@ class Aligner:
 
     @property
     def tells_perspective(self) -> bool:
-        """Whether the anchors are many enough, and stand well enough, to tell from where they are seen."""
+        """Whether there are enough well-placed anchors to determine a perspective."""
         return self._own.model(self._own.features) >= Model.AFFINE
 
     def sight(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Matrix | None:
-        """(3, 3): where first sight has the panel, if its features show more of a perspective than they can tell.
+        """(3, 3): where SIFT puts the panel, if its features show more perspective than their alignment can express.
 
-        Few anchors are aligned by less than a perspective; what their own pixels show beyond that says at least that
-        the camera stands elsewhere.
+        Few anchors are aligned with less than a perspective; but if their own pixels show one, the camera at least
+        stands elsewhere.
 
         Raises
         ------
@@ -173,7 +173,7 @@ class Aligner:
         return self.seen_at(focal_length_mm, (width, height))
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
-        """Align a panel that is no plane: where its features disagree, roughly, by what most anchors agree on.
+        """Align a panel that is not a plane: if its features disagree, roughly, by what most anchors agree on.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class Aligner:
         return self.align(frame, focal_length_mm) if rough is None else rough
 
     def agrees(self, alignment: Alignment) -> bool:
-        """Whether most anchors match where an alignment has them all: then they lie in a plane."""
+        """Whether most anchors match where an alignment puts them, which means that they lie in a plane."""
         anchors = self._panel.anchors
         return sum(anchor.name in alignment.failed for anchor in anchors) <= FEW_FAILED * len(anchors)
 

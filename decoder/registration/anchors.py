@@ -1,7 +1,7 @@
 """Anchors: fixed features of the panel, found in a frame by normalized cross-correlation (thesis 3.2.1).
 
-An anchor is searched first around the place where this flight usually has it, then, if that leads nowhere, in the
-whole frame. Nothing is carried from one frame to the next, so a lost frame cannot spoil the one that follows.
+An anchor is searched for around its usual place in this flight, and if that leads nowhere, in the whole frame. Nothing
+is carried over from one frame to the next, so a lost frame cannot spoil the one that follows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from decoder.panel.panel import Anchor
 from decoder.registration.thresholds import MAX_REDUCTION, MIN_REDUCED_PX, NOISE_LEVELS
 
 SEARCH_MARGIN_PX = 16
-# A panel may have several features that look alike; so many places are kept for each anchor.
+# A panel may have several features that look alike; this many places are kept for each anchor.
 MAX_PLACES = 4
 NOTHING_THERE = "holds nothing that could be found again; box a feature with contrast"
 
@@ -33,7 +33,7 @@ Render = Callable[[float], GreyPicture]
 class AnchorHit:
     """Where an anchor's centre was found in a frame, to the pixel and without distortion, and how well it matched.
 
-    `turned_deg` is by how much its picture was turned to be found.
+    `turned_deg` is the angle by which its picture was turned to find it.
     """
 
     centre_px: Point
@@ -69,9 +69,9 @@ class AnchorFinder:
         )
 
     def seen_through(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> AnchorHit:
-        """Find the best match near where an alignment has the anchor, in the form in which it has it there.
+        """Find the best match near where an alignment puts the anchor, with the shape that the alignment gives it.
 
-        The alignment is relative to the usual place; so is the margin.
+        Alignment and margin are relative to the usual place.
         """
         template = self._template(0.0)
         height, width = template.shape
@@ -86,7 +86,7 @@ class AnchorFinder:
         return AnchorHit((float(x / depth), float(y / depth)), float(best))
 
     def anywhere(self, frame: GreyPicture, turned_deg: float = 0.0) -> Sequence[AnchorHit]:
-        """Find the best matches in the whole frame, the best first, none on top of another."""
+        """Find the best matches in the whole frame, best first, without overlaps."""
         template = self._template(turned_deg)
         factor = int(np.clip(min(template.shape) // MIN_REDUCED_PX, 1, MAX_REDUCTION))
         small, small_template = _reduced(frame, factor), _reduced(template, factor)
@@ -123,12 +123,12 @@ class AnchorFinder:
 
 
 def findable(anchors: Sequence[Anchor], picture: GreyPicture) -> tuple[Anchor, ...]:
-    """Those of a panel's anchors that can be found by their pictures: a flat one helps nobody, and harms none.
+    """Return those of a panel's anchors that can be found by their pictures; flat ones are harmless and left out.
 
     Raises
     ------
     PanelError
-        If a box leaves the panel picture, or none holds contrast.
+        If a box leaves the panel picture, or none has contrast.
     """
     found = []
     for index, anchor in enumerate(anchors):
@@ -144,7 +144,7 @@ def findable(anchors: Sequence[Anchor], picture: GreyPicture) -> tuple[Anchor, .
 
 
 def whole_box(anchor: Anchor) -> tuple[int, int, int, int]:
-    """Left, top, width and height of an anchor in whole pixels."""
+    """Return left, top, width and height of an anchor in whole pixels."""
     left, top, width, height = (round(edge) for edge in anchor.box)
     return left, top, width, height
 

@@ -1,9 +1,9 @@
-"""Dial places: each dial found by its own marks, where the panel is no plane.
+"""Dial places: each dial located by its own marks, for panels that are not a plane.
 
-Dials and anchors stand at different depths behind the panel. While the camera keeps its place that does no harm; when
-it moves, they move against each other, by pixels for millimetres. Then every dial is looked for near where the anchors
-have it: first as a whole by NCC, then by robust least squares of its own pixels, in which the needle, wherever it is,
-counts as an outlier.
+Dials and anchors are at different depths behind the panel. While the camera stays in place that does no harm; when it
+moves, they shift relative to each other, by pixels for millimetres. Then every dial is searched for near where the
+anchors put it: first as a whole by NCC, then by robust least squares on its own pixels, in which the needle is an
+outlier wherever it points.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ from decoder.registration.thresholds import (
     TUKEY_SPREADS,
 )
 
-# What is under the panel picture's needles is filled in from so far around.
+# Radius from which the pixels under the panel picture's needles are inpainted.
 FILLED_FROM_PX = 3.0
 
-# So many dials tell where a dial of theirs should lie; no dial's place is surer than this.
+# Lower limit of the uncertainty of a dial's place when dials are weighted against each other.
 SURE_PX = 0.01
-# By how much perspective stretches or shears a dial as a rule, where its marks hardly tell; and their usual noise.
+# Regularises stretch and shear of a dial whose marks hardly determine them, by how much perspective usually causes and
+# by the usual noise.
 BEND_LEVELS = 400.0
 
 
@@ -67,7 +68,7 @@ def dial_points(gauge: Gauge, plane: DialPlane | None) -> Floats:
 def without_needles(
     patch: GreyPicture, gauge: Gauge, plane: DialPlane | None, box: tuple[int, int, int, int]
 ) -> GreyPicture:
-    """Return a dial's picture with what is around its needles instead of them, or a frame's needle is taken for them.
+    """Return a dial's picture with its needles inpainted, so that no frame's needle can match them.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def without_needles(
 
 
 def _around_pivot(points: Floats, gauge: Gauge, plane: DialPlane | None) -> Floats:
-    """(2, N): points of the panel picture from the pivot, on the dial seen square on."""
+    """(2, N): points of the panel picture relative to the pivot, on the dial seen square on."""
     if plane is None:
         from_pivot: Floats = points - np.array(gauge.centre)[:, None]
         return from_pivot
@@ -94,7 +95,7 @@ def _around_pivot(points: Floats, gauge: Gauge, plane: DialPlane | None) -> Floa
 
 
 def _under_pointers(across: Floats, down: Floats, gauge: Gauge) -> Mask:
-    """(N,): which points from the pivot lie where the panel picture shows a needle."""
+    """(N,): which points, relative to the pivot, lie where the panel picture shows a needle."""
     angle = np.degrees(np.arctan2(down, across))
     under = np.zeros(angle.shape, bool)
     for pointer in gauge.turning:
@@ -112,11 +113,11 @@ class GaugePlace:
     alignment
         Of the panel picture's points around the dial.
     motion
-        (3, 3): what that is beyond the alignment by the anchors.
+        (3, 3): its difference from the alignment by the anchors.
     shift_px
-        How far its centre lies from where the anchors have it, (x, y) in the panel picture's pixels.
+        How far its centre lies from where the anchors put it, (x, y) in the panel picture's pixels.
     sigma_px
-        How uncertain that is.
+        The uncertainty of that.
     """
 
     alignment: Alignment
@@ -125,7 +126,7 @@ class GaugePlace:
     sigma_px: float
 
     def held(self, centre_px: Point, usual_px: Point, part: float) -> GaugePlace:
-        """Keep only so much of what its own marks say beyond the usual shift of its centre."""
+        """Keep only a part of what its own marks say beyond the usual shift of its centre."""
         own = self.motion / self.motion[2, 2]
         x, y = (usual + part * (shift - usual) for usual, shift in zip(usual_px, self.shift_px, strict=True))
         motion = np.eye(3)
@@ -136,14 +137,14 @@ class GaugePlace:
 
 
 class GaugePlacer:
-    """Finds one dial of the panel picture in frames that are aligned roughly.
+    """Finds one dial of the panel picture in frames that are roughly aligned.
 
     Parameters
     ----------
     gauge
         From the panel.
     plane
-        Of the dial, where it is not seen square on.
+        Of the dial, if it is not seen square on.
     picture
         The panel picture.
     own
@@ -180,7 +181,7 @@ class GaugePlacer:
         return self._centre
 
     def place(self, frame: GreyPicture, alignment: Alignment) -> GaugePlace | None:
-        """Find the dial near where the alignment has it; None where its marks are not found."""
+        """Find the dial near where the alignment puts it; None if its marks are not found."""
         shift = self._by_correlation(frame, alignment)
         return None if shift is None else self._settled(frame, alignment, shift)
 
@@ -217,7 +218,7 @@ class GaugePlacer:
         return self._place(alignment, motion, seen, shows, normal)
 
     def _weights(self, seen: Floats, shows: Mask, spread_levels: float) -> Floats:
-        """(N,): 0 for pixels that show something else than the dial, such as the needle, or that the frame lacks."""
+        """(N,): 0 for pixels that show something other than the dial, such as the needle, or lie outside the frame."""
         weights = shows.astype(np.float64)
         for _ in range(2):
             wanted = self._pixels
@@ -265,7 +266,7 @@ def _carried(motion: Matrix, point_px: Point) -> Point:
 
 
 def _patch(picture: GreyPicture, alignment: Alignment, box: tuple[int, int, int, int]) -> GreyPicture:
-    """Sample the panel picture's pixels from left and top to end and bottom as another picture has them."""
+    """Sample the panel picture's pixels from left and top to end and bottom in another picture."""
     left, top, end, bottom = box
     x, y = np.meshgrid(np.arange(left, end), np.arange(top, bottom))
     samples = PointMap.of([np.stack([x.ravel(), y.ravel()]).astype(np.float32)]).sample(picture, alignment)
@@ -283,9 +284,9 @@ def _on(picture: GreyPicture, points: Floats, own: Alignment) -> Mask:
 def place_all(
     placers: Sequence[GaugePlacer | None], frame: GreyPicture, alignment: Alignment
 ) -> list[GaugePlace | None]:
-    """Find all dials of a frame near where the anchors have them; None for one whose marks are not found there.
+    """Find all dials of a frame near where the anchors put them; None for those whose marks are not found there.
 
-    Where there is no placer the dial cannot be told from what moves on it, and lies where the anchors have it.
+    A dial without a placer, which looks no different from what moves on it, stays where the anchors put it.
     """
     places = [
         GaugePlace(alignment, np.eye(3), (0.0, 0.0), 0.0) if placer is None else placer.place(frame, alignment)
@@ -297,10 +298,10 @@ def place_all(
 def shrink_to_consensus(
     placers: Sequence[GaugePlacer | None], places: Sequence[GaugePlace | None]
 ) -> list[GaugePlace | None]:
-    """Shrink each dial's place towards the consensus of the others, by how far these lie apart.
+    """Shrink each dial's place towards the consensus of the others, depending on how far these scatter.
 
-    Short scales tell little of where their pivot lies. Where the other dials lie as the anchors have them, or all
-    beside that alike, so does that of such a scale; where they move against each other its own marks are all there is.
+    A short scale tells little of where its pivot is. If the other dials lie where the anchors put them, or are all
+    shifted alike, it is likely shifted alike too; if they scatter, its own marks are all there is.
     """
     known = [
         (index, np.array(place.shift_px), 1.0 / (place.sigma_px**2 + SURE_PX**2))

@@ -1,7 +1,7 @@
 """Features of the panel that hold a frame in place: the pixels around an anchor, and those along the level edge.
 
-A feature knows its pixels in the panel picture and how they change when the picture moves there; `registration` turns
-that into sub-pixel alignment, `anchors` and the level edge into a first guess.
+A feature has its pixels in the panel picture and their gradients. `registration` turns these into a sub-pixel
+alignment, starting from a first guess by `anchors` and the level edge.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LEVEL_HALF_WIDTH_PX = 6
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """Pixels of the panel picture that are looked up in every frame.
+    """Pixels of the panel picture that are located in every frame.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Feature:
     pixels
         (N,) float32: the panel picture there.
     gradient
-        (2, N) float32: how it changes along x and y, grey levels a pixel.
+        (2, N) float32: its gradient along x and y, grey levels per pixel.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Feature:
         return places
 
     def score(self, frame: GreyPicture, alignment: Alignment) -> float:
-        """NCC of frame and panel picture at the points; 0 where either is flat or half of them not in the frame."""
+        """Return the NCC of frame and panel picture at the points; 0 if either is flat or half of them are outside."""
         within = self.within(frame, alignment)
         if within.mean() < HALF:
             return 0.0
@@ -77,7 +77,7 @@ class Feature:
 
 
 def sample(frame: GreyPicture, x: Floats, y: Floats) -> Floats:
-    """Sample a frame at any number of points, bilinear, of the points' shape; outside it, its border."""
+    """Sample a frame bilinearly at points of any shape; outside it, its border."""
     shape = x.shape
     map_x, map_y = np.atleast_2d(x), np.atleast_2d(y)
     samples = cv2.remap(frame, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -85,7 +85,7 @@ def sample(frame: GreyPicture, x: Floats, y: Floats) -> Floats:
 
 
 def correlation_of_rows(rows: Floats, pixels: Floats) -> Floats:
-    """NCC of each of (M, N) rows with (N,) pixels: (M,) float32 in [-1, 1]; flat rows or pixels score 0."""
+    """Return the NCC of each row of (M, N) with pixels (N,): (M,) float32 in [-1, 1]; 0 if either is flat."""
     rows = rows - rows.mean(axis=1, keepdims=True)
     pixels = pixels - pixels.mean()
     norms = np.sqrt((rows * rows).sum(axis=1) * float((pixels * pixels).sum()))
@@ -108,7 +108,7 @@ def seen_through(feature: Feature, carry: Carry) -> Feature:
 
 
 def anchor_feature(name: str, picture: GreyPicture, box: tuple[float, float, float, float]) -> Feature:
-    """Pixels of an anchor's box (left, top, width, height), at most forty or so across."""
+    """Take the pixels of an anchor's box (left, top, width, height), at most about forty across."""
     left, top, width, height = (round(edge) for edge in box)
     stride = max(1, round(math.sqrt(width * height)) // POINTS_ACROSS)
     x, y = np.meshgrid(np.arange(left, left + width, stride), np.arange(top, top + height, stride))
@@ -127,7 +127,7 @@ def level_feature(picture: GreyPicture, edge: tuple[tuple[float, float], tuple[f
 
 
 def _feature(name: str, picture: GreyPicture, x: NDArray[Any], y: NDArray[Any], apart_px: float) -> Feature:
-    """Take the feature of some points, far apart: noise in their gradients would make each step fall short."""
+    """Build a feature from points; gradients span `apart_px`, as noise in them would make each step fall short."""
     points = np.stack([x, y]).astype(np.float32)
     half = np.float32(apart_px / 2)
     across = sample(picture, points[0] + half, points[1]) - sample(picture, points[0] - half, points[1])
@@ -137,7 +137,7 @@ def _feature(name: str, picture: GreyPicture, x: NDArray[Any], y: NDArray[Any], 
 
 
 class LevelFinder:
-    """Finds the roll that carries the level edge into a frame, by trying rolls about a known point."""
+    """Finds the roll of the level edge in a frame, by trying rolls about a known point."""
 
     def __init__(self, feature: Feature, pivot_px: tuple[float, float], lens: Lens | None = None) -> None:
         self._feature = feature

@@ -1,4 +1,4 @@
-"""The frame placer: where the panel lies in frames, and with it each gauge, or each gauge by itself."""
+"""The frame placer: locates the panel in frames, and with it each gauge, or each gauge by itself."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from decoder.registration.registration import Look
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.thresholds import MOST_SAMPLES
 
-# Rims are looked at in some points only; between these they bulge by less.
+# Rims are tested at a few points only; between these they bulge by less than this.
 RIM_MARGIN_PX = 8
-# The panel's lower end must not leave the rows that are decompressed where a camera shakes more than in the sample: so
-# many pixels are allowed for that at least, so many times what it shakes there, and no more than a row of blocks.
+# The panel's lower end must stay within the rows that are decompressed even if a camera shakes more than in the sample.
+# The margin is at least this many pixels plus this many times the shake in the sample, and at most one row of blocks.
 LEAST_SHAKE_PX, SHAKES = 2, 2
 
 
@@ -42,15 +42,15 @@ class UnwrappedPanel:
     Raises
     ------
     PanelError
-        If reference points or a rim tell no plane, or a needle's height nothing; or gauges have too many
-        pixels, together or a window by itself.
+        If reference points or a rim determine no plane, or a needle's height is unusable; or if gauges have too many
+        pixels, together or a single window.
     """
 
     def __init__(self, source: PanelPictures) -> None:
         self.source = source.with_planes()
         self.grids = [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
         samples = sum(grid.rows * grid.columns for grid in self.grids)
-        # The whole of a window is looked at, in all frames of a sample at once: one may take a part of all samples.
+        # Whole windows are sampled, in all frames of a sample at once, so one may take only a part of all samples.
         for index, grid in enumerate(self.grids):
             if isinstance(grid, WindowGrid) and grid.rows * grid.columns > MOST_SAMPLES // 8:
                 million = grid.rows * grid.columns / 1e6
@@ -91,9 +91,9 @@ class UnwrappedPanel:
 class UnwrappedFrame:
     """One frame's alignment, and its unwrapped gauges in the panel's order.
 
-    `whole` tells for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
-    Of dials that are found by themselves: `dial_shifts_px` are how far they lie from where the anchors have them,
-    `dial_sigmas_px` how uncertain that is, and `dial_alignments` where they lie; None is one that was not found.
+    `whole` says for each gauge whether all of it lies in the frame; `focal_length_mm` and `size_px` are the frame's.
+    For dials that are located by themselves, `dial_shifts_px` are how far they lie from where the anchors put them,
+    `dial_sigmas_px` the uncertainty of that, and `dial_alignments` where they lie; None for one that was not found.
     """
 
     alignment: Alignment
@@ -106,7 +106,7 @@ class UnwrappedFrame:
     dial_alignments: Sequence[Alignment | None] = ()
 
     def alignment_of(self, gauge_index: int) -> Alignment | None:
-        """Return where a gauge lies; None if it is looked for by itself and was not found."""
+        """Return where a gauge lies; None if it is located by itself and was not found."""
         return self.dial_alignments[gauge_index] if self.dial_alignments else self.alignment
 
 
@@ -115,7 +115,7 @@ Placed = tuple[FramePicture | TopOfFrame, UnwrappedFrame]
 
 
 class _Kind(NamedTuple):
-    """What frames have in common that are first looked at together; `rows` are those that are there."""
+    """What frames that are first looked at together have in common; `rows` is how many of them are decompressed."""
 
     size_px: tuple[int, int]
     rows: int
@@ -128,12 +128,12 @@ class _Kind(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Whether all rows are there."""
+        """Whether all rows are decompressed."""
         return self.rows == self.size_px[1]
 
 
 class FramePlacer:
-    """Places frames of one panel, by what is known of its camera that `Placement.searches_as` compares."""
+    """Locates the panel in frames, with the parts of a `Placement` that `Placement.searches_as` compares."""
 
     def __init__(self, drawn: UnwrappedPanel, placement: Placement) -> None:
         source, grids = drawn.source, drawn.grids
@@ -149,7 +149,7 @@ class FramePlacer:
         self._all_rims = as_places(np.concatenate(self._rims, axis=1))
 
     def unwrap_many(self, frames: Iterable[Taken]) -> list[UnwrappedFrame | PictureError]:
-        """Each frame aligned and unwrapped, or why it is not."""
+        """Align and unwrap each frame, or say why not."""
         return [one if isinstance(one, PictureError) else self._with_gauges(*one) for one in self.placed(frames)]
 
     def _with_gauges(self, picture: FramePicture | TopOfFrame, frame: UnwrappedFrame) -> UnwrappedFrame:
@@ -158,10 +158,10 @@ class FramePlacer:
         return replace(frame, gauges=self.unwrapper.unwrap(picture.pixels, frame.alignment, picture.in_colour))
 
     def placed(self, frames: Iterable[Taken]) -> list[Placed | PictureError]:
-        """Each frame aligned, and unwrapped where each dial is found by itself; or why it is not."""
+        """Align each frame, and unwrap it if dials are located by themselves; or say why not."""
         taken: list[Taken] = []
         alike: dict[_Kind, tuple[SeenPanel | None, dict[int, Look]]] = {}
-        for number, frame in enumerate(frames):  # looked at as they come, while they are in the processor's cache
+        for number, frame in enumerate(frames):  # looked at as they arrive, while they are in the processor's cache
             taken.append(frame)
             if not isinstance(frame, PictureError):
                 kind = _Kind.of(frame)
@@ -187,7 +187,7 @@ class FramePlacer:
         ]
 
     def _seen(self, kind: _Kind) -> SeenPanel | None:
-        """Return the panel where such frames usually have it; None where each frame is looked at by itself."""
+        """Return the panel as such frames usually show it; None if each frame has to be searched by itself."""
         if self._placement.dials_move:
             return None
         try:
@@ -196,7 +196,7 @@ class FramePlacer:
             return None  # each frame says so itself
 
     def _all_inside(self, kind: _Kind, alignments: Mapping[int, Alignment]) -> dict[int, UnwrappedFrame]:
-        """By number those of the frames in which the panel lies with all its gauges."""
+        """Return, by number, those of the frames that contain the panel with all its gauges."""
         width, height_px = kind.size_px
         last_px = kind.rows - (RIM_MARGIN_PX if kind.rows < height_px else 0)
         are_inside = each_inside(self._all_rims, list(alignments.values()), width, last_px)
@@ -207,9 +207,9 @@ class FramePlacer:
         }
 
     def _placed(self, frame: Taken, looked: Sequence[Alignment | None]) -> Placed | PictureError:
-        """Return a frame, and where the panel lies in it; unwrapped where each dial is to be found by itself.
+        """Return a frame and where the panel lies in it; unwrapped if dials are located by themselves.
 
-        `looked` is what looking where the panel usually lies has told, if that was done: it is not done again.
+        `looked` is the result of looking at the panel's usual place, if that was done; it is not repeated.
         """
         try:
             if isinstance(frame, PictureError):
@@ -226,7 +226,7 @@ class FramePlacer:
         return whole, UnwrappedFrame(alignment, (), are_inside, whole.focal_length_mm, (width, height))
 
     def dial_shifts_px(self, frame: GreyPicture, focal_length_mm: float | None = None) -> list[Point | None]:
-        """How far each gauge's own marks lie from where the anchors have it; None where they are not found.
+        """Return how far each gauge's own marks lie from where the anchors put it; None where they are not found.
 
         Raises
         ------
@@ -238,7 +238,7 @@ class FramePlacer:
         return [None if place is None else place.shift_px for place in places]
 
     def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> Alignment:
-        """Where dials are looked for one by one: where all anchors have them, or else most of them roughly."""
+        """Return where to search for dials one by one: where all anchors put them, or else most of them roughly."""
         if self._placement.anchors_agree:
             try:
                 alignment = self.aligner.align(frame, focal_length_mm)
@@ -249,7 +249,7 @@ class FramePlacer:
         return self.aligner.align_roughly(frame, focal_length_mm)
 
     def _unwrap_one_by_one(self, picture: FramePicture) -> UnwrappedFrame:
-        """Each gauge where its own marks are; one whose marks are not found is not read."""
+        """Unwrap each gauge where its own marks are; one whose marks are not found is not read."""
         frame, focal_length_mm = picture.pixels, picture.focal_length_mm
         alignment = self._near(frame, focal_length_mm)
         height, width = frame.shape
@@ -267,11 +267,11 @@ class FramePlacer:
         return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas, alignments)
 
     def rows_at_first(self) -> int | None:
-        """As `rows_wanted` before any frame was seen: as if the camera stood where the panel picture was taken."""
+        """Do `rows_wanted` before any frame was seen, as if the camera stood where the panel picture was taken."""
         return self._rows([self._own], ROWS_OF_BLOCKS)
 
     def rows_wanted(self, alignments: Sequence[Alignment]) -> int | None:
-        """How many rows from the top show all that is read of the panel in frames like these; None for all of them."""
+        """Return how many rows from the top show all that is read in frames like these; None for all of them."""
         return self._rows(alignments, LEAST_SHAKE_PX)
 
     def _rows(self, alignments: Sequence[Alignment], least_shake_px: int) -> int | None:

@@ -1,13 +1,13 @@
-"""The search of one frame: from first guesses to the alignment that all matching features settle on.
+"""The search of one frame: from first guesses to an alignment that fits all matching features.
 
-Where fewer features match than the panel has, their own pixels may still tell more of the motion than their places do:
-an anchor that is seen obliquely is squeezed. A motion that they tell beyond doubt is believed.
-
-A frame is searched in which some feature does not match where the flight usually has it: anchors by NCC near their
-usual places, then everywhere, then everywhere and turned. What most of them agree on is the first guess; where only
-one was found, the level edge tells the roll. Then all features that match settle it to sub-pixel, and anchors that were
-missed are looked for again where these have them. An alignment whose features do not match is refused: a frame that
+A frame is searched if some feature does not match at its usual place in the flight: anchors are searched for by NCC
+near their usual places, then everywhere, then everywhere and turned. The first guess is what most of them agree on;
+where only one was found, the level edge gives the roll. All features that match then refine it to sub-pixel, and missed
+anchors are searched for again where these put them. An alignment whose features do not match is refused: a frame that
 cannot be aligned is missing, never read somewhere else.
+
+Where fewer features match than the panel has, their own pixels may still tell more of the motion than their positions
+do: an anchor seen obliquely is squeezed. A larger motion is accepted if it is significant.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ from decoder.registration.thresholds import (
     TURNS_DEG,
 )
 
-# If those pull each other away: one that is covered rarely matches this well, one half outside hardly ever.
+# Thresholds to try if features disagree: a covered one rarely reaches the first, one half outside hardly the second.
 CLEARER_SCORES = (0.6, 0.85)
-# What matches may change with where it is settled.
+# What matches may change with the alignment, so it is determined repeatedly.
 MATCHING_PASSES = 3
 Scores = Mapping[str, float]
 """How well features match, by their names."""
 
-# Where a common shift, roll and scale leave an anchor in another perspective.
+# A common shift, roll and scale leave anchors in another perspective this far off.
 REFINE_MARGINS_PX = (24, 6)
 
 
 @dataclass(frozen=True, slots=True)
 class RefinedAlignment:
-    """Where some features match best, how well all of them match there, and which it rests on."""
+    """The alignment at which some features match best, how well all of them match there, and which it rests on."""
 
     alignment: Alignment
     scores: Scores
@@ -65,18 +65,18 @@ class RefinedAlignment:
 
 
 class AlignmentRefiner:
-    """Of guesses of one frame's alignment; motions are relative to where the panel usually is."""
+    """Refines guesses of one frame's alignment; motions are relative to the panel's usual place."""
 
     def __init__(self, seen: SeenPanel, frame: GreyPicture) -> None:
         self._seen = seen
         self._frame = frame
 
     def scores(self, alignment: Alignment) -> dict[str, float]:
-        """How well each feature matches."""
+        """Return how well each feature matches."""
         return {feature.name: feature.score(self._frame, alignment) for feature in self._seen.features}
 
     def on_matching(self, guess: Alignment) -> RefinedAlignment:
-        """On just those features that match there: a hand or a glare may cover the others.
+        """Refine on just those features that match there, as a hand or glare may cover the others.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class AlignmentRefiner:
         return there
 
     def on_any(self, guess: Alignment) -> RefinedAlignment:
-        """On all that may match; if something among it pulls the others away, on what matches already.
+        """Refine on all features that may match, or if one of them pulls the others off, on those that match better.
 
         Raises
         ------
@@ -114,15 +114,15 @@ class AlignmentRefiner:
         raise lost or AlignmentLost("the panel's features do not settle on one place")
 
     def on(self, guess: Alignment, features: Sequence[Feature]) -> RefinedAlignment:
-        """Settle on some features, and score all.
+        """Refine on some features, and score all.
 
         Raises
         ------
         AlignmentLost
-            If they do not settle on one place.
+            If it does not converge.
         """
         if not features:
-            return RefinedAlignment(guess, self.scores(guess), features)  # the scores will tell what is missing
+            return RefinedAlignment(guess, self.scores(guess), features)  # the scores show what is missing
         model = self._seen.model(features)
         settled = self._refined(self._seen.registration(features), self._simplified(guess, features, model))
         if settled is None and model > Model.SIMILARITY:
@@ -131,7 +131,7 @@ class AlignmentRefiner:
             settled = self._refined(self._seen.registration(features, model), simple)
         if settled is None:
             scores = self.scores(guess)
-            self.check(guess, scores)  # says what is missing, if that is why
+            self.check(guess, scores)  # names what is missing, if that is why
             raise AlignmentLost("the panel's features do not settle on one place", failing(scores))
         anchors = sum(feature.name != "level" for feature in features)
         if anchors > 1 and model < self._seen.model(self._seen.features):
@@ -145,7 +145,7 @@ class AlignmentRefiner:
         return found
 
     def check(self, moved: Alignment, scores: Mapping[str, float]) -> None:
-        """Whether what matches is enough to hold the panel.
+        """Check that what matches is enough to hold the panel.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class AlignmentRefiner:
             raise AlignmentLost(f"only {good} of {len(anchors)} anchors found, far from where they usually are", failed)
 
     def _widened(self, settled: Registered, features: Sequence[Feature], model: Model) -> Registered:
-        """Register with larger models, as far as the features' pixels tell them from the smaller one."""
+        """Register with larger models, as far as they differ significantly from the smaller one."""
         start = settled
         for larger in (one for one in (Model.AFFINE, Model.PERSPECTIVE) if one > model):
             wider = self._refined(self._seen.wider(features, larger), start.alignment, is_far=True)
@@ -179,7 +179,7 @@ class AlignmentRefiner:
         return settled
 
     def leans(self, settled: Alignment) -> bool:
-        """Whether the features' own pixels show a shear, beyond doubt, that their alignment leaves out."""
+        """Whether the features' own pixels show a significant shear that their alignment leaves out."""
         there = settled.after(np.linalg.inv(self._seen.usual))
         wider = self._refined(self._seen.wider(self._seen.features, Model.AFFINE), there, is_far=True)
         return wider is not None and self._is_believed(wider, Registered(there, self.scores(there)))
@@ -194,7 +194,7 @@ class AlignmentRefiner:
         return bool((moved_px > SIGNIFICANT_SIGMAS * covariance.sigma_px(points)).any())
 
     def _simplified(self, guess: Alignment, features: Sequence[Feature], model: Model) -> Alignment:
-        """Return a guess without shear and perspective that the model would leave and nothing vouches for."""
+        """Return a guess without the shear and perspective that the model cannot fit and nothing supports."""
         if model is Model.PERSPECTIVE or is_rigid(guess.matrix):
             return guess
         names = {feature.name for feature in features}
@@ -212,18 +212,18 @@ class AlignmentRefiner:
         return self.moved(Alignment.pinned(place, hit.centre_px, guess.motion_at(place).roll_deg, 1.0).matrix)
 
     def moved(self, motion: Matrix) -> Alignment:
-        """Where the panel lies after a (3, 3) motion."""
+        """Return where the panel lies after a (3, 3) motion."""
         return replace(self._seen.start, elements=tuple((motion / motion[2, 2]).ravel().tolist()))
 
 
 def carried(matrix: Matrix, point_px: Point) -> Point:
-    """Where a (3, 3) motion carries a point."""
+    """Apply a (3, 3) motion to a point."""
     x, y, depth = matrix @ (*point_px, 1.0)
     return float(x / depth), float(y / depth)
 
 
 def failing(scores: Scores) -> tuple[str, ...]:
-    """Names of the features that do not match."""
+    """Return the names of the features that do not match."""
     return tuple(name for name, score in scores.items() if score < SCORE_THRESHOLD)
 
 
@@ -232,7 +232,7 @@ def _names(features: Sequence[Feature]) -> list[str]:
 
 
 class FrameSearch:
-    """One frame's alignment; motions are relative to where the panel usually is."""
+    """Finds one frame's alignment; motions are relative to the panel's usual place."""
 
     def __init__(self, seen: SeenPanel, frame: GreyPicture) -> None:
         self._seen = seen
@@ -240,7 +240,7 @@ class FrameSearch:
         self._settling = AlignmentRefiner(seen, frame)
 
     def alignment(self) -> Alignment:
-        """Where the panel picture lies in a frame in which it is not where it usually is.
+        """Find the panel picture in a frame in which it is not at its usual place.
 
         Raises
         ------
@@ -256,7 +256,7 @@ class FrameSearch:
         if not losses:
             self._settling.check(self._seen.start, self._settling.scores(self._seen.start))
             raise AlignmentLost("the panel's features do not settle on one place")
-        raise min(losses, key=lambda loss: len(loss.failed))  # the first of those that came nearest
+        raise min(losses, key=lambda loss: len(loss.failed))  # the first of those that came closest
 
     def rough_alignment(self) -> Alignment | None:
         """Return what most anchors agree on, each found by itself; None if fewer than two are found well."""
@@ -271,7 +271,7 @@ class FrameSearch:
         return None
 
     def _guesses(self) -> Iterator[Alignment]:
-        """First guesses, from the likeliest to the most laborious; not more than a few."""
+        """Yield a few first guesses, from the likeliest to the most laborious."""
         finders = self._seen.finders
         near = [[finder.near(self._frame, finder.centre_px, SEARCH_MARGIN_PX)] for finder in finders]
         near = [[hit for hit in hits if hit.score >= MIN_FIRST_SCORE] for hits in near]
@@ -299,7 +299,7 @@ class FrameSearch:
         return self._settling.moved(pinned.matrix)
 
     def _refined(self, motion: Matrix) -> Matrix:
-        """Return a guess from a few anchors, with all anchors that are found where it expects them."""
+        """Refine a guess from a few anchors with all anchors that are found where it expects them."""
         if self._seen.model(self._seen.features) is not Model.PERSPECTIVE:
             return motion
         places = [finder.centre_px for finder in self._seen.finders]
@@ -320,7 +320,7 @@ class FrameSearch:
 
     def _from_guess(self, guess: Alignment) -> Alignment:
         there = self._settling.on_matching(guess)
-        for _ in self._seen.finders:  # each time one more, at least
+        for _ in self._seen.finders:  # each pass adds at least one
             motion = self._with_missed(there) if there.failed else None
             if motion is None:
                 break
@@ -334,7 +334,7 @@ class FrameSearch:
         return self._checked(there)
 
     def _with_missed(self, there: RefinedAlignment) -> Alignment | None:
-        """Find the motion of the anchors that match and those found again where these have them; None if none."""
+        """Fit the motion of the anchors that match and the missed ones found again from it; None if none was found."""
         finders = self._seen.finders
         places = [finder.centre_px for finder in finders]
         span_px = max(math.dist(one, other) for one in places for other in places)
@@ -355,7 +355,7 @@ class FrameSearch:
         return self._settling.moved(fitted(places, hits, model))
 
     def _checked(self, there: RefinedAlignment) -> Alignment:
-        """Accept the alignment of the panel picture, if its features match well enough."""
+        """Accept the alignment of the panel picture if its features match well enough."""
         self._settling.check(there.alignment, there.scores)
         score = min(score for score in there.scores.values() if score >= SCORE_THRESHOLD)
         return replace(there.alignment.after(self._seen.usual), score=score, failed=there.failed)

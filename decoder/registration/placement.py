@@ -1,4 +1,4 @@
-"""Learned placement: where the camera stands, how it moves, where needles turn, and how surely each dial is placed."""
+"""Learned placement: where the camera is, how it moves, where needles turn, and how precisely each dial is located."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from decoder.registration.thresholds import KEPT
 
 
 class PlaceUncertainty:
-    """Of all gauges of a panel: by the features that an alignment rests on, and by what these cannot tell."""
+    """The position uncertainty of a panel's gauges, from the features an alignment rests on, and from its model."""
 
     def __init__(self, source: PanelPictures, placement: Placement) -> None:
         self._panel, self._optics = source.panel, source.optics
@@ -28,7 +28,7 @@ class PlaceUncertainty:
         self._levers: dict[tuple[Frame2D, Model], tuple[Floats, Floats]] = {}
 
     def sigmas_px(self, alignments: Sequence[Alignment]) -> Floats:
-        """(frames, gauges): by how much each centre may be off, in the panel picture's pixels."""
+        """(frames, gauges): the uncertainty of each gauge's centre, in the panel picture's pixels."""
         sigmas = np.zeros((len(alignments), self._centres.shape[1]))
         alike: dict[tuple[Frame2D, Model], list[tuple[int, MotionCovariance]]] = {}
         for index, alignment in enumerate(alignments):
@@ -44,22 +44,22 @@ class PlaceUncertainty:
         return sigmas
 
     def _levers_of(self, known: MotionCovariance, failed: Sequence[str]) -> tuple[Floats, Floats]:
-        """As `_lever`, worked out once for all alignments that rest on the same."""
-        key = (known.axes, known.model)  # the axes tell which features it rests on
-        if key not in self._levers:  # where the camera usually stands is near enough for a doubt
+        """Do `_lever` once for all alignments that rest on the same features."""
+        key = (known.axes, known.model)  # the axes identify the features it rests on
+        if key not in self._levers:  # the camera's usual place is near enough for an uncertainty
             if len(self._levers) == KEPT:
                 self._levers.clear()
             self._levers[key] = self._lever(known, failed)
         return self._levers[key]
 
     def _lever(self, known: MotionCovariance, failed: Sequence[str]) -> tuple[Floats, Floats]:
-        """How the centres move with a motion, two rows each, and the variance of what its model leaves out."""
+        """Return how the centres move with a motion, two rows each, and the variance that its model leaves out."""
         levers = known.axes.jacobian(self._centres, known.model) / self._scale
         off_px = unseen_px(self._motions, self._features(failed), self._centres, known.model) / self._scale
         return levers.transpose(1, 0, 2).reshape(2 * self._centres.shape[1], -1), off_px**2 / 2
 
     def _features(self, failed: Sequence[str]) -> list[Point]:
-        """Where what an alignment rests on usually lies: the middles of anchors, the ends of the level edge."""
+        """Return where an alignment's features usually lie: the middles of anchors, the ends of the level edge."""
         panel = self._panel
         middles = [tuple(middle_of(anchor)[:, 0]) for anchor in self._anchors if anchor.name not in failed]
         ends = panel.level if panel.level is not None and "level" not in failed else ()
@@ -67,7 +67,7 @@ class PlaceUncertainty:
         return [(float(x), float(y)) for x, y in self._usually_at(places).T] if places else []
 
     def _usually_at(self, places: Sequence[Point]) -> Floats:
-        """(2, N): where points of the panel picture lie in frames as a rule."""
+        """(2, N): where points of the panel picture usually lie in frames."""
         straight = self._optics.straight(np.array(places, np.float64).T)
         carried = self._usual.matrix @ np.vstack([straight, np.ones(straight.shape[1])])
         usually: Floats = carried[:2] / carried[2]
@@ -83,18 +83,18 @@ class Placement:
     usual
         Where the camera mostly was.
     motions
-        (3, 3) each: how frames that showed enough of the panel moved against where the camera mostly was. A frame that
-        shows less may have moved just so.
+        (3, 3) each: how frames that showed enough of the panel moved from there. A frame that shows less may have moved
+        the same way.
     dials_move
-        Whether the camera moves so far that dials move against the anchors, and each is to be found by itself.
+        Whether the camera moves so far that dials shift relative to the anchors, and have to be located one by one.
     anchors_agree
-        Whether anchors lie in one plane, so that all of them tell where dials are to be looked for.
+        Whether anchors lie in one plane, so that all of them tell where to search for dials.
     lifts
-        By gauge, where dials move: how far the needle goes beyond its dial for each pixel that the dial moves.
+        For each gauge, if dials move: how far the needle moves beyond its dial for each pixel that the dial moves.
     is_upright
-        Whether the camera is not known to roll: then a lone anchor is not asked by how much.
+        Whether the camera is assumed not to roll; then a lone anchor is not used to estimate the roll.
     rows
-        How many rows of a frame, from the top, show all that is looked at as a rule; None for all of them.
+        How many rows of a frame, from the top, usually show everything that is needed; None for all of them.
     """
 
     usual: Alignment = IDENTITY
@@ -106,7 +106,7 @@ class Placement:
     rows: int | None = None
 
     def searches_as(self, other: Placement) -> bool:
-        """Whether the panel and its dials are looked for in frames in the same way with another placement."""
+        """Whether the panel and its dials are searched for in the same way with another placement."""
         one, two = (
             (placement.dials_move, placement.anchors_agree, placement.lifts, placement.is_upright)
             for placement in (self, other)

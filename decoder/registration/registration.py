@@ -1,9 +1,9 @@
-"""Registration: brings first guesses of alignments to sub-pixel by least squares on the features' own pixels.
+"""Registration: refines first guesses of alignments to sub-pixel by least squares on the features' own pixels.
 
-All frames lie in the same arrays, one frame is a batch of one, and each costs two small products a step.
+All frames share the same arrays, a single frame is a batch of one, and each frame costs two small products per step.
 
-Inverse compositional least-squares matching (Baker and Matthews 2004): each feature has its own gain, offset and slope
-of light, so light may change; the motion is common.
+It is inverse compositional least-squares matching (Baker and Matthews 2004). Each feature has its own gain, offset and
+gradient of light, so light may change; the motion is common.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ MIDDLE_GREY = 128.0  # keeps the sums of squares small enough for float32
 ITERATIONS = 12
 FAR_ITERATIONS = 24
 PATCH_MARGIN_PX = 8
-# What a first step leaves with a rather noisy panel picture.
+# How much a step falls short with a fairly noisy panel picture, assumed until two steps are known.
 EXPECTED_SHRINKAGE = 0.3
-# What differs between two pictures of a feature differs over some pixels together: so many times as uncertain as if
-# each pixel had its own noise. By trial on rendered flights with blur, noise and JPEG.
+# Differences between two pictures of a feature are correlated over some pixels, which makes estimates this many times
+# as uncertain as with independent noise. Found by trial on rendered flights with blur, noise and JPEG.
 NOISE_CORRELATION = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class FeatureSolver:
-    """What the panel picture alone says of one feature.
+    """What the panel picture alone tells of one feature.
 
-    `rows` (parameters + 1, N) are how its pixels change with the motion, what light can do to them projected out, and
-    last its pixels without their mean; `normal` is the matrix that the first make; `energy` is the sum of the squares
-    of the last.
+    `rows` (parameters + 1, N) are the derivatives of its pixels by the motion, with light projected out, followed by
+    its pixels minus their mean; `normal` is the normal matrix of the derivatives, `energy` the sum of squares of the
+    last row.
     """
 
     rows: Floats
@@ -57,7 +57,7 @@ class FeatureSolver:
 
     @classmethod
     def of(cls, feature: Feature, axes: Frame2D, model: Model) -> Self:
-        """For motions of a model on some axes."""
+        """Build it for motions of a model on some axes."""
         jacobian = axes.jacobian(feature.points, model)
         columns = np.einsum("in,inp->np", feature.gradient.astype(np.float64), jacobian)
         x, y = feature.points.astype(np.float64) - feature.points.mean(axis=1, dtype=np.float64)[:, None]
@@ -71,11 +71,11 @@ class FeatureSolver:
 
     @property
     def flat_energy(self) -> float:
-        """What pixels have at most that show next to nothing."""
+        """The energy below which pixels count as blank."""
         return float(MIN_SPREAD_LEVELS**2 * self.rows.shape[1])
 
     def seen_in_each(self, values: Floats) -> tuple[Floats, Floats]:
-        """In F frames, (F, N) float32 or a few more: the sums (F, parameters + 1) and the energies (F,)."""
+        """Return the sums (F, parameters + 1) and energies (F,) of F frames, (F, N) float32 or a few more columns."""
         size = self.rows.shape[1]
         own = values[:, None, :size] - np.float32(MIDDLE_GREY)
         total = own.sum(axis=2, dtype=np.float64)[:, 0]
@@ -84,7 +84,7 @@ class FeatureSolver:
 
 
 def inverse_normal(solvers: Sequence[FeatureSolver], size: int) -> Floats:
-    """Of the normal matrix of some features together; of next to nothing where they say nothing."""
+    """Invert the normal matrix of some features together, regularised where they tell nothing."""
     normal = sum((solver.normal for solver in solvers), start=np.zeros((size, size)))
     inverse: Floats = np.linalg.inv(normal + np.eye(size) * (1e-9 * normal.trace() + 1e-9))
     return inverse
@@ -100,18 +100,18 @@ class Registered:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """What a registration takes from a frame at first; taken while the frame is in the processor's cache it costs half.
+    """What a registration takes from a frame first, at half the cost while the frame is in the processor's cache.
 
     Attributes
     ----------
     frame
-        All of its rows, or the first where it is not `is_whole`.
+        All of its rows, or the first ones if it is not `is_whole`.
     start
-        Where the features are looked for first.
+        Where the features are first looked for.
     patches
-        By feature what lies around it; None where that leaves the frame.
+        For each feature, its surroundings; None where those leave the frame.
     levels
-        By feature (N,) float32, or a few more: the levels of its points.
+        For each feature (N,) float32, or a few more: the levels of its points.
     """
 
     frame: GreyPicture
@@ -123,20 +123,20 @@ class Look:
 
 @dataclass(slots=True)
 class _Running:
-    """The frames that have not settled yet.
+    """The frames that have not converged yet.
 
     Attributes
     ----------
     numbers
         (F,): which frames they are.
     looks, patches
-        By frame.
+        For each frame.
     matrices
         (F, 3, 3): where the features are expected.
     margin_px
-        (F,): how far features may still move in their patches.
+        (F,): how far features may still move within their patches.
     before_px, shrinkage
-        (F,): how far the last step went, and what part of a step the next one is.
+        (F,): the length of the last step, and the ratio of the next to it.
     """
 
     numbers: Indices
@@ -162,7 +162,7 @@ class _Running:
         )
 
     def moved(self, motions: Floats, reach_px: Floats) -> Floats:
-        """Move all frames, by so far; (F,): how far all further steps will go, as these shrink."""
+        """Move all frames; return (F,) how far all further steps will go, as these shrink."""
         matrices = self.matrices @ motions
         self.matrices = matrices / matrices[:, 2:, 2:]
         self.margin_px = self.margin_px - reach_px
@@ -188,7 +188,7 @@ class _Running:
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """Where one feature is looked for first: the part of the frame around it, and its places in that."""
+    """Where one feature is first looked for: the part of the frame around it, and its places within that."""
 
     rows: slice
     columns: slice
@@ -196,7 +196,7 @@ class _Start:
 
 
 class Registration:
-    """Least-squares alignment on a set of features: their own points are moved by a motion of `model`."""
+    """Least-squares alignment on a set of features whose points are moved by a motion of `model`."""
 
     def __init__(self, features: Sequence[Feature], model: Model) -> None:
         self._features = tuple(features)
@@ -209,12 +209,12 @@ class Registration:
         self._inverse = inverse_normal(self._solvers, model)
 
     def predicted(self, noise_levels: float) -> MotionCovariance:
-        """How uncertain the motion will be if frames differ from the panel picture by so many grey levels."""
+        """Return the uncertainty of the motion if frames differ from the panel picture by so many grey levels."""
         variance = (noise_levels * NOISE_CORRELATION) ** 2
         return MotionCovariance(self.axes, self.model, self._inverse * variance)
 
     def look_at(self, frame: GreyPicture, start: Alignment, *, is_whole: bool = True) -> Look:
-        """Take from a frame what `refine` wants of it."""
+        """Take from a frame what `refine` needs of it."""
         patches: list[Patch | None] = []
         levels = []
         for place, feature in zip(self._started(frame, start), self._features, strict=True):
@@ -228,12 +228,12 @@ class Registration:
         return Look(frame, start, patches, levels, is_whole)
 
     def refine(self, looks: Sequence[Look], *, is_far: bool = False) -> list[Registered | None]:
-        """Bring the alignments at which F frames were looked at to where the features match best in least squares.
+        """Refine the alignments at which F frames were looked at to the least-squares optimum; None if lost.
 
-        From starts that may be more than some pixels off, `is_far`, long steps are taken in part; else they say that a
-        frame is lost. None for a frame that does not settle. A noisy panel picture makes each step fall short, the more
-        so the noisier it is: a frame has settled when what all further steps will add, by how these shrink, is less
-        than `SETTLED_PX`. Nothing that is found in a frame depends on the frames beside it.
+        With `is_far`, for starts that may be several pixels off, long steps are shortened; otherwise they mean that a
+        frame is lost. A noisy panel picture makes each step fall short, the more so the noisier it is, so a frame has
+        converged when all further steps, extrapolated from how they shrink, add up to less than `SETTLED_PX`. The
+        result for a frame does not depend on the other frames.
         """
         found: list[Registered | None] = [None] * len(looks)
         running = _Running.of(looks)
@@ -243,14 +243,14 @@ class Registration:
                 break
             levels = self._levels(running) if iteration else _first_levels(running.looks)
             step, scores = self._steps(levels)
-            if iteration >= FULL_STEPS:  # full steps may go to and fro between two places for ever
+            if iteration >= FULL_STEPS:  # full steps may alternate between two places forever
                 step *= 0.5
             reach_px = np.hypot(step[:, 0], step[:, 1]) + np.abs(step[:, 2:]).sum(axis=1)
             lost = reach_px > MAX_STEP_PX
             if is_far:
                 step *= np.where(lost, MAX_STEP_PX / np.maximum(reach_px, MAX_STEP_PX), 1.0)[:, None]
                 reach_px, lost = np.minimum(reach_px, MAX_STEP_PX), np.zeros_like(lost)
-            # Where a matrix expected panel point p the frame shows p moved by the step: move back.
+            # The frame shows p moved by the step from where its matrix puts panel point p, so move the matrix back.
             left_px = running.moved(self.axes.matrices(-step, self.model), reach_px)
             done = ~lost & ((left_px < SETTLED_PX) | ((iteration == iterations - 1) & (reach_px < 10 * SETTLED_PX)))
             if done.any():
@@ -261,7 +261,7 @@ class Registration:
         return found
 
     def _with_room(self, running: _Running) -> _Running:
-        """Cut new patches where features have moved out of theirs; what is not in a frame's first rows is given up."""
+        """Cut new patches where features moved out of theirs; drop frames whose first rows do not contain them."""
         for row in np.flatnonzero(running.margin_px <= 0).tolist():
             there = _at(running.looks[row], running.matrices[row])
             cut = [points.patch(running.looks[row].frame, there, PATCH_MARGIN_PX) for points in self._maps]
@@ -271,7 +271,7 @@ class Registration:
         return running if kept.all() else running.only(kept)
 
     def _started(self, frame: GreyPicture, alignment: Alignment) -> list[_Start | None]:
-        """Places in frames of this shape, worked out once for all that are first looked at there."""
+        """Return the places in frames of this shape, computed once for all that are first looked at there."""
         if self._starts is None or self._starts[0] is not alignment or self._starts[1] != frame.shape:
             starts: list[_Start | None] = []
             for points in self._maps:
@@ -286,9 +286,9 @@ class Registration:
         return self._starts[2]
 
     def _levels(self, running: _Running) -> Iterator[Floats]:
-        """By feature (F, N) float32: the levels of its points where the frames' matrices carry them.
+        """Yield for each feature (F, N) float32: the levels of its points where the frames' matrices carry them.
 
-        Where a feature is not wholly in a frame, these are as the rest of it makes one expect.
+        Where a feature is not wholly in a frame, the rest is extrapolated.
         """
         lens = running.looks[0].start.lens
         for index, (feature, points) in enumerate(zip(self._features, self._maps, strict=True)):
@@ -309,10 +309,10 @@ class Registration:
             yield levels.reshape(len(own), -1)
 
     def _steps(self, levels: Iterable[Floats]) -> tuple[Floats, Floats]:
-        """Of F frames the steps that bring the features nearer, (F, parameters), and their scores, (F, features).
+        """Return for F frames the steps towards the features, (F, parameters), and their scores, (F, features).
 
-        `levels` are by feature its pixels in the frames, (F, N) float32 or a few more. A feature that is flat, or
-        inverted, in a frame scores 0 there and is left out of the step.
+        `levels` holds for each feature its pixels in the frames, (F, N) float32 or a few more columns. A feature that
+        is flat or inverted in a frame scores 0 there and is left out of the step.
         """
         both = [solver.seen_in_each(own) for solver, own in zip(self._solvers, levels, strict=True)]
         frames = len(both[0][1])
@@ -330,7 +330,7 @@ class Registration:
         return steps, scores
 
     def _registered(self, ended: _Running, scores: Floats) -> list[Registered]:
-        """Of frames that have settled, with the scores of features that are not wholly in them looked up."""
+        """Return the results of converged frames, scoring features separately that are not wholly in them."""
         parts = list(zip(ended.looks, ended.patches, ended.matrices, strict=True))
         alignments = [_at(look, matrix) for look, _, matrix in parts]
         for row, (look, patches, _) in enumerate(parts):
@@ -346,7 +346,7 @@ class Registration:
         ]
 
     def _covariances(self, scores: Floats) -> Floats:
-        """(F, parameters, parameters): of the motions, from what features that match so leave unexplained."""
+        """(F, parameters, parameters): the motions' covariances, from what features leave unexplained."""
         believed = np.maximum(scores, MIN_GUESS_SCORE)
         energies, each = self._spreads
         unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
@@ -355,24 +355,24 @@ class Registration:
 
     @cached_property
     def _spreads(self) -> tuple[Floats, Floats]:
-        """By feature: its energy for each pixel, and how what is left unexplained of it spreads over the motion."""
+        """For each feature, its energy per pixel, and how its unexplained part propagates to the motion."""
         energies = np.array([solver.energy / solver.rows.shape[1] for solver in self._solvers])
         return energies, np.stack([self._inverse @ solver.normal @ self._inverse for solver in self._solvers])
 
 
 def _first_levels(looks: Sequence[Look]) -> Iterator[Floats]:
-    """By feature (F, N) float32: the levels of its points where they are looked for first."""
+    """Yield for each feature (F, N) float32: the levels of its points where they are first looked for."""
     for levels in zip(*(look.levels for look in looks), strict=True):
         yield np.array(levels)
 
 
 def _at(look: Look, matrix: Floats) -> Alignment:
-    """Make a frame's alignment of a (3, 3) matrix, whose last element is 1."""
+    """Make a frame's alignment from a (3, 3) matrix whose last element is 1."""
     return Alignment(tuple(matrix.ravel().tolist()), look.start.score, look.start.failed, look.start.lens)
 
 
 def _extended(feature: Feature, frame: GreyPicture, alignment: Alignment) -> Floats:
-    """Sample a feature in a frame that shows a part of it, the rest as that part makes one expect."""
+    """Sample a feature in a frame that shows a part of it, extrapolating the rest from that part."""
     samples, within = feature.sample(frame, alignment), feature.within(frame, alignment)
     if within.all() or not within.any() or float(feature.pixels[within].std()) < 1.0:
         return samples

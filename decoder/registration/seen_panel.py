@@ -1,6 +1,6 @@
 """The panel as a camera usually sees it at one zoom: features and anchors where they usually lie in such frames.
 
-A frame then differs from it by a small motion only, whatever the usual place of the camera.
+A frame then differs from it by a small motion only, wherever the camera usually is.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class SeenPanel:
     Parameters
     ----------
     usual
-        (3, 3): the panel picture to such frames, both without distortion.
+        (3, 3): from the panel picture to such frames, both without distortion.
     lens
-        Of such frames, where it is known.
+        Of such frames, if known.
     is_upright
-        Whether their camera does not roll: a lone anchor need not tell by how much.
+        Whether their camera does not roll, so that a lone anchor is not used to estimate the roll.
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class SeenPanel:
         self._registrations: OrderedDict[tuple[object, ...], tuple[Registration, Model, float]] = OrderedDict()
 
     def at(self, usual: Matrix) -> SeenPanel:
-        """Return the same panel as frames show it in which it lies elsewhere."""
+        """Return the same panel for frames in which it lies elsewhere."""
         return SeenPanel(self._panel, self._taken, usual, self._optics, self._lens, is_upright=self._is_upright)
 
     def carry(self, points: Floats) -> Floats:
-        """(2, N) points of the panel picture, as taken, where such frames usually have them, without distortion."""
+        """Carry (2, N) points of the panel picture, as taken, to their usual places in such frames, undistorted."""
         return _projected(self._optics.straight(points), self.usual)
 
     def look_at(self, frame: GreyPicture, *, is_whole: bool = True) -> Look:
@@ -82,7 +82,7 @@ class SeenPanel:
         return self.registration(self.features).look_at(frame, self.start, is_whole=is_whole)
 
     def as_usual(self, looks: Sequence[Look]) -> list[Alignment | None]:
-        """Where the panel picture lies in frames; None where some feature does not match well near its usual place."""
+        """Locate the panel picture in frames; None where some feature does not match well near its usual place."""
         found = self.registration(self.features).refine(looks)
         lowest = [0.0 if one is None else min(one.scores.values()) for one in found]
         return [
@@ -91,7 +91,7 @@ class SeenPanel:
         ]
 
     def registration(self, features: Sequence[Feature], largest: Model = Model.PERSPECTIVE) -> Registration:
-        """Register on some of the features, with the largest model that they can carry, and may have."""
+        """Register on some of the features, with the largest model up to `largest` that they can carry."""
         return self._kept(features, largest)[0]
 
     def wider(self, features: Sequence[Feature], model: Model) -> Registration:
@@ -102,12 +102,12 @@ class SeenPanel:
         return self._registrations[key][0]
 
     def model(self, features: Sequence[Feature]) -> Model:
-        """Tell the model that some of the features can carry."""
+        """Return the largest model that some of the features can carry."""
         return self._kept(features)[1]
 
     @property
     def shortcoming(self) -> str | None:
-        """What all features together leave wanting, as a sentence; None if nothing."""
+        """What all features together lack, as a sentence; None if nothing."""
         wanted = self._wanted(self.features)
         _, model, sigma_px = self._kept(self.features)
         if model is wanted:
@@ -131,7 +131,7 @@ class SeenPanel:
             self._registrations.popitem(last=False)
 
     def _fitting(self, features: Sequence[Feature], largest: Model) -> tuple[Registration, Model, float]:
-        """Choose the registration, its model, and tell how uncertain the wanted model would be at the worst gauge."""
+        """Choose the registration and its model, and estimate the wanted model's uncertainty at the worst gauge."""
         wanted = min(self._wanted(features), largest)
         registration = Registration(features, wanted)
         wanted_sigma_px = sigma_px = self._worst_sigma_px(registration)
@@ -143,12 +143,12 @@ class SeenPanel:
         return registration, model, wanted_sigma_px
 
     def _wanted(self, features: Sequence[Feature]) -> Model:
-        """Tell the model that some features would carry if they stood well."""
+        """Return the model that some features would carry if they were well placed."""
         anchors = sum(feature.name != "level" for feature in features)
         if anchors >= MIN_PAIRS:
             return Model.PERSPECTIVE
         if anchors == MIN_PAIRS - 1 and len(self.anchors) > anchors:
-            return Model.AFFINE  # one is covered: what is left tells most of a perspective
+            return Model.AFFINE  # one is covered; the others determine most of a perspective
         if anchors > 1:
             return Model.SIMILARITY
         return Model.SHIFT if self._is_upright and len(features) == 1 else Model.RIGID
@@ -176,7 +176,7 @@ class SeenPanel:
         return AnchorFinder(anchor.name, centre, partial(self._rendered, anchor, centre), self._lens)
 
     def _rendered(self, anchor: Anchor, centre: Point, turned_deg: float) -> GreyPicture:
-        """Draw the anchor as such frames have it, turned clockwise by so many degrees about its centre."""
+        """Draw the anchor as such frames show it, turned clockwise about its centre."""
         left, top, width, height = whole_box(anchor)
         if self._is_as_drawn and turned_deg == 0.0:
             return np.ascontiguousarray(self._picture[top : top + height, left : left + width])
@@ -209,7 +209,7 @@ def _projected(points: Floats, matrix: Floats) -> Floats:
 
 
 def _as_sharp_as_frames(picture: GreyPicture, scale: float) -> GreyPicture:
-    """Blur from the panel picture the detail that frames at a smaller scale cannot have."""
+    """Blur away detail of the panel picture that frames at a smaller scale cannot have."""
     if scale >= 1.0:
         return picture
     spread_px = 0.5 * math.sqrt(1.0 / scale**2 - 1.0)

@@ -1,9 +1,9 @@
-"""Where a camera stands that is not where the panel picture was taken, told by SIFT features.
+"""Locating a camera that is not where the panel picture was taken, by SIFT features.
 
-The aligner looks for the panel at the panel picture's scale, give or take a little. Frames of a flight for which the
-box was mounted elsewhere, or that zoomed without saying so, are matched with the panel picture as a whole instead, by
-features that do not mind scale and roll (SIFT, Lowe 2004) and the perspective that most of them agree on. It is done
-for a few frames of a flight, and for those that would be lost; the aligner then starts from what they say.
+The aligner searches for the panel at about the panel picture's scale. Frames of a flight for which the box was mounted
+elsewhere, or that zoomed without saying so, are instead matched with the panel picture as a whole, by features that are
+invariant to scale and roll (SIFT, Lowe 2004) and the perspective that most of them agree on. It is done for a few
+frames of a flight, and for those that would otherwise be lost; the aligner then starts from the result.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class SiftLocalizer:
         self._found: OrderedDict[bytes, Matrix | None] = OrderedDict()
 
     def find(self, frame: GreyPicture) -> Matrix | None:
-        """(3, 3): from the panel picture to the frame, to some pixels; None where too little of it is seen.
+        """(3, 3): from the panel picture to the frame, to a few pixels; None if too little of it is visible.
 
-        A frame of a sample is looked at more than once, and half a second each time: what was found is remembered.
+        Results are cached, since a frame of a sample is looked at more than once, for half a second each time.
         """
         key = sha256(frame.tobytes()).digest()
         if key not in self._found:
@@ -69,7 +69,7 @@ class SiftLocalizer:
 
 
 def _features(picture: GreyPicture) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 2) places in the picture's pixels, and (N, 128) descriptions."""
+    """(N, 2) places in the picture's pixels, and (N, 128) descriptors."""
     part = min(1.0, MAX_SIDE_PX / max(picture.shape))
     small = cv2.resize(picture, None, fx=part, fy=part, interpolation=cv2.INTER_AREA) if part < 1.0 else picture
     described = None

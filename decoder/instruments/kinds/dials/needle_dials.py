@@ -1,4 +1,4 @@
-"""Dials with needles: read one by one or in pairs, as hands that tell one value, or as a stack."""
+"""Dials with needles: read one by one or in pairs, as geared hands that tell one value, or as a stack."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class _FindsNeedles(Protocol):
 
 
 class _FoundReader:
-    """Makes readings of what is found of needles, (F, K)."""
+    """Turns needles found as arrays (F, K) into readings."""
 
     def __init__(self, needles: Sequence[Needle], finder: _FindsNeedles) -> None:
         self._needles, self._finder = list(needles), finder
         self._gauges = [needle.gauge_index for needle in needles]
 
     def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
-        """Read F frames; `place_sigmas_deg` (F, gauges) is how uncertain dials' places make angles."""
+        """Read F frames; `place_sigmas_deg` (F, gauges) is the uncertainty of angles due to the dials' positions."""
         return readings_of(self._finder.read(frames), self._needles, place_sigmas_deg[:, self._gauges])
 
 
@@ -97,7 +97,7 @@ class NeedleKind:
 
     @staticmethod
     def _cuts(gauge: Gauge) -> list[tuple[float, float]]:
-        """Where needles are cut out of the panel picture, and how many degrees."""
+        """List where needles are cut from the panel picture, and how wide, degrees."""
         cuts = [(each.at, each.span) for each in (needle.template for needle in gauge.needles) if each.picture is None]
         return [(at_deg, span_deg) for at_deg, span_deg in cuts if at_deg is not None and span_deg is not None]
 
@@ -120,12 +120,12 @@ class _Hands:
 
 
 class GearedKind(NeedleKind):
-    """Hands that tell one value: an altimeter's, a clock's."""
+    """Hands that tell one value, such as those of an altimeter or a clock."""
 
     is_searched = False
 
     def first_look(self, drawn: DrawnInstrument) -> Look:
-        """Cut its hands, short ones up to their tips; what a flight teaches of one may have gaps, and ends there."""
+        """Cut its hands, short ones only up to their tips, since what a flight teaches of one may have gaps."""
         look = needles_in_picture(drawn)
         ended = {name: without_dial(template, drawn.grid) for name, template in look.templates.items()}
         return replace(look, templates=ended)
@@ -150,7 +150,7 @@ class _StackFinder:
 
 
 class StackKind(NeedleKind):
-    """Needles above each other, each read by what is known of the others."""
+    """Needles above each other, each read given what is known of the others."""
 
     is_searched = False
 

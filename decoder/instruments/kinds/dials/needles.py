@@ -1,9 +1,9 @@
 """Needles, alone or in pairs: where each lies in many frames, all gauges of all frames in the same arrays.
 
-Only the pixels that this takes are sampled: every third row and column for the search, then a window around each
-needle. The search tells the best row, least squares in the window the rest. A needle that matches elsewhere nearly as
-well is not believed. One that matches less well than it should is fitted once more with the uneven light over it.
-Nothing that is found in a frame depends on the frames beside it.
+Only the pixels needed are sampled: every third row and column for the search, then a window around each needle. The
+search gives the best row, least squares in the window the fraction. A needle that matches another place nearly as well
+is not trusted. One that matches less well than it should is fitted again together with uneven light. A frame's results
+do not depend on the other frames in the batch.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
-# Powers of row and column that a light may follow within one template.
+# Powers of row and column by which light may vary within one template.
 LIGHT_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
@@ -42,13 +42,13 @@ class Peaks:
     scores
         (F, K, N): the search's.
     is_peak
-        (F, K, N): the searched rows at which the needle may be, with no higher ones beside them.
+        (F, K, N): the searched rows that are local maxima and on which the needle may lie.
     place
-        (F, K): the peak between searched rows, as a row of the gauge.
+        (F, K): the peak interpolated between searched rows, as a row of the gauge.
     score
         (F, K): on the searched row there.
     is_clear
-        (F, K): whether there is one, and it is surely not another needle's.
+        (F, K): whether there is one, and it is certainly not another needle's.
     """
 
     scores: Floats
@@ -59,7 +59,7 @@ class Peaks:
 
 
 class NeedleReader:
-    """Reads needles of one panel, those of one gauge side by side.
+    """Reads the needles of a panel; those of one gauge are adjacent.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class NeedleReader:
         self._evenly_lit_score = evenly_lit_score
         is_plain = method is Method.XCORR
         self._pairs = [] if is_plain else _pairs_of(needles)
-        # Where the second matches better nearby, the first is not looked for.
+        # The first is not searched for where the second matches better nearby.
         self._rivals = [
             (one, other)
             for one, other in permutations(range(len(needles)), 2)
@@ -101,7 +101,7 @@ class NeedleReader:
         self._turns = (0.0, -turns, turns) if np.isfinite(turns).any() else (0.0,)
 
     def _searched_rows(self) -> tuple[Indices, Mask]:
-        """(K, N) each: the gauges' rows that are searched, and whether the needles' axes may lie on them."""
+        """(K, N) each: the gauges' searched rows, and whether the needles' axes may lie on them."""
         places = self._search.places
         rows = np.stack([place.start + COARSE_STEP * np.arange(self._search.count, dtype=np.intp) for place in places])
         allowed = np.zeros(rows.shape, bool)
@@ -112,7 +112,7 @@ class NeedleReader:
         return rows, allowed
 
     def read(self, frames: Sequence[Samples]) -> Found:
-        """Find the needles in F frames: (F, K); those whose gauges do not lie wholly in a frame mean nothing."""
+        """Find the needles in F frames: (F, K); results for gauges not wholly in a frame are meaningless."""
         gauges = self._searched(frames)
         scores = self._search.scores(gauges)
         peaks = self._peaks(scores, scores if self._method is Method.NORMXCORR else self._products(gauges))
@@ -146,7 +146,7 @@ class NeedleReader:
         nearby = {}
         for one, other in self._rivals:
             steps = round(APART_DEG / self._needles[one].grid.step_deg) // COARSE_STEP
-            # On rows between the searched ones a narrower reach leaves out nothing that may be the needle's.
+            # Between searched rows, a narrower reach makes sure that nothing of the needle itself is left out.
             is_peak[:, one] &= scores[:, one] >= _nearby_best(scores[:, other], steps - 1)
             nearby[one] = scores[:, one] >= _nearby_best(scores[:, other], steps)
         top, place = peaks_of(curve, is_peak)
@@ -164,7 +164,7 @@ class NeedleReader:
         return Peaks(scores, is_peak, place * COARSE_STEP + self._rows[:, 0], score, is_clear)
 
     def _far_rows(self, upper: int, lower: int) -> int:
-        """So far apart neither of two needles changes what is seen of the other."""
+        """Return the distance beyond which two needles do not overlap."""
         return self._needles[upper].axis + self._needles[lower].axis
 
     def _settled(self, frames: Sequence[Samples], peaks: Peaks) -> Found:
@@ -182,9 +182,9 @@ class NeedleReader:
         return found
 
     def _doubt_rivals(self, frames: Sequence[Samples], peaks: Peaks, found: Found) -> None:
-        """Mark needles as missing that match at another place of their dials nearly as well.
+        """Mark needles as missing that match another place of their dials nearly as well.
 
-        A tail as long as the tip, a bug of the needle's form, or a reflection may match as the needle does.
+        A tail as long as the tip, a bug of the needle's shape, or a reflection may match as the needle does.
         """
         reach_rows = np.array([needle.half_width_rows + MAX_PEAK_ROWS for needle in self._needles])
         elsewhere = peaks.is_peak & (peaks.scores >= LIKELY_SCORE) & (found.status == READ)[..., None]
@@ -207,7 +207,7 @@ class NeedleReader:
             found.status[at[0][is_as_good], at[1][is_as_good]] = MISSING
 
     def _look_through_light(self, frames: Sequence[Samples], found: Found) -> None:
-        """Fit needles that stand alone and match less well than they should together with the light over them."""
+        """Fit needles that stand alone and match less well than they should again, with the light over them."""
         doubtful = self._is_alone & np.isfinite(found.row) & ~(found.score >= self._evenly_lit_score)
         doubtful &= (found.status == READ) | ~(found.score >= SCORE_THRESHOLD)
         for windows in self._windows:
@@ -226,7 +226,7 @@ class NeedleReader:
             found.put((frame, needle), Found(status, after.row, after.sigma_rows, after.score))
 
     def _read_pair(self, frames: Sequence[Samples], pair: int, peaks: Peaks, found: Found) -> None:
-        """Read two needles together in those frames in which they are not far apart, both clearly seen."""
+        """Read two needles together in those frames in which they are not both clearly seen far apart."""
         (upper, lower), touching = self._pairs[pair], self._touching[pair]
         far = self._far_rows(upper, lower)
         above, below = found.part((slice(None), upper)), found.part((slice(None), lower))
@@ -256,13 +256,13 @@ class NeedleReader:
                 self._sampler.strips([frames[number] for number in rest.tolist()], gauge_index)
             )
             one, other = (both.part((slice(None), column)) for column in (0, 1))
-            # The upper needle is not where the lower one matches better.
+            # Where the lower needle matches better, the upper one is not there.
             alone = ~is_above[rest] & (below.status[rest] == READ) & (below.score[rest] > one.score)
             found.put((rest, upper), one.instead(alone, one.as_missing()))
             found.put((rest, lower), other.instead(alone, below.part(rest)))
 
     def _tell_apart(self, frames: Sequence[Samples], pair: int, peaks: Peaks, found: Found) -> None:
-        """Do not take two needles for each other of which each matches where the other is; one alone may be either."""
+        """Resolve two needles that each match where the other is; one found alone may be either."""
         stack, both = self._stacks[pair], np.array(self._pairs[pair])
         if not stack.has_alike:
             return
@@ -285,7 +285,7 @@ class NeedleReader:
 
 
 class _Windows:
-    """The windows of needles whose templates have one shape; `needles` are their numbers."""
+    """The windows of needles whose templates have the same shape; `needles` are their indices."""
 
     def __init__(self, numbers: Sequence[int], needles: Sequence[Needle], sampler: GaugeSampler) -> None:
         own = [needles[number] for number in numbers]
@@ -306,7 +306,7 @@ class _Windows:
         self._lit_fitter = WindowFitter(self._templates, pixels_per_sample, _lights(self._height, self._columns))
 
     def settle(self, frames: Sequence[Samples], frame: Indices, needle: Indices, places: Floats) -> Settled:
-        """Fit needles (M,) in frames (M,) by least squares, from fractional rows (M,) on."""
+        """Fit needles (M,) in frames (M,) by least squares, starting from fractional rows (M,)."""
         index = self._index[needle]
 
         def fit(open_: Indices, rows: Indices, guess_rows: Floats) -> Fits:
@@ -318,7 +318,7 @@ class _Windows:
     def settle_lit(
         self, frames: Sequence[Samples], frame: Indices, needle: Indices, places: Floats
     ) -> tuple[Settled, Floats]:
-        """Fit the same under an uneven light; also what part of each needle's contrast is not drowned in white."""
+        """Do so under uneven light; also return what part of each needle's contrast is not saturated."""
         index = self._index[needle]
         visible, pixels = np.zeros(len(frame)), np.zeros(len(frame))
 
@@ -342,7 +342,7 @@ class _Windows:
     def _around(
         self, frames: Sequence[Samples], frame: Indices, index: Indices, rows: Indices
     ) -> tuple[Floats, Floats]:
-        """Gauges and faces in windows around rows, (M, H * C) each; the frames in their order."""
+        """Return gauges and faces in windows around rows, (M, H * C) each; M is ordered by frame."""
         top_rows = rows - self._axis
         first = self._first[index] + top_rows * self._columns
         ends = np.flatnonzero(np.diff(frame, prepend=-1, append=-1))
@@ -354,13 +354,13 @@ class _Windows:
 
 
 def _lights(height: int, width: int) -> Floats:
-    """(6, H * C) float32: the powers that a light may follow."""
+    """(6, H * C) float32: the powers by which light may vary."""
     row, column = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
     return np.stack([(row**i * column**j).ravel() for i, j in LIGHT_POWERS]).astype(np.float32)
 
 
 def _adjusted(scores: Floats, pixels: Floats) -> Floats:
-    """Return correlations as without the freedom that few pixels give (Ezekiel's adjusted R squared)."""
+    """Correct correlations for the freedom that few pixels leave (Ezekiel's adjusted R squared)."""
     freedom = len(LIGHT_POWERS) + 2  # the lights, the face, the needle
     usable = (scores > 0) & (pixels > freedom + 1)
     left = (1.0 - scores**2) * (pixels - 1) / np.where(usable, pixels - freedom - 1, 1.0)
@@ -369,7 +369,7 @@ def _adjusted(scores: Floats, pixels: Floats) -> Floats:
 
 
 def is_simple(gauge: Gauge) -> bool:
-    """Whether a gauge has one needle, or a pair that is read by the pixels around it."""
+    """Whether a gauge has one needle, or a pair that can be read from the pixels around it."""
     if len(gauge.needles) == 1:
         return True
     spans = {needle.template.span for needle in gauge.needles}
@@ -378,13 +378,13 @@ def is_simple(gauge: Gauge) -> bool:
 
 
 def _pairs_of(needles: Sequence[Needle]) -> list[tuple[int, int]]:
-    """Those that lie above another one: (above, below) by index."""
+    """List pairs of needles, one above the other: (above, below) by index."""
     index = {needle.name: number for number, needle in enumerate(needles)}
     return [(index[each.covered_by], number) for number, each in enumerate(needles) if each.covered_by is not None]
 
 
 def _nearby_best(scores: Floats, steps: int) -> Floats:
-    """Return the highest of each of (F, N) scores and so many to either side."""
+    """Return for each of (F, N) scores the highest within `steps` to either side."""
     best = scores.copy()
     for step in range(1, steps + 1):
         np.maximum(best[:, step:], scores[:, :-step], out=best[:, step:])

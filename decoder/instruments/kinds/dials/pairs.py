@@ -1,7 +1,7 @@
 """Pairs of needles that touch, cover or hide each other, in many frames at once.
 
-The cascade is the thesis's: the lower needle as what shows of it tells; else, where the two nearly coincide, both
-together; else hidden under the upper one.
+The cascade is the thesis's: read the lower needle by its visible part; where the two nearly coincide, fit both
+together; otherwise it is hidden under the upper one.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from decoder.matching.uncovered_search import Candidate, Uncovered, UncoveredSea
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
-# So many rows more than the windows need: where a fit starts is not quite where it ends.
+# Rows beyond what the windows need, since a fit may end some rows from where it starts.
 SPARE_ROWS = 6
 
 
 class TouchingPair:
-    """Reads the two needles of one gauge where the upper one was found, and the lower is near it.
+    """Reads the two needles of one gauge where the upper one was found and the lower is near it.
 
-    The gauge is neither read all the way round nor with tails.
+    It does not handle gauges that are read all the way round or have tails.
     """
 
     def __init__(self, upper: Needle, lower: Needle) -> None:
@@ -38,7 +38,7 @@ class TouchingPair:
         self.strip_rows = min(2 * self._half_strip + 1, len(upper.face))
 
     def top_rows(self, above_rows: Floats) -> Indices:
-        """(M,): where on the gauge the `strip_rows` begin that are looked at around the upper needle's row, (M,)."""
+        """(M,): the first of the `strip_rows` rows to look at around each upper needle's row (M,)."""
         middle = np.rint(above_rows).astype(np.intp)
         top_rows: Indices = limited(middle - self._half_strip, 0, len(self._face) - self.strip_rows)
         return top_rows
@@ -51,7 +51,7 @@ class TouchingPair:
         rows, allowed
             (N,): the gauge's rows that were searched, and whether the needle may be there.
         scores
-            (M, N): what was found on them.
+            (M, N): the scores there.
         """
         far = np.abs(rows - above_rows[:, None]) > self._both_axes + 1
         peaks = far & allowed
@@ -60,23 +60,23 @@ class TouchingPair:
         return beside
 
     def read(self, pixels: Floats, top_rows: Indices, above: Found) -> tuple[Found, Found, Mask]:
-        """Upper and lower needle, and where that is beyond doubt.
+        """Read upper and lower needle; also return where that converged.
 
         Parameters
         ----------
         pixels
-            (M, S, C) float32: so many rows of the gauge as `strip_rows` says.
+            (M, S, C) float32: `strip_rows` rows of the gauge.
         top_rows
             (M,): where they begin.
         above
-            The upper needle as it is found alone.
+            The upper needle as it was found alone.
         """
         strips = Strips.of(pixels, top_rows, self._face)
         candidate = self._search.look(strips, above.row)
         every = np.arange(len(above.row))
         upper, lower = above.part(every), above.part(every)
         is_settled = np.ones(len(every), bool)
-        # There or thereabouts: least squares do not move it further than this.
+        # Near enough to coincide, since least squares do not move it by more than this.
         apart_rows = np.abs(candidate.place - above.row)
         together = ~candidate.is_there | (apart_rows + MAX_PEAK_ROWS <= self._fitter.reach_rows)
         open_ = np.flatnonzero(~together)
@@ -102,7 +102,7 @@ class TouchingPair:
         return upper, lower, is_settled
 
     def _below(self, found: Uncovered, above: Found) -> Found:
-        """Return the lower needle as what shows of it tells; hidden if that is too little."""
+        """Return the lower needle as its visible part was read; hidden if that is too little."""
         hidden = ~(found.score >= SCORE_THRESHOLD)
         status = np.where(hidden, HIDDEN, np.where(found.visible >= WHOLE_VISIBLE, READ, EDGE))
         concealed = self._hidden(above)
@@ -114,12 +114,12 @@ class TouchingPair:
         )
 
     def _hidden(self, above: Found, doubt_rows: Floats | float = 0.0) -> Found:
-        """At the covering needle's place, give or take how far it may be without being seen, or told."""
+        """Return the needle at its cover's place, with the uncertainty of where it may be without being seen."""
         sigma_rows = np.hypot(above.sigma_rows, np.maximum(self._fitter.hidden_reach_rows / math.sqrt(3.0), doubt_rows))
         return Found(np.full(len(above.row), HIDDEN), above.row, sigma_rows, above.score)
 
     def _touching(self, strips: Strips, above: Found, below: Found) -> tuple[Found, Found, Mask]:
-        """Each with what is known of the other."""
+        """Read each needle given what is known of the other."""
         over = self._fitter.over(strips, above.row, below.row)
         explained = np.isfinite(over.row) & (over.correlation >= WHOLE_VISIBLE)
         found = Found(above.status, over.row, over.sigma_rows, over.score)
@@ -134,7 +134,7 @@ class TouchingPair:
         return upper, lower, is_settled
 
     def _coinciding(self, strips: Strips, above: Found, candidate: Candidate) -> tuple[Found, Found]:
-        """With too little room between them to be read one after the other."""
+        """Read both together, where there is too little room between them to read one after the other."""
         pairs = self._fitter.fit(strips, above.row)
         explained = pairs.correlation >= WHOLE_VISIBLE
         together = Found(above.status, pairs.upper_row, pairs.upper_sigma_rows, pairs.upper_score)
@@ -152,6 +152,6 @@ class TouchingPair:
 
 
 def _covers_other_pixels(before: Floats, after: Floats) -> Mask:
-    """Where a needle that moved from one row to another touches other pixels."""
+    """Return where a needle that moved from one row to another touches different pixels."""
     moved: Mask = (np.floor(before) != np.floor(after)) | (np.ceil(before) != np.ceil(after))
     return moved
