@@ -22,6 +22,7 @@ from decoder.learning.thresholds import MOSTLY, NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.thresholds import MIN_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
@@ -45,7 +46,10 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mappin
         if len(seen) < FRAMES_TO_LEARN or not doubted or not _may_be_bared(gauge, grid, templates, faces[index], seen):
             continue
         usual = median_of(np.stack(seen)).astype(np.float32)
-        for needle in _bared(gauge, grid, templates, _Dial(own[index], usual, faces[index]), seen):
+        dial = _Dial(gauge, grid, templates, own[index], usual, faces[index])
+        others = {needle.name: _rows_of_others(dial, needle, found) for needle in _cut_needles(gauge)}
+        in_sight = [at for at, view in enumerate(views[index]) if view is not None]
+        for needle in _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()}):
             rows = _window(needle, grid, templates[needle.name])
             faces[index] = np.where(rows[:, None], usual, faces[index]).astype(np.float32)
             cut = templates[needle.name]
@@ -60,6 +64,9 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mappin
 class _Dial:
     """One unwrapped gauge: in the panel picture, as frames mostly show it, and as it was thought to be bare."""
 
+    gauge: Gauge
+    grid: PolarGrid
+    templates: Mapping[str, NeedleTemplate]
     drawn: UnwrappedGauge
     usual: UnwrappedGauge
     face: UnwrappedGauge
@@ -99,35 +106,58 @@ def _cut_needles(gauge: Gauge) -> list[Pointer]:
     return [each for each in gauge.over_face if each.hides_deg is not None]
 
 
-def _bared(
-    gauge: Gauge,
-    grid: PolarGrid,
-    templates: Mapping[str, NeedleTemplate],
-    dial: _Dial,
-    seen: Sequence[UnwrappedGauge],
-) -> list[Pointer]:
-    """Name the needles that mostly stand elsewhere, and behind which there is another dial than was thought."""
-    needles = _cut_needles(gauge)
-    windows = [_window(needle, grid, templates[needle.name]) for needle in needles]
+def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mask]) -> list[Pointer]:
+    """Name the needles that mostly stand elsewhere, and behind which there is another dial than was thought.
+
+    A needle that moved by less than its width has gone from its edges alone: along its axis the dial still shows the
+    needle, however much moves beside it. What `others` show, by needle, (frames, R), is not the needle itself.
+    """
+    needles = _cut_needles(dial.gauge)
+    windows = [_window(needle, dial.grid, dial.templates[needle.name]) for needle in needles]
     beside = ~np.any(windows, axis=0) if windows else np.zeros(0, bool)
     if not beside.any():
         return []
     noise = MAD_TO_SIGMA * float(np.median(np.abs(dial.drawn - dial.usual)[beside]))
     least = max(NOISE_SPREADS * noise, 3 * NOISE_LEVELS)
-    elsewhere = [int((np.abs(view - dial.usual)[beside] > least).sum()) for view in seen]
+    differs = np.stack([(np.abs(view - dial.usual) > least).sum(axis=1) * beside for view in seen])
     bared = []
     for needle, rows in zip(needles, windows, strict=True):
         gone = dial.drawn[rows] - _in_light_of(dial.drawn[rows], dial.usual[rows])
         low, high = np.quantile(dial.drawn[rows], (0.02, 0.98))
-        clear = max(least, CLEAR_PART * float(high - low))
-        area = int((np.abs(gone) > clear).sum())
+        is_gone = np.abs(gone) > max(least, CLEAR_PART * float(high - low))
+        elsewhere = np.where(others[needle.name], 0, differs).sum(axis=1)
         if (
-            area > NEEDLE_PART * gone.size
-            and float(np.mean([count > SEEN_PART * area for count in elsewhere])) > MOSTLY
+            is_gone.mean() > NEEDLE_PART
+            and _axis_part(dial, needle, is_gone) > MIN_VISIBLE
+            and (elsewhere > SEEN_PART * is_gone.sum()).mean() > MOSTLY
             and float((np.abs(dial.face[rows] - dial.usual[rows]) > least).mean()) > NEEDLE_PART
         ):
             bared.append(needle)
     return bared
+
+
+def _axis_part(dial: _Dial, needle: Pointer, is_gone: Mask) -> float:
+    """Return the part of a needle's axis, in [0, 1], that is gone from its window, (rows, C)."""
+    template = dial.templates[needle.name]
+    shown = template.outline[template.rows // 2]
+    rows = np.flatnonzero(_window(needle, dial.grid, template))
+    on_axis = int(np.argmin(np.abs(rows - _axis_row(needle, dial.grid))))
+    return float(is_gone[on_axis, shown].mean()) if shown.any() else 0.0
+
+
+def _rows_of_others(dial: _Dial, needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> Mask:
+    """(frames, R): the rows that show another needle of the dial, one that is found to move, or its tail."""
+    rows = np.zeros((len(found), dial.grid.rows), bool)
+    angles_deg = dial.grid.start_deg + dial.grid.step_deg * np.arange(dial.grid.rows)
+    for other in dial.gauge.over_face:
+        if other.name == needle.name or _seems_still(other, found):
+            continue
+        half_deg = dial.templates[other.name].rows * dial.templates[other.name].step_deg / 2
+        for frame, readings in enumerate(found):
+            if readings[other.name].status is Status.READ:
+                off_deg = shortest(angles_deg - readings[other.name].angle_deg, FULL_CIRCLE_DEG / 2)
+                rows[frame] |= np.abs(off_deg) <= half_deg
+    return rows
 
 
 def _in_light_of(wanted: Floats, seen: Floats) -> Floats:
@@ -140,6 +170,10 @@ def _in_light_of(wanted: Floats, seen: Floats) -> Floats:
 
 def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
     """(R,): which rows of the gauge a needle of the panel picture was cut from."""
-    middle = row_of_angle(grid, 0.0 if needle.at_deg is None else needle.at_deg)
-    rows: Mask = np.abs(np.arange(grid.rows) - middle) <= (template.rows - 1) / 2
+    rows: Mask = np.abs(np.arange(grid.rows) - _axis_row(needle, grid)) <= (template.rows - 1) / 2
     return rows
+
+
+def _axis_row(needle: Pointer, grid: PolarGrid) -> float:
+    """Return the row on which the axis of a needle of the panel picture lies."""
+    return row_of_angle(grid, 0.0 if needle.at_deg is None else needle.at_deg)
