@@ -113,6 +113,35 @@ def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: floa
     assert is_honest(own, CARD["scale"], bug)
 
 
+@pytest.mark.parametrize("level", [60.0, BUG_LEVEL])
+def test_bug_that_never_moved_may_be_a_mark_of_its_card(level: float) -> None:
+    """It goes round with the card as a mark would: what is found in its place is never more than `edge`."""
+    frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 100 + step, level) for step in range(16)]
+    reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, level), frames)
+    readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
+
+    found = [own for own in readings if own.status is not Status.MISSING]
+
+    assert {own.status for own in found} == {Status.EDGE}
+    assert len(found) >= 12
+    assert all(off(own, CARD["scale"], PANEL_BUG) < 1.0 for own in found)
+
+
+@pytest.mark.parametrize(("level", "light"), [(60.0, 1.0), (BUG_LEVEL, 0.4), (BUG_LEVEL, 0.25)])
+def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float) -> None:
+    """Where the card turned little, or in dim light, nothing tells the two apart; the bug was set elsewhere."""
+    settings_ = [PANEL_BUG] * 6 + [148.0] * 5 + [275.0] * 5
+    drawn = [with_bug(3.0 + 3.0 * step, bug, 100 + step, level) for step, bug in enumerate(settings_)]
+    first, *frames = (
+        np.rint(picture * light).astype(np.uint8) for picture in (with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, level), *drawn)
+    )
+    reader = fitted(BUG, first, frames)
+    readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
+
+    read = [(own, bug) for own, bug in zip(readings, settings_, strict=True) if own.status is Status.READ]
+    assert all(is_honest(own, CARD["scale"], bug) for own, bug in read)
+
+
 def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
     """It swings by its height above the card as it goes round, and stays where it was set: the swing is taken off."""
     parallax_deg, settings_ = 1.2, [60.0] * 6 + [148.0] * 6 + [275.0] * 6

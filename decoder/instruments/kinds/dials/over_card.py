@@ -9,7 +9,7 @@ the card: once it is found the card is read again without what lies below it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -53,12 +53,12 @@ from decoder.instruments.needle_learner import NeedleLearner
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import (
+    APART_DEG,
     CLEAR_PART,
     CLEARLY_WORSE,
     FRAMES_TO_LEARN,
     MIN_TURN_DEG,
     NEEDLE_PART,
-    SURE_SCORE,
 )
 from decoder.matching.correlation import normxcorr
 from decoder.matching.needle_layer import layer_over
@@ -67,7 +67,7 @@ from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MIN_CONTRAST_PART, OUTLIER_SPREADS, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import Pivot
 from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
@@ -97,8 +97,9 @@ class OverCardPicture:
         (R, C) float32: the panel picture with needles, and, once it is known, without what stands still over the card.
     over
         (P, C): where something stands still over the card, in one turn of the dial.
-    doubted
-        Needles that no frame tells from what lies behind them in the panel picture.
+    best_status
+        Of needles that no frame of the flight surely tells from the marks behind them in the panel picture: EDGE for
+        those that never moved, MISSING for those that did.
     parallaxes
         By needle, where a flight told it.
     """
@@ -108,7 +109,7 @@ class OverCardPicture:
     templates: Mapping[str, NeedleTemplate]
     drawn: UnwrappedGauge
     over: Mask
-    doubted: frozenset[str]
+    best_status: Mapping[str, Status]
     parallaxes: Mapping[str, CardParallax] = field(default_factory=dict)
 
 
@@ -324,8 +325,9 @@ class OverCardReader:
         first_deg = gauge.sweep[0]
         for needle in gauge.needles:
             own = found[needle.name]
-            is_sure = own.score >= SURE_SCORE or needle.name not in self._picture.doubted
-            status = own.status if is_sure else Status.MISSING
+            status = own.status
+            if status is not Status.MISSING:
+                status = self._picture.best_status.get(needle.name, status)
             at_deg = seen.at_deg(needle.name, step_deg)
             at_deg -= self._picture.parallaxes.get(needle.name, NO_PARALLAX).at(at_deg)
             on_card = Reading(
@@ -369,7 +371,25 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
             given = known
         known = _learned(dial, given, known, views)
-    return replace(known, parallaxes=_parallaxes(dial, reader, seen))
+    unmoved = dict.fromkeys(_unmoved(dial, seen), Status.EDGE)
+    return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status={**unmoved, **known.best_status})
+
+
+def _unmoved(dial: _Dial, frames: Sequence[_Seen]) -> Iterator[str]:
+    """Name the needles that were only found where the panel picture has them on a card that turned.
+
+    A mark of the card would be, too.
+    """
+    if arc_deg([seen.turn.rows for seen in frames], dial.grid) <= APART_DEG:
+        return
+    for needle in dial.gauge.turning:
+        own = [seen.found[needle.name] for seen in frames]
+        read_deg = np.array([reading.angle_deg for reading in own if reading.status is Status.READ])
+        if (
+            needle.at_deg is not None
+            and (np.abs(shortest(read_deg - needle.at_deg, FULL_CIRCLE_DEG)) <= APART_DEG).all()
+        ):
+            yield needle.name
 
 
 def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) -> dict[str, CardParallax]:
@@ -429,7 +449,7 @@ def _bared(
     both = np.stack([dial.blurred(given.drawn, picture_px), dial.blurred(given.face, picture_px)])
     picture, face = dial.in_light(dial.blurred(usual, frames_px), both[0], both)
     backs = [dial.blurred(back, frames_px) for back in backs]
-    templates, doubted = dict(given.templates), set()
+    templates, best_status = dict(given.templates), {}
     for needle in dial.gauge.turning:
         if needle.at_deg is None or needle.hides_deg is None:
             continue
@@ -437,18 +457,21 @@ def _bared(
         first = round(row_of_angle(dial.grid, needle.at_deg)) - (cut.rows - 1) // 2
         rows = slice(first, first + cut.rows)
         drawn, views = picture[rows], np.stack([back[rows] for back in backs])
-        other = np.argsort(np.square(views - drawn).mean(axis=(1, 2)))[-math.ceil(len(views) / ELSEWHERE) :]
+        left = np.square(views - drawn).mean(axis=(1, 2))
+        by_likeness, count = np.argsort(left), math.ceil(len(views) / ELSEWHERE)
+        like, other = by_likeness[:count], by_likeness[-count:]
         behind = np.median(views[other], axis=0).astype(np.float32)
         low, high = np.quantile(drawn, (0.02, 0.98))
         clear = max(OUTLIER_SPREADS * NOISE_LEVELS, CLEAR_PART * float(high - low))
         if float((np.abs(drawn - behind) > clear).mean()) <= NEEDLE_PART:
-            doubted.add(needle.name)
+            has_moved = np.median(left[other]) > CLEARLY_WORSE * np.median(left[like])
+            best_status[needle.name] = Status.MISSING if has_moved else Status.EDGE
             continue
         face = dial.with_rows(face, first, behind)
         axis_rows = row_of_angle(dial.grid, needle.at_deg) + np.arange(cut.rows) - (cut.rows - 1) / 2
         there = face_behind(face, dial.grid, needle.at_deg, cut.rows)
         templates[needle.name] = layer_over(rows_at(picture, axis_rows), there, cut.step_deg)
-    bared = replace(given, face=face, templates=templates, doubted=frozenset(doubted))
+    bared = replace(given, face=face, templates=templates, best_status=best_status)
     return bared, [_found_apart(dial, bared, back) for back in backs]
 
 
@@ -461,14 +484,14 @@ def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tupl
 
 
 def _found_apart(dial: _Dial, known: OverCardPicture, back: UnwrappedGauge) -> dict[str, Reading]:
-    """By needle that is not doubted where a gauge (R, C) differs from the bare card as the panel picture does.
+    """By needle that is told from marks: where a gauge (R, C) differs from the bare card as the panel picture does.
 
     One picture does not tell how a needle looks over other marks, but where it makes the card another one.
     """
     grid, found = dial.grid, {}
     left = np.abs(back - known.face)
     for needle in dial.gauge.turning:
-        if needle.name in known.doubted or needle.at_deg is None:
+        if needle.name in known.best_status or needle.at_deg is None:
             continue
         cut = known.templates[needle.name]
         axis = (cut.rows - 1) // 2
@@ -536,8 +559,8 @@ class OverCardKind(Still):
         look = needles_in_picture(drawn)
         card = first_card(dial.card_part(dial.part(look.face)), dial.card_grid)
         over = np.zeros(dial.part(look.face).shape, bool)
-        every = frozenset(look.templates)
-        picture = OverCardPicture(card, look.face, look.templates, drawn.strip, over, every)
+        untold = dict.fromkeys(look.templates, Status.EDGE)
+        picture = OverCardPicture(card, look.face, look.templates, drawn.strip, over, untold)
         return replace(look, pictures={_name(drawn.gauge): picture})
 
     def learned_pictures(
