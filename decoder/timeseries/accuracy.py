@@ -1,17 +1,17 @@
-"""Accuracy: flight data held against the truth, by the thesis's measure and by harder ones, and by regulators' limits.
+"""Accuracy: flight data compared with the truth, by the thesis's measure, stricter ones, and regulators' limits.
 
 The thesis reports 100 minus the mean error in percent of the true value; its published averages are finer than its
-own rows, so they are presumably means of signed errors, in which too high and too low cancel. Here are both, and
-percent of full scale and units beside them. On a scale that wraps errors go the short way round. Truth at other times
-than the frames is interpolated linearly, never extrapolated.
+own rows, so they are presumably means of signed errors, in which too high and too low cancel. Here are both, together
+with percent of full scale and units. On a scale that wraps, errors go the short way round. Truth at other times than
+the frames is interpolated linearly, never extrapolated.
 
-What regulators ask of flight data recorders is given as a range for some parameters (such as 100 to 700 ft, by
+For some parameters, what regulators ask of flight data recorders is given as a range (such as 100 to 700 ft, by
 altitude): within its narrow end a needle passes, beyond its wide end it fails, in between it depends on the
 installation. It passes or fails by 95 % of its values, because a truth at 1 Hz is itself interpolated. Percentages are
 of the value for airspeed and vertical speed, of full scale for the others; a value need not be finer than the
-resolution that is asked for, 1 kt or 250 fpm. A camera reads the aircraft's own instruments. Where these are the
-source, 14 CFR 91 lets the recording add at most half of what an installed system may be off, altimeters aside: that
-half is a table of its own.
+required resolution, 1 kt or 250 fpm. A camera reads the aircraft's own instruments. Where these are the source, 14 CFR
+91 lets the recording add at most half of the error allowed for an installed system, except for altimeters: that half
+has its own table.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class NeedleAccuracy:
 def compare(flight: FlightTable, truth: Table, *, offset_s: float | None = None) -> list[NeedleAccuracy]:
     """Compare every needle that both tables have, in the flight data's order.
 
-    Rows are matched by `frame` where both tables have that column, otherwise by `time_s`. With an `offset_s` they are
-    matched by time in any case: it is what the truth's clock lacks to the flight data's.
+    Rows are matched by `frame` if both tables have that column, otherwise by `time_s`. With an `offset_s`, which is
+    added to the truth's times, they are always matched by time.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def compare(flight: FlightTable, truth: Table, *, offset_s: float | None = None)
 def truth_at(flight: Table, truth: Table, name: str, described: Described, offset_s: float | None = None) -> Floats:
     """Match the truth to every row of the flight data, NaN where there is none; see `compare`.
 
-    Between two rows of the truth lies a line; of what is written it is the value that was last.
+    Between two rows of the truth, numbers are interpolated linearly, and states and texts keep the last value.
 
     Raises
     ------
@@ -117,14 +117,14 @@ def truth_at(flight: Table, truth: Table, name: str, described: Described, offse
         return np.where(there, values[usable][last], np.nan)
     known = values[usable] if wraps is None else np.unwrap(values[usable], period=wraps)
     interpolated: Floats = np.interp(wanted_s, known_s[usable], known, left=np.nan, right=np.nan)
-    if "frame" in truth.columns:  # a row for each frame: an empty field is a value that is lost, and not bridged
+    if "frame" in truth.columns:  # a row for each frame: an empty field is a lost value, and is not interpolated
         interpolated[np.interp(wanted_s, known_s, usable.astype(float)) < 1] = np.nan
     return interpolated
 
 
 def _needle_accuracy(name: str, flight: Table, truth: Floats, described: Described) -> NeedleAccuracy:
     value, sigma = flight.numbers(name, described.written), flight.numbers(f"{name}_sigma")
-    if not np.isfinite(sigma).any():  # of a state or a text, which is right or wrong
+    if not np.isfinite(sigma).any():  # for a state or a text, which is right or wrong
         sigma = np.zeros_like(value)
     status = np.array(flight.columns[f"{name}_status"])
     full_scale = described.full_scale
@@ -197,7 +197,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """How far a value may be off: the greatest of what is given."""
+    """How far a value may be off: the largest of the given limits."""
 
     absolute: float = 0.0
     unit: str = ""
@@ -205,7 +205,7 @@ class Tolerance:
     of_scale: float = 0.0
 
     def sizes(self, truth: Floats, described: Described) -> Floats:
-        """At each true value, in the needle's unit.
+        """Return the limit at each true value, in the needle's unit.
 
         Raises
         ------
@@ -222,7 +222,7 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What one table asks of one kind of parameter; `words` as it says it."""
+    """What one table requires of one kind of parameter; `words` is its wording."""
 
     source: str
     kind: str
@@ -263,7 +263,7 @@ LIMITS: tuple[Limit, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One needle against one limit.
+    """One needle compared with one limit.
 
     Attributes
     ----------
@@ -286,13 +286,13 @@ class Judged:
 
 
 def kind_of(name: str) -> str | None:
-    """Which kind of parameter a needle is by its name; None if it does not tell."""
+    """Return which kind of parameter a needle is by its name; None if that is unknown."""
     stems = {stem_of(name), engine_stem_of(name)[0]}
     return next((kind for kind, its in KINDS.items() if stems & set(its)), None)
 
 
 def judged(flight: FlightTable, truth: Table, *, offset_s: float | None = None) -> list[Judged]:
-    """Every needle that is in both tables, against every limit for its kind.
+    """Compare every needle in both tables with every limit for its kind.
 
     Raises
     ------
@@ -321,7 +321,7 @@ def _against(name: str, described: Described, limits: Sequence[Limit], true: Flo
             within = float((error <= limit.narrow.sizes(true, described)).mean())
             within_wide = float((error <= limit.wide.sizes(true, described)).mean())
         except UnitError:
-            continue  # its name promised what its unit cannot be
+            continue  # its unit contradicts its name
         if not (limit.narrow.absolute or limit.narrow.of_value or described.full_scale):
             continue
         found.append(
@@ -348,5 +348,5 @@ def _verdict(within: float, within_wide: float) -> Verdict:
 
 
 def sources_of(results: Sequence[Judged]) -> Mapping[str, str]:
-    """List the full names of the tables that were asked."""
+    """List the full names of the tables used."""
     return {result.source: SOURCES[result.source] for result in results}

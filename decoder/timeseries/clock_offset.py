@@ -1,8 +1,8 @@
-"""How far two clocks are apart, told by what both saw: the offset at which the truth's curves lie on the flight data's.
+"""The offset between two clocks, at which the truth's curves coincide with the flight data's.
 
-Curves are compared by their correlation, which no wrong unit and no constant error can change. The best offset over a
-window is then settled for each needle by least squares, and the needles must agree: their scatter is part of the
-uncertainty. Neighbouring residuals are alike, so they count as fewer than there are.
+Curves are compared by their correlation, which neither a wrong unit nor a constant error can change. The best offset
+within a window is then refined for each needle by least squares, and the needles must agree: their scatter is part of
+the uncertainty. Neighbouring residuals are correlated, so they count as fewer than there are.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class ClockOffset:
     Attributes
     ----------
     offset_s, sigma_s
-        And its standard uncertainty.
+        With its standard uncertainty.
     correlation
         The mean correlation of the curves at this offset.
     names
-        Of the needles that told it.
+        The needles it was estimated from.
     """
 
     offset_s: float
@@ -46,7 +46,7 @@ class ClockOffset:
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """One needle as the flight data have it, and as the truth has it, each at its own times."""
+    """One needle in the flight data and in the truth, each at its own times."""
 
     name: str
     time_s: Floats
@@ -64,7 +64,7 @@ class _Pair:
         return truth
 
     def correlation(self, offset_s: float) -> float:
-        """NaN where too little overlaps or nothing changes."""
+        """Return the correlation; NaN if too little overlaps or nothing changes."""
         truth = self.truth_at(offset_s)
         both = np.isfinite(truth)
         if both.sum() < max(MIN_ROWS, MIN_OVERLAP * len(truth)):
@@ -80,7 +80,7 @@ def clock_offset(flight: FlightTable, truth: Table, *, window_s: float = WINDOW_
     Raises
     ------
     AccuracyError
-        If no needle in both changes alike, or several offsets match alike.
+        If no needle changes alike in both, or several offsets match equally well.
     """
     pairs = _pairs(flight, truth)
     best_s, correlation = _best(pairs, truth, window_s)
@@ -96,7 +96,7 @@ def clock_offset(flight: FlightTable, truth: Table, *, window_s: float = WINDOW_
 
 
 def _pairs(flight: FlightTable, truth: Table) -> list[_Pair]:
-    """Pair the needles in both; those that go all the way round are left out, their turns cannot be counted."""
+    """Pair the needles in both, except those that go all the way round, whose turns cannot be counted."""
     time_s, true_s = flight.table.numbers("time_s"), truth.numbers("time_s")
     pairs = []
     for name in flight.names:
@@ -111,7 +111,7 @@ def _pairs(flight: FlightTable, truth: Table) -> list[_Pair]:
 
 
 def _best(pairs: Sequence[_Pair], truth: Table, window_s: float) -> tuple[float, float]:
-    """Find the offset with the highest mean correlation, to a step."""
+    """Find the offset with the highest mean correlation, to the nearest step."""
     offsets = np.arange(-window_s, window_s + STEP_S / 2, STEP_S)
     thinned = [pair.thinned() for pair in pairs]
     table = np.array([[pair.correlation(offset) for offset in offsets] for pair in thinned])
@@ -142,20 +142,20 @@ def _best(pairs: Sequence[_Pair], truth: Table, window_s: float) -> tuple[float,
 
 
 def _settled(pair: _Pair, offset_s: float) -> tuple[float, float] | None:
-    """Offset and its standard uncertainty for one needle, by Gauss-Newton; None where it does not settle."""
+    """Return the offset and its sigma for one needle, by Gauss-Newton; None if it does not converge."""
     start_s, sigma_s = offset_s, 0.0
     for _ in range(PASSES):
         step = _step(pair, offset_s)
         if step is None or abs(offset_s + step[0] - start_s) > 10 * STEP_S:
             return None
         offset_s, sigma_s = offset_s + step[0], step[1]
-        if abs(step[0]) < 1e-4:  # noqa: PLR2004 - far below any frame's own time
+        if abs(step[0]) < 1e-4:  # noqa: PLR2004 - far below the precision of any frame's time
             return offset_s, sigma_s
     return offset_s, max(sigma_s, STEP_S)
 
 
 def _step(pair: _Pair, offset_s: float) -> tuple[float, float] | None:
-    """One least-squares step: `values = constant + gain * truth - gain * slope * change of the offset`."""
+    """Take one least-squares step: `values = constant + gain * truth - gain * slope * change of the offset`."""
     truth = pair.truth_at(offset_s)
     reach_s = STEP_S / 4
     slope = (pair.truth_at(offset_s - reach_s) - pair.truth_at(offset_s + reach_s)) / (2 * reach_s)
@@ -176,6 +176,6 @@ def _step(pair: _Pair, offset_s: float) -> tuple[float, float] | None:
 
 
 def _alike(residual: Floats) -> float:
-    """How alike neighbouring residuals are, 0 to 0.98."""
+    """Return the correlation of neighbouring residuals, 0 to 0.98."""
     size = float(residual @ residual)
     return min(max(float(residual[1:] @ residual[:-1]) / size, 0.0), 0.98) if size > 0 else 0.0

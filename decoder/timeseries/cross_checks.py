@@ -1,12 +1,12 @@
-"""Cross-checks: instruments that show the same thing in two ways, held against each other.
+"""Cross-checks: instruments that show the same thing in two ways, compared with each other.
 
-Altitude's rate is what the vertical speed indicator shows. How fast the heading changes follows from bank and airspeed,
-and is what a turn indicator shows. A compass shows the heading, and two columns of one parameter show one value. Where
-two of them are further apart than their own uncertainty, what such instruments may be off, and how far the one lags
-behind the other explain, they disagree. That is pointed out; nothing is averaged, and nobody here knows which is wrong.
+The rate of altitude is what the vertical speed indicator shows. The rate of the heading follows from bank and airspeed,
+and is what a turn indicator shows. A compass shows the heading, and two columns of one parameter show one value. If two
+of them are further apart than their uncertainty, the tolerance of such instruments, and the lag between them explain,
+they disagree. That is reported; nothing is averaged, and it is not decided which is wrong.
 
-Rates are compared by what they add up to over some seconds. An instrument that lags by L seconds, of whatever kind its
-lag is, then differs from one that does not by at most L times the range of what it shows meanwhile.
+Rates are compared by their integrals over some seconds. An instrument that lags by L seconds, whatever the nature of
+the lag, then differs from one that does not by at most L times the range of what it shows meanwhile.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """By how much two sound instruments may differ, besides what their readings are uncertain by.
+    """By how much two working instruments may differ, besides the uncertainty of their readings.
 
     Attributes
     ----------
     absolute, of_value
-        The larger of the two counts: in the parameter's unit, and as a part of the value.
+        In the parameter's unit, and as a part of the value; the larger one counts.
     lag_s
         How far the one may lag behind the other.
     """
@@ -56,7 +56,7 @@ class Allowed:
     lag_s: float = 0.0
 
     def sizes(self, values: Floats) -> Floats:
-        """At each value."""
+        """Return the tolerance at each value."""
         return np.maximum(self.absolute, self.of_value * np.abs(values))
 
 
@@ -84,12 +84,12 @@ SETTING = "a change of altimeter setting would look the same, and no column show
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """A run of time in which two disagree; `first` and `last` are rows of the flight data.
+    """A time span in which two disagree; `first` and `last` are rows of the flight data.
 
     Attributes
     ----------
     apart
-        By how much at most, in the check's `apart_unit`.
+        The largest difference, in the check's `apart_unit`.
     allowed
         By how much they may differ there.
     """
@@ -102,22 +102,22 @@ class Disagreement:
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
-    """Two ways to the same thing over a flight.
+    """Two ways to the same quantity over a flight.
 
     Attributes
     ----------
     what, names
-        In words; what each of the two is called.
+        In words, and the name of each of the two.
     columns
-        Those that it takes.
+        The ones used.
     unit, apart_unit
-        Of the curves, and of what they differ by: what a rate adds up to has another.
+        Of the curves, and of their difference, which for integrated rates is another.
     one, other
-        (N,) both curves, NaN where they could not be held against each other.
+        (N,) both curves, NaN where they could not be compared.
     disagreements
         By time.
     but
-        What looks like a disagreement and is none, where it cannot be told from one here.
+        What would look like a disagreement without being one, if it cannot be excluded here.
     """
 
     what: str
@@ -132,12 +132,12 @@ class CrossCheck:
 
     @property
     def compared(self) -> int:
-        """In how many frames they could be held against each other."""
+        """The number of frames in which they could be compared."""
         return int((np.isfinite(self.one) & np.isfinite(self.other)).sum())
 
     @property
     def words(self) -> str:
-        """Say in a sentence what came of it."""
+        """The result as a sentence."""
         if not self.compared:
             return f"{self.what}: never seen together for long enough"
         if not self.disagreements:
@@ -152,7 +152,7 @@ class CrossCheck:
 
 @dataclass(frozen=True, slots=True)
 class _Sensed:
-    """A column as a parameter, in the parameter's unit; (N,), NaN where it was not seen."""
+    """A column in its parameter's unit; (N,), NaN where it was not read."""
 
     name: str
     parameter: str
@@ -161,16 +161,16 @@ class _Sensed:
 
     @property
     def turn(self) -> float | None:
-        """What its values wrap at."""
+        """The value at which it wraps."""
         return FULL_CIRCLE_DEG if self.parameter in ("heading", "compass", "roll") else None
 
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """One way to what is compared, over time: a value that goes (a heading) or a rate that adds up.
+    """One way to the compared quantity over time: a value (a heading) or a rate to be integrated.
 
     `allowed` is what a second may add to the difference, `lag_s` how far it may lag, `hop` how far it may stick,
-    or be off now and then.
+    or be off occasionally.
     """
 
     words: str
@@ -184,7 +184,7 @@ class _Way:
 
 
 def parameters_of(data: FlightData) -> dict[str, str]:
-    """By column which parameter it is: what the panel says, or else what its name tells."""
+    """Return which parameter each column is, from the panel or else from its name."""
     found = {}
     for series in data.series:
         name = series.quantity.name
@@ -196,7 +196,7 @@ def parameters_of(data: FlightData) -> dict[str, str]:
 
 
 def cross_checks(data: FlightData) -> list[CrossCheck]:
-    """Hold against each other all columns that show the same; what no other column shows is not among them."""
+    """Compare all columns that show the same quantity in different ways."""
     parameters = parameters_of(data)
     doubtful = find_outliers(data)
     sensed = [
@@ -218,13 +218,13 @@ def cross_checks(data: FlightData) -> list[CrossCheck]:
 
 
 def _sensed(series: NeedleSeries, parameter: str, doubtful: Sequence[Outlier]) -> _Sensed | None:
-    """Bring a column to its parameter's unit; None where its own is of another kind, or nobody knows it."""
+    """Bring a column to its parameter's unit; None if its own is unknown or of another kind."""
     low, high = series.quantity.range
     seen = series.has(*SEEN)
-    for outlier in doubtful:  # it is pointed out already
+    for outlier in doubtful:  # already reported
         if outlier.needle == series.quantity.name:
             seen[outlier.first : outlier.last + 1] = False
-    if parameter == "turn rate":  # it has stops, where it shows no rate any more
+    if parameter == "turn rate":  # at its stops it no longer shows the rate
         margin = (high - low) / 50
         seen &= (series.value > low + margin) & (series.value < high - margin)
     try:
@@ -252,7 +252,7 @@ def _of_one_parameter(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossChe
 
 
 def _of_compass(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
-    """Hold a compass against headings where neither has turned for a while: in turns it errs by tens of degrees."""
+    """Compare a compass with headings while neither has turned for a while, as in turns it errs by tens of degrees."""
     for heading in by_parameter.get("heading", ()):
         for compass in by_parameter.get("compass", ()):
             rest = _at_rest(time_s, heading) & _at_rest(time_s, compass)
@@ -262,7 +262,7 @@ def _of_compass(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
 
 
 def _at_rest(time_s: Floats, one: _Sensed) -> Mask:
-    """(N,): where it stayed about where it is for all of a window before."""
+    """(N,): where it stayed about the same for the whole window before."""
     rest = np.zeros(len(time_s), bool)
     for row, begun in enumerate(np.searchsorted(time_s, time_s - WINDOW_S)):
         before = slice(int(begun), row + 1)
@@ -285,7 +285,7 @@ def _of_values(what: str, one: _Sensed, other: _Sensed, limit: Floats) -> CrossC
 
 
 def _bridged(where: Mask, known: Mask) -> list[tuple[int, int]]:
-    """Find the runs of true values, across frames in which nothing is known."""
+    """Find runs of true values, bridging frames in which nothing is known."""
     rows = np.flatnonzero(known)
     return [(int(rows[first]), int(rows[last])) for first, last in spans(where[rows])]
 
@@ -296,7 +296,7 @@ def _worst(apart: Floats, allowed: Floats) -> tuple[float, float]:
 
 
 def _of_climb(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
-    """Hold altitude against vertical speed; what a change of the altimeter's setting does is taken out."""
+    """Compare altitude with vertical speed, correcting for changes of the altimeter's setting."""
     settings = by_parameter.get("altimeter setting", ())
     for altitude in by_parameter.get("altitude", ()):
         values, columns = altitude.values, [altitude.name]
@@ -312,13 +312,13 @@ def _of_climb(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
 
 
 def _altitude_of_setting_ft(setting_inhg: Floats) -> Floats:
-    """By how much an altimeter with this setting shows more than with 29.92 (ICAO standard atmosphere)."""
+    """Return how much more an altimeter with this setting shows than with 29.92 (ICAO standard atmosphere)."""
     altitude_ft: Floats = 145366.45 * ((setting_inhg / 29.92126) ** 0.190263 - 1.0)
     return altitude_ft
 
 
 def _of_turns(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
-    """Heading, turn indicator, and bank with airspeed: three ways to how fast the aircraft turns."""
+    """Compare heading, turn indicator, and bank with airspeed: three ways to the rate of turn."""
     headings = [
         _Way(f"{one.name}'s rate", (one.name,), _unwrapped(one.values), one.sigma, hop=SAME["heading"].absolute)
         for one in by_parameter.get("heading", ())
@@ -337,7 +337,7 @@ def _of_turns(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
 
 
 def _banked(by_parameter: Sensed, time_s: Floats) -> Iterator[_Way]:
-    """How fast an aircraft turns that is banked so: g tan(bank) / TAS."""
+    """Yield the rate of turn that follows from bank: g tan(bank) / TAS."""
     speed = _true_airspeed_mps(by_parameter)
     if speed is None:
         return
@@ -355,12 +355,12 @@ def _banked(by_parameter: Sensed, time_s: Floats) -> Iterator[_Way]:
 
 
 def _true_airspeed_mps(by_parameter: Sensed) -> tuple[tuple[str, ...], Floats, Floats] | None:
-    """Tell true airspeed, (N,) m/s and the part that it is uncertain by; None where nothing shows it."""
+    """Return true airspeed, (N,) m/s, and its relative uncertainty; None where nothing shows it."""
     for true in by_parameter.get("true airspeed", ()):
         return (true.name,), _flown(true.values), true.sigma / true.values
     for indicated in by_parameter.get("airspeed", ()):
         for altitude in by_parameter.get("altitude", ()):
-            thinner = (1.0 - 6.8756e-6 * altitude.values) ** -2.1279  # the standard atmosphere's density, its root
+            thinner = (1.0 - 6.8756e-6 * altitude.values) ** -2.1279  # root of the standard atmosphere's density ratio
             return (
                 (indicated.name, altitude.name),
                 _flown(indicated.values * thinner),
@@ -370,7 +370,7 @@ def _true_airspeed_mps(by_parameter: Sensed) -> tuple[tuple[str, ...], Floats, F
 
 
 def _flown(knots: Floats) -> Floats:
-    """In m/s; nothing of what is too slow to fly by its bank."""
+    """Convert to m/s; NaN where it is too slow for turns by bank."""
     return np.where(knots >= LEAST_KT, knots, np.nan) * KT_MPS
 
 
@@ -382,7 +382,7 @@ def _unwrapped(values: Floats) -> Floats:
 
 
 def _added(time_s: Floats, rate: Floats) -> Floats:
-    """(N,): what a rate adds up to, NaN where it is not known."""
+    """(N,): the integral of a rate, NaN where it is not known."""
     known = np.flatnonzero(np.isfinite(rate))
     sums = np.full(len(rate), np.nan)
     if known.size:
@@ -396,11 +396,11 @@ def _is_dense(time_s: Floats) -> bool:
 
 
 def _ranges_within(time_s: Floats, curve: Floats, first: Rows, last: Rows, lag_s: float) -> Floats:
-    """(K,): how far a curve goes between two rows each, and as long before and after as it may lag."""
+    """(K,): the range of a curve between two rows each, extended on both sides by how far it may lag."""
     begun = np.searchsorted(time_s, time_s[first] - lag_s)
     ended = np.maximum(np.searchsorted(time_s, time_s[last] + lag_s, side="right"), begun + 1)
     tables = [np.where(np.isfinite(curve), sign * curve, -np.inf) for sign in (1.0, -1.0)]
-    level = np.frexp(ended - begun)[1] - 1  # the highest of so many is that of two runs of the next lower power of two
+    level = np.frexp(ended - begun)[1] - 1  # two overlapping runs of a power of two cover a window
     found = np.zeros((2, len(begun)))
     for power in range(int(level.max(initial=0)) + 1):
         here = np.flatnonzero(level == power)
@@ -412,7 +412,7 @@ def _ranges_within(time_s: Floats, curve: Floats, first: Rows, last: Rows, lag_s
 
 
 def _of_rates(time_s: Floats, one: _Way, other: _Way, units: tuple[str, str], in_units: float) -> CrossCheck:
-    """Compare what two ways add up to: from row to row, and over a window around each row."""
+    """Compare the integrals of two ways: from row to row, and over a window around each row."""
     rows = np.flatnonzero(np.isfinite(one.sums) & np.isfinite(other.sums))
     middles, *windows = _windows(time_s, rows)
     curves = np.full((2, len(time_s)), np.nan)
@@ -425,13 +425,13 @@ def _of_rates(time_s: Floats, one: _Way, other: _Way, units: tuple[str, str], in
     gone = one.sums - other.sums
     apart, limit = _apart(time_s, gone, (one, other), *steps)
     runs = []
-    for at in np.flatnonzero((apart > limit) & (one.hop + other.hop > 0)):  # a rate alone makes no step
+    for at in np.flatnonzero((apart > limit) & (one.hop + other.hop > 0)):  # rates alone have no steps
         before, after = (int(end[at]) for end in steps)
         runs.append(Disagreement(before, after, float(apart[at]), float(limit[at])))
-        gone[after:] -= gone[after] - gone[before]  # what a step explains is no slow drift as well
+        gone[after:] -= gone[after] - gone[before]  # so that a step is not reported as a slow drift as well
     apart, limit = _apart(time_s, gone, (one, other), *windows)
     for begun, ended in spans(apart > limit):
-        own = slice(begun, ended + 1)  # all of these windows hold a step; what drifts lies between their ends
+        own = slice(begun, ended + 1)  # all of these windows contain a step; a drift lies between their ends
         begin, end = sorted([int(windows[0][own].max()), int(windows[1][own].min())])
         runs.append(Disagreement(begin, end, *_worst(apart[own], limit[own])))
     what, columns = f"{one.words} and {other.words}", tuple(dict.fromkeys([*one.columns, *other.columns]))
@@ -440,7 +440,7 @@ def _of_rates(time_s: Floats, one: _Way, other: _Way, units: tuple[str, str], in
 
 
 def _apart(time_s: Floats, gone: Floats, ways: tuple[_Way, _Way], first: Rows, last: Rows) -> tuple[Floats, Floats]:
-    """By how much the difference of two ways, (N,), goes on over each of K windows, and what can be explained of it."""
+    """Return how much the difference of two ways (N,) changes over each of K windows, and how much can be explained."""
     spans_s = time_s[last] - time_s[first]
     limit = MISSING_SPREADS * np.hypot(*(_sigmas_over(way, first, last, spans_s) for way in ways))
     for way in ways:
@@ -453,13 +453,13 @@ def _apart(time_s: Floats, gone: Floats, ways: tuple[_Way, _Way], first: Rows, l
 
 
 def _sigmas_over(way: _Way, first: Rows, last: Rows, spans_s: Floats) -> Floats:
-    """How uncertain differences are: of a value by both ends, of a rate, which errs alike all the time, by all."""
+    """Return the uncertainty of differences: for values from both ends, for rates, whose error is constant, overall."""
     sigma: Floats = np.hypot(way.sigma[first], way.sigma[last])
     return sigma if way.rate is None else sigma / np.sqrt(2.0) * spans_s
 
 
 def _joined(runs: Sequence[Disagreement]) -> Iterator[Disagreement]:
-    """Make one run of those that touch."""
+    """Merge runs that touch."""
     run: Disagreement | None = None
     for each in sorted(runs, key=lambda each: each.first):
         if run is None or each.first > run.last:
@@ -474,7 +474,7 @@ def _joined(runs: Sequence[Disagreement]) -> Iterator[Disagreement]:
 
 
 def _windows(time_s: Floats, rows: Rows) -> tuple[Rows, Rows, Rows]:
-    """Windows of rows in which both are seen all the time: the middle, the first and the last row of each."""
+    """Find windows in which both are always known: the middle, the first and the last row of each."""
     seconds = time_s[rows]
     breaks = np.flatnonzero((np.diff(seconds) > WINDOW_S / 4) | (np.diff(seconds) <= 0)) + 1
     ends = np.concatenate([[0], breaks, [len(rows)]])

@@ -1,16 +1,16 @@
-"""The engine's speed by its sound: combs of tones laid over the peaks that a flight keeps of its sound.
+"""The engine's speed from its sound: combs of tones fitted to the spectral peaks that a flight keeps of its sound.
 
-A four-stroke engine fires cylinders / 2 times a turn of its crankshaft, and a propeller passes by with each blade;
-both sound as a comb of tones at multiples of that rate, and what differs from cylinder to cylinder adds tones at
-multiples of half a turn. A comb explains a window's peaks as far as they lie on its teeth:
+A four-stroke engine fires cylinders / 2 times per turn of its crankshaft, and a propeller's blades pass by. Both sound
+as a comb of tones at multiples of that rate, and differences between cylinders add tones at multiples of half a turn. A
+comb explains a window's peaks as far as they lie on its teeth:
 
     L(rpm) = sum over peaks of log(1 - c + c * p(f | rpm) / p(f | anything)),   c: how surely a peak is a tone
 
-The more teeth a comb has, the less it says where a tone must lie, so half the true speed explains the same peaks less
-well. Time helps to choose between combs: a path through the windows is sought (Viterbi) that costs where it is not
-steady. It never decides alone: the windows around must tell that comb from chance, and from the best path that is not
-near it, and the window itself must have peaks on it. Where another path explains the sound nearly as well, there is no
-value, and the other speeds are named.
+The more teeth a comb has, the less it predicts where a tone lies, so half the true speed explains the same peaks less
+well. Time helps to choose between combs: the best path through the windows (Viterbi) pays for being unsteady. It never
+decides alone: the surrounding windows must distinguish that comb from chance, and from the best path that is not near
+it, and the window itself must have peaks on it. Where another path explains the sound nearly as well, there is no
+value, and the other speeds are listed.
 
 Sources: Vaidya, Shin and Hwang, AIAA 2017-0792 (propeller and engine speed from cockpit sound); Klapuri, IEEE TSAP 11
 (2003) 804 (combs and the errors by octaves); ATSB, whose reports give propeller speeds by sound.
@@ -32,23 +32,23 @@ from flight_file.frame import NS_PER_S, SoundPeaks
 
 USUAL_CYLINDERS, USUAL_BLADES = (4, 6, 8), (2, 3, 4)
 HALF_TURN = 0.5
-_STEP = 0.002  # between speeds that are tried, as a part of the speed
+_STEP = 0.002  # between the speeds tried, as a part of the speed
 _BAND_HZ = (15.0, 1005.0)
 _POINT_HZ = 0.2
-_TOOTH_HZ, _TOOTH_PART = 0.3, 0.0015  # how far from its tooth a tone is found, 1 sigma
-_STRONG_PART = 0.7  # of an engine's tones that are firings or blades; the others are at multiples of half turns
-_NOISE_DB, _SURE_DB, _SURE = 7.0, 21.0, 0.7  # above the spectrum around: none is a tone, as many as ever are
-_UNSTEADY, _WILD = 0.05, 2.0  # a step costs so much for each step between speeds; a bend of so many costs log 2
+_TOOTH_HZ, _TOOTH_PART = 0.3, 0.0015  # distance of a tone from its tooth, 1 sigma
+_STRONG_PART = 0.7  # of an engine's tones, those of firings or blades; the others are at multiples of half turns
+_NOISE_DB, _SURE_DB, _SURE = 7.0, 21.0, 0.7  # above the spectrum around: no peak is a tone; this part of peaks is
+_UNSTEADY, _WILD = 0.05, 2.0  # cost per step between speeds; a bend of this many steps costs log 2
 _REACH = 40  # steps between speeds from one window to the next: a third in a second
 _AROUND = 12  # windows to either side: three seconds
-_BLOCK = 1000  # windows that are looked at together
+_BLOCK = 1000  # windows that are processed together
 _APART = 3  # windows that share no sound
 _STRAY = 2.0  # sigma of a tooth that half counts
 _SPREAD_OF_STRAYS = (1 + 34 / 36) ** 0.5
 _NEAR = 7  # steps between speeds that are one
 _MOST_OTHERS = 3
-_TAKEN = 30.0  # what a speed that is taken counts less, in each window
-_READ_HZ, _READ_PART, _SMEARED = 0.1, 0.0003, 0.05  # how well a strong tone is measured; of how far it ran meanwhile
+_TAKEN = 30.0  # penalty of a speed that is already taken, in each window
+_READ_HZ, _READ_PART, _SMEARED = 0.1, 0.0003, 0.05  # precision of a strong tone; and as a part of its drift
 
 
 class SpeedStatus(Enum):
@@ -68,13 +68,13 @@ class Engine:
     Attributes
     ----------
     cylinders
-        Of a four-stroke engine; 0 if it has none; None if nobody knows.
+        Of a four-stroke engine; 0 if it has none; None if unknown.
     blades
-        Of the propeller; 0 if there is none to be heard; None if nobody knows.
+        Of the propeller; 0 if none can be heard; None if unknown.
     gearing
-        Turns of the engine for each turn of the propeller.
+        Turns of the engine per turn of the propeller.
     rpm_range
-        The slowest and the fastest that the engine turns.
+        The lowest and the highest speed of the engine.
     """
 
     cylinders: int | None = None
@@ -84,12 +84,12 @@ class Engine:
 
     @property
     def is_known(self) -> bool:
-        """Whether it can be told at all which speed a comb is of."""
+        """Whether enough is known to tell which speed a comb belongs to."""
         return self.cylinders is not None or self.blades is not None
 
     @property
     def combs(self) -> list[Comb]:
-        """The combs that may be heard: firings, blades, or both, by all that they may be."""
+        """The combs that may be heard, firings, blades or both, for all possible numbers of them."""
         firings = [None] if self.cylinders == 0 else [each / 2 for each in _known(self.cylinders, USUAL_CYLINDERS)]
         blades = [None] if self.blades == 0 else [each / self.gearing for each in _known(self.blades, USUAL_BLADES)]
         heard = {tuple(sorted({each for each in pair if each is not None})) for pair in _pairs(firings, blades)}
@@ -116,9 +116,9 @@ class Comb:
     Attributes
     ----------
     strong
-        Of these multiples strong tones are expected: firings or blades for each turn.
+        Strong tones are expected at these multiples: firings or blades per turn.
     fine
-        And of these weaker ones.
+        Weaker tones are expected at these.
     """
 
     strong: tuple[float, ...]
@@ -126,11 +126,11 @@ class Comb:
 
     @property
     def families(self) -> list[tuple[float, float]]:
-        """Each with the part of the tones that it has."""
+        """The families of teeth, each with its share of the tones."""
         return [*((order, _STRONG_PART / len(self.strong)) for order in self.strong), (self.fine, 1 - _STRONG_PART)]
 
     def density(self, rpm: Floats, frequencies_hz: Floats) -> Floats:
-        """(S, P): how much likelier a tone lies at a frequency for each speed than for none, as a ratio."""
+        """(S, P): how much more likely a tone at a frequency is for each speed than by chance, as a ratio."""
         sigma_hz = np.hypot(_TOOTH_HZ, _TOOTH_PART * frequencies_hz)
         ratio = np.zeros((len(rpm), len(frequencies_hz)))
         for order, part in self.families:
@@ -141,7 +141,7 @@ class Comb:
         return ratio
 
     def orders(self, rpm: float, frequencies_hz: Floats) -> Floats:
-        """(P,): the tooth next to each frequency, in turns; a fine one only where it is nearer by more than a sigma."""
+        """(P,): the tooth next to each frequency, in turns; a fine one only if it is nearer by more than a sigma."""
         turn_hz = rpm / 60
         families = [order for order, _ in self.families]
         teeth = np.array([np.round(frequencies_hz / (turn_hz * order)) * order for order in families])
@@ -164,11 +164,11 @@ class EngineSpeed:
     status
         N of them.
     evidence
-        (N,): by how much the comb explains the windows around better than chance does, as a logarithm.
+        (N,): how much better the comb explains the surrounding windows than chance does, as a logarithm.
     lead
-        (N,): and better than any other path.
+        (N,): how much better than any other path.
     others
-        The speeds that explain the sound nearly as well, the best first; of each window.
+        For each window, the speeds that explain the sound nearly as well, best first.
     """
 
     time_ns: NDArray[np.int64]
@@ -185,14 +185,14 @@ class EngineSpeed:
 
 
 def engine_speed(peaks: Sequence[SoundPeaks], engine: Engine) -> EngineSpeed:
-    """Read the engine's speed; windows are taken in the order of time, and one of each time.
+    """Read the engine's speed; windows are sorted by time, and duplicates dropped.
 
     Parameters
     ----------
     peaks
         Of a flight, or of a part of it; at least one.
     engine
-        What is known of it; the less, the more is ambiguous.
+        What is known of it; the less that is, the more is ambiguous.
     """
     windows = sorted({each.time_ns: each for each in peaks}.values(), key=lambda each: each.time_ns)
     listener = _Listener(engine)
@@ -228,7 +228,7 @@ class _Row:
 
 
 def _runs(windows: Sequence[SoundPeaks]) -> Iterator[list[SoundPeaks]]:
-    """Cut where the sound has a gap: windows that share no sound do not follow each other."""
+    """Split where the sound has a gap, since windows that share no sound are not consecutive."""
     run: list[SoundPeaks] = []
     for window in windows:
         if run and window.time_ns - run[-1].time_ns > window.window_s * NS_PER_S:
@@ -240,14 +240,14 @@ def _runs(windows: Sequence[SoundPeaks]) -> Iterator[list[SoundPeaks]]:
 
 
 def _own(listener: _Listener, run: Sequence[SoundPeaks], start: int, stop: int) -> list[_Row]:
-    """Look at some windows of a run, with as many before and behind as they have to do with."""
+    """Process some windows of a run, with the surrounding ones that affect them."""
     margin = 2 * _AROUND
     first = start - min(start, margin)
     return listener.rows(run[first : stop + margin])[start - first : stop - first]
 
 
 class _Listener:
-    """Holds what the combs of an engine say of every frequency, for all speeds."""
+    """Stores the densities of an engine's combs at every frequency, for all speeds."""
 
     def __init__(self, engine: Engine) -> None:
         low, high = np.log(engine.rpm_range)
@@ -258,11 +258,11 @@ class _Listener:
         self._density = [comb.density(self._rpm, points).astype(np.float32) for comb in self._combs]
 
     def rows(self, windows: Sequence[SoundPeaks]) -> list[_Row]:
-        """Read windows that follow each other."""
+        """Read consecutive windows."""
         told = np.array([self._told(window, density) for density in self._density for window in windows])
         by_comb = told.reshape(len(self._density), len(windows), -1)
         shared = _shared(windows)
-        best = by_comb.max(axis=0) * shared  # windows overlap: what is in three of them is told once
+        best = by_comb.max(axis=0) * shared  # windows overlap, so what is in three of them counts once
         path = _steadiest(best)
         evidence = _around(best, path)
         others = self._others(best, path, evidence)
@@ -286,7 +286,7 @@ class _Listener:
         return SpeedStatus.AMBIGUOUS if rivals else SpeedStatus.READ
 
     def _others(self, best: Floats, path: Indices, evidence: Floats) -> list[tuple[Indices, Floats]]:
-        """Find the paths that are not near those before, each with what speaks for it, as long as one may rival."""
+        """Find the paths that are not near earlier ones, each with its evidence, as long as one may be a rival."""
         rest, found, taken = best.copy(), list[tuple[Indices, Floats]](), path
         for _ in range(_MOST_OTHERS):
             least = rest.min(axis=1) - _TAKEN
@@ -300,7 +300,7 @@ class _Listener:
         return found
 
     def _told(self, window: SoundPeaks, density: Floats) -> Floats:
-        """(S,): by how much each speed explains a window's peaks better than chance does, as a logarithm."""
+        """(S,): how much better each speed explains a window's peaks than chance does, as a logarithm."""
         sure = _sureness(np.array(window.above_db))
         points = np.round((np.array(window.frequencies_hz) - _BAND_HZ[0]) / _POINT_HZ).astype(np.intp)
         inside = (points >= 0) & (points < density.shape[1])
@@ -309,19 +309,19 @@ class _Listener:
 
 
 def _sureness(above_db: Floats) -> Floats:
-    """(P,): how surely a peak is a tone, 0 to 0.7: a window has some peaks of noise, and speech has tones too."""
+    """(P,): the probability of a peak being a tone, 0 to 0.7, as a window has noise peaks, and speech has tones too."""
     sure: Floats = np.interp(above_db, [_NOISE_DB, _SURE_DB], [0.0, _SURE])
     return sure
 
 
 def _shared(windows: Sequence[SoundPeaks]) -> float:
-    """Which part of a window is not in the one before; 1 where they do not overlap."""
+    """Return the part of a window that is not in the one before; 1 if they do not overlap."""
     apart_s = np.diff([window.time_ns for window in windows]) / NS_PER_S
     return float(min(np.median(apart_s) / windows[0].window_s, 1.0)) if len(windows) > 1 else 1.0
 
 
 def _steadiest(told: Floats) -> Indices:
-    """(T,): the path through (T, S) that explains most, less what it costs where it is not steady."""
+    """(T,): the path through (T, S) that explains most, less its cost for being unsteady."""
     cost = _UNSTEADY * np.abs(np.arange(-_REACH, _REACH + 1))
     came = np.zeros(told.shape, np.int16)
     score = told[0]
@@ -337,7 +337,7 @@ def _steadiest(told: Floats) -> Indices:
 
 
 def _around(told: Floats, path: Indices) -> Floats:
-    """(T,): what speaks for a path in the windows around each, less what its bends speak against it."""
+    """(T,): the evidence for a path in the windows around each, less the cost of its bends."""
     bends = np.zeros(len(path))
     bends[1:-1] = np.abs(np.diff(path, 2))
     each = told[np.arange(len(path)), path] - np.log1p((bends / _WILD) ** 2)
@@ -346,12 +346,12 @@ def _around(told: Floats, path: Indices) -> Floats:
 
 
 def _measured(window: SoundPeaks, comb: Comb, rpm: float, rate: float) -> tuple[float, float]:
-    """Fit the speed to the peaks on its teeth by least squares; with its sigma; NaN where there are none.
+    """Fit the speed to the peaks on its teeth by least squares; return it with its sigma; NaN if there are no peaks.
 
     Parameters
     ----------
     rate
-        By which part the speed changes within a window: tones that run are measured less well.
+        The relative change of the speed within a window: drifting tones are measured less precisely.
     """
     frequencies, above = np.array(window.frequencies_hz), np.array(window.above_db)
     orders = comb.orders(rpm, frequencies)
@@ -364,7 +364,7 @@ def _measured(window: SoundPeaks, comb: Comb, rpm: float, rate: float) -> tuple[
         own = weights * (np.abs(off_hz) < sigmas * reach_hz)
         if not own.any():
             return np.nan, np.nan
-        own /= 1 + (off_hz / (_STRAY * sigma_hz)) ** 2 if sigmas < 1 else 1  # what is a voice's draws little
+        own /= 1 + (off_hz / (_STRAY * sigma_hz)) ** 2 if sigmas < 1 else 1  # so that voices have little effect
         rpm += 60 * float((own * orders * off_hz).sum() / (own * orders**2).sum())
     off = (frequencies - orders * rpm / 60) / sigma_hz
     counted = own > 0
@@ -373,15 +373,15 @@ def _measured(window: SoundPeaks, comb: Comb, rpm: float, rate: float) -> tuple[
 
 
 def _scatter(rpm: Floats) -> Floats:
-    """(N,): by how much speeds stray from a cubic through those before and behind that share no sound, 1 sigma.
+    """(N,): the scatter of speeds about a cubic through surrounding ones that share no sound, 1 sigma.
 
-    At least two thirds of what the window itself strays by: something else than the engine may lie on its teeth.
+    It is at least two thirds of the window's own deviation, since something other than the engine may lie on its teeth.
     """
     wide = np.pad(rpm, 2 * _APART, constant_values=np.nan)
     far, near, own, after, last = (wide[at * _APART : len(wide) + (at - 4) * _APART] for at in range(5))
     strays = np.abs(own - (4 * (near + after) - (far + last)) / 6) / _SPREAD_OF_STRAYS
     padded = np.pad(strays, _AROUND, constant_values=np.nan)
-    ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)  # NaN comes last
+    ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)  # NaN is sorted last
     known = np.isfinite(ordered).sum(axis=1)
     middle = np.take_along_axis(ordered, (known // 2)[:, None], axis=1)[:, 0]
     return np.fmax(MAD_TO_SIGMA * middle, strays / 1.5)

@@ -1,9 +1,9 @@
-"""Events: what happened in a flight, as far as its columns tell: limits exceeded, steps, phases.
+"""Events: what happened in a flight according to its columns: limits exceeded, steps, phases.
 
-A limit is exceeded where a value is beyond it by more than it is uncertain by; one that may be within it is no event.
-A step is a change from one frame to the next that nothing near it has the like of, and that stays: it is no outlier.
-Phases are told by airspeed and by how fast altitude changes, and only roughly: a flight is level where it climbs or
-descends by less than a vertical speed indicator may be off.
+A limit is exceeded where a value is beyond it by more than its uncertainty; a value that may be within it is no event.
+A step is a change from one frame to the next that is unlike anything near it, and that stays, unlike an outlier. Phases
+are derived from airspeed and the rate of altitude, and only roughly: a flight is level if it climbs or descends by less
+than a vertical speed indicator may be off.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class What(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A run of frames, by rows of the flight data, both included; `needle` is empty where it is of the aircraft."""
+    """A run of frames, by rows of the flight data, both included; `needle` is empty if it concerns the aircraft."""
 
     what: What
     needle: str
@@ -50,13 +50,13 @@ class Event:
 
 
 def find_events(data: FlightData) -> list[Event]:
-    """All events, by time."""
+    """Find all events, ordered by time."""
     events = [event for series in data.series for event in [*_exceeded(data, series), *_steps(data, series)]]
     return sorted([*events, *_phases(data)], key=lambda event: (event.first, event.last))
 
 
 def _exceeded(data: FlightData, series: NeedleSeries) -> Iterator[Event]:
-    """Find the runs beyond a limit that the panel, or whoever decodes, has given."""
+    """Find the runs beyond a limit that the panel or the user has given."""
     quantity = series.quantity
     known = data.columns.get(quantity.name)
     if known is None:
@@ -74,7 +74,7 @@ def _exceeded(data: FlightData, series: NeedleSeries) -> Iterator[Event]:
 
 
 def _steps(data: FlightData, series: NeedleSeries) -> Iterator[Event]:
-    """Find the changes within a frame that stay, far beyond what the value usually changes by."""
+    """Find changes from one frame to the next that stay, and are far larger than the value's usual changes."""
     seen = np.flatnonzero(series.has(*SEEN))
     if len(seen) < MIN_ROWS:
         return
@@ -92,13 +92,13 @@ def _steps(data: FlightData, series: NeedleSeries) -> Iterator[Event]:
 
 
 def _text(series: NeedleSeries, value: float) -> str:
-    """Write a value: a state or a text as it is written."""
+    """Format a value; states and texts as they are written."""
     written = series.quantity.written
     return f"{value:.6g}" if written is None else written.text_of(value)
 
 
 def _largest_nearby(changes: Floats) -> Floats:
-    """(N,): the largest of the changes before and after each; one that comes back has a like one beside it."""
+    """(N,): the largest of the changes before and after each; one that reverts has an equal one beside it."""
     padded = np.pad(changes, LONGEST_FRAMES)
     shifted = [padded[LONGEST_FRAMES + by : len(padded) - LONGEST_FRAMES + by] for by in _beside()]
     largest: Floats = np.max(shifted, axis=0)
@@ -110,7 +110,7 @@ def _beside() -> list[int]:
 
 
 def _phases(data: FlightData) -> Iterator[Event]:
-    """Find where the aircraft stands or taxies, climbs, descends, or neither."""
+    """Find where the aircraft stands or taxies, climbs, descends, or none of these."""
     climb_fpm = _climb_fpm(data)
     if climb_fpm is None:
         return
@@ -130,7 +130,7 @@ def _phases(data: FlightData) -> Iterator[Event]:
 
 
 def _climb_fpm(data: FlightData) -> Floats | None:
-    """Tell how fast altitude changes, (N,), over a window; by the altimeter, or else by the vertical speed."""
+    """Return the rate of altitude over a window, (N,), from the altimeter, or else the vertical speed indicator."""
     altitude, shown = (_of_parameter(data, *each) for each in (("altitude", "ft"), ("vertical speed", "fpm")))
     if altitude is None and shown is None:
         return None

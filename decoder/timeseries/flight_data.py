@@ -1,6 +1,6 @@
 """Flight data: the readings of a flight over time, one column for each needle, and its alignments.
 
-Columns are compact arrays, so that a long flight takes some tens of bytes for each value and nothing else.
+Columns are compact arrays, so that a long flight takes only a few dozen bytes per value.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ PanelSigmaDeg = Callable[[str, Floats], Floats]
 
 
 class AlignmentSeries(Sequence[Alignment | None]):
-    """Where the panel lay in each frame; None for one that could not be read at all.
+    """Where the panel lay in each frame; None for a frame that could not be read at all.
 
-    An item is made when it is asked for, without its covariance.
+    Items are made on access, without their covariance.
     """
 
     def __init__(self) -> None:
@@ -51,13 +51,13 @@ class AlignmentSeries(Sequence[Alignment | None]):
         self._gauges = 0
 
     def add(self, alignment: Alignment, shifts_px: Sequence[Point] = ()) -> None:
-        """Add a frame's alignment, and how far each gauge's needles lie from there: in all frames or in none."""
+        """Add a frame's alignment, and how far each gauge's needles are from there: for all frames or for none."""
         self._gauges = len(shifts_px)
         self._append(alignment.elements, alignment.score, alignment.failed, alignment.lens)
         self._shifts_px.extend(coordinate for shift in shifts_px for coordinate in shift)
 
     def add_missing(self, failed: Sequence[str]) -> None:
-        """Add a frame without one; `failed` are the features that did not match, as far as they were looked for."""
+        """Add a frame without one; `failed` are the features that were searched for and did not match."""
         self._append((math.nan,) * _ELEMENTS, math.nan, tuple(failed), None)
         if self._shifts_px:
             self._shifts_px.extend([math.nan] * 2 * self._gauges)
@@ -65,7 +65,7 @@ class AlignmentSeries(Sequence[Alignment | None]):
     def __len__(self) -> int:
         return len(self._score)
 
-    def __getitem__(self, index: int) -> Alignment | None:  # type: ignore[override]  # no slices are asked for
+    def __getitem__(self, index: int) -> Alignment | None:  # type: ignore[override]  # slices are not supported
         if math.isnan(self._score[index]):
             return None
         index %= len(self)
@@ -74,7 +74,7 @@ class AlignmentSeries(Sequence[Alignment | None]):
         return Alignment(elements, self._score[index], failed, lens)
 
     def shift_px(self, index: int, gauge: int) -> Point:
-        """How far the needles of a gauge lie from where a frame's alignment has them, in the panel picture's pixels."""
+        """Return how far a gauge's needles are from where a frame's alignment puts them, panel picture pixels."""
         if not self._shifts_px:
             return 0.0, 0.0
         lost_first = len(self) * 2 * self._gauges - len(self._shifts_px)
@@ -86,7 +86,7 @@ class AlignmentSeries(Sequence[Alignment | None]):
         return list(self._kinds)[self._kind[index]][0]
 
     def failures(self) -> dict[str, int]:
-        """In how many frames each feature did not match, those that ever failed."""
+        """Count the frames in which each feature did not match, for those that ever failed."""
         frames = np.bincount(np.array(self._kind, np.int64), minlength=len(self._kinds))
         counts: dict[str, int] = {}
         for (failed, _), count in zip(self._kinds, frames.tolist(), strict=True):
@@ -113,7 +113,7 @@ class NeedleSeries:
     score
         NCC of the match.
     angle_deg
-        Where the best match points, also of a match that was refused.
+        Where the best match points, even if it was refused.
     """
 
     quantity: Quantity
@@ -124,13 +124,13 @@ class NeedleSeries:
     angle_deg: Floats
 
     def angles_apart_deg(self, one: int | slice, other: int | slice) -> Floats:
-        """How far the needle turned from other frames to these, the short way where it goes all the way round."""
+        """Return how far the needle turned from other frames to these, the short way if it goes all the way round."""
         differences = np.asarray(self.angle_deg[one] - self.angle_deg[other])
         return shortest(differences, None if self.quantity.wraps is None else FULL_CIRCLE_DEG)
 
     @property
     def lowest_score(self) -> float | None:
-        """Of any frame in which the panel was found, to four decimals."""
+        """The lowest score of any frame in which the panel was found, to four decimals."""
         scored = self.score[np.isfinite(self.score)]
         return round(float(scored.min()), 4) if scored.size else None
 
@@ -166,21 +166,21 @@ class FlightData:
     moved_pivots_px
         By gauge, for those whose needles turn elsewhere than the panel says: (x, y) of the difference.
     alignments
-        N: where the panel lay in each frame; empty if nobody kept it.
+        N: where the panel lay in each frame; empty if that was not recorded.
     warnings
-        What the panel leaves wanting, a sentence each.
+        The shortcomings of the panel, a sentence each.
     health
-        By gauge what is to be said of how it is drawn and read, see `decoder.timeseries.health`; nothing if it is well.
+        For each gauge, remarks on how it is drawn and read, see `decoder.timeseries.health`; empty if all is well.
     part
-        Which frames of the flight these are; None if they are all.
+        Which frames of the flight these are; None if all.
     time_of_day
-        Which clock says when frames were taken, as the flight's session has it.
+        Which clock says when frames were taken, from the flight's session.
     gps
-        What the camera's GPS says at the frames; None if the flight has none.
+        The camera's GPS data at the frames; None if the flight has none.
     columns
-        What the panel says of columns besides how they are read, by name.
+        By name, what the panel says of columns besides how they are read.
     budgets
-        By name what of its sigma has which cause, of quantities that are measured.
+        By name, for measured quantities, the parts of sigma by cause.
     """
 
     frame: NDArray[np.int64]
@@ -200,7 +200,7 @@ class FlightData:
 
     @property
     def knows_time_of_day(self) -> bool:
-        """Whether times are moments, not only differences."""
+        """Whether times are absolute, not only differences."""
         return self.time_of_day != UNKNOWN
 
     @property
@@ -217,7 +217,7 @@ class FlightData:
 
 
 def lost_runs(data: FlightData) -> list[tuple[int, int, str]]:
-    """Group frames that could not be read into runs (first row, last row, reason) of one reason.
+    """Group frames that could not be read into runs (first row, last row, reason) with the same reason.
 
     A score in the reason is that of the run's first frame.
     """
@@ -257,7 +257,7 @@ class FlightDataBuilder:
         self._alignments = AlignmentSeries()
 
     def add(self, frame: int, time_ns: int, readings: FrameReadings) -> None:
-        """One frame that was read."""
+        """Add a frame that was read."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
         self._alignments.add(readings.alignment, readings.dial_shifts_px)
@@ -266,7 +266,7 @@ class FlightDataBuilder:
             column.append(reading.status, reading.angle_deg, reading.sigma_deg, reading.score)
 
     def add_missing(self, frame: int, time_ns: int, reason: str, failed: Sequence[str] = ()) -> None:
-        """One frame that could not be read at all; `failed` are the features of the panel that did not match."""
+        """Add a frame that could not be read at all; `failed` are the features of the panel that did not match."""
         self._frame.append(frame)
         self._time_ns.append(time_ns)
         self._missing.append(MissingFrame(frame, reason))
@@ -275,7 +275,7 @@ class FlightDataBuilder:
             column.append(Status.MISSING, NOWHERE, NOWHERE, NOWHERE)
 
     def build(self, panel_sigma_deg: PanelSigmaDeg) -> FlightData:
-        """Make flight data of the frames so far."""
+        """Make flight data from the frames so far."""
         quantities = {quantity.name: quantity for quantity in self._quantities}
         sigmas_deg: dict[str, Callable[[Floats], Floats]] = {
             name: partial(panel_sigma_deg, name) for name in quantities
@@ -291,7 +291,7 @@ class FlightDataBuilder:
 
 
 def _of_finest(together: Quantity, finest: Quantity, panel_sigma_deg: PanelSigmaDeg) -> Callable[[Floats], Floats]:
-    """Tell what a combined value, as an angle on its own scale, is uncertain by: as its finest pointer, (N,)."""
+    """Return a function for a combined value's sigma, (N,), by its angle on its own scale: its finest pointer's."""
     own, scale = (Scale.of(each.marks, each.wraps) for each in (together, finest))
 
     def sigma_deg(angles_deg: Floats) -> Floats:
@@ -321,7 +321,7 @@ def _series(quantity: Quantity, column: _Column, panel_sigma_deg: Callable[[Floa
 
 
 def status_counts(series: NeedleSeries) -> dict[str, int]:
-    """How many frames have each status, all statuses named."""
+    """Count the frames with each status, including those that do not occur."""
     return {status.value: int((series.status == CODE[status]).sum()) for status in STATUSES}
 
 

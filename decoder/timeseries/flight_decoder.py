@@ -48,16 +48,16 @@ def decode_flight(
     read
         Reads the batches, in this process or in others.
     part
-        The frames to read; None for all. The reader is fitted to the whole flight all the same, so that what is read
-        of a frame is the same whichever part it was asked for in.
+        The frames to read; None for all. The reader is fitted to the whole flight in any case, so that a frame's
+        readings are the same whichever part is asked for.
     tell
-        Is told what is done before the frames are taken, and nothing ("") when they are.
+        Is told what is being done before the frames are taken, and nothing ("") while they are.
 
     Raises
     ------
     FlightUnreadable
-        If no frame at all can be read with this panel, with the commonest reason; of a whole flight already where the
-        panel is in none of a sample spread over it.
+        If no frame at all can be read with this panel, with the commonest reason; for a whole flight, already if a
+        sample spread over it does not show the panel.
     """
     sample = FlightSample(flight, reader.placer.rows_at_first(), tell=tell)
     fitted = fit_to_flight(reader, sample, tell=tell)
@@ -88,7 +88,7 @@ def decode_flight(
 
 
 def _gathered(panel: Panel, read: Iterable[tuple[Batch, list[Outcome]]], flight: Flight) -> FlightDataBuilder:
-    """Gather what was read of all frames; the commonest reason is raised if none could be."""
+    """Collect the readings of all frames; raise the commonest reason if none could be read."""
     builder = FlightDataBuilder(panel)
     reasons: Counter[str] = Counter()
     frames = 0
@@ -104,7 +104,7 @@ def _gathered(panel: Panel, read: Iterable[tuple[Batch, list[Outcome]]], flight:
 
 
 def with_gps(data: FlightData, fixes: Iterable[GpsFix]) -> FlightData:
-    """Add what the camera's GPS says; a column that a needle has the name of is the needle's, and a warning says so."""
+    """Add what the camera's GPS says; if a needle has the same name as a column, the needle wins, with a warning."""
     found = resampled(fixes, data.time_ns)
     if found is None:
         return data
@@ -124,7 +124,7 @@ def _add(builder: FlightDataBuilder, frame: RawFrame, outcome: Outcome) -> None:
 
 
 def _refusal(reader: PanelReader, frame: FramePicture | TopOfFrame) -> str | None:
-    """Say why a frame is not searched at all; None if it is."""
+    """Return why a frame is not searched at all; None if it is."""
     try:
         reader.aligner.optics.zoom(frame.focal_length_mm, (frame.pixels.shape[1], frame.height_px))
     except PictureError as error:
@@ -133,7 +133,7 @@ def _refusal(reader: PanelReader, frame: FramePicture | TopOfFrame) -> str | Non
 
 
 def _nowhere(flight: Flight, panel: Panel, looked: int) -> str:
-    """Say that the panel was not found in a sample, and what was looked for."""
+    """Say that the panel was not found in a sample, and what was searched for."""
     names = [anchor.name for anchor in panel.anchors]
     anchors = f"its {len(names)} anchors ({', '.join(names)}) were" if len(names) > 1 else f"its anchor {names[0]} was"
     return (

@@ -1,10 +1,10 @@
-"""A part of a flight: the frames between two times as people type them, or every so many.
+"""A part of a flight: the frames between two times as people type them, or every N-th frame.
 
-`90`, `90.5`, `1:30` and `0:01:30` are counted from the flight's first frame. What ends with Z, or has a date, is UTC:
-`12:01:30Z`, `2018-05-04 12:01:30`, `2018-05-04T12:01:30.25Z`, `2018-05-04T14:01:30+02:00`.
+`90`, `90.5`, `1:30` and `0:01:30` are counted from the flight's first frame. Anything that ends with Z, or has a date,
+is UTC: `12:01:30Z`, `2018-05-04 12:01:30`, `2018-05-04T12:01:30.25Z`, `2018-05-04T14:01:30+02:00`.
 
-Times are found by halving the flight, so that a few chunks are read and not all; where a clock was set back during a
-recording there may be more than one place with a time, and it is one of them.
+Times are found by bisecting the flight, so that only a few chunks are read. If a clock was set back during a recording,
+a time may occur in several places; one of them is found.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _DATE = re.compile(
     r"(?P<second>\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?)(?P<fraction>\.\d+)?(?P<zone>[Zz]|[+-]\d\d:?\d\d)?"
 )
 
-# Times that are shown have microseconds; typed again they mean the frame that they were shown for.
+# Displayed times have microseconds; typed in again they have to mean the frame they were displayed for.
 SHOWN_NS = 1_000
 
 
@@ -45,14 +45,14 @@ class TypedTime:
     ns
         Counted from the flight's start, from midnight UTC, or from the Unix epoch.
     since
-        Which of them.
+        Which of these.
     """
 
     ns: int
     since: str
 
     def at_ns(self, began_ns: int) -> int:
-        """Locate it in a flight that began then, ns since the Unix epoch; of a time of day, the first after."""
+        """Return it in ns since the Unix epoch, for a flight that began then; a time of day is the first one after."""
         if self.since == "start":
             return began_ns + self.ns
         if self.since == "midnight":
@@ -104,7 +104,7 @@ def _ns(seconds: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class AskedPart:
-    """What somebody wants of a flight; None where there is no bound."""
+    """What the user wants of a flight; None where there is no bound."""
 
     start: TypedTime | None = None
     end: TypedTime | None = None
@@ -125,9 +125,9 @@ class FlightPart:
     ranks
         Of `range(Flight.count())`.
     frames_in_flight
-        All, as its index counts them.
+        All of them, as its index counts them.
     began_ns
-        When the flight's first frame was taken: times stay those of the whole flight.
+        When the flight's first frame was taken, since times stay those of the whole flight.
     """
 
     ranks: range
@@ -136,19 +136,19 @@ class FlightPart:
 
 
 class FrameTimes(Protocol):
-    """What tells a flight's parts: its files, and when each frame was taken, as far as that is known."""
+    """What is needed to find a flight's parts: its files, and when each frame was taken, as far as known."""
 
     session: Session
 
     @property
     def paths(self) -> Sequence[Path]:
-        """The files, in their order."""
+        """The files, in order."""
 
     def count(self) -> int:
         """Count the frames."""
 
     def captured_ns(self, rank: int) -> int | None:
-        """When the frame of that rank was taken; None where it is damaged."""
+        """Return when the frame of that rank was taken; None if it is damaged."""
 
 
 def part_of(flight: FrameTimes, asked: AskedPart) -> FlightPart:
@@ -181,7 +181,7 @@ def _span(flight: FrameTimes, began_ns: int) -> str:
 
 
 def _rank_from(flight: FrameTimes, time_ns: int) -> int:
-    """Find the first frame taken then or later; the count of frames if none was."""
+    """Find the first frame taken then or later; the count of frames if there is none."""
     low, high = 0, flight.count()
     while low < high:
         middle = (low + high) // 2
@@ -194,6 +194,6 @@ def _rank_from(flight: FrameTimes, time_ns: int) -> int:
 
 
 def _time_ns(flight: FrameTimes, rank: int, stop: int) -> int | None:
-    """When the frame of that rank was taken, or the next one that is whole."""
+    """Return when the frame of that rank was taken, or the next one that is intact."""
     times = (flight.captured_ns(each) for each in range(rank, stop))
     return next((time for time in times if time is not None), None)

@@ -1,10 +1,11 @@
-"""Gaps: what a needle may be said to show in the frames where it could not be read (thesis 3.3).
+"""Gaps: values for a needle in frames in which it could not be read (thesis 3.3).
 
-A flagged reading, one whose score stayed below the threshold, is replaced by the line between the nearest frames that
-were read, never beyond the first or the last of them. Frames in which the panel itself was not found stay missing.
-The uncertainty grows into the gap with how far the needle strays from such lines over gaps as long elsewhere in the
-flight, and with what the speeds before and after do not explain, up to that of a guess; where a needle was seen in
-fewer frames than not, a guess is no value. What begins again after a turn is guessed wherever it may have gone round.
+A flagged reading, one whose score stayed below the threshold, is replaced by linear interpolation between the nearest
+frames that were read, never beyond the first or the last of them. Frames in which the panel itself was not found stay
+missing. The uncertainty grows into the gap with how far the needle strays from such lines over equally long stretches
+elsewhere in the flight, and with what the speeds before and after do not explain, up to that of a guess. If a needle
+was seen in fewer than half of the frames, a guess is not a value. Where a needle may have gone all the way round within
+a gap, the value is a guess as well.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeri
 from decoder.timeseries.thresholds import MOST_STRETCHED, MOST_TRIED, SHORTER
 from flight_file.reader import spread
 
-# Of a uniform distribution the standard deviation, for each unit of its width: a guess by who has not looked.
+# Standard deviation of a uniform distribution of width 1: a blind guess.
 UNIFORM_SIGMA = 12**-0.5
 
 SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 
 def fill_gaps(data: FlightData) -> FlightData:
-    """Flag doubtful covered readings of flight data, and interpolate what is flagged."""
+    """Flag doubtful readings of covered needles, and interpolate what is flagged."""
     by_name = {series.quantity.name: series for series in data.series}
     parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
-    checked = {part for combination in data.combinations for part in combination.parts}  # each by the others
+    checked = {part for combination in data.combinations for part in combination.parts}  # they check each other
     filled = []
     for series in data.series:
         cover = by_name.get(series.quantity.covered_by or "")
@@ -49,7 +50,7 @@ def fill_gaps(data: FlightData) -> FlightData:
 
 
 def _contradicted(series: NeedleSeries, parts: Mapping[str, Sequence[NeedleSeries]]) -> Mask:
-    """(N,): where the pointers of a combined value are all to be seen, and tell none."""
+    """(N,): where all pointers of a combined value are visible, and contradict each other."""
     own = parts.get(series.quantity.name, ())
     seen: Mask = np.all([part.has(Status.READ, Status.EDGE) for part in own], axis=0) & bool(own)
     return seen & series.has(Status.MISSING)
@@ -58,11 +59,11 @@ def _contradicted(series: NeedleSeries, parts: Mapping[str, Sequence[NeedleSerie
 def _without_doubtful(
     series: NeedleSeries, doubted: tuple[Status, ...], trusted: tuple[Status, ...], pace_deg: float
 ) -> NeedleSeries:
-    """Covered readings stand only where the needle went under the covering one, or came out from under it.
+    """Keep covered readings only where the needle went under the covering one, or came out from under it.
 
-    A glare over the needle somewhere else on the dial looks just like a needle that is hidden, and its edge beside
-    the covering needle like one that peeps out. So at each end of a run of doubted frames the nearest trusted frame
-    must show the needle about where the run has it; a needle that is never seen so is not known to be covered.
+    Glare over the needle somewhere else on the dial looks just like a hidden needle, and its edge beside the covering
+    needle like a partly visible one. So at each end of a run of doubted frames the nearest trusted frame must show the
+    needle at about the same place as the run; a needle that is never seen so is not known to be covered.
     """
     covered, seen = series.has(*doubted), np.flatnonzero(series.has(*trusted))
     doubtful = np.zeros_like(covered)
@@ -82,7 +83,7 @@ def _without_doubtful(
 
 
 def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:
-    """How far needles on this dial go in a frame, degrees: nineteen of twenty steps between readings are shorter."""
+    """Return how far needles on this dial move per frame, degrees: 95 % of steps between readings are shorter."""
     before, after = slice(None, -1), slice(1, None)
     steps = [np.abs(one.angles_apart_deg(after, before))[_in_sequence(one)] for one in (series, cover)]
     together = np.concatenate(steps)
@@ -96,7 +97,7 @@ def _in_sequence(series: NeedleSeries) -> Mask:
 
 
 def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> NeedleSeries:
-    if series.quantity.written is not None:  # between two states there is none
+    if series.quantity.written is not None:  # there is nothing between two states
         return series
     known = np.flatnonzero(series.has(*SEEN_STATUSES))
     flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score) & ~never)
@@ -124,10 +125,10 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
 
 
 def _may_have_turned(values: Floats, known: NDArray[np.intp], time_s: Floats, wraps: float) -> Mask:
-    """(N - 1,): whether between two known frames it may have gone further than half a turn, and the other way round.
+    """(N - 1,): where between two known frames it may have moved by more than half a turn, or the other way round.
 
-    How fast it goes frames tell that follow each other: nineteen of twenty steps between such are slower. Where too few
-    do, it may have gone round any number of times.
+    Its speed is taken from consecutive frames, of which 95 % show less. Where there are too few, it may have gone round
+    any number of times.
     """
     gaps_s = np.diff(time_s[known])
     follows = np.diff(known) == 1
@@ -145,11 +146,11 @@ def _rising(time_s: Floats) -> Mask:
 
 
 def _bridge_sigma(values: Floats, known_s: Floats, wanted_s: Floats) -> Floats:
-    """Compute how far off the line between known values may be at `wanted_s`; NaN where nobody can know.
+    """Estimate the error of the line between known values at `wanted_s`; NaN where it is unknowable.
 
-    Three doubts add up, each largest in the middle of a gap: how far the needle strays from such lines elsewhere in the
-    flight; the way that it went, but should not have gone at the speeds before and after, at an unknown moment of the
-    gap; and the bend between these speeds.
+    Three contributions add up, each largest in the middle of a gap: how far the needle strays from such lines elsewhere
+    in the flight; the distance between its ends that the speeds before and after do not explain, moved at an unknown
+    moment of the gap; and the bend between these speeds.
     """
     after = np.clip(np.searchsorted(known_s, wanted_s), 1, len(known_s) - 1)
     start_s, length_s = known_s[after - 1], known_s[after] - known_s[after - 1]
@@ -167,13 +168,13 @@ def _bridge_sigma(values: Floats, known_s: Floats, wanted_s: Floats) -> Floats:
 
 
 def _by_length(lengths_s: Floats, of_length: Callable[[float], float]) -> Floats:
-    """Work out what follows from each length, once for all that are nearly as long."""
+    """Compute a function of each length, once for all that are nearly equal."""
     steps, which = np.unique(np.round(np.log(lengths_s) / -math.log(SHORTER)), return_inverse=True)
     return np.array([of_length(SHORTER**-step) for step in steps])[which]
 
 
 def _speed(values: Floats, known_s: Floats, end: int, reach_s: float) -> float:
-    """How fast the value changed on the way to a known frame, over a reach as long as the gap; 0 if nobody knows."""
+    """Return how fast the value changed at a known frame, over a stretch as long as the gap; 0 if unknown."""
     other = int(np.searchsorted(known_s, known_s[end] + reach_s / SHORTER, side="left" if reach_s < 0 else "right"))
     other = other if reach_s < 0 else other - 1
     if other == end:
@@ -182,10 +183,10 @@ def _speed(values: Floats, known_s: Floats, end: int, reach_s: float) -> float:
 
 
 def _strays(values: Floats, known_s: Floats, gap_s: float) -> float:
-    """How far values stray from the line over a gap of this length, in its middle; NaN if the flight shows none.
+    """Return how far values stray in the middle of a line over a gap of this length; NaN if the flight shows none.
 
-    Every known frame is taken as the start of such a gap; what lies in it is known, and is held against the line. Of a
-    gap longer than all stretches of known frames no more is known than of the longest one: it may go on like that.
+    Every known frame is taken as the start of such a gap, and the known values in it are compared with the line. For a
+    gap longer than all stretches of known frames, the longest one is extrapolated.
     """
     starts = np.array(sorted(spread(len(known_s), MOST_TRIED)))
     reach_s = gap_s
@@ -200,7 +201,7 @@ def _strays(values: Floats, known_s: Floats, gap_s: float) -> float:
 
 
 def _strays_over(values: Floats, known_s: Floats, starts: NDArray[np.intp], reach_s: float) -> Floats:
-    """How far known values are from the line between the ends of stretches of about this length, as in their middle."""
+    """Return how far known values are from the line across stretches of about this length, scaled to their middle."""
     strays = []
     ends = np.searchsorted(known_s, known_s[starts] + reach_s * SHORTER)
     for start, end in zip(starts, ends, strict=True):

@@ -1,9 +1,9 @@
-"""What the camera's GPS says at the frames: where it was, how fast and which way, beside what is read of the panel.
+"""What the camera's GPS says at the frames: position, speed and direction, beside what is read of the panel.
 
-A value lies on a straight line between the receiver's samples before and after a frame. There is none where either of
-the two has no fix, where they are more than a second apart, and before the first and after the last: nothing is
-carried on. Which way it went is the bearing from half a second before to half a second after; there is none where that
-way is not longer than the fix's dilution of precision in metres, for at a standstill it would be noise.
+Values are interpolated linearly between the receiver's samples before and after a frame. There is none if one of the
+two has no fix, if they are more than a second apart, or before the first and after the last: nothing is extrapolated.
+The direction is the bearing from half a second before to half a second after; there is none if that distance is not
+longer than the fix's dilution of precision in metres, since at a standstill it would be noise.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from decoder.panel.units import FOOT_M, HOUR_S
 from flight_file.frame import NO_FIX, NS_PER_S, GpsFix
 
 TRACK = "gps_track_deg"
-EARTH_M = 6_371_008.8  # mean radius; over a second's way the ellipsoid makes no difference
+EARTH_M = 6_371_008.8  # mean radius; over a second of flight the ellipsoid makes no difference
 _HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
 _KT_MPS = 1852 / HOUR_S
 
 
 @dataclass(frozen=True, slots=True)
 class GpsColumn:
-    """One quantity at every frame: (N,) values in this unit, NaN where there is none, to so many decimals."""
+    """One quantity at every frame: (N,) values in this unit, NaN where there is none, and its number of decimals."""
 
     name: str
     unit: str
@@ -37,7 +37,7 @@ class GpsColumn:
     values: Floats
 
     def number(self, row: int) -> float | None:
-        """Round the value of a row as it is written; None where there is none. A bearing stays below 360."""
+        """Round the value of a row for output; None where there is none. A bearing stays below 360."""
         value = round(float(self.values[row]), self.decimals)
         if not math.isfinite(value):
             return None
@@ -64,13 +64,13 @@ class GpsData:
     without_fix: int
 
     def without(self, names: Iterable[str]) -> GpsData:
-        """Leave out columns of these names."""
+        """Leave out columns with these names."""
         taken = set(names)
         return replace(self, columns=tuple(column for column in self.columns if column.name not in taken))
 
 
 def resampled(fixes: Iterable[GpsFix], time_ns: NDArray[np.int64]) -> GpsData | None:
-    """Carry a receiver's samples to the frames.
+    """Interpolate a receiver's samples at the frames.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def resampled(fixes: Iterable[GpsFix], time_ns: NDArray[np.int64]) -> GpsData | 
     Returns
     -------
     GpsData or None
-        None if the flight holds no sample at all, with or without a fix.
+        None if the flight has no sample at all, with or without a fix.
     """
     track = _Track.of(fixes)
     if not len(track.time_ns):
@@ -101,7 +101,7 @@ def resampled(fixes: Iterable[GpsFix], time_ns: NDArray[np.int64]) -> GpsData | 
 
 @dataclass(frozen=True)
 class _Track:
-    """(M,) samples in the order of their times, each time once; NaN where the receiver did not say."""
+    """(M,) samples in order of time, each time once; NaN where the receiver gave no value."""
 
     time_ns: NDArray[np.int64]
     latitude_deg: Floats
@@ -116,7 +116,7 @@ class _Track:
             (
                 (fix.captured_ns, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.speed_mps, fix.dop)
                 if fix.fix != NO_FIX
-                else (fix.captured_ns, None, None, None, None, None)  # whatever a file says of a place nobody knew
+                else (fix.captured_ns, None, None, None, None, None)  # a file may give a position even without a fix
                 for fix in fixes
             ),
             key=lambda row: row[0],
@@ -130,7 +130,7 @@ class _Track:
         return int(self.time_ns[0])
 
     def at(self, values: Floats, time_ns: NDArray[np.int64], *, wraps: float | None = None) -> Floats:
-        """Interpolate (M,) values at (N,) times; `wraps` is what a full turn is worth, and they stay within half."""
+        """Interpolate (M,) values at (N,) times; values that repeat after `wraps` stay within half of it."""
         last = len(self.time_ns) - 1
         after = np.clip(np.searchsorted(self.time_ns, time_ns), 0, last)
         exact = self.time_ns[after] == time_ns
@@ -146,7 +146,7 @@ class _Track:
         return np.where(inside, found, np.nan)
 
     def bearing_deg(self, time_ns: NDArray[np.int64]) -> Floats:
-        """Which way it went at (N,) times, degrees from true north, clockwise, below 360."""
+        """Return the direction of movement at (N,) times, degrees from true north, clockwise, below 360."""
         ends = [time_ns - NS_PER_S // 2, time_ns + NS_PER_S // 2]
         (south, north), (west, east) = (
             [self.at(values, end, wraps=wraps) for end in ends]

@@ -1,4 +1,4 @@
-"""How well each gauge of a panel is drawn and read in a flight, in words: what people are to draw anew, and why."""
+"""How well each gauge of a panel is drawn and read in a flight, in words: what should be redrawn, and why."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ MOSTLY = {
 
 
 def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
-    """Take no value for read that its gauge's drawing or place, or its frame, leaves in doubt, and say by gauge why.
+    """Downgrade values whose gauge's drawing or place, or whose frame, is too uncertain, and say why by gauge.
 
-    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hard to see: a value
-    that is wrong costs more than ten that are told to be doubtful. What is only allowed for does not count.
+    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hard to see: a wrong value
+    costs more than ten that are marked as doubtful. Mere allowances do not count.
     """
     found, doubts = [], defaultdict(list)
     for series in data.series:
@@ -56,7 +56,7 @@ def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightD
 
 
 def _mostly(budget: Budget | None, series: NeedleSeries, row: int) -> str:
-    """Say what most of a value's doubt comes from, beyond what is only allowed for."""
+    """Name the largest part of a value's uncertainty, apart from mere allowances."""
     sigmas = {} if budget is None else budget.at(float(series.value[row]))
     own_frame = float(series.sigma[row]) ** 2 - sum(sigma**2 for sigma in sigmas.values())
     causes = [(sigmas[cause] ** 2, words) for cause, words in MOSTLY.items() if cause in sigmas]
@@ -64,12 +64,12 @@ def _mostly(budget: Budget | None, series: NeedleSeries, row: int) -> str:
 
 
 def gauge_health(data: FlightData, fitted: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """Gather by gauge what is to be said of it; nothing of one that is drawn and read well.
+    """Collect the remarks on each gauge; empty for one that is drawn and read well.
 
     Parameters
     ----------
     fitted
-        By gauge what the fit to the flight found.
+        For each gauge, what the fit to the flight found.
     """
     found = {series.quantity.gauge: list(fitted.get(series.quantity.gauge, ())) for series in data.series}
     shown = len(data.frame) - len(data.missing_frames)
@@ -82,7 +82,7 @@ def gauge_health(data: FlightData, fitted: Mapping[str, Sequence[str]]) -> dict[
 
 
 def health_line(findings: Sequence[str]) -> str:
-    """Say it in a line."""
+    """Join the remarks in one line."""
     return "; ".join(findings) or WELL
 
 
@@ -108,13 +108,13 @@ def _is_seen(series: NeedleSeries) -> NDArray[np.bool_]:
 
 
 def _moves(values: Floats, sigmas: Floats, wraps: float | None) -> bool:
-    """Whether values go further than each of them may be off."""
+    """Whether values change by more than each may be off."""
     off = np.abs(shortest(values - values[0], wraps))
     return bool(off.max() > CONFIDENCE_SIGMAS * np.median(sigmas))
 
 
 def _contradictions(data: FlightData, combination: Combination) -> Iterator[str]:
-    """Say whether pointers that count for each other agree."""
+    """Report pointers that count each other's turns but contradict each other."""
     (whole,) = (series for series in data.series if series.quantity.name == combination.quantity.name)
     parts = [series for series in data.series if series.quantity.name in combination.parts]
     apart = ~_is_seen(whole) & np.all([part.has(Status.READ) for part in parts], axis=0)

@@ -1,8 +1,8 @@
-"""Outliers: values that the frames around them make hard to believe. They are pointed out, and never changed.
+"""Outliers: values that the frames around them make implausible. They are reported, and never changed.
 
-Two tests, each for what was seen on the dial (not for what was interpolated): a value that leaves the line of its
-neighbours for a few frames and comes back to it, and one that was reached faster than the panel's `max_rate` allows.
-A step is no outlier: the value does not come back. Nor is what stands beside a pause of the recording.
+There are two tests, each for what was seen on the dial, not for interpolated values: a value that leaves the line of
+its neighbours for a few frames and comes back to it, and one that was reached faster than the panel's `max_rate`
+allows. A step is not an outlier, since the value does not come back. Neither is a value next to a recording pause.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from decoder.timeseries.flight_data import FlightData, NeedleSeries, spans
 from decoder.timeseries.thresholds import BACK_PART, MOST_STRETCHED, SMALLEST_PART
 
 SEEN = (Status.READ, Status.EDGE)
-# A value that stays away for longer than this has gone somewhere else.
+# A value that stays away for longer than this has really moved.
 LONGEST_FRAMES = 3
 RATE_SPREADS = 3.0
 
@@ -31,7 +31,7 @@ Index = NDArray[np.intp]
 
 
 class Reason(StrEnum):
-    """Why a value is hard to believe."""
+    """Why a value is implausible."""
 
     AWAY_AND_BACK = "leaves its neighbours and comes back"
     TOO_FAST = "changes faster than max_rate"
@@ -39,7 +39,7 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """A run of values that are hard to believe; `first` and `last` are indices into the flight data's rows."""
+    """A run of implausible values; `first` and `last` are indices into the flight data's rows."""
 
     needle: str
     first: int
@@ -48,7 +48,7 @@ class Outlier:
 
 
 def find_outliers(data: FlightData) -> list[Outlier]:
-    """All outliers, by needle in the columns' order, then by time."""
+    """Find all outliers, by needle in the columns' order, then by time."""
     measured = (series for series in data.series if series.quantity.written is None)
     return [outlier for series in measured for outlier in _outliers(series, data.time_s)]
 
@@ -71,7 +71,7 @@ def _outliers(series: NeedleSeries, time_s: Floats) -> list[Outlier]:
 
 
 def pauses_before(time_s: Floats) -> NDArray[np.intp]:
-    """(N,): how many pauses of the recording lie before each frame; what is beyond one says nothing of a frame."""
+    """(N,): how many pauses of the recording precede each frame; values across a pause are not compared."""
     steps = np.diff(time_s)
     usual = float(median(steps)) if steps.size else 0.0
     return np.concatenate([[0], np.cumsum(steps > MOST_STRETCHED * usual)]).astype(np.intp)[: len(time_s)]
@@ -80,7 +80,7 @@ def pauses_before(time_s: Floats) -> NDArray[np.intp]:
 def _away_and_back(
     values: Floats, sigma: Floats, seconds: Floats, series: NeedleSeries, pauses: NDArray[np.intp]
 ) -> Mask:
-    """(N,): values that stand apart from the line between the values before and after them."""
+    """(N,): values that are off the line between the values before and after them."""
     candidates: list[tuple[float, int, int]] = []
     for frames in range(1, LONGEST_FRAMES + 1):
         count = len(values) - frames - 1
@@ -109,14 +109,14 @@ def _away_and_back(
         nearest = np.abs(distance).min(axis=0)
         candidates += [(-float(nearest[start]), start, start + frames + 1) for start in before[apart].tolist()]
     away = np.zeros(len(values), bool)
-    for _, start, end in sorted(candidates):  # the furthest first: beside it others look as if they stood apart
+    for _, start, end in sorted(candidates):  # the furthest first, since it makes its neighbours look off
         if not away[start : end + 1].any():
             away[start + 1 : end] = True
     return away
 
 
 def _steady(values: Floats, seconds: Floats, before: Index, after: Index, series: NeedleSeries) -> Floats:
-    """How fast the needle went both up to a frame and on from a later one: units a second, 0 where it did not."""
+    """Return the speed that the needle kept both up to a frame and from a later one: units per second, 0 if none."""
     rates = shortest(np.diff(values), series.quantity.wraps) / np.maximum(np.diff(seconds), 1e-9)
     rates = np.concatenate([[0.0], rates, [0.0]])  # rates[i] is the one up to value i
     up_to, onward = rates[before], rates[after + 1]

@@ -2,9 +2,9 @@
 
 Name mappings are YAML files that say what our needles are called there, and in which unit:
 
-airspeed_kt: IAS
-altitude_ft: {name: PALT, unit: m}
-rpm: {name: ENG RPM, unit: rpm, factor: 100}
+    airspeed_kt: IAS
+    altitude_ft: {name: PALT, unit: m}
+    rpm: {name: ENG RPM, unit: rpm, factor: 100}
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ STATUS_SUFFIX = "_status"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A CSV file by column; text as it stands."""
+    """A CSV file by column, as text."""
 
     path: Path
     columns: Mapping[str, tuple[str, ...]]
 
     def numbers(self, column: str, written: Written | None = None) -> Floats:
-        """Parse a column as numbers, NaN where the field is empty or no number; of states and texts as `Written`.
+        """Parse a column as numbers, NaN where the field is empty or no number; states and texts as `Written` says.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What the flight data's own description says of a column; `wraps` is what a full turn of it is worth."""
+    """What the flight data's own description says of a column; `wraps` is the value of a full turn."""
 
     unit: str
     full_scale: float | None
@@ -72,14 +72,14 @@ UNDESCRIBED = Described("", None, None)
 
 @dataclass(frozen=True, slots=True)
 class FlightTable:
-    """Flight data as `decode` wrote them: `NAME.csv`, and what `NAME.json` beside it says.
+    """Flight data as `decode` wrote them: `NAME.csv`, and the content of `NAME.json` beside it.
 
     Attributes
     ----------
     names
-        Those that have values, in the columns' order.
+        The columns with values, in order.
     description
-        The content of the JSON; empty where there is none.
+        The content of the JSON; empty if there is none.
     """
 
     table: Table
@@ -87,7 +87,7 @@ class FlightTable:
     description: Mapping[str, Any]
 
     def said_of(self, needle: str) -> Mapping[str, Any]:
-        """Look up all that the description says of a needle; nothing where it does not."""
+        """Look up everything that the description says of a needle; empty if nothing."""
         try:
             said = self.description["needles"][needle]
         except (KeyError, TypeError):
@@ -110,7 +110,7 @@ class FlightTable:
 
     @property
     def gps_units(self) -> Mapping[str, str]:
-        """The unit of each column of the camera's GPS that is there, by name."""
+        """The unit of each of the camera's GPS columns present, by name."""
         gps = self.description.get("gps")
         said = gps.get("columns") if isinstance(gps, dict) else None
         columns = said if isinstance(said, dict) else {}
@@ -119,7 +119,7 @@ class FlightTable:
 
     @property
     def time_ns(self) -> NDArray[np.int64]:
-        """(N,): mid-exposure, realtime; counted from the flight's first frame where nobody knows the time of day.
+        """(N,): mid-exposure, realtime; counted from the flight's first frame if the time of day is unknown.
 
         Raises
         ------
@@ -133,12 +133,12 @@ class FlightTable:
 
     @property
     def knows_time_of_day(self) -> bool:
-        """Whether times are moments; otherwise they count from the flight's first frame."""
+        """Whether times are absolute; otherwise they count from the flight's first frame."""
         return any(self.table.columns.get("time_utc", ("",))) or "time_s" not in self.table.columns
 
     @property
     def began_ns(self) -> int:
-        """When `time_s` was 0: at the flight's first frame, which a part of a flight does not hold.
+        """When `time_s` was 0, at the flight's first frame, which a part of a flight does not contain.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class FlightTable:
 
 
 def read_table(path: Path, delimiter: str = ",") -> Table:
-    """Read a CSV file, or a table whose cells something else divides.
+    """Read a CSV file, or a table with another delimiter.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def flight_table(table: Table) -> FlightTable:
     Raises
     ------
     TableError
-        If the table holds no flight data.
+        If the table contains no flight data.
     """
     try:
         description = json.loads(read_regular(table.path.with_suffix(".json"), limit_bytes=MAX_READ_BYTES))
@@ -185,12 +185,12 @@ def flight_table(table: Table) -> FlightTable:
 
 
 def flight_table_of(table: Table, description: Mapping[str, Any]) -> FlightTable:
-    """Recognize flight data in a table whose description is at hand.
+    """Recognize flight data in a table whose description is given.
 
     Raises
     ------
     TableError
-        If the table holds no flight data.
+        If the table contains no flight data.
     """
     names = tuple(name for name in table.columns if f"{name}{STATUS_SUFFIX}" in table.columns)
     if not names:
@@ -204,7 +204,7 @@ def times_ns(table: Table, column: str) -> NDArray[np.int64]:
     Raises
     ------
     TableError
-        Naming the first row that holds none.
+        Naming the first row that has none.
     """
     return np.array([_time_ns(text, table, row) for row, text in enumerate(table.columns[column], start=2)], np.int64)
 
@@ -230,7 +230,7 @@ def _number(field: str) -> float:
 
 
 def _number_of(written: Written, field: str) -> float:
-    """Return what a field says that may be written like our own, or as the number itself."""
+    """Return the value of a field written like ours, or as a number."""
     try:
         return written.value_of(field)
     except ValueError:
@@ -258,7 +258,7 @@ def read_mapping(path: Path) -> dict[str, MappedName]:
     Raises
     ------
     MappingError
-        If it cannot be read or is no mapping.
+        If it cannot be read or is not a mapping.
     """
     try:
         found = _MAPPING.validate_python(parse_yaml(read_yaml_file(path)))

@@ -1,7 +1,7 @@
-"""Flight data held against a truth: matched, judged, and put in words, the same for the terminal and for the report.
+"""Flight data compared with a truth: matched, judged, and put in words, the same for the terminal and for the report.
 
-A truth may be a flight data recorder's: its names, units and clock are brought to those of the flight data first. Or
-it may be the flight data's own columns of the camera's GPS.
+A truth may be a flight data recorder's, whose names, units and clock are first brought to those of the flight data. Or
+it may be the flight data's own columns from the camera's GPS.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)")
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """A truth, read but not yet held against anything; `mapping` says what it calls the needles."""
+    """A truth, read but not yet compared with anything; `mapping` says what it calls the needles."""
 
     table: Table
     mapping: Mapping[str, MappedName]
@@ -44,14 +44,14 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """What a comparison came to.
+    """The result of a comparison.
 
     Attributes
     ----------
     truth
         With columns named like the needles, in their units.
     told
-        The clocks' offset by the curves, if they tell it.
+        The clocks' offset according to the curves, if they determine it.
     applied_s
         What was added to the truth's times; None for nothing.
     """
@@ -83,12 +83,12 @@ def _mapping(names: Names | None) -> dict[str, MappedName]:
 
 
 def compared(flight: FlightTable, truth: Truth) -> Compared:
-    """Flight data against a truth.
+    """Compare flight data with a truth.
 
     Raises
     ------
     AccuracyError
-        If they share no needle or no row, or the curves tell no offset where they were asked to.
+        If they share no needle or no row, or the curves determine no offset although asked to.
     UnitError, TableError
         If the truth's columns are not what the mapping says.
     """
@@ -108,7 +108,7 @@ def compared(flight: FlightTable, truth: Truth) -> Compared:
 
 
 def left_out(flight: FlightTable, result: Compared) -> dict[str, str]:
-    """By needle that nothing was said of, why."""
+    """Return why needles were not compared, by needle."""
     held = {each.needle: each for each in result.accuracies}
     reasons = {}
     for name in flight.names:
@@ -122,7 +122,7 @@ def left_out(flight: FlightTable, result: Compared) -> dict[str, str]:
 
 
 def _told(flight: FlightTable, table: Table, request: TruthRequest) -> ClockOffset | None:
-    """Find the offset that the curves tell; without `auto` it is only shown, so it may be unknown."""
+    """Find the offset according to the curves; without `auto` it is only shown, so it may be unknown."""
     try:
         return clock_offset(flight, table, window_s=request.window_s)
     except AccuracyError:
@@ -132,7 +132,7 @@ def _told(flight: FlightTable, table: Table, request: TruthRequest) -> ClockOffs
 
 
 def gps_truth(flight: FlightTable, mapping: Mapping[str, MappedName]) -> Table:
-    """Make a truth of the flight data's own columns of the camera's GPS, named like the needles, in their units.
+    """Make a truth from the flight data's own columns of the camera's GPS, named like the needles, in their units.
 
     Raises
     ------
@@ -158,9 +158,8 @@ def gps_truth(flight: FlightTable, mapping: Mapping[str, MappedName]) -> Table:
 def recorder_truth(flight: FlightTable, recorder: Table, mapping: Mapping[str, MappedName], time_column: str) -> Table:
     """Rename and convert a recorder's table: `time_s`, and columns named like the needles, in their units.
 
-    Columns that are named like needles stay as they are, unless `mapping` names another for them. Times may be
-    seconds as they are, or times of the day (UTC) or ISO 8601 with a zone, which then count from the flight's first
-    frame.
+    Columns that are already named like needles stay as they are, unless `mapping` names others for them. Times may be
+    plain seconds, or times of day (UTC) or ISO 8601 with a zone, which are then counted from the flight's first frame.
 
     Raises
     ------
@@ -199,7 +198,7 @@ def _seconds(flight: FlightTable, recorder: Table, column: str) -> Floats:
         of_day = [_of_day(clock) for clock in clocks]
         seconds = np.array(of_day)
         known = np.isfinite(seconds)
-        seconds[known] = np.unwrap(seconds[known], period=DAY_S)  # past midnight it goes on
+        seconds[known] = np.unwrap(seconds[known], period=DAY_S)  # continue past midnight
         started_s = flight.began_ns / 1e9 % DAY_S
         days = round((float(seconds[known][0]) - started_s) / DAY_S)
         of_flight: Floats = seconds - started_s - days * DAY_S
@@ -223,7 +222,7 @@ def _texts(numbers: Floats) -> tuple[str, ...]:
 
 
 def offset_text(result: Compared) -> str:
-    """Say what was done about the clocks, and what the curves tell."""
+    """Say what was done about the clocks, and what the curves suggest."""
     told, applied_s = result.told, result.applied_s
     applied = (
         "nothing was added to the truth's times"
@@ -281,16 +280,16 @@ def _text(value: float | None, sign: str = "") -> str:
 
 @dataclass(frozen=True, slots=True)
 class HeldAgainstSound:
-    """A tachometer beside the engine's speed by its sound; the two are never averaged.
+    """A tachometer compared with the engine's speed from sound; the two are never averaged.
 
     Attributes
     ----------
     windows
         In which both have a value.
     apart_rpm
-        The median of sound less tachometer.
+        The median of sound minus tachometer.
     beyond
-        In how many windows they differ by more than both can be off.
+        The number of windows in which they differ by more than both can be off.
     """
 
     name: str
@@ -301,7 +300,7 @@ class HeldAgainstSound:
 
     @property
     def words(self) -> str:
-        """Say it in a sentence."""
+        """The result as a sentence."""
         way = "above" if self.apart_rpm > 0 else "below"
         part = abs(self.apart_rpm) / self.mean_rpm
         return (
@@ -311,7 +310,7 @@ class HeldAgainstSound:
 
 
 def held_against_sound(flight: FlightTable, speed: EngineSpeed, began_ns: int) -> list[HeldAgainstSound]:
-    """Hold each tachometer of flight data against the engine's speed by its sound.
+    """Compare each tachometer in flight data with the engine's speed from sound.
 
     Parameters
     ----------
@@ -330,7 +329,7 @@ def held_against_sound(flight: FlightTable, speed: EngineSpeed, began_ns: int) -
 
 
 def _held_against_sound(table: Table, name: str, speed: EngineSpeed, heard_s: Floats) -> HeldAgainstSound | None:
-    """Compare where both have a value within a second of each other; None if they nowhere do."""
+    """Compare them where both have a value within a second of each other; None if there is no such place."""
     time_s, value, sigma = (table.numbers(column) for column in ("time_s", name, f"{name}_sigma"))
     seen = np.flatnonzero(np.isfinite(value) & np.isfinite(time_s))
     seen = seen[np.argsort(time_s[seen], kind="stable")]
