@@ -1,7 +1,8 @@
 """Focal length and distortion from photographs of a chessboard or a ChArUco board, by OpenCV's calibration.
 
-The optical axis is taken to meet the picture's middle, as everywhere else, and tangential distortion to be nought, and
-k3 but in the rational model: a few hand-held photographs do not tell them from the board's unevenness.
+The optical axis is assumed to meet the picture's middle, as everywhere else. Tangential distortion is assumed to be
+zero, and so is k3 except in the rational model: a few hand-held photographs cannot tell them from the board's
+unevenness.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 
 _VIEWS = 30
 _INSIDE = 5  # unknowns of a fisheye: pixels per radian and four coefficients
-_SCALES = (0.25, 0.35, 0.5, 0.7, 1.0)  # pixels per radian as parts of the width, to begin with: 230 to 57 degrees wide
+_SCALES = (0.25, 0.35, 0.5, 0.7, 1.0)  # initial pixels per radian as parts of the width: 230 to 57 degrees wide
 _BEFORE = np.array([0.0, 0, 0, 0, 0, 10])  # a board of unit squares, square on
 
 Corners = tuple[Array, Array]
@@ -50,7 +51,7 @@ class BoardFit:
     distortion, k1_sigma
         In normalised coordinates.
     rms_px
-        What the corners miss the fit by.
+        The root mean square residual of the corners.
     photographs
         How many showed the board.
     """
@@ -66,7 +67,7 @@ class BoardFit:
 
 
 def chessboard(squares: tuple[int, int]) -> FindCorners:
-    """Find the inner corners of a chessboard of so many squares across and down, all or none."""
+    """Make a function that finds the inner corners of a chessboard of so many squares across and down, all or none."""
     inner = (squares[0] - 1, squares[1] - 1)
     places = np.zeros((inner[0] * inner[1], 3), np.float64)
     places[:, :2] = np.mgrid[: inner[0], : inner[1]].T.reshape(-1, 2)
@@ -80,10 +81,10 @@ def chessboard(squares: tuple[int, int]) -> FindCorners:
 
 
 def _reduced(picture: GreyPicture) -> tuple[GreyPicture, Array]:
-    """Shrink a picture until no side is above `SEARCHED_SIDE_PX`; how many of its pixels one of these is, (2,).
+    """Shrink a picture until no side is above `SEARCHED_SIDE_PX`; return it and the size of its pixels, (2,).
 
-    OpenCV turns the picture by many angles, in squares of its longer side. Corners that were 0.042 pixels off on
-    average are 0.056 off then; refining them in the full picture made that 0.12.
+    OpenCV turns the picture by many angles, in squares of its longer side. This makes corners that were 0.042 pixels
+    off on average 0.056 off; refining them in the full picture made that 0.12.
     """
     height, width = picture.shape
     part = min(1.0, SEARCHED_SIDE_PX / max(height, width))
@@ -93,7 +94,7 @@ def _reduced(picture: GreyPicture) -> tuple[GreyPicture, Array]:
 
 
 def charuco(squares: tuple[int, int], marker_part: float, dictionary: str) -> FindCorners:
-    """Find the corners of a ChArUco board, as many as are seen; markers are that part of a square wide."""
+    """Make a function that finds the visible corners of a ChArUco board; markers are that part of a square wide."""
     number = getattr(cv2.aruco, dictionary, None)
     if not isinstance(number, int) or not dictionary.startswith("DICT_"):
         raise CalibrationError(f"{dictionary} is none of OpenCV's marker dictionaries, such as DICT_5X5_100")
@@ -118,13 +119,13 @@ def fit_boards(
 ) -> tuple[BoardFit, ...]:
     """Calibrate the lens at each zoom of the photographs, the shortest focal length first.
 
-    Of more than `_VIEWS` photographs at a zoom that show the board those are taken in which it lies most differently.
+    If more than `_VIEWS` photographs at a zoom show the board, those are used in which its position differs most.
 
     Raises
     ------
     CalibrationError
         If the photographs differ in size, or a zoom has fewer than three that show the board, or all of them face it
-        alike, or what is found does not hold up to the picture's corners.
+        alike, or the resulting lens is not valid up to the picture's corners.
     """
     sizes: dict[str, tuple[int, int]] = {}
     zooms: dict[float, list[Corners | None]] = {}
@@ -166,7 +167,7 @@ def _fit(
 
 
 def _most_different(seen: list[Corners]) -> list[Corners]:
-    """Choose up to `_VIEWS`: each time the one whose board is furthest from where it is in all chosen ones."""
+    """Choose up to `_VIEWS`: each time the one whose board is furthest from all chosen ones."""
     middles = np.array([
         np.concatenate([pixels.mean(axis=0), pixels.std(axis=0), pixels[-1] - pixels[0]]) for _, pixels in seen
     ])  # fmt: skip
@@ -223,9 +224,9 @@ def _pinhole(seen: list[Corners], size_px: tuple[int, int], model: DistortionMod
 
 
 def _fisheye(seen: list[Corners], size_px: tuple[int, int]) -> _Found:
-    """Fit the fisheye's model by Levenberg and Marquardt.
+    """Fit the fisheye model by Levenberg-Marquardt.
 
-    OpenCV's own fit has a scale for each axis and refuses views in which a corner lies far off the axis.
+    OpenCV's own fit has a scale for each axis and refuses views in which a corner is far off the axis.
     """
     starts = [_Bundle.started(seen, size_px, size_px[0] * part) for part in _SCALES]
     bundle, damping = min(starts, key=lambda one: one.cost), 1e-3
@@ -254,16 +255,16 @@ def _fisheye(seen: list[Corners], size_px: tuple[int, int]) -> _Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bundle:
-    """Unknowns of a fisheye and of boards before it: pixels per radian, k1 to k4, and six for each board's pose.
+    """Unknowns of a fisheye and of boards in front of it: pixels per radian, k1 to k4, and six for each board's pose.
 
     Attributes
     ----------
     unknowns
         (5 + 6 V,).
     residuals
-        (R,) pixels by which corners miss.
+        (R,) pixels, of the corners.
     normal
-        (5 + 6 V, 5 + 6 V): the derivatives' normal matrix.
+        (5 + 6 V, 5 + 6 V): the normal matrix of the derivatives.
     gradient
         (5 + 6 V,).
     """
@@ -277,19 +278,19 @@ class _Bundle:
 
     @property
     def cost(self) -> float:
-        """Sum of squared misses."""
+        """Sum of squared residuals."""
         return float(self.residuals @ self.residuals)
 
     @classmethod
     def started(cls, seen: list[Corners], size_px: tuple[int, int], pixels_per_radian: float) -> Self:
-        """Begin with an equidistant lens, and poses that a pinhole would have with what it makes of the corners."""
+        """Start with an equidistant lens, and the poses that a pinhole gives for the corners it straightens."""
         lens = Lens(size_px, _middle(size_px), pixels_per_radian, distortion=Fisheye())
         poses = [_pose(places, lens.undistorted(pixels.T).T, lens) for places, pixels in seen]
         return cls.at(seen, size_px, np.concatenate([[pixels_per_radian, 0, 0, 0, 0], *poses]))
 
     @classmethod
     def at(cls, seen: list[Corners], size_px: tuple[int, int], unknowns: Array) -> Self:
-        """Compare what is seen with what these unknowns would show."""
+        """Compute residuals and derivatives for these unknowns."""
         matrix, radial = _matrix(float(unknowns[0]), size_px), unknowns[1:_INSIDE]
         normal, gradient = np.zeros((unknowns.size, unknowns.size)), np.zeros(unknowns.size)
         residuals = []
@@ -307,7 +308,7 @@ class _Bundle:
         return cls(seen, size_px, unknowns, np.concatenate(residuals), normal, gradient)
 
     def stepped(self, damping: float) -> Self:
-        """Take a damped step towards fewer misses."""
+        """Take a damped step towards smaller residuals."""
         damped = self.normal + damping * np.diag(np.diag(self.normal))
         return self.at(self.seen, self.size_px, self.unknowns + np.linalg.solve(damped, self.gradient))
 
@@ -317,7 +318,7 @@ def _turn(vector: object) -> Array:
 
 
 def _pose(places: Array, straight: Array, lens: Lens) -> Array:
-    """(6,): the board's rotation and place for a pinhole; of corners that it does not show nothing is known."""
+    """(6,): the board's rotation and position for a pinhole, from the corners that a pinhole can show."""
     sound = np.isfinite(straight).all(axis=1)
     if sound.sum() < MIN_CORNERS:
         return _BEFORE
@@ -326,7 +327,7 @@ def _pose(places: Array, straight: Array, lens: Lens) -> Array:
 
 
 def _refuse_frontal(turns: list[Array], focal_length_mm: float) -> None:
-    """Boards that all lie parallel to the picture do not tell the focal length from the distance."""
+    """Refuse boards that are all parallel to the picture, which do not separate focal length from distance."""
     normals = np.array([turn[:, 2] for turn in turns])
     tilts = np.degrees(np.arccos(np.clip(np.abs(normals[:, 2]), 0, 1)))
     if tilts.max() < LEAST_TILT_DEG:

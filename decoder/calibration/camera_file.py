@@ -1,4 +1,4 @@
-"""Writing camera.yaml: what was measured now takes its place in what is known already, whole or not at all."""
+"""Writing camera.yaml: new measurements replace old ones in what is already known, atomically."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def known_camera(path: Path) -> Camera | None:
     Raises
     ------
     CameraError
-        If there is something that is no camera.
+        If the file is not a camera.
     """
     return camera_from_file(path) if path.exists() else None
 
@@ -32,7 +32,7 @@ def merged(known: Camera | None, **new: Any) -> Camera:  # noqa: ANN401 - any pa
     Raises
     ------
     CameraError
-        If the parts do not go together.
+        If the parts contradict each other.
     """
     parts = {} if known is None else known.model_dump()
     if known is not None and new.get("picture_size", known.picture_size) != known.picture_size:
@@ -60,7 +60,7 @@ def write_camera(path: Path, camera: Camera) -> None:
     Raises
     ------
     OutputError
-        If it cannot be written; an older one is then still there.
+        If it cannot be written; an older one is then unchanged.
     """
 
     def write(stream: IO[str]) -> None:

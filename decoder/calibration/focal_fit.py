@@ -34,7 +34,7 @@ def fit_focal(focal_lengths_mm: Array, pixels_per_radian: Array, sigmas: Array, 
     Parameters
     ----------
     focal_lengths_mm, pixels_per_radian, sigmas : (N,)
-    scale_sigma : the relative uncertainty that all of them share, that of the distance to the ruler
+    scale_sigma : the relative uncertainty that they all share, that of the distance to the ruler
 
     Raises
     ------
@@ -54,7 +54,7 @@ def fit_focal(focal_lengths_mm: Array, pixels_per_radian: Array, sigmas: Array, 
     solved = np.linalg.lstsq(powers * weights[:, None], pixels_per_radian * weights, rcond=None)[0]
     residuals = pixels_per_radian - powers @ solved
     freedom = len(residuals) - powers.shape[1]
-    excess = float(np.sum((residuals * weights) ** 2) / freedom) if freedom > 0 else 1.0  # a lens is no quadratic
+    excess = float(np.sum((residuals * weights) ** 2) / freedom) if freedom > 0 else 1.0  # lenses are not quadratic
     covariance = np.linalg.inv((powers * weights[:, None]).T @ (powers * weights[:, None])) * max(1.0, excess)
     covariance += scale_sigma**2 * np.outer(solved, solved)
     units = unit ** -np.arange(powers.shape[1], dtype=float)

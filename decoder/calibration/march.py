@@ -1,8 +1,8 @@
 """The block-march test of thesis 3.1.1: whether and how much a lens bends a ruler through the middle of the picture.
 
-Equal blocks are cut along the ruler, one for each centimetre (or inch), and stacked: with a straight lens every
-centimetre's tick stands in the middle of its block. A ruler that is not square on drifts too, but like a parabola;
-radial distortion, odd about the middle, drifts like a cubic, so the two are told apart.
+Equal blocks are cut along the ruler, one for each centimetre (or inch), and stacked. With a straight lens every
+centimetre's tick is in the middle of its block. A ruler that is not square on drifts too, but like a parabola; radial
+distortion, which is odd about the middle, drifts like a cubic, so the two can be separated.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.errors import CalibrationError
 
 BLOCK_WIDTH_PX = 240
-_OFFSETS = np.linspace(-0.6, 0.6, 13)  # of a block, where longer ticks are looked for
+_OFFSETS = np.linspace(-0.6, 0.6, 13)  # of a block, where longer ticks are searched for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class March:
-    """What the test shows.
+    """The result of the test.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class March:
     drift_px
         (N,) how far each is from the middle of its block.
     bend_px
-        (N,) what of that is neither the blocks' width nor the ruler's tilt, outwards positive where place is.
+        (N,) the part of that which is neither the blocks' width nor the ruler's tilt, outwards positive where place is.
     edge_px
         The fitted distortion at the outermost tick, outwards positive (pincushion); its uncertainty is
         `edge_sigma_px`.
@@ -116,7 +116,7 @@ def _model(unknowns: Array, number: Array, beside: float) -> Array:
 
 
 def _fit(number: Array, place: Array, beside: float) -> tuple[Array, Array]:
-    """(4,) a, b, c, k and their covariance; ticks that are off do not count (Huber)."""
+    """(4,) a, b, c, k and their covariance; outlying ticks have little weight (Huber)."""
     unknowns = np.array([*np.polynomial.polynomial.polyfit(number, place, 1), 0.0, 0.0])
     reach, count = float(np.abs(place).max()), float(np.abs(number).max())
     scale = np.array([1.0, 1 / count, 1 / count / reach, reach**-3])
@@ -142,7 +142,7 @@ def _block(graduation: str) -> tuple[str, int]:
 
 
 def _long_ticks(picture: GreyPicture, line: Line, ticks: Ticks, every: int) -> np.ndarray:
-    """Find the ticks for whole centimetres or inches: those that reach farther than the others."""
+    """Find the ticks for whole centimetres or inches: those that are longer than the others."""
     apart = float(np.median(np.diff(ticks.along_px) / np.diff(ticks.number))) * every
     phase = (ticks.number % every).astype(int)
     contrast = np.zeros(every)

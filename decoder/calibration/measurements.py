@@ -1,7 +1,7 @@
-"""What a ruler was measured by, photograph by photograph: a line to find ticks on, or marks set by hand.
+"""How rulers are measured in photographs: a line to find ticks on, or marks set by hand.
 
-Either a YAML file lists them, or one line serves all photographs of a ruler that did not move while the camera
-zoomed: a place of the picture then moves straight away from its middle, as the focal length grows.
+Either a YAML file lists them, or one line serves all photographs of a ruler that did not move while the camera zoomed:
+a point of the picture then moves straight away from the middle as the focal length grows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from decoder.panel.description import Point, Positive, Strict, parse_description
 from decoder.panel.errors import CalibrationError, MeasurementsError
 from flight_file.untrusted import read_yaml_file
 
-EDGE_PX = 2.0  # what stays between a line and the picture's edge
+EDGE_PX = 2.0  # the distance to keep between a line and the picture's edge
 
 
 class RulerPhotograph(Strict):
@@ -92,7 +92,7 @@ def read_measurements(path: Path) -> RulerPhotographs:
 
 
 def measure_listed(listed: RulerPhotographs, folder: Path) -> list[Measured]:
-    """Every photograph of a list, its pictures in a folder.
+    """Measure every photograph of a list, with its pictures in a folder.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def measure_listed(listed: RulerPhotographs, folder: Path) -> list[Measured]:
 
 
 def measure_alike(paths: tuple[Path, ...], line: Line, inches: float, distance_inches: float) -> list[Measured]:
-    """Photographs of a ruler that did not move; the line is in the first one's pixels.
+    """Measure photographs of a ruler that did not move; the line is in the first one's pixels.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _by_hand(entry: RulerPhotograph) -> Marks:
 
 
 def _zoomed(line: Line, zoom: float, size_px: tuple[int, int]) -> tuple[Line, float]:
-    """Carry a line to another zoom, cut at the picture's edge, and say what part of it is left."""
+    """Carry a line to another zoom, clipped at the picture's edge; also return what part of it is left."""
     middle = (np.array(size_px) - 1) / 2
     start, end = (middle + zoom * (np.array(point) - middle) for point in (line.start_px, line.end_px))
     low, high = EDGE_PX, np.array(size_px) - 1 - EDGE_PX

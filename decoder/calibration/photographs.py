@@ -22,7 +22,7 @@ from flight_file.scan import is_video
 from flight_file.thresholds import MAX_READ_BYTES
 from flight_file.untrusted import read_regular
 
-_LOOKED_AT = 120  # frames of a flight: a board held to thirty places, for a few seconds each
+_LOOKED_AT = 120  # frames of a flight: a board held in thirty positions, for a few seconds each
 _HEAD_BYTES = 16
 _EXIF_IFD, _FOCAL_LENGTH, _MODEL = 0x8769, 0x920A, 0x0110
 _DAMAGE = (SyntaxError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, OSError, struct.error)
@@ -30,7 +30,7 @@ _DAMAGE = (SyntaxError, ValueError, TypeError, LookupError, AttributeError, Arit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Photograph:
-    """One photograph: its file's name, (H, W) grey, the focal length in mm, the camera's model if it says."""
+    """One photograph: its file name, (H, W) grey, the focal length in mm, and the camera's model if known."""
 
     name: str
     grey: GreyPicture
@@ -47,13 +47,13 @@ class Photograph:
 def read_photographs(
     paths: Sequence[Path], otherwise_mm: float | None, tell: Callable[[str], None]
 ) -> Iterator[Photograph]:
-    """Read photographs one after the other, and of each flight file frames from all over it.
+    """Read photographs one after the other, and frames spread over each flight file.
 
     Parameters
     ----------
     paths : of pictures and of flight files
-    otherwise_mm : the focal length where a picture does not say it
-    tell : is given a sentence for each flight file of which frames are left out, or parts lost
+    otherwise_mm : the focal length if a picture does not give it
+    tell : gets a sentence for each flight file with frames left out, or parts lost
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read_photographs(
 
 
 def _is_flight(path: Path) -> bool:
-    """Whether it is a flight file, or a video, of which `open_flight` says what to do with it."""
+    """Whether it is a flight file, or a video, for which `open_flight` says what to do."""
     try:
         with path.open("rb") as stream:
             head = stream.read(_HEAD_BYTES)
@@ -80,7 +80,7 @@ def _is_flight(path: Path) -> bool:
 
 
 def _frames(path: Path, otherwise_mm: float | None, tell: Callable[[str], None]) -> Iterator[Photograph]:
-    """Read some `_LOOKED_AT` frames, evenly spread; those that are damaged are left out."""
+    """Read about `_LOOKED_AT` frames, evenly spread, without damaged ones."""
     flight, video = open_flight([path]), GroupDecoder()
     count, read, damaged = flight.count(), 0, 0
     for frame in flight.shown(range(0, count, count // _LOOKED_AT or 1)):
@@ -152,7 +152,7 @@ def same_size(sizes_px: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
 def _tags(encoded: bytes) -> tuple[float | None, str]:
     try:
         with warnings.catch_warnings(), Image.open(io.BytesIO(encoded)) as picture:
-            warnings.simplefilter("ignore")  # Pillow warns of truncated blocks; a lacking tag says it already
+            warnings.simplefilter("ignore")  # Pillow warns of truncated blocks, but a missing tag is enough to know
             exif = picture.getexif()
             length, model = exif.get_ifd(_EXIF_IFD).get(_FOCAL_LENGTH), exif.get(_MODEL)
             value = float(length) if length is not None else 0.0

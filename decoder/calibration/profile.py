@@ -38,7 +38,7 @@ class Line:
 
     @property
     def normal(self) -> Array:
-        """(2,) of length one, to the right of somebody who walks along the line."""
+        """(2,) of length one, to the right of the line's direction."""
         x, y = self.direction
         return np.array([-y, x])
 
@@ -47,7 +47,7 @@ class Line:
         return np.asarray(np.add(self.start_px, along_px[:, None] * self.direction))
 
     def foot(self, point_px: tuple[float, float]) -> tuple[float, float]:
-        """Where on the line, and how far beside it, a point lies: two distances in pixels, the second signed."""
+        """Return a point's distance along the line and, signed, beside it, in pixels."""
         away = np.subtract(point_px, self.start_px)
         return float(away @ self.direction), float(away @ self.normal)
 
@@ -61,7 +61,7 @@ def profile(picture: GreyPicture, line: Line) -> Array:
 
 
 def sampled(picture: GreyPicture, points_px: Array) -> Array:
-    """(N,) grey levels at (N, 2) pixels, bilinear; outside the picture its edge goes on."""
+    """(N,) grey levels at (N, 2) pixels, bilinear; outside the picture its edge repeats."""
     height, width = picture.shape
     x = np.clip(points_px[:, 0], 0, width - 1)
     y = np.clip(points_px[:, 1], 0, height - 1)

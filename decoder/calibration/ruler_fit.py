@@ -1,7 +1,7 @@
-"""Pixels per radian from marks on a ruler at a known distance, in the centre of the field.
+"""Pixels per radian in the centre of the field, from marks on a ruler at a known distance.
 
-A ruler that is not quite square on is farther away at one end, so that its marks lie at (a + b s) / (1 + c s) along
-its picture. At the foot of the optical axis b is the pixels per inch there, and c says how far the ruler is tilted.
+A ruler that is not quite square on is farther away at one end, so that its marks lie at (a + b s) / (1 + c s) along its
+picture. At the foot of the optical axis b is the pixels per inch there, and c gives the ruler's tilt.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ class Marks:
 
 @dataclass(frozen=True, slots=True)
 class RulerFit:
-    """What a ruler says of the lens.
+    """What a ruler tells of the lens.
 
     Attributes
     ----------
     pixels_per_radian, sigma
-        In the centre of the field, tilt taken out; its standard uncertainty from the marks alone.
+        In the centre of the field, corrected for tilt; its standard uncertainty from the marks alone.
     small_angle
         The thesis's: the marks' distance in pixels over their distance in inches times the distance to the ruler.
     arctangent
-        The mean over the ruler: the marks' distance in pixels over the angle that they exactly subtend. A lens that
-        keeps straight lines straight has more pixels per radian off its axis, so this is the larger one.
+        The mean over the ruler: the marks' distance in pixels over the exact angle they subtend. A lens that keeps
+        straight lines straight has more pixels per radian off its axis, so this is the larger one.
     tilt_deg
         By how much the ruler was off square.
     rms_px
-        What the marks miss the fit by.
+        The root mean square residual of the marks.
     marks
         How many.
     """
@@ -67,7 +67,7 @@ class RulerFit:
 
 
 def fit_ruler(marks: Marks, *, distance_inches: float, size_px: tuple[int, int]) -> RulerFit:
-    """Pixels per radian from marks of a ruler through the middle of the picture.
+    """Fit pixels per radian to marks of a ruler through the middle of the picture.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def refuse_off_centre(line: Line, size_px: tuple[int, int]) -> None:
 
 
 def _projective(inches: Array, along: Array) -> tuple[Array, Array, float]:
-    """(3,) a, b, c; the covariance of those that are fitted; rms. Marks that are off do not count (Huber)."""
+    """(3,) a, b, c; the covariance of the fitted ones; rms. Outlying marks have little weight (Huber)."""
     free = 3 if len(inches) >= MIN_TICKS else 2
     unknowns = np.array([*np.polynomial.polynomial.polyfit(inches, along, 1), 0.0])
     weight = np.ones_like(along)

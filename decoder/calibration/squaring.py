@@ -1,4 +1,4 @@
-"""The panel picture squared up: as if the camera had looked at the panel square on (thesis, orthogonalization)."""
+"""The panel picture rectified, as if the camera had looked at the panel square on (thesis, orthogonalization)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ LARGEST_GROWTH = 4.0  # of the picture's sides; the far end of a very oblique pi
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Square:
-    """Where a squared-up picture's pixels come from.
+    """Where a rectified picture's pixels come from.
 
     Attributes
     ----------
     to_inches
-        (3, 3) from (x, y, 1) of the squared-up picture to inches on the panel, as written.
+        (3, 3) from (x, y, 1) of the rectified picture to inches on the panel, as written.
     size_px
         Its width and height.
     """
@@ -34,7 +34,7 @@ class Square:
 
 
 def square_of(pose: Pose, lens: Lens, points_inches: Matrix) -> Square:
-    """Plan a squared-up picture, as fine as the picture is in the reference points' middle.
+    """Plan a rectified picture, as fine as the picture is at the centre of the reference points.
 
     Parameters
     ----------
@@ -74,14 +74,14 @@ def squared_up(picture: GreyPicture, pose: Pose, lens: Lens, square: Square) -> 
 
 
 def off_axes_deg(points: Matrix, first: int, second: int) -> float:
-    """Measure a line between two of (N, 2) points from the nearer of level and plumb, -45 to 45 degrees."""
+    """Measure the angle of a line between two of (N, 2) points to the nearer axis, -45 to 45 degrees."""
     across, down = points[second] - points[first]
     angle = float(np.degrees(np.arctan2(down, across)))
     return (angle + 45) % 90 - 45
 
 
 def _pixels_per_inch(to_pixels: Matrix, at_inches: Matrix) -> float:
-    """How finely the picture shows a place, in the direction that it shows best."""
+    """Return the picture's resolution at a place, in the direction in which it is best."""
     x, y, w = to_pixels @ [*at_inches, 1.0]
     slopes = (to_pixels[:2, :2] - np.outer([x / w, y / w], to_pixels[2, :2])) / w
     return float(np.linalg.svd(slopes, compute_uv=False)[0])

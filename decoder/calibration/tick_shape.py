@@ -1,7 +1,7 @@
 """Each tick's own place, by least squares against the mean tick.
 
-The picture's pixels are used as they are. Thin ticks are hardly broader than a pixel, and any interpolation between
-pixels would move them to and fro; but many ticks fall on the pixels differently, so that together they show the mean
+The picture's pixels are used as they are. Thin ticks are hardly wider than a pixel, and any interpolation between
+pixels would move them back and forth. But many ticks are sampled at different phases, so together they show the mean
 tick far more finely than any of them alone.
 """
 
@@ -29,7 +29,7 @@ Table = tuple[Array, Array]
 
 
 def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, Mask]:
-    """Ticks near the places where they are expected.
+    """Fit ticks near the places where they are expected.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def fitted(picture: GreyPicture, line: Line, places_px: Array) -> tuple[Array, M
 
 
 def _windows(picture: GreyPicture, line: Line, places_px: Array, reach_px: float) -> tuple[Array, Array]:
-    """(K, n) distances along the line and (K, n) levels of the pixels around each place, three abreast."""
+    """(K, n) distances along the line and (K, n) levels of the pixels around each place, three pixels wide."""
     axis = int(np.argmax(np.abs(line.direction)))  # one pixel after the other along the longer axis
     points = line.points(places_px)
     steps = np.arange(-max(1, round(reach_px)), max(1, round(reach_px)) + 1)
@@ -75,9 +75,9 @@ def _windows(picture: GreyPicture, line: Line, places_px: Array, reach_px: float
 
 
 def _mean_tick(away: Array, levels: Array, period: float) -> Table:
-    """Fit the mean tick: the blurred bar that fits pixels at all distances from their ticks best.
+    """Fit the mean tick: the blurred bar that best fits pixels at all distances from their ticks.
 
-    A bar has two parameters. A free shape would take up each tick's own error where there are few ticks.
+    A bar has two parameters. If there are few ticks, a free shape would absorb each tick's own error.
     """
     reach = float(np.abs(away).max())
     count = max(int(reach * PER_PX), 2)
@@ -98,7 +98,7 @@ def _mean_tick(away: Array, levels: Array, period: float) -> Table:
 
 
 def _bar(breadth: float, blur: float, period: float) -> Table:
-    """Draw a bar of light 1, blurred by a Gaussian, with its neighbours; by its distance from the middle."""
+    """Tabulate a bar of light 1, blurred by a Gaussian, with its neighbours, by the distance from its middle."""
     knots = np.linspace(0, 0.75 * period, _KNOTS)
     light = np.zeros_like(knots)
     for neighbour in (-period, 0.0, period):
@@ -110,13 +110,13 @@ def _bar(breadth: float, blur: float, period: float) -> Table:
 
 @cache
 def _step() -> Table:
-    """Tabulate a step from 0 to 1, blurred by a Gaussian of spread 1."""
+    """Tabulate a step from 0 to 1, blurred by a Gaussian of sigma 1."""
     places = np.linspace(-5, 5, 1001)
     return places, np.array([0.5 * (1 + math.erf(place / math.sqrt(2))) for place in places])
 
 
 def _line_through(table: Table, knots: Array, means: Array, weights: Array) -> tuple[float, float]:
-    """Offset and gain with which a bar fits the means best."""
+    """Return the offset and gain with which a bar fits the means best."""
     light = np.interp(knots, *table)
     rows = np.stack([np.ones_like(light), light], axis=1) * weights[:, None]
     offset, gain = np.linalg.lstsq(rows, means * weights, rcond=None)[0]
@@ -129,7 +129,7 @@ def _miss(table: Table, knots: Array, means: Array, weights: Array) -> float:
 
 
 def _fit(away: Array, levels: Array, shape: Table) -> tuple[Array, Array, Array, Array]:
-    """Each window as base + slope + gain * (mean tick, shifted): (K,) shift, (K, 1) gain, (K, n) base, (K,) NCC."""
+    """Fit each window as base + slope + gain * shifted mean tick: (K,) shift, (K, 1) gain, (K, n) base, (K,) NCC."""
     step = 1 / PER_PX
     tick = np.interp(np.abs(away), *shape)
     steep = (np.interp(np.abs(away + step), *shape) - np.interp(np.abs(away - step), *shape)) / (2 * step)

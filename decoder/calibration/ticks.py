@@ -2,7 +2,7 @@
 
 The period comes from the profile's autocorrelation, checked against the graduations that rulers have; its drift along
 the ruler (perspective, distortion) from the local phase; each tick's own place from least squares against the mean
-tick. A tick that does not look like the others, because a numeral touches it or light drowns it, is left out.
+tick. A tick that does not look like the others, because a numeral touches it or light washes it out, is left out.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ GRADUATIONS_INCHES = {
     "1 cm": INCHES_PER_CM,
 }
 _PHASE_WINDOW = 2.0  # periods
-_CARRIED = 20  # ticks whose distances tell the next one's number
-_NEAR = 0.08  # of a period that a tick may lie beside where the phase has it
+_CARRIED = 20  # ticks whose distances predict the next one's number
+_NEAR = 0.08  # the furthest a tick may be from where the phase puts it, in periods
 _ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ticks:
-    """Ticks that were found on a line.
+    """Ticks found on a line.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def find_ticks(picture: GreyPicture, line: Line, inches: float) -> Ticks:
     Parameters
     ----------
     picture : (H, W) uint8
-    line : along the ruler, across the ticks; its ends need not lie on any
+    line : along the ruler, across the ticks; its ends need not be on ticks
     inches : about how long the line is on the ruler; within a few percent
 
     Raises
@@ -88,7 +88,7 @@ def find_ticks(picture: GreyPicture, line: Line, inches: float) -> Ticks:
 
 
 def _numbers(along: Array) -> Array:
-    """(N,) which tick each is, carried from tick to tick: over a gap the phase may lose count, the distances do not."""
+    """(N,) which tick each is, counted from tick to tick: over a gap the phase may lose count, distances do not."""
     numbers = np.zeros(len(along))
     per_px = 1 / float(np.median(np.diff(along)[:_CARRIED]))
     for index in range(1, len(along)):
@@ -106,7 +106,7 @@ def _none_found() -> CalibrationError:
 
 
 def _period(levels: Array, px_per_inch: float) -> tuple[str, float]:
-    """Recognize the graduation by the shortest period that a ruler may have; its name, and the period in samples."""
+    """Recognize the graduation by the shortest period a ruler may have; return its name, and the period in samples."""
     smooth = levels - _moving_mean(levels, max(len(levels) // 6, 8 * PER_PX))
     if np.std(smooth) < NOISE_LEVELS:
         raise _none_found()
@@ -129,7 +129,7 @@ def _period(levels: Array, px_per_inch: float) -> tuple[str, float]:
 
 
 def _autocorrelation(levels: Array) -> Array:
-    """(n / 2,) of the levels at each shift, over what overlaps."""
+    """(n / 2,) the autocorrelation of the levels at each shift, over the overlap."""
     count = len(levels)
     spectrum = np.fft.rfft(levels, 2 * count)
     sums = np.fft.irfft(np.abs(spectrum) ** 2)[: count // 2]
@@ -160,7 +160,7 @@ def _cycles(levels: Array, period: float) -> Array:
     order = 4 if len(levels) > 12 * period else 2  # few ticks drift little
     middle, half = len(levels) / 2, len(levels) / 2
     weight = np.abs(local[nodes])
-    for _ in range(_ROUNDS):  # what a numeral or a gap turns the phase by is no drift
+    for _ in range(_ROUNDS):  # a phase shift by a numeral or a gap is not drift
         drift = np.polynomial.Polynomial.fit((nodes - middle) / half, phase, order, w=weight, domain=[-1, 1])
         miss = phase - drift((nodes - middle) / half)
         weight = np.abs(local[nodes]) / (1 + (miss / (2 * np.median(np.abs(miss)) + 1e-6)) ** 2)
@@ -184,7 +184,7 @@ def _rough_places(levels: Array, cycles: Array) -> Array:
 
 
 def _peaks(light: Array, places: Array, period: float) -> Array:
-    """(K,) samples of the highest light near each place, where ticks stand so far apart that a bin is coarse."""
+    """(K,) the samples with the highest light near each place, for ticks so far apart that a bin is coarse."""
     reach = int(period * _NEAR)
     if reach < PER_PX:
         return places

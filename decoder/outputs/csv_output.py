@@ -67,27 +67,27 @@ def value_field(series: NeedleSeries, row: int, decimals: int) -> str:
 
 
 def value_decimals(series: NeedleSeries) -> int:
-    """Decimals of a column's values: those of a display, or else a millionth of full scale; at least one."""
+    """Return the decimals of a column's values: those of a display, or else a millionth of full scale; at least one."""
     if series.quantity.written is not None:
         return max(1, series.quantity.written.decimals)
     return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
 
 
 def value_within_turn(value: float, decimals: int, quantity: Quantity) -> float:
-    """Round a value as it is written: one that rounds up to a full turn becomes the lowest."""
+    """Round a value as it is written; one that rounds up to a full turn becomes the lowest."""
     if quantity.wraps is None or not math.isfinite(value):
         return value
     return quantity.lowest + (round(value, decimals) - quantity.lowest) % quantity.wraps
 
 
 def utc_text(time_ns: int) -> str:
-    """ISO 8601 UTC with microseconds."""
+    """Format a time as ISO 8601 UTC with microseconds."""
     seconds, rest = divmod(time_ns, 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{rest // 1000:06d}Z"
 
 
 def moment_text(data: FlightData, time_ns: int) -> str:
-    """Format a time as `utc_text`; empty where nobody knows the flight's time of day."""
+    """Format a time as `utc_text`; empty if the flight's time of day is unknown."""
     return utc_text(time_ns) if data.knows_time_of_day else ""
 
 
@@ -122,21 +122,21 @@ def write_alignment(data: FlightData, size_px: tuple[int, int], stream: IO[str])
 def read_back(
     flight: FlightTable, alignments: Table, panel: Panel, size_px: tuple[int, int], lenses: Mapping[int, Lens | None]
 ) -> FlightData:
-    """Make flight data of the tables that were written of them.
+    """Make flight data from the tables that were written of them.
 
-    Values are rounded as they were written. Angles are in no table, and neither is how far a dial lay from where the
-    others have it.
+    Values are rounded as they were written. The tables contain neither angles nor how far a dial was from where the
+    other dials put it.
 
     Parameters
     ----------
     flight, alignments : `NAME.csv` with its description, and `NAME_alignment.tsv`
     size_px : width and height of the panel picture
-    lenses : by frame, for those that a lens is known of
+    lenses : by frame, for those whose lens is known
 
     Raises
     ------
     TableError
-        If they are not of one flight with this panel, or hold what `decode` does not write.
+        If they are not of one flight with this panel, or contain what `decode` does not write.
     """
     table, told = flight.table, flight.description
     frame = table.numbers("frame")

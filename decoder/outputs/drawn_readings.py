@@ -1,8 +1,8 @@
-"""What the readings look like on their frame: where each found needle lies, its colour, and what to write beside it.
+"""What the readings look like on their frame: where each needle was found, its colour, and the text beside it.
 
-Places follow from the needle's angle, its gauge's grid and the frame's alignment, and where a dial was found by itself
-from its own place, the same way that the gauge was unwrapped; so they lie where the decoder looked, whatever the
-camera's place.
+Places follow from the needle's angle, its gauge's grid and the frame's alignment (or the dial's own place if it was
+located by itself), the same way the gauge was unwrapped. So they show where the decoder looked, wherever the camera
+was.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ class DrawnReading:
     text
         Its value with unit, or the word `missing`.
     spread
-        How far it may be off, such as `± 0.16`, in 95 % of all cases; empty where there is no value.
+        The 95 % interval, such as `± 0.16`; empty where there is no value.
     score
         NaN where the panel was not found.
     line_px
-        The needle from its bottom to its tip, in the frame, or where a card is read, or a horizon; None where there is
-        no value, or no needle of its own.
+        In the frame: the needle from its bottom to its tip, or the line where a card or a horizon is read; None if
+        there is no value, or no needle of its own.
     """
 
     name: str
@@ -85,12 +85,12 @@ class DrawnGauge:
 
     @property
     def box_px(self) -> tuple[float, float, float, float]:
-        """The smallest left, top, right, bottom around the perimeter."""
+        """The bounding box of the perimeter: left, top, right, bottom."""
         xs, ys = zip(*self.rim_px, strict=True)
         return min(xs), min(ys), max(xs), max(ys)
 
     def part_px(self, reach: float, size_px: tuple[int, int]) -> tuple[int, int, int, int]:
-        """Find the part of a frame of this size that lies so far around it, in its radii: left, top, right, bottom."""
+        """Return the part of a frame of this size within `reach` radii of it: left, top, right, bottom."""
         left, top, right, bottom = self.box_px
         x, y, reach_px = (left + right) / 2, (top + bottom) / 2, reach * max(right - left, bottom - top) / 2
         low = (max(0, x - reach_px), max(0, y - reach_px))
@@ -100,7 +100,7 @@ class DrawnGauge:
 
 
 class ReadingPlaces:
-    """Tells of each frame of a flight what to draw where."""
+    """Tells what to draw where, for each frame of a flight."""
 
     def __init__(self, source: PanelPictures, data: FlightData) -> None:
         self._data = data
@@ -208,7 +208,7 @@ def _moved(alignment: Alignment, shift_px: Point) -> Alignment:
 
 
 def _in_frame(points: Floats, alignment: Alignment) -> list[Point]:
-    """Where (2, N) points of the panel picture lie in the frame."""
+    """Carry (2, N) points of the panel picture into the frame."""
     places = alignment.places(np.ascontiguousarray(points.T[None], np.float32))
     return [(x, y) for x, y in places[0].tolist()]
 
@@ -230,7 +230,7 @@ def _around_pivot(
 def drawn_reading(
     series: NeedleSeries, index: int, decimals: int, line_px: tuple[Point, Point] | None = None
 ) -> DrawnReading:
-    """Write out one value of one frame, by its row in the flight data."""
+    """Format one value of one frame, by its row in the flight data."""
     return DrawnReading(
         name=series.quantity.name,
         text=_text(series, index, decimals),
@@ -249,7 +249,7 @@ def _text(series: NeedleSeries, index: int, decimals: int) -> str:
 
 
 def label_decimals(series: NeedleSeries) -> int:
-    """Decimals for reading off a picture: a hundred-thousandth of full scale, about as fine as readings are."""
+    """Return the decimals for labels on a picture: a hundred-thousandth of full scale, about as precise as readings."""
     return value_decimals(series) - (series.quantity.written is None)
 
 
@@ -258,7 +258,7 @@ def _spread(sigma: float, decimals: int) -> str:
 
 
 def value_text(value: float, decimals: int, unit: str) -> str:
-    """Write a value with its unit, or `missing`."""
+    """Format a value with its unit, or `missing`."""
     if not math.isfinite(value):
         return Status.MISSING.value
     return f"{value:.{decimals}f} {unit}".rstrip()

@@ -1,6 +1,6 @@
-"""What is to be said of one value of a flight: how sure it is, why, and what else bears on it.
+"""An explanation of one value of a flight: how certain it is, why, and what else affects it.
 
-All of it is in the files that `decode` wrote: the value's row, and the description of the flight data beside it.
+Everything comes from the files that `decode` wrote: the value's row, and the description of the flight data beside it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ FRAME_WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """What one cause has in a value's uncertainty: a standard uncertainty in its unit, and its part of the square."""
+    """One cause's share of a value's uncertainty: a standard uncertainty in its unit, and its part of the variance."""
 
     cause: str
     sigma: float
@@ -52,18 +52,18 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """One value, as its files tell of it.
+    """One value, as its files describe it.
 
     Attributes
     ----------
     value, status, score
         As in the CSV; "" where a field is empty.
     sigma, low_95, high_95
-        Of what is measured, in its unit.
+        Of measured values, in their unit.
     shares
-        What sigma is made of, the largest first; none where the description has no budget.
+        The parts of sigma, largest first; none if the description has no budget.
     remarks
-        What else is to be known of it, a sentence each.
+        Other remarks on it, a sentence each.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Explanation:
 
 
 def explained(flight: FlightTable, name: str, row: int, alignments: Table | None = None) -> Explanation:
-    """Explain the value of a column in one row; `alignments` are what was written beside it of where the panel lay.
+    """Explain the value of a column in one row; `alignments` is the table of alignments written beside it.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def row_at(flight: FlightTable, time_s: float) -> int:
 
 
 def _known(flight: FlightTable, column: str) -> Floats:
-    """(N,): a column that holds a number in some row at least."""
+    """(N,): a column that has a number in at least one row."""
     numbers = flight.table.numbers(column)
     if not np.isfinite(numbers).any():
         raise TableError(f"{flight.table.path}: has no number in `{column}`; give the CSV that `decode` wrote")
@@ -160,7 +160,7 @@ def _known(flight: FlightTable, column: str) -> Floats:
 
 
 def explanation_text(told: Explanation) -> str:
-    """Put an explanation in words, several lines."""
+    """Put an explanation in words, on several lines."""
     when = f"{told.time_utc}, {told.time_s} s" if told.time_utc else f"{told.time_s} s"
     lines = [f"{told.name} in frame {told.frame} ({when}): {told.status}"]
     if told.value:
@@ -189,7 +189,7 @@ def _status(text: str, table: Table) -> Status:
 
 
 def _budget(said: object) -> Budget | None:
-    """Read a budget back; None if there is none, or none that could be meant."""
+    """Read a budget back; None if there is none, or none that makes sense."""
     if not isinstance(said, dict):
         return None
     try:
@@ -202,7 +202,7 @@ def _budget(said: object) -> Budget | None:
 
 
 def _shares(budget: Budget, value: float, sigma: float, status: Status) -> Iterator[Share]:
-    """Divide a value's variance; what no cause of the flight's explains is its own frame's."""
+    """Split a value's variance by cause; the rest is its own frame's."""
     parts = {CAUSE_WORDS[cause]: own for cause, own in budget.at(value).items()}
     known = math.hypot(*parts.values())
     own_frame = math.sqrt(max(sigma - known, 0.0)) * math.sqrt(sigma + known)
@@ -256,7 +256,7 @@ def _alignment(alignments: Table, row: int) -> Iterator[str]:
 
 
 def _cross_checks(checks: object, name: str, frame: int) -> Iterator[str]:
-    """Say what the other instruments that show the same say of it."""
+    """Say how it compares with other instruments that show the same thing."""
     for check in checks if isinstance(checks, list) else []:
         columns = check.get("columns") if isinstance(check, dict) else None
         if not isinstance(columns, list) or name not in columns:
@@ -273,7 +273,7 @@ def _cross_checks(checks: object, name: str, frame: int) -> Iterator[str]:
 
 
 def _runs(runs: object, frame: int) -> Sequence[Mapping[str, Any]]:
-    """Of runs of frames in a description those that a frame is in."""
+    """Select the runs in a description that include a frame."""
     found = [run for run in (runs if isinstance(runs, list) else []) if isinstance(run, dict)]
     ends = [(run.get("first_frame"), run.get("last_frame")) for run in found]
     return [

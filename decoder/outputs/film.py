@@ -1,8 +1,8 @@
 """Films of a flight: one with each reading drawn in and a strip of values below, and a small plain one for the report.
 
-Each frame is shown at its own time, so the rate varies as the camera's did. What players want is in the file: H.264
-with 4:2:0 and even sides, the index at its beginning, television's levels as BT.709 has them, and no B-frames: with
-them FFmpeg states a wrong duration where the rate varies.
+Each frame is shown at its own time, so the rate varies as the camera's did. The file is what players expect: H.264 with
+4:2:0 and even sides, the index at the start, limited-range levels and BT.709, and no B-frames, because with them FFmpeg
+states a wrong duration if the rate varies.
 
 Frames pass one at a time, and a fixed number of threads encodes: the same flight gives the same bytes.
 """
@@ -60,9 +60,9 @@ if TYPE_CHECKING:
 
 TICKS_PER_S = 90_000
 """What times in the film are counted in."""
-PICTURES_OF_GROUP = 12  # from one key frame to the next: a player finds its way within so many
+PICTURES_OF_GROUP = 12  # from one key frame to the next, so that players can seek
 REPORT_HEIGHT_PX, REPORT_CRF = 480, 26
-USUAL_NS = NS_PER_S // 25  # how long a frame is shown of which nothing says so
+USUAL_NS = NS_PER_S // 25  # how long a frame is shown if nothing tells
 THREADS = "4"
 BT709, TELEVISION = 1, 1  # FFmpeg's codes
 NEEDS = "a film needs PyAV; install it: pip install 'image-flight-recorder[video]'"
@@ -82,8 +82,8 @@ class FilmClock:
     Attributes
     ----------
     jumps
-        How often a frame was taken before the one in front of it, or hours after it, because a clock was set: the film
-        then goes on with the step before.
+        How often a frame was taken before its predecessor, or hours after it, because a clock was set; the film then
+        continues with the previous step.
     """
 
     def __init__(self) -> None:
@@ -92,10 +92,10 @@ class FilmClock:
         self._film_ns, self._step_ns, self._tick = 0, USUAL_NS, -1
 
     def tick(self, taken_ns: int) -> int:
-        """When this frame is shown, in ticks from the first one; later than the one before."""
+        """Return when this frame is shown, in ticks from the first one; always later than the one before."""
         if self._taken_ns is not None:
             step_ns = taken_ns - self._taken_ns
-            if 0 < _ticks(step_ns) <= np.iinfo(np.int32).max:  # what MP4 has room for
+            if 0 < _ticks(step_ns) <= np.iinfo(np.int32).max:  # the limit of MP4
                 self._step_ns = step_ns
             else:
                 self.jumps += 1
@@ -116,9 +116,9 @@ def film_times_s(data: FlightData) -> Floats:
 
 
 class FilmPainter:
-    """Draws a flight's frames for its film: all of one size, that of the first.
+    """Draws a flight's frames for its film, all at the size of the first.
 
-    Each gauge's values keep their place beside it, the one that suits the first frame with a panel.
+    Each gauge's values stay in one place beside it, which is chosen in the first frame with a panel.
     """
 
     def __init__(self, decoded: Decoded, size_px: tuple[int, int]) -> None:
@@ -131,7 +131,7 @@ class FilmPainter:
         self._corners: list[Point] = []
 
     def painted(self, row: int, picture: ColourPicture | None, trouble: str = "") -> ColourPicture:
-        """Draw one frame, by its row in the flight data; a dark one where its picture is damaged."""
+        """Draw one frame, by its row in the flight data; a dark one if its picture is damaged."""
         width, height = self._size_px
         strip_px = self._strip.height_px
         whole = Image.new("RGB", (width, height + strip_px + (height + strip_px) % 2), PAPER)
@@ -158,12 +158,12 @@ class FilmPainter:
 
 
 def _named(readings: Sequence[DrawnReading]) -> list[DrawnReading]:
-    """Leave out the name of a gauge's only reading: in the picture it is seen which it is, and the strip has it."""
+    """Drop the name of a gauge's only reading, which is obvious in the picture, and given in the strip."""
     return [replace(reading, name="") for reading in readings] if len(readings) == 1 else list(readings)
 
 
 def _corners(chips: Sequence[Chip], boxes: Sequence[Box], size_px: tuple[int, int]) -> list[Point]:
-    """Where each gauge's values cover least of the others, from its box's left top corner."""
+    """Return where each gauge's values cover least of the others, relative to its box's top left corner."""
     taken = list(boxes)
     found = []
     for number, (chip, box) in enumerate(zip(chips, boxes, strict=True)):
@@ -174,13 +174,13 @@ def _corners(chips: Sequence[Chip], boxes: Sequence[Box], size_px: tuple[int, in
 
 
 def _fitting(picture: ColourPicture, size_px: tuple[int, int]) -> View:
-    """See a whole frame as large as it fits."""
+    """Show a whole frame as large as it fits."""
     height, width = picture.shape[:2]
     return View(0, 0, width, height, min(size_px[0] / width, size_px[1] / height))
 
 
 def _filled(pixels: ColourPicture, size_px: tuple[int, int]) -> ColourPicture:
-    """Bring a picture to a size, what it lacks dark, what it has too much cut off."""
+    """Pad a picture with black, and crop it, to a size."""
     width, height = size_px
     if pixels.shape[:2] == (height, width):
         return pixels
@@ -191,7 +191,7 @@ def _filled(pixels: ColourPicture, size_px: tuple[int, int]) -> ColourPicture:
 
 
 class _Strip:
-    """The values below the picture: a line that says which frame it is, and a cell for each reading.
+    """The values below the picture: a line that identifies the frame, and a cell for each reading.
 
     A cell is as wide as its widest content over the whole flight, so that nothing moves.
     """
@@ -213,7 +213,7 @@ class _Strip:
         self.height_px = round(text_px * 1.9 + rows * self._row_px + self._pad_px / 2)
 
     def draw(self, pencil: ImageDraw.ImageDraw, top: int, row: int, told: tuple[str, str]) -> None:
-        """Draw it below a picture that ends there."""
+        """Draw it below a picture that ends at `top`."""
         words, remark = told
         middle = top + self._text_px
         pencil.text((self._pad_px, middle), words, font=self._large, fill=INK, anchor="lm")
@@ -236,7 +236,7 @@ class _Strip:
         pencil.text((after, y + 2.05 * unit), reading.spread, font=self._small, fill=QUIET, anchor="ls")
 
     def _cell_px(self, reading: DrawnReading) -> float:
-        """How wide a reading's cell is, whatever its status."""
+        """Return the width of a reading's cell, whatever its status."""
         longest = max(self._small.getlength(status.value) for status in Status)
         above = self._small.getlength(reading.name) + longest
         below = self._large.getlength(reading.text) + self._small.getlength(reading.spread)
@@ -254,7 +254,7 @@ def _extremes(value: Floats, sigma: Floats) -> set[int]:
 def drawn_film(
     decoded: Decoded, frames: Iterable[tuple[int, Frame]], height_px: int, tell: Callable[[str], None]
 ) -> Iterator[Shown]:
-    """Draw a film of frames, each with its row in the flight data; `tell` is given a sentence for what is amiss."""
+    """Draw a film of frames, each with its row in the flight data; `tell` gets a sentence for each problem."""
     painter: FilmPainter | None = None
     clock = FilmClock()
     for row, frame, picture, trouble in _pictures(frames):
@@ -288,7 +288,7 @@ def _plain_film(decoded: Decoded) -> Iterator[Shown]:
 
 
 def _pictures(frames: Iterable[tuple[int, Frame]]) -> Iterator[tuple[int, Frame, ColourPicture | None, str]]:
-    """Decompress frames: row, frame, picture, and where there is none why."""
+    """Decompress frames: row, frame, picture, and the reason if there is none."""
     video = GroupDecoder()
     for row, frame in frames:
         try:
@@ -298,7 +298,7 @@ def _pictures(frames: Iterable[tuple[int, Frame]]) -> Iterator[tuple[int, Frame,
 
 
 def _size_px(decoded: Decoded, picture: ColourPicture | None, height_px: int) -> tuple[int, int]:
-    """Width and height of a film's pictures, both even, for frames of this size, or else of the panel picture's."""
+    """Return width and height of a film's pictures, both even, for frames of this size, or else the panel picture's."""
     width, height = decoded.source.optics.size_px if picture is None else picture.shape[1::-1]
     wanted = min(height_px, height)
     return max(2, round(width * wanted / height) // 2 * 2), max(2, wanted // 2 * 2)
@@ -306,14 +306,14 @@ def _size_px(decoded: Decoded, picture: ColourPicture | None, height_px: int) ->
 
 @dataclass(frozen=True, slots=True)
 class Sounding:
-    """A packet of sound as it came, in the film's ticks."""
+    """A packet of sound as it was recorded, in the film's ticks."""
 
     tick: int
     packet: SoundPacket
 
 
 def sound_beside(heard: Iterable[Sound], first_ns: int, last_ns: int) -> Iterator[Sounding]:
-    """Choose the packets of sound that are heard from the first picture to the last, at their times in the film."""
+    """Choose the packets of sound between the first and the last picture, at their times in the film."""
     for each in heard:
         if isinstance(each, SoundPacket) and first_ns <= each.time_ns <= last_ns:
             yield Sounding(_ticks(each.time_ns - first_ns), each)
@@ -326,14 +326,14 @@ def write_film(
     began_ns: int | None = None,
     sound: Iterable[Sounding] = (),
 ) -> None:
-    """Encode pictures into an MP4, and put packets of sound beside them as they are.
+    """Encode pictures into an MP4, and add packets of sound unchanged.
 
     Parameters
     ----------
     began_ns
-        When the first was taken, if anybody knows: what the file says of when it was made.
+        When the first was taken, if known: the creation time that the file states.
     sound
-        In the order of time, all of one codec.
+        In order of time, all of one codec.
 
     Raises
     ------
@@ -342,7 +342,7 @@ def write_film(
     """
     if find_spec("av") is None:
         raise OutputError(NEEDS)
-    import av  # noqa: PLC0415 - an extra, which other outputs do without
+    import av  # noqa: PLC0415 - an extra, which other outputs do not need
 
     coming = iter(shown)
     first = next(coming, None)
@@ -380,7 +380,7 @@ def _describe(stream: VideoStream, width: int, height: int) -> None:
 
 
 def _packed(container: OutputContainer, sound: Iterable[Sounding]) -> Iterator[Any]:
-    """Pack sound for the container; its stream must be there before the first picture is."""
+    """Pack sound for the container; its stream has to be created before the first picture is written."""
     coming = iter(sound)
     first = next(coming, None)
     if first is None:
@@ -399,7 +399,7 @@ def _sound_packet(sounding: Sounding, stream: Any) -> Any:  # noqa: ANN401 - PyA
 
 
 def _encoded(stream: VideoStream, shown: Iterable[Shown]) -> Iterator[Any]:
-    """Encode pictures; the last is shown as long as the one before, which nothing else would say."""
+    """Encode pictures; the last is shown as long as the one before, since nothing else tells."""
     held: Any = None
     step = round(USUAL_NS * TICKS_PER_S / NS_PER_S)
     for packet in _packets(stream, shown):

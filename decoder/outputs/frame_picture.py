@@ -1,6 +1,6 @@
-"""Frames of a flight once more, chosen, with their readings drawn in for people to look at.
+"""Frames of a flight again, selected, with their readings drawn in for people to look at.
 
-The needle's own pixels stay visible: the line over it is thin, and what catches the eye stands outside the rim.
+The needle's own pixels stay visible: the line over it is thin, and the conspicuous marks are outside the rim.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CROP_REACH = 1.45  # of the gauge's radius, to each side
 INK, PAPER, QUIET = (240, 243, 246), (17, 21, 26), (150, 160, 170)
 OPACITY = 205
 KEY = "status · score · 95 % error"
-CAP = (1.05, 1.22)  # from where to where outside the rim the pointer's mark stands, in radii
+CAP = (1.05, 1.22)  # from where to where the pointer's mark extends outside the rim, in radii
 
 Box = tuple[float, float, float, float]
 """Left, top, right, bottom."""
@@ -49,7 +49,7 @@ def matched_frames(data: FlightData, frames: Frames) -> Iterator[Frame]:
     Raises
     ------
     OutputError
-        If they are others than before.
+        If they differ from those read before.
     """
     numbers = iter(data.frame.tolist())
     for frame in frames():
@@ -68,7 +68,7 @@ def nearest(data: FlightData, at_s: Sequence[float]) -> Rows:
 
 
 def flagged(data: FlightData) -> Rows:
-    """Find the frames in which a value is interpolated, missing or hard to believe."""
+    """Find the frames in which a value is interpolated, missing or implausible."""
     doubtful = np.zeros(len(data.frame), bool)
     for series in data.series:
         doubtful |= series.has(Status.INTERPOLATED, Status.MISSING)
@@ -84,7 +84,7 @@ def every(data: FlightData, step: int) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The part of a frame that is drawn, and how many of the drawing's pixels one of its own is wide."""
+    """The part of a frame that is drawn, and the size of one of its pixels in the drawing."""
 
     left: int
     top: int
@@ -105,7 +105,7 @@ def whole_view(picture: ColourPicture) -> View:
 
 
 def gauge_view(picture: ColourPicture, gauge: DrawnGauge) -> View:
-    """One gauge and its surroundings, as far as they lie in the frame; large enough to judge the needle by."""
+    """Show one gauge and its surroundings, as far as they are in the frame; large enough to judge the needle by."""
     height, width = picture.shape[:2]
     left, top, right, bottom = gauge.part_px(CROP_REACH, (width, height))
     right, bottom = max(right, left + 1), max(bottom, top + 1)
@@ -120,7 +120,7 @@ def drawn(picture: ColourPicture, view: View, gauges: Sequence[DrawnGauge], told
     for gauge in gauges:
         draw_needles(pixels, gauge, view)
     image = Image.fromarray(pixels)
-    del pixels  # of large pictures no more copies than are needed
+    del pixels  # avoids another copy of a large picture
     text_px = max(15, round(min(size[0] / 85, size[1] / 12)))
     for number, gauge in enumerate(gauges):
         chip = Chip(gauge.readings, text_px, [_note(reading) for reading in gauge.readings])
@@ -155,7 +155,7 @@ def as_jpeg(image: Image.Image) -> bytes:
 
 
 def draw_needles(pixels: ColourPicture, gauge: DrawnGauge, view: View) -> None:
-    """Draw a gauge's rim and its needles over the frame that they lie in; what catches the eye is outside the rim."""
+    """Draw a gauge's rim and its needles over their frame; conspicuous marks are outside the rim."""
     radius = gauge.radius_px * view.enlarged
     rim = np.array([view.place(point) for point in gauge.rim_px])
     _line(pixels, rim, INK, radius / 90, closed=True, opacity=0.35)
@@ -188,12 +188,12 @@ def _line(
 
 
 class Chip:
-    """What is written beside one gauge: for each reading its name and value, and below a note, if there are any.
+    """The text beside one gauge: for each reading its name and value, and a note below, if there are notes.
 
     Parameters
     ----------
     notes
-        One for each reading: how it came about; none at all where that is told elsewhere.
+        One for each reading, on how it came about; none if that is shown elsewhere.
     """
 
     def __init__(self, readings: Sequence[DrawnReading], text_px: int, notes: Sequence[str] = ()) -> None:
@@ -211,7 +211,7 @@ class Chip:
         self._height = len(self._rows) * (self._line_px + self._note_px) + self._pad_px
 
     def box_near(self, gauge: Box, taken: Sequence[Box], size: tuple[int, int]) -> Box:
-        """Where it covers least of what is there already: rather below the gauge than above it or beside it."""
+        """Return where it covers least of what is already there, preferably below the gauge."""
         left, top, right, bottom = gauge
         gap = (right - left) * 0.13
         middle_x, middle_y = (left + right - self._width) / 2, (top + bottom - self._height) / 2
@@ -223,13 +223,13 @@ class Chip:
         return min(boxes, key=lambda box: sum(_overlap(box, other) for other in [*taken, gauge]))
 
     def box_at(self, corner: Point, size: tuple[int, int]) -> Box:
-        """Where it is with its left top corner there, or as near to that as it lies within the picture."""
+        """Return its box with the top left corner there, or as near to that as fits into the picture."""
         left = min(max(corner[0], 2.0), max(size[0] - self._width - 2.0, 0.0))
         top = min(max(corner[1], 2.0), max(size[1] - self._height - 2.0, 0.0))
         return left, top, left + self._width, top + self._height
 
     def draw(self, image: Image.Image, box: Box) -> None:
-        """Draw it where it is to be, over a shade."""
+        """Draw it in its box, over a shade."""
         left, top = math.floor(box[0]), math.floor(box[1])
         shade = Image.new("L", (math.ceil(box[2]) - left + 1, math.ceil(box[3]) - top + 1))
         here = (box[0] - left, box[1] - top, box[2] - left, box[3] - top)
@@ -250,7 +250,7 @@ class Chip:
 
 
 def _note(reading: DrawnReading) -> str:
-    """How a reading came about, in a line: status, score, and what 95 % of its errors are within."""
+    """Describe a reading in a line: status, score, and 95 % interval."""
     parts = [reading.status.value]
     if math.isfinite(reading.score):
         parts.append(f"{reading.score:.3f}")
@@ -258,7 +258,7 @@ def _note(reading: DrawnReading) -> str:
 
 
 def _captioned(image: Image.Image, told: tuple[str, str], text_px: int) -> Image.Image:
-    """Add a bar below a drawing: what it is to the left, what the colours mean to the right, a remark between."""
+    """Add a bar below a drawing: what it is on the left, the legend on the right, a remark in between."""
     letters, pad = font(text_px), text_px
     words, remark = told
     legend = (
@@ -291,7 +291,7 @@ def _captioned(image: Image.Image, told: tuple[str, str], text_px: int) -> Image
 
 @cache
 def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Load the letters that drawings are lettered with."""
+    """Load the font of drawings."""
     return ImageFont.load_default(size_px)
 
 

@@ -1,9 +1,9 @@
-"""The log of a Garmin G1000, as flight-analysis sites read it: three head lines, then one row for each second, UTC.
+"""The log of a Garmin G1000, as flight-analysis sites read it: three header lines, then one row per second, UTC.
 
-Only what a G1000 has a column for can be told by name; anything else needs a name mapping.
+Names are recognised only for quantities that a G1000 has a column for; anything else needs a name mapping.
 
 The format has no place for a status or an uncertainty, so only what was seen goes in: for each whole second the value
-of the nearest frame within half a second, nothing where that is interpolated or missing. Position stays empty.
+of the nearest frame within half a second, and nothing if that is interpolated or missing. The position stays empty.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WIDTH = 8
 
 @dataclass(frozen=True, slots=True)
 class GarminColumn:
-    """One column: its name in the log, its unit as the log writes it and as `units` knows it, its decimals."""
+    """One column: its name in the log, its unit as the log and as `units` write it, and its decimals."""
 
     name: str
     unit_text: str
@@ -99,7 +99,7 @@ _BY_ENGINE_STEM = {stem: column for stems, column in _ENGINE.items() for stem in
 
 
 def column_of(name: str) -> GarminColumn | None:
-    """Find the column for a needle by its name; None if the name alone does not tell."""
+    """Find the column for a needle by its name; None if the name does not identify it."""
     stem = stem_of(name)
     if stem in _BY_STEM:
         return _BY_STEM[stem]
@@ -109,7 +109,7 @@ def column_of(name: str) -> GarminColumn | None:
 
 
 def _by_last_words(names: Sequence[str], taken: Collection[GarminColumn]) -> dict[str, GarminColumn]:
-    """Find columns for `hi_heading_deg` and its like: by the word they end with, if nothing else has that column."""
+    """Find columns for names such as `hi_heading_deg` by their last word, if nothing else has that column."""
     columns = {name: _BY_STEM[WORDS[found][0]] for name in names if (found := parameter_of(name)) in _OF_PARAMETERS}
     counted = Counter(columns.values())
     return {name: column for name, column in columns.items() if counted[column] == 1 and column not in taken}
@@ -126,7 +126,7 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True)
 class GarminPlan:
-    """What goes into a log, and by needle why the others do not."""
+    """What goes into a log, and why the other needles do not."""
 
     chosen: tuple[Chosen, ...]
     left_out: Mapping[str, str]
@@ -135,7 +135,7 @@ class GarminPlan:
 def plan(flight: FlightTable, mapping: Mapping[str, MappedName]) -> GarminPlan:
     """Assign needles to columns.
 
-    `mapping` names columns for needles, and goes before what their names tell.
+    `mapping` names columns for needles, and takes precedence over their names.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`NAME.json`: what the flight data are made of, where they have gaps, and why."""
+"""`NAME.json`: what the flight data consist of, where they have gaps, and why."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def _needle(series: NeedleSeries, budget: Budget | None) -> dict[str, Any]:
 
 
 def _uncertainty(budget: Budget) -> dict[str, Any]:
-    """Describe a budget; of a cause that is the same at all values one number."""
+    """Describe a budget; a cause that is the same at all values is a single number."""
     causes = {cause.value: _rounded(sigma) for cause, sigma in budget.sigmas.items()}
     is_even = all(len(set(sigma)) == 1 for sigma in causes.values())
     return {
@@ -184,7 +184,7 @@ def _event(data: FlightData, event: Event) -> dict[str, Any]:
 
 
 def _gaps(data: FlightData, series: NeedleSeries) -> list[dict[str, Any]]:
-    """List runs of frames in which a needle was not seen though the panel was found."""
+    """List runs of frames in which a needle was not seen although the panel was found."""
     return [
         {
             "needle": series.quantity.name,

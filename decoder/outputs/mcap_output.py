@@ -1,13 +1,13 @@
 """`NAME.mcap` and a layout for it: the flight data for Foxglove and PlotJuggler, and the pictures if wanted.
 
-JSON has no NaN, and neither Foxglove nor PlotJuggler takes `null` for a number: what is not known is left out. Because
-PlotJuggler draws numbers only, the status is there as a number, too (`quality`).
+JSON has no NaN, and neither Foxglove nor PlotJuggler accepts `null` for a number, so unknown numbers are left out.
+Because PlotJuggler draws numbers only, the status is also given as a number (`quality`).
 
-Log time and publish time of every message are the frame's capture time: Foxglove plays by the first, PlotJuggler plots
-by the second. Frames are read again one at a time, so memory does not grow with the pictures.
+Log time and publish time of every message are the frame's capture time: Foxglove plays by the former, PlotJuggler plots
+by the latter. Frames are read again one at a time, so memory does not grow with the pictures.
 
-The pictures with the readings drawn in stand to the left; to the right one plot for each unit, and a band with the
-status of every value below. Values are drawn as points: a line would run through the gaps.
+In the layout, the pictures with the readings are on the left; on the right are one plot per unit, with a band of every
+value's status below. Values are drawn as points, since a line would run through the gaps.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ READING_SCHEMA_NAME = "flight_data.Reading"
 ANNOTATIONS_TOPIC = "/camera/annotations"
 CALIBRATION_TOPIC = "/camera/calibration"
 GPS_TOPIC = "/gps/at_frames"
-GPS_SCHEMA_NAME = "foxglove.LocationFix"  # which a map shows by its name; what else the message has, it passes over
+GPS_SCHEMA_NAME = "foxglove.LocationFix"  # maps recognise this name, and ignore additional fields
 
 QUALITY: dict[Status, int] = {
     Status.READ: 4,
@@ -133,7 +133,7 @@ READING_SCHEMA: dict[str, Any] = {
 
 
 def reading_message(series: NeedleSeries, index: int, frame: int) -> bytes:
-    """One value of one frame."""
+    """Encode one value of one frame."""
     quantity, decimals = series.quantity, value_decimals(series)
     status = STATUSES[series.status[index]]
     value = value_within_turn(float(series.value[index]), decimals, quantity)
@@ -162,7 +162,7 @@ def reading_message(series: NeedleSeries, index: int, frame: int) -> bytes:
 
 
 def gps_schema(gps: GpsData) -> dict[str, Any]:
-    """Describe what the camera's GPS says of a frame that it has a position for."""
+    """Describe what the camera's GPS says of a frame for which it has a position."""
     own = {column.name: _property("number", f"{column.unit}; absent where there is none") for column in gps.columns}
     moment = {"sec": _property("integer", "s"), "nsec": _property("integer", "ns, 0 to 999999999")}
     return {
@@ -237,7 +237,7 @@ def _needle(reading: DrawnReading, radius_px: float, time_ns: int) -> PointsAnno
 
 
 def _below(gauge: DrawnGauge, radius_px: float, number: int) -> Point2:
-    """Where the label of one of a gauge's readings begins."""
+    """Return where the label of one of a gauge's readings begins."""
     x, y = gauge.pivot_px
     return _point(x - radius_px, y + radius_px * _LABEL_BELOW + number * 1.4 * _font_px(radius_px))
 
@@ -294,12 +294,12 @@ def _colour(status: Status) -> Color:
 
 
 def write_mcap(decoded: Decoded, stream: IO[bytes]) -> None:
-    """Write flight data as MCAP: values and annotations of every frame, its lens where known, its picture if wanted.
+    """Write flight data as MCAP: values and annotations of every frame, its lens if known, its picture if wanted.
 
     Raises
     ------
     OutputError
-        If the flight file does not give the frames that it gave before.
+        If the flight file does not give the same frames as before.
     """
     data, with_images = decoded.data, decoded.with_images
     places, lenses = ReadingPlaces(decoded.source, data), _Lenses(decoded)
@@ -321,7 +321,7 @@ def write_mcap(decoded: Decoded, stream: IO[bytes]) -> None:
 
 
 class _Target:
-    """The file in work: its head is written, its channels are there."""
+    """The file being written, with its header and channels."""
 
     def __init__(self, stream: IO[bytes], decoded: Decoded) -> None:
         data, provenance = decoded.data, decoded.provenance
@@ -379,7 +379,7 @@ def _topic_of_pictures(decoded: Decoded) -> str:
 
 
 def _texts(provenance: Provenance) -> dict[str, str]:
-    """Turn the provenance into texts, which is all that MCAP's metadata hold."""
+    """Turn the provenance into texts, the only type in MCAP's metadata."""
     return {
         key: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
         for key, value in asdict(provenance).items()
@@ -387,14 +387,14 @@ def _texts(provenance: Provenance) -> dict[str, str]:
 
 
 class _Lenses:
-    """The lens of each frame, told when it is another than that of the frame before."""
+    """The lens of each frame, reported when it differs from that of the frame before."""
 
     def __init__(self, decoded: Decoded) -> None:
         self._source, self._camera = decoded.source, decoded.camera
         self._known: tuple[float, tuple[int, int]] | None = None
 
     def changed(self, frame: Frame | None) -> Lens | None:
-        """Tell the lens from this frame on; None if it is the same as before, or not known."""
+        """Return the lens from this frame on; None if it is unchanged or unknown."""
         focal_length_mm, size_px = self._source.optics.focal_length_mm, self._source.optics.size_px
         if frame is not None:
             focal_length_mm = frame.exif.lens_mm or focal_length_mm
@@ -477,7 +477,7 @@ def _states(names: list[str]) -> dict[str, Any]:
 
 
 def _stacked(panels: list[str]) -> Tree:
-    """Panels one below the other, all of one height."""
+    """Stack panels of equal height."""
     first, *others = panels
     return _split("column", first, _stacked(others), 100 / len(panels)) if others else first
 

@@ -1,10 +1,10 @@
-"""The files that `decode` writes of a flight: which there are, what they are called, and that they are there whole.
+"""The files that `decode` writes of a flight: their formats and names, and writing them completely.
 
-What writes a format is imported when it is wanted: the names that `--format` takes are needed before anything else.
+The writer of a format is imported when it is needed; the names that `--format` takes are needed before anything else.
 
-Every file is made beside its final name and put in place only when all of them are complete, so that a decode that is
-broken off leaves nothing half-written. A link that lies under one of the names is replaced, never followed. The same
-flight data always give the same bytes.
+Every file is made beside its final name and put in place only when all of them are complete, so that an interrupted
+decode leaves nothing half-written. A link under one of the names is replaced, never followed. The same flight data
+always give the same bytes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ JOURNAL_SUFFIX = ".decode-journal"
 
 
 def as_text(write: Callable[[IO[str]], None]) -> Write:
-    """Turn a writer of text into one of bytes: UTF-8, line ends as they are written, half a surrogate as its escape."""
+    """Turn a text writer into a binary one: UTF-8, line ends unchanged, lone surrogates escaped."""
 
     def write_bytes(stream: IO[bytes]) -> None:
         text = io.TextIOWrapper(stream, encoding="utf-8", errors="backslashreplace", newline="")
@@ -56,26 +56,26 @@ def as_text(write: Callable[[IO[str]], None]) -> Write:
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """A flight that was decoded: all that an output may be made of.
+    """A flight that was decoded, with everything an output may be made of.
 
     Attributes
     ----------
     camera
-        None if the flight file carries none.
+        None if the flight file has none.
     frames
-        Reads the frames that were decoded once more.
+        Reads the decoded frames again.
     check
         Verifies the flight's files.
     session
         What the recording says of itself.
     with_images
-        Whether files that can hold the pictures shall.
+        Whether files that can contain the pictures should.
     name
         What the files' names begin with.
     command
         The command that makes the report again.
     truth
-        What the flight was held against, if it was.
+        What the flight was compared with, if it was.
     film
         The name of the film beside the report; empty if there is none.
     """
@@ -95,7 +95,7 @@ class Decoded:
 
 
 def _late(function: str, *parts: str, is_text: bool = False) -> MakeWriter:
-    """Have a flight, or these parts of it, written by a function whose module is imported when it is wanted."""
+    """Make a writer of a flight, or of these parts of it, whose function's module is imported on use."""
 
     def writer(decoded: Decoded) -> Write:
         module, _, name = function.partition(":")
@@ -115,11 +115,11 @@ class Format:
     write
         Makes its writer.
     needs
-        The module that it cannot do without, and the extra that brings it; None if all is there.
+        The module that it requires, and the extra that provides it; None if everything is installed anyway.
     takes_images
-        Whether it can hold the pictures.
+        Whether it can contain the pictures.
     suffix
-        What its files' names end with, if not with the format's own name.
+        The ending of its files' names, if that is not the format's own name.
     """
 
     write: MakeWriter
@@ -146,7 +146,7 @@ FORMATS: dict[str, Format] = {
 
 
 def _beside(film: str) -> MakeWriter:
-    """Have the report written as one that shows the film beside it."""
+    """Make a writer of the report that shows the film beside it."""
 
     def writer(decoded: Decoded) -> Write:
         command = decoded.command.replace("--format html", "--format html,film")
@@ -160,7 +160,7 @@ ALIGNMENT = _late("csv_output:write_alignment", "data", "source.optics.size_px",
 
 
 def planned_files(name: str, formats: Sequence[str]) -> dict[str, MakeWriter]:
-    """Name every file that is made of a flight with this name, and what makes its writer."""
+    """Return every file that is made of a flight with this name, and what makes its writer."""
     names = {each: f"{name}.{FORMATS[each].suffix or each}" for each in formats}
     files = {file: FORMATS[each].write for each, file in names.items()}
     if "html" in names and "film" in names:
@@ -172,7 +172,7 @@ def planned_files(name: str, formats: Sequence[str]) -> dict[str, MakeWriter]:
 
 
 def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
-    """Write files by name into a directory, which is made if it is not there; returns their paths.
+    """Write files by name into a directory, which is created if needed; return their paths.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def write_all(directory: Path, writers: Mapping[str, Write]) -> list[Path]:
 
 
 def refuse_unwritable(directory: Path, name: str) -> None:
-    """Try whether a file of this name could be written into a directory, or it could be made; nothing is left.
+    """Test whether a file of this name can be written into a directory, or that can be created; nothing is left behind.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def _unwritable(directory: Path, error: OSError) -> OutputError:
 
 
 def part_of(final: Path) -> Path:
-    """Where a file is while it is written; no flight file in work is called so."""
+    """Return the name of a file while it is being written, which no flight file in work has."""
     return final.with_name(f".{final.name}.part")
 
 
@@ -234,7 +234,7 @@ def _parts(finals: list[Path]) -> Iterator[list[Path]]:
 
 
 def output_name(flight: Flight) -> str:
-    """Name the outputs after the recording, or after a single file that somebody renamed."""
+    """Name the outputs after the recording, or after a single file that was renamed."""
     if _is_of_segments(flight):
         return file_name(flight.recording)
     return file_name(flight.paths[0].name.removesuffix(".part").removesuffix(".mcap"))
@@ -245,7 +245,7 @@ def _is_of_segments(flight: Flight) -> bool:
 
 
 def refuse_another_recording(flight: Flight, directory: Path) -> None:
-    """Refuse to replace the flight data of another recording that brings the same name along.
+    """Refuse to replace the flight data of another recording with the same name.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def refuse_another_recording(flight: Flight, directory: Path) -> None:
     try:
         found = json.loads(read_beside(directory, name))
     except (OSError, ValueError, RecursionError):
-        return  # no description of ours
+        return  # not one of our descriptions
     there = found.get("recording") if isinstance(found, dict) else None
     if isinstance(there, str) and there != own:
         raise OutputError(
@@ -267,7 +267,7 @@ def refuse_another_recording(flight: Flight, directory: Path) -> None:
 
 
 def refuse_overwriting(inputs: Sequence[Path], outputs: Sequence[Path]) -> None:
-    """Keep what is read from being replaced by what is made of it.
+    """Refuse to replace an input by an output made from it.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """`NAME.parquet`: the columns of the CSV, typed, with nulls where there is no value; needs the extra `parquet`.
 
-Each column's unit is its own metadata; the file's metadata hold the whole description under `flight_data`.
+Each column's unit is in its own metadata; the file's metadata contain the whole description under `flight_data`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ UNIT_KEY = "unit"
 
 
 def write_parquet(data: FlightData, provenance: Provenance, stream: IO[bytes]) -> None:
-    """Write flight data as Parquet: what `decode export` makes of their CSV, to the last digit."""
+    """Write flight data as Parquet, identical to what `decode export` makes of their CSV."""
     write_parquet_of_table(as_read_back(data, provenance), stream)
 
 

@@ -46,13 +46,13 @@ class TruthTable:
 
     @property
     def aligned(self) -> list[str]:
-        """Of each column, how its cells are set: numbers to the right."""
+        """How the cells of each column are aligned: numbers to the right."""
         return ["" if title in WORDS else "number" for title in self.header]
 
 
 @dataclass(frozen=True, slots=True)
 class TruthSection:
-    """What the flight was held against.
+    """What the flight was compared with.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class TruthSection:
     values
         By needle: (N,), the truth at every row of the flight data, NaN where there is none.
     places
-        Of those needles among the flight data's.
+        The index of each of those needles among the flight data's.
     """
 
     name: str
@@ -75,14 +75,14 @@ class TruthSection:
 
 
 def truth_section(data: FlightData, provenance: Provenance, truth: Truth) -> TruthSection:
-    """Hold the flight data against a truth, as `decode accuracy` would hold their CSV against it.
+    """Compare the flight data with a truth, as `decode accuracy` would compare their CSV.
 
     Raises
     ------
     DecoderError
         As `compared`.
     OSError
-        If the truth cannot be read any more.
+        If the truth can no longer be read.
     """
     flight = as_read_back(data, provenance)
     result = compared(flight, truth)

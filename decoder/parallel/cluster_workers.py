@@ -1,6 +1,6 @@
 """A dask.distributed cluster as workers; needs the extra `cluster`.
 
-The scheduler itself gives a flight whose worker died to another one, as often as its `allowed-failures` says.
+The scheduler itself gives a flight whose worker died to another worker, as often as its `allowed-failures` says.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from decoder.parallel.order import Order, installed, refuse_mismatch
 from decoder.parallel.running import LOST, DecodeOne
 
 CONNECT_S = 10.0
-WORKERLESS_S = 60.0  # with no worker at all, before it is given up
+WORKERLESS_S = 60.0  # with no worker at all, before giving up
 
 
 class ClusterWorkers:
@@ -43,7 +43,7 @@ class ClusterWorkers:
         self._scheduler, self._decode = scheduler, decode
 
     def room(self) -> int:
-        """One flight for each thread of the workers there are now."""
+        """Return one flight for each thread of the workers present now."""
         until = time.monotonic() + WORKERLESS_S
         while not (threads := self._threads()):
             if time.monotonic() > until:
@@ -66,13 +66,13 @@ class ClusterWorkers:
         return future
 
     def killed(self, error: BaseException) -> int:
-        """Count as many as the scheduler let it kill."""
+        """Count as many deaths as the scheduler allowed."""
         return error.allowed_failures + 1 if isinstance(error, KilledWorker) else 0
 
     def __enter__(self) -> Self:
         _refuse_unreachable(self._scheduler)
         for name in ("distributed", "distributed.client", "tornado.application"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what is lost is told in our words
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # losses are reported in our words
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", VersionMismatchWarning)  # our own check is stricter where it matters
             try:
@@ -94,7 +94,7 @@ class ClusterWorkers:
         self._client.close()
 
     def _check(self) -> None:
-        """Refuse a cluster in which any worker would decode otherwise."""
+        """Refuse a cluster in which any worker would decode differently."""
         try:
             self._client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
@@ -112,7 +112,7 @@ class ClusterWorkers:
 
 
 def _refuse_unreachable(scheduler: str) -> None:
-    """Knock first: a client that never was connected does not close in peace."""
+    """Try a plain connection first, since a client that was never connected does not close cleanly."""
     try:
         where = urlsplit(scheduler)
         if where.hostname is None or where.port is None:

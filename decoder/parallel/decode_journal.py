@@ -1,9 +1,9 @@
-"""The journal of a long decode, beside its outputs: with it, a decode that was broken off goes on where it was.
+"""The journal of a long decode, beside its outputs: with it, an interrupted decode continues where it was.
 
-JSON writes each double with as many digits as tell it from its neighbours; NaN stands as `NaN`, which Python reads.
+JSON writes each double with enough digits to restore it exactly; NaN is written as `NaN`, which Python reads.
 
-Every batch that is read is noted in it. It is bound to all that its readings depend on, begins when there is something
-to lose, and is gone when the flight data are written.
+It records every batch that is read. It is bound to everything its readings depend on, begins only when there is
+something to lose, and is removed when the flight data are written.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from decoder.parallel.worker import pack, unpack
 from decoder.timeseries.flight_part import FlightPart
 from flight_file.reader import Flight
 
-# About so many batches are read in two seconds: what is done again sooner than thought about leaves no file behind.
+# About as many batches as are read in two seconds, so that short decodes leave no file behind.
 BEGIN_AFTER = 32
 
 Identity = Mapping[str, object]
@@ -37,13 +37,13 @@ Results = Iterator[tuple[Batch, list[Outcome]]]
 
 
 def line_of(content: object) -> bytes:
-    """Write content as a line that carries its own CRC-32."""
+    """Write content as a line with its own CRC-32."""
     body = json.dumps(content, separators=(",", ":"), default=float).encode()
     return b"%08x %s\n" % (zlib.crc32(body), body)
 
 
 def content_of(line: bytes) -> Any:  # noqa: ANN401 - whatever was written
-    """Read a line back; None if it is not whole."""
+    """Read a line back; None if it is not intact."""
     crc, _, body = line.rstrip(b"\n").partition(b" ")
     if not line.endswith(b"\n") or crc != b"%08x" % zlib.crc32(body):
         return None
@@ -51,7 +51,7 @@ def content_of(line: bytes) -> Any:  # noqa: ANN401 - whatever was written
 
 
 def plain_batch(batch: Batch, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Note a batch's frames by number and time, and what was read of each; nothing where one of them was left out."""
+    """Record a batch's frames by number and time, and their outcomes; none if one of them was left out."""
     is_read = not any(isinstance(outcome, LeftOut) for outcome in outcomes)
     return {
         "frames": [[frame.sequence, frame.captured_ns] for frame in batch],
@@ -60,14 +60,14 @@ def plain_batch(batch: Batch, outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def outcomes_of(content: dict[str, Any], batch: Batch) -> list[Outcome] | None:
-    """Inverse of `plain_batch`, empty where it is to be read again; None if it is about other frames."""
+    """Undo `plain_batch`; empty if it is to be read again; None if it is about other frames."""
     if content["frames"] != [[frame.sequence, frame.captured_ns] for frame in batch]:
         return None
     return [unpack(each) for each in content["read"]]
 
 
 def identity_of(flight: Flight, part: FlightPart | None, reader: PanelReader) -> dict[str, object]:
-    """Of a decode with this reader; reads the flight file through.
+    """Identify a decode with this reader; reads the whole flight file.
 
     Raises
     ------
@@ -99,18 +99,18 @@ class DecodeJournal:
     Parameters
     ----------
     identity
-        Of this decode, once its reader is there.
+        Of this decode, once its reader exists.
     resume
-        Whether to go on with what is at the path, if it is of the same decode.
+        Whether to continue what is at the path, if it is of the same decode.
     tell
-        Is given a sentence where what is there is not used, or is replaced.
+        Gets a sentence if what is there is not used, or is replaced.
     begin_after
         Batches that are read before anything is written.
 
     Attributes
     ----------
     frames
-        How many the file holds of this decode.
+        How many frames of this decode the file contains.
     """
 
     def __init__(
@@ -134,9 +134,9 @@ class DecodeJournal:
         self._waiting_frames = 0
 
     def around(self, read: ReadBatches) -> ReadBatches:
-        """Read batches as `read` does, except those that the journal knows, and note them.
+        """Read batches as `read` does, except those that the journal contains, and record them.
 
-        What comes out raises OutputError if the journal cannot be read or written.
+        The iterator raises OutputError if the journal cannot be read or written.
         """
 
         def read_on(reader: PanelReader, cut: Iterable[Batch]) -> Results:
@@ -163,7 +163,7 @@ class DecodeJournal:
             self._stream = None
 
     def _is_begun_by(self, reader: PanelReader) -> bool:
-        """Whether there is a journal of this decode; says what there is instead, or that it is not gone on with."""
+        """Whether there is a journal of this decode; says what is there instead, or that it is not continued."""
         lines = self._lines()
         first = next(lines, None)
         if first is None:
@@ -185,7 +185,7 @@ class DecodeJournal:
         """Read the file's lines: an empty one if it is empty, none if there is no file; raises OutputError."""
         try:
             if self.path.is_symlink():
-                raise OSError(errno.ELOOP, "it is a link")  # noqa: TRY301 - told as any other reason is
+                raise OSError(errno.ELOOP, "it is a link")  # noqa: TRY301 - reported like any other reason
             if not self.path.is_file():
                 return
             with self.path.open("rb") as stream:
@@ -200,7 +200,7 @@ class DecodeJournal:
     def _known(self, coming: Iterator[Batch], unknown: list[Batch], read: Callable[[Batch], Results]) -> Results:
         """Give the batches that were read before; the first that was not goes to `unknown`.
 
-        Those of which frames were left out are read again: their journal says no more than their place.
+        Batches with frames that were left out are read again, since the journal records only their position.
         """
         lines = self._lines()
         whole_bytes = len(next(lines, b""))
@@ -238,7 +238,7 @@ class DecodeJournal:
             self._tell(f"{self.path}: the journal of another decode is replaced")
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self.path.unlink(missing_ok=True)
-        self._stream = self.path.open("xb")  # a link that lies there is not followed
+        self._stream = self.path.open("xb")  # does not follow a link
         self._stream.write(line_of(self._identity(reader)))
         self._is_ours = True
         return self._stream
@@ -254,7 +254,7 @@ class DecodeJournal:
 
 
 def _difference(found: object, ours: Identity) -> str:
-    """Say in what a journal is another decode's."""
+    """Say how a journal's decode differs from ours."""
     if not isinstance(found, dict):
         return "is no journal of a decode"
     names = [name for name, value in ours.items() if found.get(name) != value]

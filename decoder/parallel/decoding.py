@@ -61,9 +61,9 @@ def decoded_flight(
     """Decode a flight with its panel and camera.
 
     `shown` wraps its frames, by default to show progress on a terminal; `read` reads them, by default in this process;
-    `part` is which, by default all; `columns` is what is said of columns besides what the panel says.
+    `part` says which, by default all; `columns` describes columns in addition to the panel.
     """
-    cv2.setNumThreads(1)  # the work for one frame is too small to share, and one thread gives the same bytes everywhere
+    cv2.setNumThreads(1)  # a frame is too little work to split, and one thread gives the same bytes everywhere
     with threadpool_limits(1), _stages(is_shown=shown is None) as tell:
         tell("reads the panel")
         camera, camera_source = _camera(flight, camera_file)
@@ -95,12 +95,12 @@ def written_flight(
 ) -> Decoded:
     """Read back what `decode` wrote of a flight, with the same panel and camera.
 
-    `frames` of it are those of the part, whether or not the flight data have them.
+    Its `frames` are those of the part, whether or not the flight data contain them.
 
     Raises
     ------
     TableError
-        The directory does not hold the flight data, or they cannot be read.
+        The directory does not contain the flight data, or they cannot be read.
     OutputError
         They are of another flight, panel or camera.
     """
@@ -131,9 +131,9 @@ def written_flight(
 def known_flight(
     flight: Flight, folders: Sequence[Path], panel_file: Path | None, camera_file: Path | None, method: str
 ) -> tuple[Decoded, Path] | None:
-    """Look in folders for what `decode` wrote of a whole flight, with the same files, method and version of us.
+    """Search folders for what `decode` wrote of a whole flight, with the same files, method and version of ours.
 
-    Returns what is read back, and its folder; None where there is nothing of the kind.
+    Return what is read back, and its folder; None if there is none.
     """
     name = output_name(flight)
     for folder in dict.fromkeys(folders):
@@ -143,7 +143,7 @@ def known_flight(
             decoded = written_flight(flight, folder, panel_file, camera_file, None)
             description = flight_table(read_table(folder / f"{name}.csv")).description
         except (TableError, OutputError):
-            continue  # of another flight, or of no use
+            continue  # of another flight, or unusable
         own = (decoded.provenance.software, method, None)
         if tuple(description.get(key) for key in ("software", "method", "part")) == own:
             return decoded, folder
@@ -151,7 +151,7 @@ def known_flight(
 
 
 def _lens(optics: Optics, frame: Frame) -> Lens | None:
-    """Look up the lens that a frame was taken with; None where the camera's calibration does not cover it."""
+    """Look up the lens that a frame was taken with; None if the camera's calibration does not cover it."""
     if frame.width_px is None or frame.height_px is None:
         return None
     size_px = (frame.width_px, frame.height_px)
@@ -162,7 +162,7 @@ def _lens(optics: Optics, frame: Frame) -> Lens | None:
 
 
 def _refuse_others(file: Path, description: Mapping[str, Any], own: Provenance) -> None:
-    """Refuse flight data that were made of something else than what is to be drawn on.
+    """Refuse flight data that were made from other inputs than those to be drawn on.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _sha256_of(files: object) -> list[str]:
 
 
 def progress(words: str, frames: int) -> Progress:
-    """Show how many of the frames went by, how fast, and how long the others will take, on a terminal only."""
+    """Show how many frames are done, how fast, and how long the rest will take, on a terminal only."""
 
     def shown(through: Iterator[Frame]) -> Iterator[Frame]:
         yield from tqdm(through, total=frames, desc=words, unit=" frames", disable=None, leave=False)
@@ -193,8 +193,8 @@ def progress(words: str, frames: int) -> Progress:
 
 @contextmanager
 def _stages(*, is_shown: bool) -> Iterator[Tell]:
-    """Show in words what is done before frames go by, and for how long, on a terminal only."""
-    if not is_shown:  # even a hidden bar makes a lock that outlives a process that is killed
+    """Show what is being done before frames are read, and for how long, on a terminal only."""
+    if not is_shown:  # even a hidden bar creates a lock that outlives a killed process
         yield lambda _: None
         return
     with tqdm(bar_format="decode: {desc}  {elapsed}", disable=None, leave=False) as bar:
@@ -217,7 +217,7 @@ def _command(
     *,
     columns: Mapping[str, Mapping[str, Any]],
 ) -> str:
-    """Write the command that makes the report again, files by their names alone."""
+    """Return the command that makes the report again, with file names only."""
     words = ["decode", *(path.name for path in flight.paths)]
     words += [] if panel_file is None else ["--panel", panel_file.name]
     words += [] if camera_file is None else ["--camera", camera_file.name]
@@ -240,7 +240,7 @@ def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
 
 
 def _camera(flight: Flight, camera_file: Path | None) -> tuple[Camera | None, SourceFile | None]:
-    """Read the camera that the command line names, or else the one that the flight carries."""
+    """Read the camera that the command line names, or else the one in the flight."""
     if camera_file is not None:
         try:
             text = read_yaml_file(camera_file)
@@ -271,15 +271,15 @@ def _provenance(
 
 
 def decode_one(flight: FleetFlight, order: Order) -> Outcome:
-    """Decode a flight, unless its results are there already; what can be expected to fail is told in the outcome.
+    """Decode a flight, unless its results are already there; expected failures are reported in the outcome.
 
     Raises
     ------
     VersionMismatch
-        If this process would not decode as the one that asks.
+        If this process would decode differently from the one that asks.
     """
     refuse_mismatch(order.versions, installed(order.formats), f"the worker on {gethostname()}")
-    threadpool_limits(1)  # for good: two flights in threads of one process would set each other's limit back
+    threadpool_limits(1)  # for good: two flights in threads of one process would reset each other's limit
     begun = time.monotonic()
     try:
         return _ensured(flight, order, begun)
@@ -332,7 +332,7 @@ def _write(decoded: Decoded, formats: Sequence[str], working: Path) -> list[str]
 
 @contextmanager
 def _staging(flight: FleetFlight) -> Iterator[Path]:
-    """Make a temporary folder; what fails in it is told by the flight's address."""
+    """Make a temporary folder; failures in it are reported with the flight's address."""
     with working_folder() as folder:
         try:
             yield folder

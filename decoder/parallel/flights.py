@@ -1,4 +1,4 @@
-"""Flights that people name, by path, pattern, URL or list: the segments of one recording belong together."""
+"""Flights that people name, by path, pattern, URL or list; the segments of one recording belong together."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SUFFIXES = (".mcap", ".mcap.part")
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A flight file, and the folder that names of flights are counted from."""
+    """A flight file, and the folder that flights' names are relative to."""
 
     address: str
     root: str
@@ -49,7 +49,7 @@ def grouped(files: Iterable[Found]) -> list[FleetFlight]:
     Raises
     ------
     FleetError
-        If two flights would have one name, or the results of one lie within another's.
+        If two flights would have one name, or the results of one would lie within another's.
     """
     flights: dict[tuple[str, str], list[str]] = {}
     roots: dict[str, str] = {}
@@ -104,20 +104,20 @@ def _refuse_nested(named: dict[str, FleetFlight]) -> None:
 
 
 def flight_files(words: Sequence[str], root: str | None = None) -> Iterator[Found]:
-    """Every flight file that is meant; whether a file named outright is there is seen when it is decoded.
+    """Yield every flight file that is meant; a file named explicitly may turn out missing when it is decoded.
 
     Parameters
     ----------
     words
-        Addresses, patterns, and `@LIST` for a file with one of either on each line; `#` begins a remark. A relative
-        path in a list is taken from the list's folder.
+        Addresses, patterns, and `@LIST` for a file with one of either on each line; `#` begins a comment. A relative
+        path in a list is relative to the list's folder.
     root
-        The folder that flights' names are counted from; by default the fixed part of a pattern, or a file's folder.
+        The folder that flights' names are relative to; by default the fixed part of a pattern, or a file's folder.
 
     Raises
     ------
     FleetError
-        If a list cannot be read, a pattern fits nothing, or a folder is named.
+        If a list cannot be read, a pattern matches nothing, or a folder is named.
     """
     fixed = None if root is None else normal(root)
     for word in words:
@@ -133,7 +133,7 @@ def flight_files(words: Sequence[str], root: str | None = None) -> Iterator[Foun
 
 def _meant(words: str, address: str, root: str | None) -> Iterator[Found]:
     if is_url(address):
-        store_of(address)  # a kind that nobody knows is refused before anything is decoded
+        store_of(address)  # so that an unknown kind is refused before anything is decoded
         plain = not is_pattern(address)
     elif Path(address).is_dir():
         raise FleetError(f"{words}: is a folder; name the flights in it: '{words}/*.mcap'")

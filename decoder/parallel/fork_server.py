@@ -1,7 +1,7 @@
 """Worker processes, each forked from a server that has the libraries loaded; imports nothing that takes time.
 
-Forking this process would copy its threads' locks, and starting each worker afresh would load the libraries each time.
-Ctrl-C is for this process alone to deal with.
+Forking this process would copy its threads' locks, and starting each worker from scratch would load the libraries each
+time. Ctrl-C is handled by this process alone.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from typing import Any, ParamSpec, TypeVar
 from decoder.parallel.processes import ONE_EACH
 
 PRELOADED = ["decoder.parallel.worker"]
-SHORT_FOLDER = "/tmp"  # noqa: S108 - multiprocessing makes a folder in it that is nobody else's
-PATIENCE_S = 20.0  # for a process that was told to stop, on a busy machine; one that does not is killed
+SHORT_FOLDER = "/tmp"  # noqa: S108 - multiprocessing makes a private folder in it
+PATIENCE_S = 20.0  # for a process that was told to stop, on a busy machine; then it is killed
 ALONE_S = 3.0  # for a process whose parent is gone
 
 P = ParamSpec("P")
@@ -34,18 +34,18 @@ R = TypeVar("R")
 
 
 def begin() -> ForkServerContext:
-    """Start the process that others are forked from, unless it runs, and come back without waiting for it."""
+    """Start the process that others are forked from, unless it is running, and return without waiting for it."""
     context = get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
-    os.environ.update(ONE_EACH)  # a thread pool that a fork leaves behind must never have been made
-    resource_tracker.ensure_running()  # the fork server would start it, which lets held interrupts go
+    os.environ.update(ONE_EACH)  # thread pools must not exist before a fork
+    resource_tracker.ensure_running()  # else the fork server would start it, and release held interrupts
     with interrupts_held(), _temporary_folder_for_sockets():
         forkserver.ensure_running()
     return context
 
 
 class _RememberingContext(ForkServerContext):
-    """Knows the process that was last made in it, which may have died before anybody can look for it."""
+    """Remembers the process that was last made in it, which may die before anybody can look it up."""
 
     made: ForkServerProcess
 
@@ -57,14 +57,14 @@ class _RememberingContext(ForkServerContext):
 class WorkerProcess:
     """A process that does one thing after another.
 
-    It has a pool of its own: a process that dies breaks its pool, and a pool that breaks gives up all it holds. So only
-    what this process held is lost with it, and it is known what that was.
+    It has its own pool: a process that dies breaks its pool, and a broken pool loses all its work. So only what this
+    process had is lost with it, and it is known what that was.
     """
 
     def __init__(self) -> None:
         begin()
         context = _RememberingContext()
-        with interrupts_held():  # interrupted here, the new process would wait for the rest of what it is to do
+        with interrupts_held():  # an interrupt here would leave the new process waiting for the rest of its input
             self._pool = ProcessPoolExecutor(1, context, _begin_worker)
             self._pool.submit(_clean_up_when_told)  # starts it
         self._process = context.made
@@ -78,8 +78,8 @@ class WorkerProcess:
         self._process.kill()
 
     def last_words(self) -> str:
-        """Say how it ended; for one that has."""
-        self._pool.shutdown()  # the pool has then waited for it
+        """Say how it ended; only for one that has."""
+        self._pool.shutdown()  # waits for the process
         code = self._process.exitcode
         return f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"ended with exit code {code}"
 
@@ -90,16 +90,16 @@ class WorkerProcess:
         self._pool.shutdown(cancel_futures=True)
 
     def dismiss(self) -> None:
-        """Let it end what it holds, and end."""
+        """Let it finish its work, and end."""
         self._pool.shutdown()
 
     def tell_to_stop(self) -> None:
-        """Have it stop what it does, and clean up."""
+        """Have it stop its work, and clean up."""
         self._process.terminate()
 
 
 def stop(workers: Iterable[WorkerProcess]) -> None:
-    """Stop processes whatever they do; none of them is left."""
+    """Stop processes whatever they are doing; none of them is left."""
     workers = list(workers)
     for worker in workers:
         worker.tell_to_stop()
@@ -110,9 +110,9 @@ def stop(workers: Iterable[WorkerProcess]) -> None:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Keep Ctrl-C from what is started in the `with` block, which inherits the mask, and from the block itself.
+    """Block Ctrl-C for whatever is started in the `with` block, which inherits the mask, and for the block itself.
 
-    The mask alone would not do for the block: a library's thread may take the signal, and the main thread is then told.
+    The mask alone is not enough for the block: a library's thread may take the signal, and the main thread is notified.
     """
     pressed: list[int] = []
     is_main = threading.current_thread() is threading.main_thread()
@@ -130,7 +130,7 @@ def interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def _temporary_folder_for_sockets() -> Iterator[None]:
-    """Have sockets made in a folder with a short path: theirs may not be long, but TMPDIR may."""
+    """Have sockets made in a folder with a short path, since their paths are limited and TMPDIR may be long."""
     before = tempfile.gettempdir()
     tempfile.tempdir = SHORT_FOLDER
     try:
@@ -140,9 +140,9 @@ def _temporary_folder_for_sockets() -> Iterator[None]:
 
 
 def _begin_worker() -> None:
-    """In a new process: end when told to, or when the parent is gone; Ctrl-C is the parent's.
+    """Set up a new process: it ends when told to, or when the parent is gone; Ctrl-C is left to the parent.
 
-    Until it has something to clean up it ends at once: an exception in here would be printed.
+    Until it has something to clean up it ends at once, because an exception in here would be printed.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
@@ -155,11 +155,11 @@ def _clean_up_when_told() -> None:
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
-    sys.exit(1)  # an exception: temporary folders are removed on its way
+    sys.exit(1)  # an exception, so that temporary folders are removed on the way
 
 
 def _follow(parent: int) -> None:
     wait([parent])
     os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(ALONE_S)  # for clean-up; the pool's own loop would then wait for work that never comes
+    time.sleep(ALONE_S)  # for clean-up; after that, the pool's own loop would wait forever for work
     os._exit(1)

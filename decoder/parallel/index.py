@@ -1,6 +1,6 @@
-"""What became of each flight: a row of the fleet's index, and the marker that says its results are all there.
+"""What became of each flight: a row of the fleet's index, and the marker that says its results are complete.
 
-Rows wait in a temporary file rather than in memory. Rows of earlier runs stay for flights that this run was not about.
+Rows wait in a temporary file rather than in memory. Rows of earlier runs are kept for flights not in this run.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _NAMING = {"flight", "status"}
 
 
 class State(StrEnum):
-    """How a flight came to its row."""
+    """How a flight got its row."""
 
     DECODED = "decoded"
     KEPT = "kept"  # finished by an earlier run
@@ -62,7 +62,7 @@ class Outcome:
     losses, warnings, outputs, flight_files, sha256
         Several are joined by ` | `; outputs are names in the flight's folder, `sha256` is of each flight file in order.
     seconds
-        What checking, fetching, decoding and writing took.
+        The time for checking, fetching, decoding and writing.
     """
 
     flight: str
@@ -99,7 +99,7 @@ def failed(flight: FleetFlight, reason: str) -> Outcome:
 
 
 def decoded_outcome(flight: FleetFlight, decoded: Decoded, outputs: list[str]) -> Outcome:
-    """Make the row of a flight that was decoded; `size_bytes` and `seconds` are not in it yet."""
+    """Make the row of a flight that was decoded, without `size_bytes` and `seconds`."""
     data, provenance = decoded.data, decoded.provenance
     counts = [status_counts(series) for series in data.series]
     totals: dict[str, Any] = {status.value: sum(count[status.value] for count in counts) for status in STATUSES}
@@ -123,17 +123,17 @@ def decoded_outcome(flight: FleetFlight, decoded: Decoded, outputs: list[str]) -
 
 
 def as_row(outcome: Outcome) -> dict[str, Any]:
-    """By column, as JSON can hold it."""
+    """Return the row by column, as JSON can hold it."""
     return asdict(outcome)
 
 
 def from_row(row: Mapping[str, Any]) -> Outcome:
-    """Read a row, of JSON or of a CSV.
+    """Read a row, from JSON or CSV.
 
     Raises
     ------
     KeyError, ValueError
-        If it is none.
+        If it is not one.
     """
     known = {name: kind(row[name]) for name, kind in KINDS.items()}
     return Outcome(**{**known, "status": State(known["status"])})
@@ -157,7 +157,7 @@ class Finished:
 
     @property
     def files(self) -> list[str]:
-        """All names in the results' folder, the marker's too."""
+        """All names in the results' folder, including the marker's."""
         return [*self.outcome.outputs.split(JOINED), MARKER]
 
     def still_holds(self, key: dict[str, Any], stamps: Sequence[Stamp]) -> bool:
@@ -193,26 +193,26 @@ def from_marker(content: bytes | None) -> Finished | None:
 
 
 class Index:
-    """Takes outcomes in any order; use it in a `with` block."""
+    """Takes outcomes in any order; to be used in a `with` block."""
 
     def __init__(self) -> None:
         self._places: dict[str, int] = {}
         self._rows = tempfile.TemporaryFile(prefix="fleet-")  # noqa: SIM115 - closed by the `with` block it is made for
 
     def add(self, outcome: Outcome) -> None:
-        """One row; a later one of the same flight takes its place."""
-        # A path need be no text, and a table holds nothing else.
+        """Add a row; a later one of the same flight replaces it."""
+        # A path need not be valid text, but a table can hold nothing else.
         row = {name: printable(value) if isinstance(value, str) else value for name, value in as_row(outcome).items()}
         self._places[row["flight"]] = self._rows.seek(0, io.SEEK_END)
         self._rows.write(json.dumps(row).encode() + b"\n")
 
     def add_earlier(self, output: str) -> None:
-        """Add the rows of the index that is there already, but for flights that have one.
+        """Add the rows of an existing index, except for flights that have one already.
 
         Raises
         ------
         OutputError
-            If the file is somebody's own.
+            If the file is not an index of ours.
         """
         store, address = store_of(output), join(output, INDEX)
         if not store.has(address):
@@ -228,15 +228,15 @@ class Index:
                         self.add(outcome)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """By column, sorted by flight."""
+        """Yield the rows by column, sorted by flight."""
         for _, place in sorted(self._places.items()):
             self._rows.seek(place)
             yield json.loads(self._rows.readline())
 
     def put(self, output: str, *, parquet: bool) -> list[str]:
-        """Write it to an output, whole or not at all; returns the files' addresses.
+        """Write it to an output, whole or not at all; return the files' addresses.
 
-        A Parquet file of an earlier run is renewed even if this run asks for none.
+        A Parquet file of an earlier run is renewed even if this run does not ask for one.
         """
         written = []
         parquet = parquet or (find_spec("pyarrow") is not None and store_of(output).has(join(output, INDEX_PARQUET)))
@@ -270,7 +270,7 @@ def _known(row: dict[str, str]) -> Outcome | None:
     try:
         return from_row({name: from_cell(cell) for name, cell in row.items()})
     except (KeyError, ValueError, TypeError):
-        return None  # no row of ours
+        return None  # not one of our rows
 
 
 def _write_csv(rows: Iterator[dict[str, Any]], path: Path) -> None:

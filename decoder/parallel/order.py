@@ -1,6 +1,6 @@
 """The order: what all flights of a fleet are decoded with, and by which versions, the same on all workers.
 
-A panel and a camera lie in the output, where every worker finds them, as they were when the fleet was begun.
+Panel and camera are copied into the output when the fleet is begun, where every worker finds them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DIGITS = 16  # of a digest in a folder's name
 
 @dataclass(frozen=True, slots=True)
 class Versions:
-    """What is installed; `software` holds a digest of the code, so that two checkouts of one version are told apart."""
+    """What is installed; `software` contains a digest of the code, to distinguish two checkouts of one version."""
 
     software: str
     libraries: tuple[str, ...]
@@ -70,14 +70,14 @@ def _digest_of_code() -> str:
 
 
 def _files_of_code(folder: Path) -> Iterator[Path]:
-    """All but what Python makes of them; a report's page is code too."""
+    """List all files except what Python makes of them; a report's page is code too."""
     for file in sorted(folder.rglob("*")):
         if file.is_file() and "__pycache__" not in file.parts:
             yield file
 
 
 def refuse_mismatch(ours: Versions, theirs: Versions, worker: str) -> None:
-    """Hold a worker's versions against those of the machine that asks.
+    """Compare a worker's versions with those of the machine that asks.
 
     Raises
     ------
@@ -91,19 +91,19 @@ def refuse_mismatch(ours: Versions, theirs: Versions, worker: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A panel or a camera that all flights are read with: its files as addresses, its own first.
+    """A panel or a camera that all flights are read with: the addresses of its files, its own first.
 
     Attributes
     ----------
     sha256
-        Of all of them, the panel's pictures too.
+        Of all of them, including the panel's pictures.
     """
 
     addresses: tuple[str, ...]
     sha256: str
 
     def fetched(self, folder: Path) -> Path:
-        """Its own file as a path of this machine, the others beside it; what has to be copied goes into `folder`."""
+        """Return its own file as a local path, with the others beside it; what has to be copied goes into `folder`."""
         base = parent(self.addresses[0])
         paths = []
         for address in self.addresses:
@@ -115,7 +115,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What all flights of a fleet are decoded with, and where their results go; small: it goes with each flight."""
+    """What all flights of a fleet are decoded with, and where their results go; small, as it is sent with each flight."""
 
     output: str
     method: str
@@ -127,7 +127,7 @@ class Order:
 
     @property
     def key(self) -> dict[str, object]:
-        """What results must agree in to be those of this order."""
+        """What results must agree in to be results of this order."""
         return {
             "software": self.versions.software,
             "libraries": list(self.versions.libraries),
@@ -142,7 +142,7 @@ class Order:
 def make_order(
     output: str, *, method: str, formats: tuple[str, ...], with_images: bool, panel: str | None, camera: str | None
 ) -> Order:
-    """Make the order for an output, with panel and camera checked and put there.
+    """Make the order for an output, checking panel and camera and copying them there.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def make_order(
 
 
 def _picture(panel: str, name: str) -> bytes:
-    """Read a picture that a panel names, beside it; on this machine through no link that leads out, nor from a pipe."""
+    """Read a picture that a panel names, beside it; locally not through a link that leads elsewhere, nor from a pipe."""
     address = join(parent(panel), name)
     if is_url(panel):
         return _content(address, PanelError)

@@ -1,7 +1,7 @@
-"""How `decode` begins: how many processes read, one thread of the libraries in each, and Ctrl-C while it is imported.
+"""How `decode` begins: how many processes read, one library thread in each, and Ctrl-C while modules are imported.
 
-Until the libraries are there, nothing is there to clear up, so Ctrl-C ends the process there and then: an exception
-would have to find its way through half-imported libraries, and shows as their traceback.
+Until the libraries are loaded, there is nothing to clean up, so Ctrl-C ends the process immediately: an exception would
+have to pass through half-imported libraries, and would show their traceback.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ ONE_EACH = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_TH
 
 
 def jobs_for(picture_bytes: int, *, asked: int | None) -> int:
-    """As many as were asked for; otherwise as many as there are cores, and one where there is little to read."""
+    """Return as many as were asked for; otherwise as many as there are cores, or one if there is little to read."""
     if asked is not None:
         return asked
     return 1 if picture_bytes < MIN_SHARED_BYTES else min(usable_cores(), MAX_JOBS)
 
 
 def usable_cores() -> int:
-    """Cores that this process may use, by its affinity and by its control group's quota."""
+    """Count the cores that this process may use, by its affinity and by its control group's quota."""
     return max(1, min(len(os.sched_getaffinity(0)), _quota_cores(CPU_QUOTA)))
 
 
@@ -47,9 +47,9 @@ def _quota_cores(file: Path) -> int:
 
 @contextmanager
 def ends_at_once() -> Iterator[None]:
-    """Inside the `with` block Ctrl-C ends the process with a sentence; for imports, by the main thread only.
+    """Make Ctrl-C end the process with a sentence inside the `with` block; for imports, by the main thread only.
 
-    Where somebody else has a say in what Ctrl-C does, or it is ignored, it stays so.
+    If something else handles Ctrl-C, or it is ignored, that is left unchanged.
     """
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield

@@ -1,4 +1,4 @@
-"""Going through a fleet: so many flights in work as there is room for, failures told apart from workers that die."""
+"""Processing a fleet: as many flights in work as there is room for; failures are told apart from workers that die."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from decoder.parallel.thresholds import DEATHS
 DecodeOne = Callable[[FleetFlight, Order], Outcome]
 """Decodes one flight as the order says."""
 
-LOOK_S = 5.0  # between looks at who is there, while nothing comes
+LOOK_S = 5.0  # between checks for workers, while nothing arrives
 LOST = "the scheduler was lost; start it and run the same command again: finished flights are kept"
 
 
 class Workers(Protocol):
-    """Those who decode flights; used in a `with` block, at whose end none of them works on for us.
+    """Whatever decodes flights; used in a `with` block, at whose end none of them still works for us.
 
-    An error that leaves the block, Ctrl-C too, stops what is in work.
+    An error that leaves the block, including Ctrl-C, stops what is in work.
     """
 
     def room(self) -> int:
-        """How many flights may be in work at once.
+        """Return how many flights may be in work at once.
 
         Raises
         ------
         ClusterLost
-            If there is nobody left to work.
+            If no worker is left.
         """
         ...
 
     def submit(self, flight: FleetFlight, order: Order) -> Future[Outcome]:
-        """Have a flight decoded; called only where fewer are in work than there is room for."""
+        """Have a flight decoded; called only if fewer are in work than there is room for."""
         ...
 
     def killed(self, error: BaseException) -> int:
-        """How many workers died of a flight that ended with this error; 0 if it was no death."""
+        """Return how many workers died of a flight that ended with this error; 0 if it was not a death."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -56,18 +56,18 @@ class Workers(Protocol):
 
 
 class HomeWorkers:
-    """So many processes of this machine; see `Workers`."""
+    """A number of processes on this machine; see `Workers`."""
 
     def __init__(self, processes: int, decode: DecodeOne) -> None:
         self._processes, self._decode = processes, decode
         self._workers: dict[WorkerProcess, Future[Outcome]] = {}
 
     def room(self) -> int:
-        """One flight for each process."""
+        """Return one flight for each process."""
         return self._processes
 
     def submit(self, flight: FleetFlight, order: Order) -> Future[Outcome]:
-        """Have a flight decoded by a process that has none; processes are started as they are needed."""
+        """Have a flight decoded by an idle process; processes are started as needed."""
         worker = next((each for each, held in self._workers.items() if held.done()), None) or WorkerProcess()
         try:
             future = worker.submit(self._decode, flight, order)
@@ -103,14 +103,14 @@ class _InWork:
 
 
 def run_fleet(flights: Iterable[FleetFlight], order: Order, workers: Workers) -> Iterator[Outcome]:
-    """Decode flights, giving each outcome as it comes; no more are in work than there is room for.
+    """Decode flights, yielding each outcome as it comes; no more are in work than there is room for.
 
     Raises
     ------
     ClusterLost
-        If nobody is left to decode.
+        If no worker is left.
     VersionMismatch
-        If a worker that joined later would decode otherwise.
+        If a worker that joined later would decode differently.
     """
     coming = map(_InWork, flights)
     held: dict[Future[Outcome], _InWork] = {}

@@ -1,6 +1,7 @@
-"""What a store must be able to do: give flights by their address, and take results so that they are there whole.
+"""What a store must be able to do: provide flights by their address, and store results atomically.
 
-They are removed at their end; those of a worker that was killed by whoever killed it, or by the machine's next worker.
+Temporary folders are removed at their end; those of a killed worker by whatever killed it, or by the machine's next
+worker.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ _FILE = "file://"
 
 _PREFIX = "fleet"
 
-MARKER = "fleet.done"  # in every flight's results, the last to come; no output can have this name
+MARKER = "fleet.done"  # written last into every flight's results; no output can have this name
 
 
 def is_url(address: str) -> bool:
-    """Whether it names something that is not simply a file of this machine."""
+    """Whether it is something other than a file of this machine."""
     return "://" in address
 
 
 def normal(word: str, folder: str | None = None) -> str:
-    """Normalize an address; a relative path is taken from `folder`, or the working folder."""
+    """Normalize an address; a relative path is relative to `folder`, or to the working folder."""
     if word.startswith(_FILE):
         word = word.removeprefix(_FILE)
     if is_url(word):
@@ -46,22 +47,22 @@ def join(folder: str, *parts: str) -> str:
 
 
 def parent(address: str) -> str:
-    """Cut the last name off an address."""
+    """Return an address without its last name."""
     return address.rpartition("/")[0]
 
 
 def leaf(address: str) -> str:
-    """Cut the folder off an address."""
+    """Return the last name of an address."""
     return address.rpartition("/")[2]
 
 
 def is_pattern(address: str) -> bool:
-    """Whether it stands for all that fit it: `*`, `?` or `[...]`."""
+    """Whether it contains wildcards: `*`, `?` or `[...]`."""
     return _MAGIC.search(address) is not None
 
 
 def fixed_part(pattern: str) -> str:
-    """Find the folder above everything that a pattern can name."""
+    """Return the folder above everything that a pattern can match."""
     fixed = []
     for part in pattern.split("/"):
         if is_pattern(part):
@@ -81,7 +82,7 @@ def working_folder() -> Iterator[Path]:
 
 
 def remove_abandoned() -> None:
-    """Remove the folders of processes that are no more; other machines' are not ours to judge."""
+    """Remove the folders of processes that no longer exist, except those of other machines."""
     prefix = f"{_PREFIX}-{gethostname()}-"
     for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
         process = folder.name.removeprefix(prefix).partition("-")[0]
@@ -101,12 +102,12 @@ def _lives(process: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What tells cheaply whether a file was changed.
+    """A cheap indication of whether a file has changed.
 
     Attributes
     ----------
     changed
-        The store's own mark of its content, a time or an ETag; empty where it has none.
+        The store's own mark of its content, a time or an ETag; empty if it has none.
     """
 
     name: str
@@ -114,7 +115,7 @@ class Stamp:
     changed: str
 
     def proves(self, other: Stamp) -> bool:
-        """Whether both are certainly of the same content."""
+        """Whether both certainly have the same content."""
         return self == other and bool(self.changed)
 
 
@@ -122,7 +123,7 @@ class Store(Protocol):
     """A place that holds files, by their addresses; every method raises StoreError, a sentence with the address."""
 
     def found(self, pattern: str) -> list[str]:
-        """List the files that fit a pattern, sorted."""
+        """List the files that match a pattern, sorted."""
         ...
 
     def has(self, address: str) -> bool:
@@ -130,7 +131,7 @@ class Store(Protocol):
         ...
 
     def stamp(self, address: str) -> Stamp:
-        """Of one file."""
+        """Return that of one file."""
         ...
 
     def read(self, address: str) -> bytes | None:
@@ -138,20 +139,20 @@ class Store(Protocol):
         ...
 
     def fetch(self, addresses: Sequence[str], folder: Path) -> list[Path]:
-        """Files as paths of this machine; what has to be copied for that goes into `folder`."""
+        """Return files as paths on this machine; what has to be copied for that goes into `folder`."""
         ...
 
     def put(self, file: Path, address: str) -> None:
-        """Copy one file to an address, whole or not at all; what was there is replaced."""
+        """Copy one file to an address, whole or not at all, replacing what was there."""
         ...
 
     def results(self, folder: str, earlier: Sequence[str]) -> AbstractContextManager[Path]:
-        """Make a working folder whose files are put at `folder` at its end; nothing is if an error ends it.
+        """Make a working folder whose files are put at `folder` at its end; if an error ends it, none is.
 
-        `earlier` names the files that an earlier run left there; they are replaced. The file `MARKER` comes last.
+        `earlier` names the files that an earlier run left there, which are replaced. The file `MARKER` comes last.
         """
         ...
 
     def strangers(self, folder: str, earlier: Sequence[str]) -> list[str]:
-        """Names in a results' folder that no earlier run left there, and that results would replace."""
+        """List names in a results' folder that no earlier run left there, and that results would replace."""
         ...

@@ -1,4 +1,4 @@
-"""Which store an address belongs to, and folders of this machine as one."""
+"""Which store an address belongs to, and folders of this machine as a store."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class LocalStore:
     """Files by their absolute paths; see `Store`."""
 
     def found(self, pattern: str) -> list[str]:
-        """List the files that fit a pattern, sorted; `**` goes down through folders.
+        """List the files that match a pattern, sorted; `**` matches folders at any depth.
 
-        A link to a file that is gone is one, too: whoever linked an archive's flight is told that it is missing.
+        A broken link counts too, so that whoever linked an archive's flight is told that it is missing.
         """
         paths = glob.glob(pattern, recursive=True)  # noqa: PTH207 - any root
         return sorted(path for path in paths if Path(path).is_file() or not Path(path).exists())
@@ -35,7 +35,7 @@ class LocalStore:
         return Path(address).is_file()
 
     def stamp(self, address: str) -> Stamp:
-        """Size and time of change."""
+        """Return size and modification time."""
         try:
             known = Path(address).stat()
         except OSError as error:
@@ -52,7 +52,7 @@ class LocalStore:
             raise _unreadable(address, error) from error
 
     def fetch(self, addresses: Sequence[str], folder: Path) -> list[Path]:  # noqa: ARG002 - nothing to copy
-        """They are here already."""
+        """Return the paths, as nothing needs copying."""
         return [Path(address) for address in addresses]
 
     def put(self, file: Path, address: str) -> None:
@@ -69,7 +69,7 @@ class LocalStore:
 
     @contextmanager
     def results(self, folder: str, earlier: Sequence[str]) -> Iterator[Path]:  # noqa: ARG002 - goes with the folder
-        """Make a folder beside the final one, which takes its place at the end."""
+        """Make a folder beside the final one, which replaces it at the end."""
         final = Path(folder)
         with _writing(final.parent):
             _sweep(final)
@@ -84,7 +84,7 @@ class LocalStore:
                 shutil.rmtree(part, ignore_errors=True)
 
     def strangers(self, folder: str, earlier: Sequence[str]) -> list[str]:
-        """Whatever somebody put among the results; the folder is replaced as a whole."""
+        """List whatever else is among the results, since the folder is replaced as a whole."""
         path = Path(folder)
         if not path.is_dir():
             return [path.name] if path.exists() else []
@@ -116,7 +116,7 @@ def _to_disk(file: Path) -> None:
 
 @contextmanager
 def _writing(folder: Path) -> Iterator[None]:
-    """Make the folder; a disk that fails becomes a sentence."""
+    """Make the folder; turn disk errors into a sentence."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield
@@ -136,7 +136,7 @@ def store_of(address: str) -> Store:
     Raises
     ------
     StoreError
-        If there is none of that kind, or what it needs is not installed.
+        If there is no such kind, or what it needs is not installed.
     """
     if not is_url(address):
         return LocalStore()

@@ -1,7 +1,7 @@
 """URLs as a store, through fsspec: `s3://bucket/...` and whatever else it knows; needs the extra `cluster`.
 
-Object stores know no renaming, but each object is there whole or not at all. So a flight's results are its files and
-then the marker: whoever finds no marker finds nothing.
+Object stores cannot rename, but each object is written atomically. So a flight's results are its files and then the
+marker: without the marker, they do not count.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class UrlStore:
 
     @staticmethod
     def of(address: str) -> UrlStore:
-        """Find the store of a URL.
+        """Return the store of a URL.
 
         Raises
         ------
@@ -44,7 +44,7 @@ class UrlStore:
             raise StoreError(f"{address}: {_first_line(error)}") from error
 
     def found(self, pattern: str) -> list[str]:
-        """List the files that fit a pattern, sorted; `**` goes down through folders."""
+        """List the files that match a pattern, sorted; `**` matches folders at any depth."""
         with _reading(pattern):
             self.system.invalidate_cache()
             return sorted(self.system.unstrip_protocol(name) for name in self.system.glob(pattern))
@@ -56,7 +56,7 @@ class UrlStore:
             return bool(self.system.isfile(address))
 
     def stamp(self, address: str) -> Stamp:
-        """Size, and the first of ETag and times that this store tells."""
+        """Return the size, and the first of ETag and times that this store provides."""
         with _reading(address):
             self.system.invalidate_cache()
             known = self.system.info(address)
@@ -73,7 +73,7 @@ class UrlStore:
                 return None
 
     def fetch(self, addresses: Sequence[str], folder: Path) -> list[Path]:
-        """Copy of them in `folder`, as far as there is room."""
+        """Copy them into `folder`, if there is room."""
         wanted = sum(self.stamp(address).size_bytes for address in addresses)
         free = shutil.disk_usage(folder).free
         if wanted > free:
@@ -89,7 +89,7 @@ class UrlStore:
         return paths
 
     def put(self, file: Path, address: str) -> None:
-        """Copy one file to a URL; an object store shows it when it is whole."""
+        """Copy one file to a URL; an object store shows it once it is complete."""
         with _writing(address):
             self.system.put_file(str(file), address)
 
@@ -107,7 +107,7 @@ class UrlStore:
                 self.put(file, join(folder, file.name))
 
     def strangers(self, folder: str, earlier: Sequence[str]) -> list[str]:  # noqa: ARG002 - nothing else is replaced
-        """None: only what an earlier run left is ever removed."""
+        """Return none, as only what an earlier run left is ever removed."""
         return []
 
 
@@ -134,7 +134,7 @@ def _writing(address: str) -> Iterator[None]:
 
 
 def _errors() -> tuple[type[Exception], ...]:
-    """List what stores' packages raise beside OSError, of those that are loaded."""
+    """List what stores' packages raise besides OSError, for those that are loaded."""
     modules = ((sys.modules.get(module), name) for module, name in _FOREIGN_ERRORS)
     return (OSError, *(getattr(module, name) for module, name in modules if module is not None))
 

@@ -1,4 +1,4 @@
-"""What a process that reads frames does, and the plain form in which readings travel and are kept in a journal."""
+"""What a process that reads frames does, and the plain form in which readings are sent and stored in a journal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _READER: ContextVar[PanelReader] = ContextVar("reader")
 
 
 def pack(outcome: Outcome) -> Packed:
-    """Reduce an outcome to plain values, without the alignment's covariance, which has done its work by then."""
+    """Reduce an outcome to plain values, without the alignment's covariance, which is not needed any more."""
     if isinstance(outcome, Unread):
         return {"reason": outcome.reason, "failed": outcome.failed}
     alignment = outcome.alignment
@@ -41,7 +41,7 @@ def pack(outcome: Outcome) -> Packed:
 
 
 def unpack(packed: Packed) -> Outcome:
-    """Inverse of `pack`, to the last bit."""
+    """Undo `pack`, to the last bit."""
     failed = tuple(packed["failed"])
     if "reason" in packed:
         return Unread(packed["reason"], failed)
@@ -64,21 +64,21 @@ def _lens(size_px: Any, middle_px: Any, scale: float, sigma: float, model: str, 
 
 
 def recipe(reader: PanelReader) -> bytes:
-    """All that it takes to make the same reader again, in another process."""
+    """Return everything needed to make the same reader in another process."""
     return pickle.dumps(
         (reader.source, reader.method, reader.appearance, reader.placement), protocol=pickle.HIGHEST_PROTOCOL
     )
 
 
 def begin_reading(told: bytes) -> None:
-    """Make this process's reader, by its recipe."""
+    """Make this process's reader from its recipe."""
     cv2.setNumThreads(1)
     threadpool_limits(1)
     _READER.set(PanelReader.of(*pickle.loads(told)))  # noqa: S301 - from the process that started us
 
 
 def without_pictures(frames: Batch) -> Batch:
-    """Frames as they are sent: each process decompresses its own."""
+    """Return frames as they are sent, since each process decompresses its own."""
     return tuple(replace(frame, picture=None) for frame in frames)
 
 

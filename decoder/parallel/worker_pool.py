@@ -1,8 +1,8 @@
-"""A pool of processes that read a flight's batches, given back in the flight's order.
+"""A pool of processes that read a flight's batches, returned in the flight's order.
 
-At any time a few batches for each worker are in memory, however long the flight is. A worker that is killed, or that
-hangs, takes nothing with it: its batch is read again by a new one, first whole, then frame by frame, until only a frame
-that kills whoever reads it is left out.
+Only a few batches per worker are in memory at any time, however long the flight is. A worker that is killed, or that
+hangs, loses nothing: its batch is read again by a new one, first whole, then frame by frame, until only a frame that
+kills its reader is left out.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from decoder.parallel.thresholds import (
 from decoder.parallel.worker import Packed, begin_reading, read_packed, recipe, unpack, without_pictures
 
 LOOK_S = 1.0
-MAX_DEATHS_IN_A_ROW = DEATHS * MAX_BATCH_FRAMES  # with nothing read between them: a batch that kills with each frame
-# Waiting for one that hangs takes so much longer that fewer in a row are enough: as many as so many deaths.
+MAX_DEATHS_IN_A_ROW = DEATHS * MAX_BATCH_FRAMES  # with nothing read between them: a batch in which each frame kills
+# A hang takes so long to detect that it counts as several deaths.
 DEATHS_OF_A_HANG = 10
 
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """A worker that ended, with the frames it was at, if any."""
+    """A worker that ended, with the frames it was reading, if any."""
 
     how: str
     frames: Batch = ()
@@ -53,7 +53,7 @@ class Death:
 
 @dataclass(slots=True)
 class _Task:
-    """Frames that one worker reads at a go, or the parts that do in its place; `deaths` are of workers over it."""
+    """Frames that one worker reads together, or the parts that replace them; `deaths` are of workers reading it."""
 
     frames: Batch
     deaths: int = 0
@@ -61,7 +61,7 @@ class _Task:
     read: list[Outcome] | None = None
 
     def outcomes(self) -> list[Outcome] | None:
-        """Collect what was read of all its frames; None as long as one is missing."""
+        """Collect the outcomes of all its frames; None while one is missing."""
         if not self.parts:
             return self.read
         found = [part.outcomes() for part in self.parts]
@@ -70,7 +70,7 @@ class _Task:
 
 @dataclass(slots=True)
 class _Worker:
-    """A process, what it holds in order, and since when the first of that is in work."""
+    """A process, its work in order, and when the first of that was started."""
 
     process: WorkerProcess
     held: deque[tuple[Future[list[Packed]], _Task]] = field(default_factory=deque)
@@ -78,25 +78,25 @@ class _Worker:
 
     @property
     def waited_s(self) -> float:
-        """How long the first that it holds was waited for."""
+        """How long its current work has been waited for."""
         return time.monotonic() - self.since_s
 
 
 class WorkerPool:
-    """Reads batches with so many processes; for use in a `with` block, at whose end none of them is left.
+    """Reads batches with a number of processes; for use in a `with` block, at whose end none of them is left.
 
     Parameters
     ----------
     patience_s
-        A worker that is at one batch for so long, and for fifty times as long as any batch has taken, is ended as one
-        that hangs.
+        A worker that takes this long for one batch, and fifty times as long as any batch has taken, is ended as
+        hanging.
 
     Attributes
     ----------
     deaths
         Of workers, so far.
     left_out
-        Frames that could not be read because whoever read them was killed.
+        Frames that could not be read because their reader was killed.
     """
 
     def __init__(self, jobs: int, *, patience_s: float = PATIENCE_S) -> None:
@@ -125,7 +125,7 @@ class WorkerPool:
         self._workers.clear()
 
     def read(self, reader: PanelReader, cut: Iterable[Batch]) -> Iterator[tuple[Batch, list[Outcome]]]:
-        """Read batches, each given in order with what was read of its frames.
+        """Read batches, each returned in order with the outcomes of its frames.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class WorkerPool:
         """
         told, coming, row = recipe(reader), iter(cut), deque[_Task]()
         if told != self._told:
-            self._dismiss()  # they know another reader
+            self._dismiss()  # they have another reader
             self._told = told
         while True:
             while self._has_room(row) and (batch := next(coming, None)) is not None:
@@ -148,12 +148,12 @@ class WorkerPool:
                 self._wait()
 
     def _has_room(self, row: Sized) -> bool:
-        """Whether another batch may be taken: few wait for an older one, and a worker wants one."""
+        """Whether another batch may be taken: few are waiting for an older one, and a worker is free for it."""
         is_wanted = len(self._workers) < self._jobs or any(len(worker.held) < BATCHES_HELD for worker in self._workers)
         return is_wanted and len(row) < 2 * BATCHES_HELD * self._jobs
 
     def _hand_out(self, task: _Task) -> None:
-        """Give a task to the worker that has least to do, or to a new one as long as there are too few."""
+        """Give a task to the worker with the least work, or to a new one as long as there are too few."""
         if len(self._workers) < self._jobs and all(worker.held for worker in self._workers):
             self._workers.append(self._begun())
         worker = min(self._workers, key=lambda each: len(each.held))
@@ -173,7 +173,7 @@ class WorkerPool:
         return _Worker(process)
 
     def _wait(self) -> None:
-        """Wait until a worker has read something, at most for a look; whoever hangs is ended."""
+        """Wait until a worker has read something, for a limited time; end workers that hang."""
         wait([worker.held[0][0] for worker in self._workers if worker.held], LOOK_S, FIRST_COMPLETED)
         for worker in [worker for worker in self._workers if worker.held]:
             if worker.held[0][0].done():
@@ -196,7 +196,7 @@ class WorkerPool:
         worker.since_s = time.monotonic()
 
     def _give_up(self, worker: _Worker, how: str, counts: int = 1) -> None:
-        """Let a worker go that has ended, and have what it held read by others.
+        """Remove a worker that has ended, and have its work done by others.
 
         Raises
         ------
@@ -218,7 +218,7 @@ class WorkerPool:
             self._hand_out(task)
 
     def _divided(self, task: _Task, how: str) -> list[_Task]:
-        """Take a task apart that workers die of; one of a single frame is not tried again."""
+        """Split a task that workers die of; a single frame is not tried again."""
         if len(task.frames) > 1:
             task.parts = [_Task((frame,)) for frame in task.frames]
         else:

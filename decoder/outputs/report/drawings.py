@@ -28,7 +28,7 @@ ARC_STEP_DEG = 4.0
 TICK_PART = 0.14  # of the radius, inward from the perimeter
 LINE_HEIGHT = 1.15  # of a text, in its size
 LETTER_WIDTH = 0.62  # of a letter without serifs, in its size
-VALUE_AT = 1.17  # outside the rim, where the dial's own numerals stay in sight
+VALUE_AT = 1.17  # outside the rim, so that the dial's own numerals stay visible
 
 STEPS = 61
 
@@ -46,7 +46,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class NeedleDrawing:
-    """A needle as its template was taken: from its bottom to its tip; empty where that is a picture of its own."""
+    """A needle where its template was cut: from its bottom to its tip; empty if that is a separate picture."""
 
     name: str
     line: str
@@ -56,7 +56,7 @@ class NeedleDrawing:
 class GaugeDrawing:
     """One gauge: SVG point lists in the panel picture's pixels.
 
-    `name_at` is where its name is written; `moved_to` the pivot that the flight showed, if it is another.
+    `name_at` is where its name is written; `moved_to` the pivot found in the flight, if it differs.
     """
 
     name: str
@@ -72,7 +72,7 @@ class GaugeDrawing:
 
 @dataclass(frozen=True, slots=True)
 class PanelDrawing:
-    """The panel picture, its width and height, how large text is on it, and the gauges."""
+    """The panel picture, its width and height, the size of text on it, and the gauges."""
 
     jpeg: str
     width: int
@@ -98,7 +98,7 @@ def panel_drawing(source: PanelPictures, moved_px: dict[str, Point]) -> PanelDra
 
 
 def _legible(gauges: Sequence[GaugeDrawing], text_px: float) -> tuple[GaugeDrawing, ...]:
-    """Set each gauge's name a line further down where it would stand in one before, as two dials' of one case."""
+    """Move each gauge's name a line down where it would overlap one before, as for two dials in one case."""
     placed: list[GaugeDrawing] = []
     for gauge in gauges:
         x, y = gauge.name_at
@@ -155,12 +155,12 @@ def _arc(grid: PolarGrid, first_deg: float, last_deg: float) -> Floats:
 
 
 def _text(points: Floats) -> str:
-    """(2, M) points as an SVG list, the pixel's corner being the origin."""
+    """(2, M) points as an SVG list, with the origin at the pixel's corner."""
     return " ".join(f"{x + 0.5:.1f},{y + 0.5:.1f}" for x, y in points.T.tolist())
 
 
 def calibration_charts(camera: Camera, focal_length_mm: float | None) -> list[Chart]:
-    """Charts for the page; `focal_length_mm` is that of the panel picture, if known."""
+    """Make charts for the page; `focal_length_mm` is that of the panel picture, if known."""
     return [_focal(camera, focal_length_mm), *_distortion(camera)]
 
 

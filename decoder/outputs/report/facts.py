@@ -1,4 +1,4 @@
-"""The report's texts: what stands at its head and in its tables, what was checked, and how the panel lay."""
+"""The report's texts: its header and tables, what was checked, and the panel's alignment."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DOTS = {Kind.LOST: Kind.MISSING.value, Kind.EXCEEDED: "exceeded"}
 
 @dataclass(frozen=True, slots=True)
 class AlignmentTrack:
-    """One curve: its name, its unit, a size below which a change is none, and (N,) values, NaN where lost."""
+    """One curve: its name, unit, the size below which a change is insignificant, and (N,) values, NaN where lost."""
 
     name: str
     unit: str
@@ -45,7 +45,7 @@ class AlignmentTrack:
 
 
 def alignment_tracks(data: FlightData, size_px: tuple[int, int]) -> list[AlignmentTrack]:
-    """Compute the curves of score, shift, roll and scale; none if nobody kept the alignments.
+    """Compute the curves of score, shift, roll and scale; none if the alignments were not recorded.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def alignment_tracks(data: FlightData, size_px: tuple[int, int]) -> list[Alignme
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """One line: `state` is `good`, `warn`, `bad` or `open` (nobody looked)."""
+    """One line; `state` is `good`, `warn`, `bad` or `open` (not checked)."""
 
     state: str
     what: str
@@ -97,7 +97,7 @@ _TIME_BY = {
 
 
 def recorded_by(session: Session) -> list[tuple[str, str]]:
-    """List what a recording says of its recorder and camera: (what, says) each."""
+    """List what a recording says of its recorder and camera, as (label, text) pairs."""
     versions = ", ".join(f"{name} {version}" for name, version in session.versions.items())
     camera = " ".join(filter(None, [session.camera_model, session.camera_serial])) or session.camera_driver
     says = {
@@ -161,7 +161,7 @@ class Fact:
 
 
 def when(data: FlightData) -> str:
-    """When the flight was, in a line."""
+    """Return when the flight was, in a line."""
     if not len(data.frame):
         return "no frames"
     if not data.knows_time_of_day:
@@ -181,7 +181,7 @@ def clock(data: FlightData, session: Session) -> str:
 
 
 def head_facts(data: FlightData, flags: Sequence[Flag], losses: Sequence[str], integrity: Fact) -> list[Fact]:
-    """Gather the few numbers at the head."""
+    """Collect the few figures in the header."""
     values = len(data.frame) * len(data.series)
     seen = sum(int(series.has(Status.READ, Status.EDGE, Status.HIDDEN).sum()) for series in data.series)
     none = sum(int(series.has(Status.MISSING).sum()) for series in data.series)
@@ -200,7 +200,7 @@ def head_facts(data: FlightData, flags: Sequence[Flag], losses: Sequence[str], i
 
 
 def alerts(data: FlightData, losses: Sequence[str], order: Order) -> list[Fact]:
-    """Gather what a reader must not overlook."""
+    """Collect what a reader must not overlook."""
     found = [Fact("Lost:", loss, "bad") for loss in losses]
     found += [Fact("Warning:", warning, "warn") for warning in data.warnings]
     found += [Fact(f"{gauge}:", health_line(findings), "warn") for gauge, findings in data.health.items() if findings]
@@ -219,7 +219,7 @@ def alerts(data: FlightData, losses: Sequence[str], order: Order) -> list[Fact]:
 
 
 def needle_facts(series: NeedleSeries) -> dict[str, Any]:
-    """Gather what stands beside a needle's plot."""
+    """Collect the texts beside a needle's plot."""
     counts = [(status, count) for status, count in status_counts(series).items() if count]
     words = ", ".join(f"{count} {status}" for status, count in counts) or "no frames"
     valued = series.value[np.isfinite(series.value)]
@@ -235,7 +235,7 @@ def needle_facts(series: NeedleSeries) -> dict[str, Any]:
 
 
 def listed_flags(data: FlightData, flags: Sequence[Flag], position: Order) -> tuple[list[dict[str, Any]], int]:
-    """List flags by time, and count those left out; if some must be, the gravest and longest stay."""
+    """List flags by time, and count those left out; if there are too many, the most serious and longest stay."""
     chosen = list(flags)
     if len(chosen) > MOST_FLAGS:
         chosen = sorted(chosen, key=lambda flag: (KINDS.index(flag.kind), -flag.frames))[:MOST_FLAGS]
@@ -278,7 +278,7 @@ def gauge_rows(source: PanelPictures, data: FlightData) -> list[dict[str, str]]:
 
 
 def alignment_facts(tracks: Sequence[AlignmentTrack]) -> list[dict[str, str]]:
-    """Gather what stands beside the plots of the alignment."""
+    """Collect the texts beside the plots of the alignment."""
     facts = []
     for track in tracks:
         known = track.values[np.isfinite(track.values)]
@@ -298,7 +298,7 @@ def _scale_text(quantity: Quantity) -> str:
 
 
 def _duration(seconds: float) -> str:
-    if seconds < 100:  # noqa: PLR2004 - up to here seconds are easily grasped
+    if seconds < 100:  # noqa: PLR2004 - up to here seconds are easy to grasp
         return f"{seconds:.2f} s"
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
@@ -317,5 +317,5 @@ Order = NDArray[np.int64]
 
 
 def order_of(data: FlightData) -> Order:
-    """Sort rows by time; a clock that was set back leaves them in another order than they were taken in."""
+    """Return the order of rows by time, which differs from that of recording if a clock was set back."""
     return np.argsort(data.time_ns, kind="stable").astype(np.int64)

@@ -1,10 +1,10 @@
 """The report's flags and evidence: the spans to look at first, and crops of the pictures that show them.
 
 First come the frames of every flag, then the extremes and the steps of each needle, then an even sample. Each group is
-in an order of which every beginning is spread over the flight, so that whatever there is room for is no one's pick.
+ordered so that any prefix of it is spread over the flight; so whatever there is room for is an unbiased selection.
 
-Crops are cut where the frame's alignment has each gauge. Needles are not drawn into the pixels: the page draws them
-over the crop, so that they can be taken away. A frame without alignment is shown whole.
+Crops are cut where the frame's alignment puts each gauge. Needles are not drawn into the pixels: the page draws them
+over the crop, so that they can be hidden. A frame without alignment is shown whole.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ REACH = 1.22
 GAUGE_PX = 160
 WHOLE_PX = 560
 ENLARGED_PX = 1024
-FRAME_SHAPE = 3 / 4  # height over width, as cameras have it
+FRAME_SHAPE = 3 / 4  # the usual height over width of cameras
 JPEG_QUALITY = 80
-BYTES_OF_PIXEL = 0.25  # what such a crop takes as JPEG, about
+BYTES_OF_PIXEL = 0.25  # roughly what such a crop takes as JPEG
 RIM_STEP = 3
 
 Evidence = dict[str, Any]
 
 
 class Kind(StrEnum):
-    """What a flag says, the gravest first."""
+    """What a flag says, the most serious first."""
 
     EXCEEDED = What.EXCEEDED.value
     """Values beyond a limit that somebody gave."""
@@ -82,9 +82,9 @@ class Flag:
     Attributes
     ----------
     needle
-        Empty where it is about the whole panel.
+        Empty if it is about the whole panel.
     reason
-        As far as the flight data tell it.
+        As far as the flight data show it.
     """
 
     kind: Kind
@@ -100,7 +100,7 @@ class Flag:
 
 
 def find_flags(data: FlightData) -> list[Flag]:
-    """All flags, by time; of one time in the order of `Kind`."""
+    """Find all flags, by time; those of one time in the order of `Kind`."""
     flags = [
         Flag(Kind.OUTLIER, outlier.needle, outlier.first, outlier.last, outlier.reason.value)
         for outlier in find_outliers(data)
@@ -150,7 +150,7 @@ def _reason(series: NeedleSeries, kind: Kind, score: float, *, is_combined: bool
 
 
 def planned(data: FlightData, flags: Sequence[Flag]) -> list[int]:
-    """Rows of the flight data whose pictures are wanted, the most wanted first."""
+    """Return the rows of the flight data whose pictures are wanted, most wanted first."""
     last = len(data.frame) - 1
     wanted: dict[int, None] = {}
 
@@ -176,7 +176,7 @@ def planned(data: FlightData, flags: Sequence[Flag]) -> list[int]:
 
 
 def scattered_order(count: int) -> list[int]:
-    """Order the numbers below `count` so that every beginning is spread evenly (van der Corput's sequence)."""
+    """Order the numbers below `count` so that any prefix is spread evenly (van der Corput's sequence)."""
     bits = max(count - 1, 0).bit_length()
     reversed_bits = (int(f"{number:0{bits}b}"[::-1], 2) if bits else 0 for number in range(1 << bits))
     return [number for number in reversed_bits if number < count]
@@ -206,13 +206,13 @@ class Plan:
     Attributes
     ----------
     rows
-        Of which there are pictures.
+        Those with pictures.
     wholes
-        Those of which there is the whole frame, large.
+        Those with the whole frame, large.
     has_crops
-        Whether each gauge is cut out by itself; it is not where the whole frame takes no more room than that.
+        Whether each gauge is cut out by itself; not if the whole frame takes no more room.
     has_coarse
-        Whether there is the whole frame, small, of the others.
+        Whether the others have the whole frame, small.
     """
 
     rows: frozenset[int]
@@ -221,12 +221,12 @@ class Plan:
     has_coarse: bool = False
 
     def frame_px(self, row: int) -> int:
-        """How large the whole frame of a row is, 0 for not at all."""
+        """Return the size of the whole frame of a row, 0 for none."""
         return ENLARGED_PX if row in self.wholes else WHOLE_PX if self.has_coarse else 0
 
 
 def picture_plan(data: FlightData, flags: Sequence[Flag], gauges: int, room_bytes: int) -> Plan:
-    """Choose the pictures that go into so much room, about, the most wanted first: every flag's before any is large."""
+    """Choose the pictures for about this much room, most wanted first: every flag's before any is large."""
     wanted = planned(data, flags)
     whole_bytes, coarse_bytes = (size_px**2 * FRAME_SHAPE * BYTES_OF_PIXEL for size_px in (ENLARGED_PX, WHOLE_PX))
     crops_bytes = max(gauges, 1) * GAUGE_PX**2 * BYTES_OF_PIXEL * 4 / 3
@@ -254,8 +254,8 @@ def evidence(
     ----------
     picture : (H, W, 3) uint8
     gauges : as they lie in it; none where the panel was not found
-    places : of each needle's name, its place among the page's needles
-    frame_px : how large the whole frame goes in too, 0 for not at all
+    places : the index of each needle among the page's needles, by name
+    frame_px : the size of the whole frame to include, 0 for none
     has_crops : whether each gauge is cut out by itself
     """
     height, width = picture.shape[:2]
@@ -292,7 +292,7 @@ def _gauge(picture: ColourPicture, gauge: DrawnGauge, places: dict[str, int], *,
 
 
 def _crop(picture: ColourPicture, box: tuple[int, int, int, int], size_px: int) -> Evidence:
-    """Cut a part out of a picture, at most so many pixels wide or high; `box` is left, top, right, bottom."""
+    """Cut a part out of a picture, at most `size_px` wide or high; `box` is left, top, right, bottom."""
     left, top, right, bottom = box
     part = picture[top:bottom, left:right]
     smaller = min(1.0, size_px / max(right - left, bottom - top))
@@ -310,5 +310,5 @@ def jpeg_text(pixels: ColourPicture, quality: int = JPEG_QUALITY) -> str:
 
 
 def _rounded(points: Sequence[Point]) -> list[float]:
-    """X and y by turns, where the pixel's corner is the origin as a drawing has it."""
+    """Return x and y alternating, with the origin at the pixel's corner as in a drawing."""
     return [round(coordinate + 0.5, 2) for point in points for coordinate in point]

@@ -1,10 +1,10 @@
-"""`NAME.html`: the report. The page is made first, then the frames are read again, and pictures of some put into it.
+"""`NAME.html`: the report. The page is made first, then frames are read again to insert pictures of some of them.
 
-Values need no more than single precision beside their uncertainty, a status is a byte; seven needles of a two-hour
-flight at 4 Hz take 2.6 MB so.
+Given their uncertainty, values need only single precision, and a status is a byte, so seven needles of a two-hour
+flight at 4 Hz take 2.6 MB.
 
-Frames pass one at a time and are written as they come, so memory does not grow with the pictures. Nothing of the time
-of writing goes in: the same flight gives the same bytes.
+Frames pass one at a time and are written as they come, so memory does not grow with the pictures. The time of writing
+is not included: the same flight gives the same bytes.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ STYLES = ("style.css", "parts.css", "print.css")
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([a-z]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:const|class|function|async) )", re.MULTILINE)
 
-# Where a flight of unknown time begins in the plots: to plotly the milliseconds 1000 to 9999 would be years.
+# The start of a flight of unknown time in the plots, since plotly takes milliseconds from 1000 to 9999 for years.
 MIDNIGHT_MS = 946_684_800_000
 BESIDE, NOWHERE = "'self' file:", "'none'"  # where media may come from
 PLACE_OF_EVIDENCE = "<!--evidence-->"
@@ -68,19 +68,19 @@ def style() -> str:
 
 
 def script() -> str:
-    """All modules that `main.js` needs, each after those it imports, in one scope of their own."""
+    """Return all modules that `main.js` needs, each after those it imports, in one scope of their own."""
     done: dict[str, str] = {}
     _collect("main.js", done)
     return '"use strict";\n{\n' + "\n".join(done.values()) + "}\n"
 
 
 def plotly() -> str:
-    """plotly.js with its basic kinds of plots, as its makers publish it; `vendor/README.md` says from where."""
+    """Return plotly.js with its basic plots as published; `vendor/README.md` says where it is from."""
     return PLOTLY.read_text(encoding="utf-8")
 
 
 def security_policy(scripts: Iterator[str], media: str) -> str:
-    """Allow a page these scripts, its own styles, embedded pictures, and media from there, and no network."""
+    """Allow a page these scripts, its own styles, embedded pictures, and media from `media`, and no network."""
     hashes = " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
     return (
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:;"
@@ -125,7 +125,7 @@ def columns(data: FlightData, order: Order) -> dict[str, Any]:
 
 
 def _needle(series: NeedleSeries, order: Order, budget: Budget | None, *, is_signed: bool) -> dict[str, Any]:
-    """Encode a needle; bank has a sign here also where a ring of marks counts it from 0 to 360."""
+    """Encode a needle; bank is signed here even if a ring of marks counts it from 0 to 360."""
     quantity = series.quantity
     value = shortest(series.value[order], quantity.wraps) if is_signed else series.value[order]
     return {
@@ -135,7 +135,7 @@ def _needle(series: NeedleSeries, order: Order, budget: Budget | None, *, is_sig
         "decimals": label_decimals(series),
         "wraps": quantity.wraps,
         "full_scale": quantity.full_scale,
-        # Of a display every digit counts.
+        # Every digit of a display counts.
         "value": packed(value, "f4" if quantity.written is None else "f8"),
         "written": None if quantity.written is None else asdict(quantity.written),
         "sigma": packed(series.sigma[order], "f4"),
@@ -152,17 +152,17 @@ def _needle(series: NeedleSeries, order: Order, budget: Budget | None, *, is_sig
 
 
 def write_report(report: Decoded, stream: IO[bytes], *, largest_bytes: int = LARGEST_BYTES) -> None:
-    """Write the report as one HTML page that needs nothing else.
+    """Write the report as one self-contained HTML page.
 
     Parameters
     ----------
     largest_bytes
-        How large it may become; as few pictures as that allows are put in, but its data are never thinned out.
+        Its maximum size; only as many pictures are included as that allows, but its data are never thinned.
 
     Raises
     ------
     OutputError
-        If the flight file does not give the frames that it gave before.
+        If the flight file does not give the same frames as before.
     PanelError, CameraError
         If the panel cannot be drawn.
     """
@@ -177,7 +177,7 @@ def write_report(report: Decoded, stream: IO[bytes], *, largest_bytes: int = LAR
 
 
 def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: int) -> Iterator[bytes]:
-    """Cut pictures out of one frame after the other, as many as there is room for."""
+    """Cut pictures from one frame after the other, as many as there is room for."""
     data = report.data
     places, position = ReadingPlaces(report.source, data), _positions(order)
     needles = {series.quantity.name: place for place, series in enumerate(data.series)}
@@ -191,7 +191,7 @@ def _evidence(report: Decoded, flags: Sequence[Flag], order: Order, room_bytes: 
         head = f'<script type="application/json" class="evidence" data-row="{position[row]}">'
         block = f"{head}{_json(found)}</script>\n".encode(errors="backslashreplace")
         room_bytes -= len(block)
-        if room_bytes < 0:  # they are larger than was thought
+        if room_bytes < 0:  # they are larger than estimated
             return
         yield block
 
@@ -222,7 +222,7 @@ def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
         film=quote(report.film),
         style=Markup(style()),  # noqa: S704 - our own file
         **{name: Markup(text) for name, text in scripts.items()},  # noqa: S704 - our own, and plotly's
-        flight_json=Markup(_json(_flight(report, flags, order, tracks))),  # noqa: S704 - no `<` is left in it
+        flight_json=Markup(_json(_flight(report, flags, order, tracks))),  # noqa: S704 - contains no `<`
         charts_json=Markup(_json(charts)),  # noqa: S704 - the same
         alignment=facts.alignment_facts(tracks),
         charts=charts,
@@ -231,7 +231,7 @@ def _page(report: Decoded, flags: Sequence[Flag], order: Order) -> str:
 
 
 def _texts(report: Decoded, flags: Sequence[Flag], order: Order) -> dict[str, Any]:
-    """Gather what the template says outside its scripts."""
+    """Collect the template's texts outside its scripts."""
     data, source, provenance = report.data, report.source, report.provenance
     listed, left_out = facts.listed_flags(data, flags, _positions(order))
     counts = [(kind.value, sum(flag.kind is kind for flag in flags)) for kind in KINDS]
@@ -286,7 +286,7 @@ def _sections(report: Decoded) -> list[tuple[str, str]]:
 
 
 def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequence[AlignmentTrack]) -> dict[str, Any]:
-    """Gather what the page's scripts read."""
+    """Collect what the page's scripts read."""
     data = report.data
     position, row_of = _positions(order), {int(frame): row for row, frame in enumerate(data.frame)}
     needles = {series.quantity.name: place for place, series in enumerate(data.series)}
@@ -327,7 +327,7 @@ def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequen
 
 
 def _about(report: Decoded, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Say what notes on this page are about: the files that it is made of, and the data that it shows."""
+    """Say what notes on this page refer to: the files that it is made of, and the data that it shows."""
     return {
         "recording": report.provenance.recording,
         "name": report.name,
@@ -367,13 +367,13 @@ def _camera_words(camera: Camera | None) -> str:
 
 
 def _positions(order: Order) -> Order:
-    """(N,): the place of each row in the order of time."""
+    """(N,): the rank of each row in order of time."""
     position = np.empty_like(order)
     position[order] = np.arange(order.size)
     return position
 
 
 def _json(content: object) -> str:
-    """JSON that a script element can hold: nothing in it can end the element."""
+    """Encode JSON that is safe in a script element: nothing in it can end the element."""
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
