@@ -22,7 +22,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What an alignment does around one point: it shifts it (px), turns (degrees, clockwise) and enlarges."""
+    """The local effect of an alignment at a point: shift (px), turn (degrees, clockwise) and scale."""
 
     shift_px: Point
     roll_deg: float
@@ -33,21 +33,21 @@ class Motion:
 class Alignment:
     """The plane-to-plane transformation that carries points of the panel picture into a frame.
 
-    Points are (x, y) pixels, free of the lens's distortion; where the lens distorts, the frame has them where `lens`
-    bends them to.
+    Points are (x, y) pixels, free of the lens's distortion; if the lens distorts, the frame shows them where `lens`
+    moves them.
 
     Attributes
     ----------
     elements
         The nine elements of the matrix, row by row, the last of them 1.
     score
-        The lowest NCC score of what it rests on.
+        The lowest NCC score of the features it rests on.
     failed
         Names of the features that it does not rest on, because they did not match.
     lens
-        The frame's, where it is known.
+        The frame's, if known.
     covariance
-        How uncertain it is, where that is known.
+        Its uncertainty, if known.
     """
 
     elements: tuple[float, ...]
@@ -82,7 +82,7 @@ class Alignment:
 
     @property
     def roll_deg(self) -> float:
-        """The turn at the panel picture's first pixel; of a shift and a roll, everywhere."""
+        """The turn at the panel picture's first pixel; for a shift and a roll, it is the same everywhere."""
         return self.motion_at((0.0, 0.0)).roll_deg
 
     def after(self, matrix: Floats) -> Alignment:
@@ -94,11 +94,11 @@ class Alignment:
         )  # `replace` costs five times that
 
     def with_covariance(self, covariance: MotionCovariance) -> Alignment:
-        """Attach how uncertain it is."""
+        """Attach its uncertainty."""
         return Alignment(self.elements, self.score, self.failed, self.lens, covariance)
 
     def motion_at(self, point_px: Point) -> Motion:
-        """Return what it does to the surroundings of a point of the panel picture, distortion aside."""
+        """Return its effect on the surroundings of a point of the panel picture, without distortion."""
         x, y, depth = self.matrix @ (*point_px, 1.0)
         place = np.array([[x / depth], [y / depth]])
         (xx, xy), (yx, yy) = (self.matrix[:2, :2] - place * self.matrix[2, :2]) / depth
@@ -106,7 +106,7 @@ class Alignment:
         return Motion(shift, math.degrees(math.atan2(yx - xy, xx + yy)), math.sqrt(abs(xx * yy - xy * yx)))
 
     def to_frame(self, point_px: Point) -> Point:
-        """Where a point of the panel picture lies in the frame, (x, y) px."""
+        """Return where a point of the panel picture lies in the frame, (x, y) px."""
         x, y, depth = self.matrix @ (*point_px, 1.0)
         place = np.array([[x / depth], [y / depth]])
         if self.lens is not None and self.lens.distorts:
@@ -114,7 +114,7 @@ class Alignment:
         return float(place[0, 0]), float(place[1, 0])
 
     def places(self, points: Floats, origin: Point = (0.0, 0.0)) -> NDArray[Any]:
-        """Where points lie in the frame.
+        """Carry points into the frame.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Alignment:
         return self._carried(points, origin)
 
     def _carried(self, points: Floats, origin: Point) -> NDArray[Any]:
-        """As `places`, without distortion."""
+        """Do `places` without distortion."""
         xx, xy, x, yx, yy, y, across, down, one = self.elements
         (left, top) = origin
         rows = (
@@ -145,7 +145,7 @@ class Alignment:
 
 
 def is_rigid(matrix: Matrix) -> bool:
-    """Whether a (3, 3) matrix is a mere shift and roll, but for rounding."""
+    """Whether a (3, 3) matrix is only a shift and roll, up to rounding."""
     turn = matrix[:2, :2] @ matrix[:2, :2].T
     return bool(np.abs(turn - np.eye(2)).max() < LEAST_VALUE and np.abs(matrix[2, :2]).max() == 0.0)
 
@@ -156,7 +156,7 @@ def upright(points: Floats) -> Floats:
 
 
 def carried_by(matrices: Floats, points: Floats, lens: Lens | None, origin: Point = (0.0, 0.0)) -> Floats:
-    """(F, N, 2) float32: where (F, 3, 3) matrices carry `upright` points, the lens's distortion added.
+    """(F, N, 2) float32: where (F, 3, 3) matrices carry `upright` points, including the lens's distortion.
 
     The last element of each matrix is 1; `origin` is the frame's pixel that counts as (0, 0).
     """
@@ -173,13 +173,13 @@ def _projected(matrices: Floats, points: Floats) -> Floats:
     if not matrices[:, 2, :2].any():
         return np.asarray(points @ matrices[:, :2].transpose(0, 2, 1))
     there = points @ matrices.transpose(0, 2, 1)
-    for axis in (0, 1):  # a division of pairs by one number takes several times as long
+    for axis in (0, 1):  # dividing pairs by one number takes several times as long
         there[..., axis] /= there[..., 2]
     return np.asarray(there[..., :2])
 
 
 def bent(places: NDArray[Any], lens: Lens) -> NDArray[Any]:
-    """As `Lens.distorted`, in single precision: a thousandth of a pixel, at a tenth of the cost."""
+    """Do `Lens.distorted` in single precision: to a thousandth of a pixel, at a tenth of the cost."""
     middle, focal = np.array(lens.principal_point_px, np.float32), np.float32(lens.pixels_per_radian)
     moved = lens.distortion.shift(np.moveaxis((places - middle) / focal, -1, 0))
     return np.asarray(places + focal * np.moveaxis(moved, 0, -1), np.float32)

@@ -1,12 +1,13 @@
-"""Camera poses: where a camera is and how it is turned, fitted to points of the panel, and how surely.
+"""Camera poses: where a camera is and how it is turned, fitted to points of the panel, with uncertainty.
 
-Two frames of axes are used, both right-handed. The camera's: x right, y down, z forward, as OpenCV has it. The panel's,
-inside: x right, y down, z into the panel, in inches, so that a camera that is square on is not turned at all. Outside,
-the panel's points are as their writer gave them, x right, y up or down, and heights grow towards the camera.
+Two coordinate systems are used, both right-handed. The camera's: x right, y down, z forward, as in OpenCV. The panel's,
+internally: x right, y down, z into the panel, in inches, so that a camera that is square on is not turned at all.
+Externally, the panel's points are as their author gave them, x right, y up or down, and heights grow towards the
+camera.
 
-With three points this is Newton's method on six equations, as in thesis 3.1.2; with more it is least squares (Gauss,
-with Levenberg's damping when a step makes matters worse). Unknown are a small turn and a small shift, in the camera's
-axes, of the pose so far.
+With three points this is Newton's method on six equations, as in thesis 3.1.2; with more it is least squares
+(Gauss-Newton, with Levenberg's damping if a step makes matters worse). The unknowns are a small turn and a small shift
+of the current pose, in the camera's axes.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ class Pose:
     Attributes
     ----------
     rotation
-        (3, 3) from the panel's axes (inside) to the camera's.
+        (3, 3) from the panel's internal axes to the camera's.
     translation_inches
         (3,) the panel's origin in the camera's axes.
     y_up
-        Whether the writer of the panel's points counts y upwards.
+        Whether the panel's points have y upwards.
     """
 
     rotation: Matrix
@@ -49,7 +50,7 @@ class Pose:
 
     @property
     def position_inches(self) -> tuple[float, float, float]:
-        """The camera: x and y as the panel's writer counts them, and its distance from the panel's plane."""
+        """The camera's position: x and y as in the panel's points, and its distance from the panel's plane."""
         x, y, z = (float(value) for value in -self.rotation.T @ self.translation_inches)
         return x, -y if self.y_up else y, -z
 
@@ -78,7 +79,7 @@ class Pose:
         return np.asarray(lens.matrix @ np.column_stack([right, flip * down, shifted]))
 
     def pixels(self, points_inches: Matrix, lens: Lens) -> Matrix:
-        """Where the picture shows points of the panel.
+        """Return where the picture shows points of the panel.
 
         Parameters
         ----------
@@ -86,14 +87,14 @@ class Pose:
 
         Returns
         -------
-        (N, 2) pixels of the picture as taken, distortion included
+        (N, 2) pixels of the picture as taken, including distortion
         """
         seen = self.rotation @ inside(points_inches, y_up=self.y_up).T + self.translation_inches[:, None]
         return lens.distorted(lens.pixels(seen[:2] / seen[2])).T
 
 
 def inside(points_inches: Matrix, *, y_up: bool) -> Matrix:
-    """(N, 3): points as written, (N, 2) or (N, 3), in the panel's inner axes."""
+    """(N, 3): points as written, (N, 2) or (N, 3), in the panel's internal axes."""
     points = np.asarray(points_inches, np.float64)
     if points.shape[1] == 2:  # noqa: PLR2004 - two coordinates
         points = np.column_stack([points, np.zeros(len(points))])
@@ -102,7 +103,7 @@ def inside(points_inches: Matrix, *, y_up: bool) -> Matrix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What a pose is held against: (N, 3) points in the panel's inner axes, (N, 2) undistorted pixels, the lens."""
+    """What a pose is fitted to: (N, 3) points in the panel's internal axes, (N, 2) undistorted pixels, the lens."""
 
     points_inches: Matrix
     points_px: Matrix
@@ -118,7 +119,7 @@ class Measured:
         return np.asarray((self.lens.pixels((seen[:, :2] / seen[:, 2:]).T).T - self.points_px).ravel())
 
     def jacobian(self, pose: Pose) -> Matrix:
-        """(2 N, 6): how the residuals grow with a turn (radians) and a shift (inches) of the pose."""
+        """(2 N, 6): the derivatives of the residuals by a turn (radians) and a shift (inches) of the pose."""
         seen = self.seen(pose)
         x, y, z = seen.T
         nought = np.zeros(len(seen))
@@ -129,7 +130,7 @@ class Measured:
         return np.asarray(rows.reshape(-1, 6) * self.lens.pixels_per_radian)
 
     def scale(self, pose: Pose) -> Matrix:
-        """(6,) what makes the Jacobian's columns alike: shifts count in parts of the distance."""
+        """(6,) factors that make the Jacobian's columns comparable: shifts count as parts of the distance."""
         distance = float(self.seen(pose)[:, 2].mean())
         return np.array([1.0, 1, 1, distance, distance, distance])
 
@@ -146,7 +147,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iterated:
-    """Where an iteration has led: the pose, after how many steps, and whether it has settled there."""
+    """The result of an iteration: the pose, the number of steps, and whether it converged."""
 
     pose: Pose
     iterations: int
@@ -154,7 +155,7 @@ class Iterated:
 
 
 def iterate(measured: Measured, start: Pose) -> Iterated:
-    """Iterate from one guess until the pose settles."""
+    """Iterate from one guess until the pose converges."""
     pose, damping = start, 0.0
     residuals = measured.residuals_px(pose)
     for iteration in range(1, _MAX_ITERATIONS + 1):
@@ -178,7 +179,7 @@ def _agrees(measured: Measured, pose: Pose, step_inches: float) -> bool:
 def _step(
     measured: Measured, pose: Pose, residuals: Matrix, jacobian: Matrix, damping: float
 ) -> tuple[Pose | None, float, float]:
-    """Take a step: the next pose, by how much it moved, and the damping after it; None if no step makes it better."""
+    """Take a step: the next pose, how far it moved, and the damping after it; None if no step improves it."""
     scale = measured.scale(pose)
     scaled = jacobian * scale
     error = float(residuals @ residuals)
@@ -193,7 +194,7 @@ def _step(
 
 
 def _is_no_worse(residuals: Matrix, error: float) -> bool:
-    return bool(residuals @ residuals <= error * (1 + 1e-9) + 1e-18)  # rounding at the end is no step backwards
+    return bool(residuals @ residuals <= error * (1 + 1e-9) + 1e-18)  # rounding at the end does not count as worse
 
 
 def _solved(jacobian: Matrix, residuals: Matrix, damping: float) -> Matrix:
@@ -227,8 +228,8 @@ class PoseSolution:
     condition
         Condition number of the iteration's Jacobian, turns in radians, shifts in parts of the distance.
     fold_sigmas
-        How many standard uncertainties of the points would make this solution fall together with another one, where
-        it ceases to be one. Infinite for more than three points.
+        How many standard uncertainties of the points it would take for this solution to coincide with another one and
+        vanish. Infinite for more than three points.
     """
 
     pose: Pose
@@ -241,12 +242,12 @@ class PoseSolution:
 
     @property
     def exact(self) -> bool:
-        """Whether the points agree to what thesis 3.1.2 asks for; what noise leaves of two solutions may not."""
+        """Whether the points agree as thesis 3.1.2 requires; two solutions merged by noise may not."""
         return self.residual_inches < AGREEMENT_INCHES
 
     @property
     def trusted(self) -> bool:
-        """Whether this is one place, and not somewhere between two that fall together within the uncertainty."""
+        """Whether this is one place, and not between two that coincide within the uncertainty."""
         return bool(self.fold_sigmas >= TRUSTED_SIGMAS)
 
     @property
@@ -273,7 +274,7 @@ def difference_of(one: Pose, other: Pose) -> Matrix:
 
 
 def solution_of(measured: Measured, iterated: Iterated, sigma_px: float) -> PoseSolution:
-    """Return what an iteration has led to, with its uncertainty if points are uncertain by sigma_px in x and y."""
+    """Return the result of an iteration, with its uncertainty if points are uncertain by sigma_px in x and y."""
     pose = iterated.pose
     seen, residuals = measured.seen(pose), measured.residuals_px(pose)
     scale = measured.scale(pose)
@@ -284,7 +285,7 @@ def solution_of(measured: Measured, iterated: Iterated, sigma_px: float) -> Pose
         bend = abs(float(left[:, -1] @ _bend(measured, pose, right[-1] * scale)))
         slope = float(singular[-1])
         fold_sigmas = slope**2 / (2 * bend * noise_px)
-        if fold_sigmas < TRUSTED_SIGMAS:  # as far as both solutions together reach
+        if fold_sigmas < TRUSTED_SIGMAS:  # include the extent of both solutions
             spreads[-1] = (slope + np.sqrt(slope**2 + 2 * bend * noise_px)) / bend
     by_lens = (
         right.T @ (left.T @ (seen[:, :2] / seen[:, 2:]).ravel() / singular) * measured.lens.pixels_per_radian_sigma
@@ -310,7 +311,7 @@ def _bend(measured: Measured, pose: Pose, direction: Matrix) -> Matrix:
 
 
 def _excess(residuals_px: Matrix, sigma_px: float) -> float:
-    """How much larger the residuals' variance is than the points' uncertainty explains; 1 where chance may do it."""
+    """Return the ratio of the residuals' variance to what the points' uncertainty explains; 1 if it may be chance."""
     freedom = residuals_px.size - len(PARAMETERS)
     if freedom <= 0:
         return 1.0
@@ -320,12 +321,12 @@ def _excess(residuals_px: Matrix, sigma_px: float) -> float:
 
 
 def variance_px2(best: PoseSolution, measured: Measured, sigma_px: float) -> float:
-    """Estimate the points' variance in x and in y: as it was said, or as the residuals show it if larger."""
+    """Estimate the points' variance in x and in y: as given, or from the residuals if larger."""
     return float(sigma_px**2 * max(1.0, _excess(measured.residuals_px(best.pose), sigma_px)))
 
 
 def _outside(pose: Pose, scale: Matrix) -> Matrix:
-    """(6, 6): how the `PARAMETERS` change with the iteration's unknowns, by central differences."""
+    """(6, 6): derivatives of the `PARAMETERS` by the iteration's unknowns, by central differences."""
     step = 1e-6
     columns = []
     for unknown in range(len(PARAMETERS)):

@@ -1,8 +1,9 @@
-"""Dial planes: the map from a dial as seen square on to the panel picture, so that oblique dials are squared up.
+"""Dial planes: the map from a dial as seen square on to the panel picture, which rectifies oblique dials.
 
-It is folded into the sample points of the unwrapped gauge: there is still one resampling. It comes from points on a
-circle round the pivot (`rim`), or from the panel's reference points. Angles then are those of the dial seen square on,
-and a radius is in pixels of the panel picture in the direction in which the dial appears largest, at its centre.
+It is part of the map to the sample points of the unwrapped gauge, so there is still only one resampling. It comes from
+points on a circle around the pivot (`rim`), or from the panel's reference points. Angles then are those of the dial
+seen square on, and a radius is in pixels of the panel picture in the direction in which the dial appears largest, at
+its centre.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from decoder.panel.thresholds import LEAST_WINDOW_PX
 Matrix = NDArray[np.float64]
 Point = tuple[float, float]
 
-# How well a point of the rim is marked by hand, and how much nearer one end of a dial may be than its middle: a dial
-# that is a tenth of the picture wide, at 35 degrees.
+# How precisely a point of the rim is marked by hand; and how much nearer one end of a dial may be than its middle, as
+# for a dial a tenth of the picture wide, at 35 degrees.
 RIM_SIGMA_PX = 0.3
 PERSPECTIVE_PRIOR = 0.02
 RIM_PASSES = 12
@@ -36,12 +37,12 @@ RIM_PASSES = 12
 def inches_to_picture(
     points: Sequence[ReferencePoint], level: tuple[Point, Point] | None, optics: Optics
 ) -> Matrix | None:
-    """(3, 3): inches on the panel to its picture, without distortion; None where the panel does not tell.
+    """(3, 3): inches on the panel to its picture, without distortion; None if the panel does not determine it.
 
     Raises
     ------
     PanelError
-        If the reference points lie on one line, do not fit one plane, or leave two camera positions open.
+        If the reference points lie on one line, do not fit one plane, or allow two camera positions.
     """
     if len(points) < MIN_POINTS:
         return None
@@ -66,12 +67,12 @@ def inches_to_picture(
 
 
 def dial_plane(gauge: Gauge, path: str, optics: Optics, inches: Matrix | None) -> DialPlane | None:
-    """Find the plane of one dial; None where it counts as seen square on, without distortion.
+    """Find the plane of one dial; None if it counts as seen square on, without distortion.
 
     Raises
     ------
     PanelError
-        If its `rim` is no circle around its centre.
+        If its `rim` is not a circle around its centre.
     """
     lens = optics.lens
     if gauge.is_in_picture:
@@ -93,7 +94,7 @@ def dial_plane(gauge: Gauge, path: str, optics: Optics, inches: Matrix | None) -
 
 
 def _beside(gauge: Gauge, path: str, optics: Optics) -> DialPlane:
-    """Move a gauge that is drawn in the picture, whose centre may lie far off, as the lens moves its middle."""
+    """Move a gauge drawn as it appears, whose centre may be far off, the way the lens moves its middle."""
     at, radius_px = math.radians(sum(gauge.sweep) / 2), sum(gauge.radius) / 2
     away = radius_px * np.array([[math.cos(at)], [math.sin(at)]])
     x, y = (_straight(optics, np.array([gauge.centre], np.float64).T + away, f"{path}.centre") - away)[:, 0].tolist()
@@ -126,7 +127,7 @@ def _from_pairs(inches: Matrix, at: Matrix) -> Matrix:
 
 
 def _on_panel(inches: Matrix, centre: Point) -> DialPlane:
-    """Lay the dial in the panel's plane: x as the reference points count it, y clockwise as seen in front."""
+    """Put the dial in the panel's plane: x as in the reference points, y clockwise as seen from the front."""
     x, y = carried(np.asarray(np.linalg.inv(inches), np.float64), np.array(centre)[:, None])[:, 0]
     here = jacobian(inches, (float(x), float(y)))
     largest = float(np.linalg.svd(here, compute_uv=False)[0])
@@ -148,7 +149,7 @@ def _from_rim(rim: Matrix, centre: Point, right: Matrix, path: str) -> DialPlane
     if size < LEAST_WINDOW_PX:
         raise PanelError(f"{path}.rim", "is a point; mark points all round a circle about the gauge's centre")
     shape, nearer = _unit_circle(away / size, size, path)
-    # Any turn of the dial about its pivot explains the rim: the one that has 0 degrees to the right is taken.
+    # Any turn of the dial about its pivot explains the rim; the one with 0 degrees to the right is chosen.
     stretch = np.linalg.inv(_root(shape))
     first = np.linalg.solve(stretch, right)
     first /= np.hypot(*first)
@@ -163,15 +164,15 @@ def _from_rim(rim: Matrix, centre: Point, right: Matrix, path: str) -> DialPlane
 
 
 def _unit_circle(away: Matrix, size_px: float, path: str) -> tuple[Matrix, Matrix]:
-    """Return what makes points from the centre, (2, N) of size about one, a unit circle.
+    """Find what maps points around the centre, (2, N) of size about one, to a unit circle.
 
     Returns
     -------
-    (2, 2) the form S, and (2,) the perspective t: points p lie where p' S p = (1 - t p)^2.
+    (2, 2) the form S, and (2,) the perspective t: points p satisfy p' S p = (1 - t p)^2.
     """
     x, y = away
     rows = np.stack([x * x, 2 * x * y, y * y, 2 * x, 2 * y], axis=1)
-    # With t small: p' S p + 2 t p - (t p)^2 = 1, the last term from the pass before.
+    # With t small: p' S p + 2 t p - (t p)^2 = 1, the last term from the previous pass.
     t = np.zeros(2)
     prior = np.diag([1e-12] * 3 + [(2 * RIM_SIGMA_PX / size_px / PERSPECTIVE_PRIOR) ** 2] * 2)
     for _ in range(RIM_PASSES):

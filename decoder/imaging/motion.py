@@ -1,7 +1,7 @@
-"""Motions: maps between planes, from a mere shift up to a change of perspective, and their fit to points.
+"""Motions: maps between planes, from a plain shift to a change of perspective, and their fit to points.
 
-A motion is a plane-to-plane transformation near the identity. Its parameters are all in pixels: of shift, and of what
-roll, scale and the rest do at a lever's length from the middle of what is looked at.
+A motion is a plane-to-plane transformation near the identity. Its parameters are all in pixels: the shift, and what
+roll, scale and the rest move at a lever's length from the middle of the points.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ POLISHING_PASSES = 6
 
 
 class Model(IntEnum):
-    """Which motions are solved for; the value is how many parameters there are."""
+    """Which motions are solved for; the value is the number of parameters."""
 
     SHIFT = 2
     RIGID = 3
@@ -32,7 +32,7 @@ class Model(IntEnum):
 
     @property
     def words(self) -> str:
-        """For messages."""
+        """Its name in messages."""
         return {
             Model.SHIFT: "shift",
             Model.RIGID: "shift and roll",
@@ -44,21 +44,21 @@ class Model(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Frame2D:
-    """The axes of a motion's parameters: their middle, and the length that counts as one."""
+    """The axes of a motion's parameters: their middle, and the length of the lever."""
 
     middle_px: tuple[float, float]
     lever_px: float
 
     @classmethod
     def around(cls, points: Floats) -> Frame2D:
-        """Axes for (2, N) points: their mean, and the distance of the furthest."""
+        """Make axes for (2, N) points: their mean, and the distance of the furthest."""
         points = points.astype(np.float64)
         middle = points.mean(axis=1)
         lever_px = float(np.hypot(*(points - middle[:, None])).max())
         return cls((float(middle[0]), float(middle[1])), max(lever_px, 1.0))
 
     def jacobian(self, points: Floats, model: Model) -> Floats:
-        """(2, N, parameters): how (2, N) points move with each parameter."""
+        """(2, N, parameters): the derivatives of (2, N) points by the parameters."""
         x, y = ((row.astype(np.float64) - at) / self.lever_px for row, at in zip(points, self.middle_px, strict=True))
         zero, one = np.zeros_like(x), np.ones_like(x)
         right = [one, zero, -y, x, x, y, -x * x, -x * y]
@@ -95,7 +95,7 @@ class Frame2D:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionCovariance:
-    """How uncertain a motion is: (k, k) in px^2 of the parameters of `model` on `axes`."""
+    """The uncertainty of a motion: (k, k) in px^2 of the parameters of `model` on `axes`."""
 
     axes: Frame2D
     model: Model
@@ -108,11 +108,11 @@ class MotionCovariance:
         return covariance
 
     def sigma_px(self, points: Floats) -> Floats:
-        """(N,): one number for each of (2, N) points, the root mean square of the uncertainty along x and y."""
+        """(N,): the root mean square of the uncertainty along x and y for each of (2, N) points."""
         return self.sigma_by(self.axes.jacobian(points, self.model))
 
     def sigma_by(self, jacobian: Floats) -> Floats:
-        """Estimate `sigma_px` of points that move so with each parameter, (2, N, k)."""
+        """Estimate `sigma_px` of points with these derivatives by the parameters, (2, N, k)."""
         variance = ((jacobian @ self.covariance) * jacobian).sum(axis=(0, 2)) / 2
         sigma: Floats = np.sqrt(np.maximum(variance, 0.0))
         return sigma
@@ -123,12 +123,12 @@ class Undetermined(ValueError):
 
 
 def homography(points: Matrix, there: Matrix) -> Matrix:
-    """(3, 3): carries (2, N) points to (2, N) others, N >= 4, with the least squared distances there.
+    """(3, 3): the map from (2, N) points to (2, N) others, N >= 4, with the least squared distances there.
 
     Raises
     ------
     Undetermined
-        If the points leave it open.
+        If the points do not determine it.
     """
     own, other = _normaliser(points), _normaliser(there)
     (x, y), (u, v) = _carried(own, points), _carried(other, there)
@@ -151,12 +151,12 @@ def homography(points: Matrix, there: Matrix) -> Matrix:
 
 
 def carried(matrix: Matrix, points: Matrix) -> Matrix:
-    """(2, N) points through a (3, 3) transformation."""
+    """Carry (2, N) points through a (3, 3) transformation."""
     return _carried(matrix, points)
 
 
 def jacobian(matrix: Matrix, point: tuple[float, float]) -> Matrix:
-    """(2, 2): what a (3, 3) transformation does to the surroundings of a point."""
+    """(2, 2): the Jacobian of a (3, 3) transformation at a point."""
     place = matrix @ np.array([*point, 1.0])
     return np.asarray((matrix[:2, :2] - np.outer(place[:2] / place[2], matrix[2, :2])) / place[2])
 

@@ -1,6 +1,6 @@
-"""The optics of one flight: what lens took the panel picture, what lens takes a frame, and how the two zooms differ.
+"""The optics of one flight: the lens of the panel picture, the lens of a frame, and the zoom between them.
 
-Without a camera a picture counts as free of distortion, and enlarged with the focal length in its EXIF.
+Without a camera, a picture is assumed to be free of distortion, and scaled by the focal length in its EXIF.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from decoder.panel.lens import Lens
 Size = tuple[int, int]
 """Width and height in pixels."""
 
-# Sizes that a camera rounds differ in shape by up to this; pictures that somebody cut, of whose place in the whole
-# nothing is known, by more.
+# Sizes rounded by a camera differ in shape by up to this; cropped pictures, whose position in the whole is unknown, by
+# more.
 SHAPE_TOLERANCE = 0.004
 
 
@@ -34,7 +34,7 @@ class Optics:
     size_px
         Of the panel picture.
     stated_mm
-        The focal length at which the panel picture was taken, if the panel says it.
+        The focal length at which the panel picture was taken, if the panel states it.
     camera
         If known.
     """
@@ -45,14 +45,14 @@ class Optics:
 
     @property
     def focal_length_mm(self) -> float | None:
-        """At which the panel picture was taken, if known: of a camera that does not zoom its own."""
+        """At which the panel picture was taken, if known; for a camera without zoom, the only one it has."""
         if self.stated_mm is None and self.camera is not None:
             return self.camera.only_focal_length_mm
         return self.stated_mm
 
     @property
     def lens(self) -> Lens | None:
-        """Of the panel picture; None where camera or focal length are unknown.
+        """That of the panel picture; None if camera or focal length are unknown.
 
         Raises
         ------
@@ -65,13 +65,13 @@ class Optics:
 
     @property
     def shortcoming(self) -> str | None:
-        """What cannot be made use of, as a sentence; None if nothing."""
+        """What cannot be used, as a sentence; None if nothing."""
         if self.camera is not None and self.camera.distortion and self.focal_length_mm is None:
             return "the lens's distortion is left in: give the panel picture's `focal_length_mm` in panel.yaml"
         return None
 
     def frame_lens(self, focal_length_mm: float | None, size_px: Size) -> Lens | None:
-        """Of a frame; one that does not tell its focal length has the panel picture's.
+        """Return that of a frame; a frame without a focal length has the panel picture's.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class Optics:
         return Alignment.of(np.eye(3), 1.0, lens=self.lens) if self.lens is not None else IDENTITY
 
     def straight(self, points: Floats) -> Floats:
-        """(2, N) points of the panel picture, as taken, without distortion."""
+        """(2, N) points of the panel picture, as taken, with distortion removed."""
         lens = self.lens
         return points if lens is None or not lens.distorts else lens.undistorted(points.astype(np.float64))
 
@@ -105,7 +105,7 @@ class Optics:
         """
         (width, height), (own_width, own_height) = size_px, self.size_px
         part = width / own_width
-        # Without a camera nothing hangs on where a picture was cut: the search goes from its middle.
+        # Without a camera it does not matter where a picture was cropped: the search starts from its middle.
         tolerance = math.inf if self.camera is None else SHAPE_TOLERANCE
         same_shape = abs(height / (own_height * part) - 1.0) <= tolerance
         if not same_shape or not 1 / MAX_ENLARGEMENT <= part <= MAX_ENLARGEMENT:

@@ -1,4 +1,4 @@
-"""A panel with its pictures, brought from wherever they are: a folder, or the attachments of a flight file."""
+"""A panel with its pictures, loaded from a folder or from the attachments of a flight file."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class PanelPictures:
     camera
         That took the pictures, if known.
     planes
-        Of the dials, in the panel's order, where they are known better than from the panel alone.
+        Of the dials, in the panel's order, if better known than from the panel alone.
     encoded
-        The pictures as they are in their files; without them there are no colours.
+        The pictures as in their files; without them there are no colours.
     mixtures
-        In which grey each gauge is read, in the panel's order; None in luma.
+        The grey in which each gauge is read, in the panel's order; None for luma.
     """
 
     panel: Panel
@@ -48,7 +48,7 @@ class PanelPictures:
 
     @property
     def has_colour(self) -> bool:
-        """Whether a gauge is read in more than luma."""
+        """Whether any gauge is read in something other than luma."""
         return any(self.mixtures)
 
     def in_colour(self, name: str) -> ColourPicture:
@@ -62,17 +62,17 @@ class PanelPictures:
 
     @property
     def optics(self) -> Optics:
-        """How the panel picture was taken, and how frames are."""
+        """How the panel picture and frames were taken."""
         height, width = self.picture.shape
         return Optics((width, height), self.panel.focal_length_mm, self.camera)
 
     def with_planes(self) -> PanelPictures:
-        """Work out the planes of its dials.
+        """Compute the planes of its dials.
 
         Raises
         ------
         PanelError
-            If reference points or a rim tell no plane.
+            If reference points or a rim determine no plane.
         CameraError
             If the camera's calibration does not cover the panel picture.
         """
@@ -86,7 +86,7 @@ class PanelPictures:
         return replace(self, planes=tuple(planes))
 
     def grid(self, index: int) -> Grid:
-        """Lay out the sample points of the gauge at this place in the panel."""
+        """Lay out the sample points of the gauge with this index in the panel."""
         planes, gauge = self.with_planes().planes, self.panel.gauges[index]
         grid = grid_of(gauge, None if planes is None else planes[index])
         if self.mixtures:
@@ -96,13 +96,13 @@ class PanelPictures:
         return grid
 
     def check_shows(self, rim: Floats, path: str) -> None:
-        """PanelError unless the panel picture shows all that lies within a rim, as `PolarGrid.rim`."""
+        """Raise PanelError unless the panel picture shows all that lies within a rim, as from `PolarGrid.rim`."""
         height, width = self.picture.shape
         if not inside(rim, self.optics.own, width, height):
             raise PanelError(path, f"lies outside the {width} x {height} picture; check where it is drawn")
 
     def check_shows_half(self, rim: Floats, path: str) -> None:
-        """PanelError unless the panel picture shows half of a dial's rim, as `PolarGrid.rim`."""
+        """Raise PanelError unless the panel picture shows half of a dial's rim, as from `PolarGrid.rim`."""
         height, width = self.picture.shape
         if part_inside(rim, self.optics.own, width, height) < HALF:
             raise PanelError(
@@ -129,7 +129,7 @@ class PanelPictures:
 
 
 def panel_from_file(path: Path) -> PanelPictures:
-    """Read the panel in a file, its pictures beside it, or beside what it is a link to.
+    """Read the panel in a file, with its pictures beside it, or beside the target if it is a link.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def panel_from_file(path: Path) -> PanelPictures:
 
 
 def panel_from_attachments(attachments: Mapping[str, bytes], *, flight: str) -> PanelPictures:
-    """Read the panel that a flight file carries.
+    """Read the panel in a flight file.
 
     Raises
     ------

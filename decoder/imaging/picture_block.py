@@ -1,7 +1,7 @@
-"""Memory for the pictures of a batch, used again for the next: fresh memory costs a third of a decompression.
+"""Memory for the pictures of a batch, reused for the next one: fresh memory costs a third of a decompression.
 
-Of a JPEG whose rows follow each other the first alone can be had, at so much less cost: what lies below the panel need
-not be decompressed.
+A sequential JPEG can be decompressed from the top only as far as needed, at correspondingly less cost: what lies below
+the panel need not be decompressed.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ class TopOfFrame:
     coloured: Coloured | None = None
 
     def in_colour(self) -> ColourPicture:
-        """See its first rows in colour, or more of them."""
+        """Return its first rows in colour, or more of them."""
         return self.coloured() if self.coloured else without_colour(self.pixels)
 
 
 def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture | TopOfFrame:
-    """As `PictureBlock.frame`, of a frame of which so much is decompressed already.
+    """Do `PictureBlock.frame` for a frame of which some rows are already decompressed.
 
     Raises
     ------
     PictureError
-        As `PictureBlock.frame`, if more is wanted.
+        As `PictureBlock.frame`, if more rows are needed.
     """
     wanted = picture.height_px if rows is None else rows
     if isinstance(picture, TopOfFrame):
@@ -64,7 +64,7 @@ def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture
 
 
 def coloured_by(encoded: Encoded, video: GroupDecoder) -> Coloured:
-    """Tell how a picture is seen in colour, as `PictureBlock` has it, in memory of its own.
+    """Return a function that decodes a picture in colour, as `PictureBlock` does, in memory of its own.
 
     A picture of a video is the one that was decoded last.
 
@@ -81,7 +81,7 @@ def coloured_by(encoded: Encoded, video: GroupDecoder) -> Coloured:
 class PictureBlock:
     """Decompresses pictures into memory of its own; each stays until the next is put into the same slot.
 
-    Slots lie side by side: large memory comes from the system in large pages, which costs a fifth of many small ones.
+    Slots are contiguous: the system provides large memory in large pages, at a fifth of the cost of many small ones.
     """
 
     def __init__(self) -> None:
@@ -91,33 +91,33 @@ class PictureBlock:
         self._video = GroupDecoder()
 
     def reserve(self, slots: int) -> None:
-        """Make room for so many pictures at once, which it would make one by one."""
+        """Allocate room for this many pictures at once, instead of one by one."""
         if slots > len(self._memory):
             room = self._memory.shape[1]
             self._memory = np.empty((slots, room if slots * room <= MAX_BATCH_PIXELS else 0), np.uint8)
 
     def grey_picture(self, encoded: Encoded, slot: int) -> GreyPicture:
-        """As `pictures.grey_picture`, bit for bit.
+        """Do `pictures.grey_picture`, bit for bit.
 
         Raises
         ------
         PictureError
-            If the bytes are no picture, or one that breaks off.
+            If the bytes are not a picture, or a truncated one.
         """
         if isinstance(encoded, GroupPicture):
             return self._video.grey(encoded, self._slot(slot, self._video.size_px(encoded)))
         header = picture_header(encoded)
         if header is None or header.objection(len(encoded)):
-            return grey_picture(encoded)  # the judge of what is odd
+            return grey_picture(encoded)  # decides about unusual pictures
         try:
             buffer = self._slot(slot, header.height_px * header.width_px)
             picture = simplejpeg.decode_jpeg(encoded, "GRAY", buffer=buffer)
-        except ValueError:  # whatever is odd about it, there is one judge
+        except ValueError:  # unusual in some way
             return grey_picture(encoded)
         return np.asarray(picture[..., 0], np.uint8)
 
     def colour_picture(self, encoded: bytes, rows: int | None = None) -> ColourPicture:
-        """As `pictures.colour_picture`, of so many first rows; in memory that the next one takes.
+        """Do `pictures.colour_picture` for the first rows; in memory that the next one reuses.
 
         Raises
         ------
@@ -126,8 +126,8 @@ class PictureBlock:
         """
         header = picture_header(encoded)
         if header is None or header.objection(len(encoded)):
-            return colour_picture(encoded)  # the judge of what is odd
-        # The colours of the last row are mixed with those below it.
+            return colour_picture(encoded)  # decides about unusual pictures
+        # The colours of the last row are interpolated with those below it.
         seen = header.height_px if rows is None else min(rows + ROWS_OF_BLOCKS, header.height_px)
         is_top = header.is_sequential and seen < header.height_px
         told = self._with_height(encoded, header.height_at, seen) if is_top else encoded
@@ -136,14 +136,14 @@ class PictureBlock:
             self._colours = np.empty(size, np.uint8)
         try:
             picture = simplejpeg.decode_jpeg(told, "RGB", buffer=self._colours[:size], strict=not is_top)
-        except ValueError:  # whatever is odd about it, there is one judge
+        except ValueError:  # unusual in some way
             return colour_picture(encoded)
         return np.asarray(picture[:rows], np.uint8)
 
     def frame(
         self, encoded: Encoded, slot: int, focal_length_mm: float | None, rows: int | None, *, has_colour: bool = False
     ) -> FramePicture | TopOfFrame:
-        """Return a frame, or as many of its first rows as are wanted, if that spares anything.
+        """Return a frame, or only as many of its first rows as are needed, if that saves anything.
 
         With `has_colour` it can be seen in colour too.
 
@@ -158,13 +158,13 @@ class PictureBlock:
             return FramePicture(pixels, focal_length_mm, self._coloured(encoded) if has_colour else None)
 
         if isinstance(encoded, GroupPicture):
-            return whole()  # a video's picture is decoded whole or not at all
+            return whole()  # a video's picture is decoded wholly or not at all
         header = None if rows is None else picture_header(encoded)
         if rows is None or header is None or not header.is_sequential or rows >= header.height_px:
             return whole()
         if header.objection(len(encoded)):
-            return whole()  # which says it
-        # a decoder that is told of fewer rows stops after them
+            return whole()  # which reports it
+        # a decoder stops after the number of rows in the header
         cut = self._with_height(encoded, header.height_at, rows)
         try:
             buffer = self._slot(slot, rows * header.width_px)
@@ -175,13 +175,13 @@ class PictureBlock:
         return TopOfFrame(np.asarray(top[..., 0], np.uint8), header.height_px, focal_length_mm, whole, coloured)
 
     def _coloured(self, encoded: Encoded) -> Coloured:
-        """Tell how a picture that was decompressed last is seen in colour."""
+        """Return a function that decodes the picture decompressed last in colour."""
         if isinstance(encoded, GroupPicture):
             return self._video.coloured(encoded)
         return partial(self.colour_picture, encoded)
 
     def _with_height(self, encoded: bytes, at: int, rows: int) -> memoryview:
-        """Return a JPEG with another height in its header, in memory that is used again."""
+        """Return a JPEG with another height in its header, in reused memory."""
         if len(self._jpeg) < len(encoded):
             self._jpeg = bytearray(len(encoded))
         cut = memoryview(self._jpeg)[: len(encoded)]
@@ -195,11 +195,11 @@ class PictureBlock:
         if size > room:
             if slots > 1 and slots * size > MAX_BATCH_PIXELS:
                 return np.empty(size, np.uint8)
-            self._memory = np.empty((slots, size), np.uint8)  # pictures that lie in the old memory keep it
+            self._memory = np.empty((slots, size), np.uint8)  # earlier pictures keep the old memory alive
         return self._memory[slot, :size]
 
 
 def batch_frames(size_px: tuple[int, int]) -> int:
-    """How many frames make a batch where the panel picture is of this size (width, height)."""
+    """Return how many frames make a batch for a panel picture of this size (width, height)."""
     width, height = size_px
     return max(1, min(MAX_BATCH_FRAMES, MAX_BATCH_PIXELS // (width * height)))

@@ -1,11 +1,11 @@
 """Pictures as grey arrays: the one place where pictures are decompressed, always the same way.
 
-A gauge whose needle shows in its colour alone is read in another grey, a mixture of the colours around it; the colours
-of a frame are decompressed for that only if somebody asks for them.
+A gauge whose needle is visible in colour only is read in another grey, a mixture of the colours around it; a frame's
+colours are decompressed only if needed for that.
 
-Grey is the JPEG's own luma plane, which saves the colour conversion; it differs by up to five levels from the grey of
-the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is never
-obeyed: a camera that senses it would turn its frames in flight.
+Grey is the JPEG's own luma plane, which saves the colour conversion. It differs by up to five levels from the grey of
+the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is ignored,
+because a camera that senses it would turn its frames in flight.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ WHITE = 255
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FramePicture:
-    """A frame's grey levels, the focal length at which it was taken, if it tells, and how to see it in colour."""
+    """A frame's grey levels, the focal length at which it was taken, if known, and a way to see it in colour."""
 
     pixels: GreyPicture
     focal_length_mm: float | None = None
     coloured: Coloured | None = None
 
     def in_colour(self) -> ColourPicture:
-        """See it in colour; a frame that has none in all of its greys."""
+        """Return it in colour; a frame without colours in its greys."""
         return self.coloured() if self.coloured else without_colour(self.pixels)
 
     @property
@@ -48,13 +48,13 @@ class FramePicture:
 
 
 def without_colour(pixels: GreyPicture) -> ColourPicture:
-    """(H, W, 3): a grey picture as one in colour."""
+    """(H, W, 3): a grey picture as a colour one."""
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """A grey that is made of a picture's colours, of which each counts once, less once, or not at all."""
+    """A grey made of a picture's colours, each with a factor of 1, -1 or 0."""
 
     red: int
     green: int
@@ -62,7 +62,7 @@ class Mixture:
 
     @property
     def parts(self) -> NDArray[np.float64]:
-        """(3,): how much each colour counts, so that no picture leaves the levels that a grey has."""
+        """(3,): the weight of each colour, scaled so that no picture leaves the range of grey levels."""
         counts = np.array([self.red, self.green, self.blue], np.float64)
         parts: NDArray[np.float64] = counts / np.abs(counts).sum()
         return parts
@@ -74,7 +74,7 @@ class Mixture:
         return np.asarray(cv2.transform(colour, np.array([[*parts, -lowest]])), np.uint8)
 
     def __str__(self) -> str:
-        """Say what counts: red and green minus blue."""
+        """Name its colours, such as red and green minus blue."""
         counts = {"red": self.red, "green": self.green, "blue": self.blue}
         added, taken = (" and ".join(name for name, count in counts.items() if count == sign) for sign in (1, -1))
         return f"{added} minus {taken}" if taken else added
@@ -86,7 +86,7 @@ def grey_picture(encoded: Encoded, video: GroupDecoder | None = None) -> GreyPic
     Parameters
     ----------
     encoded : a file's bytes, or a picture of a video
-    video : what has decoded the video's pictures before, if there are more than one to come
+    video : the decoder that decoded the video's earlier pictures, if there are several
 
     Returns
     -------
@@ -103,12 +103,12 @@ def grey_picture(encoded: Encoded, video: GroupDecoder | None = None) -> GreyPic
 
 
 def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
-    """(H, W) or (H, W, 3) uint8: a JPEG, PNG or WebP as OpenCV has it with these flags of its own.
+    """(H, W) or (H, W, 3) uint8: decompress a JPEG, PNG or WebP with OpenCV and these flags of its own.
 
     Raises
     ------
     PictureError
-        If the bytes are none of these, break off, or would take more memory or time than a picture may.
+        If the bytes are none of these, are truncated, or would take more memory or time than a picture may.
     """
     if not encoded:
         raise PictureError("the picture is empty")
@@ -130,11 +130,11 @@ def decompressed(encoded: bytes, flags: int) -> NDArray[np.uint8]:
 
 
 def colour_picture(encoded: Encoded, video: GroupDecoder | None = None) -> ColourPicture:
-    """Decompress a picture in colour, for people to look at, and for gauges whose needles show in colour alone.
+    """Decompress a picture in colour, for people to look at, and for gauges whose needles show in colour only.
 
     Parameters
     ----------
-    encoded, video : as of `grey_picture`
+    encoded, video : as in `grey_picture`
 
     Returns
     -------

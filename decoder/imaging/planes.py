@@ -1,7 +1,7 @@
 """Planes: a dial's face as seen square on, and the plane above it in which its needles turn.
 
-The needle's plane seen from the camera is the face's plane enlarged about the camera's foot, by its distance over its
-distance from the needle. Where the camera stands follows in each frame from where the panel lies in it.
+Seen from the camera, the needle's plane is the face's plane enlarged about the camera's foot, by the ratio of the
+camera's distances from the face and from the needle. In each frame, the camera's place follows from the panel's.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from decoder.imaging.motion import carried, jacobian
 from decoder.panel.arrays import Floats
 
 Matrix = NDArray[np.float64]
-# Each place of a point in a picture is two equations.
-MIN_POINTS = 3  # of the panel tell a camera position, which has six unknowns
-MIN_PAIRS = 4  # of points tell a plane-to-plane map, which has eight
+# Each point of a picture gives two equations.
+MIN_POINTS = 3  # of the panel determine a camera position, which has six unknowns
+MIN_PAIRS = 4  # of points determine a plane-to-plane map, which has eight
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class DialPlane:
 
     @classmethod
     def of(cls, matrix: Floats) -> Self:
-        """With this matrix."""
+        """Make it with this matrix."""
         return cls(tuple((matrix / matrix[2, 2]).ravel().tolist()))
 
     @property

@@ -5,10 +5,10 @@ guess for each. Source: Haralick et al., "Review and analysis of solutions of th
 estimation problem", IJCV 13 (1994).
 
     solutions = pose_from_points(points_inches, points_px, lens)
-    best = solutions[0]                     # all that fit, best first; usually one, with three points often two
-    best.pose.homography(lens)              # inches on the panel to undistorted pixels
+    best = solutions[0]                      # all that fit, best first; usually one, with three points often two
+    best.pose.homography(lens)               # inches on the panel to undistorted pixels
 
-Three points fit exactly, so nothing but a further point, or a line known to be plumb, tells several solutions apart.
+Three points fit exactly, so only a further point, or a line known to be vertical, can tell several solutions apart.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ SIGMA_PX = 0.3
 """How uncertain a point that was marked by hand is, in x and in y."""
 
 _TRIANGLES = 4
-_PLAUSIBLE = 16.0  # a solution whose squared error, in variances, exceeds the best one's by more is no solution
+_PLAUSIBLE = 16.0  # solutions are dropped if their squared error, in variances, exceeds the best one's by more
 
 
 def guesses(points_inches: Matrix, normalised: Matrix) -> list[Pose]:
-    """Poses that show three points about where they are.
+    """Find poses that show three points about where they are.
 
     Parameters
     ----------
-    points_inches : (3, 3) in the panel's inner axes
+    points_inches : (3, 3) in the panel's internal axes
     normalised : (3, 2) where they are seen, in undistorted normalised coordinates
 
     Returns
@@ -113,17 +113,17 @@ def pose_from_points(
     sigma_px: float = SIGMA_PX,
     plumb_px: Matrix | None = None,
 ) -> tuple[PoseSolution, ...]:
-    """All camera poses that show reference points where the picture has them, best first.
+    """Find all camera poses that show reference points where the picture has them, best first.
 
     Parameters
     ----------
     points_inches : (N, 2) on the panel's plane, or (N, 3) with heights towards the camera; N >= 3; x right, y up or
-        down, which is told from the picture
+        down, which is determined from the picture
     points_px : (N, 2) where the picture shows them, as taken
     lens : of that picture
     sigma_px : standard uncertainty of `points_px` in x and in y
-    plumb_px : (2, 2) both ends, in the picture, of an edge that is vertical on the panel; tells the solutions of
-        three points apart. Without it the one nearest to square on counts as the best.
+    plumb_px : (2, 2) both ends, in the picture, of an edge that is vertical on the panel; distinguishes the solutions
+        of three points. Without it the one nearest to square on is the best.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def pose_from_points(
 
 
 def _plausible(solutions: list[PoseSolution], measured: Measured, sigma_px: float) -> tuple[PoseSolution, ...]:
-    """Keep the solution with the least residuals, and those which the points' uncertainty does not tell from it."""
+    """Keep the solution with the least residuals, and those that the points' uncertainty cannot distinguish from it."""
     ordered = sorted(solutions, key=lambda solution: solution.rms_px)
     count = measured.points_px.size
     limit = ordered[0].rms_px ** 2 + _PLAUSIBLE * variance_px2(ordered[0], measured, sigma_px) / count
@@ -161,7 +161,7 @@ def _plausible(solutions: list[PoseSolution], measured: Measured, sigma_px: floa
 
 
 def off_plumb_deg(pose: Pose, lens: Lens, ends_px: Matrix) -> float:
-    """By how much an edge in the picture, (2, 2) with a row of x and one of y, undistorted, is off the vertical."""
+    """Return how far an edge in the picture, (2, 2) with a row of x and one of y, undistorted, is off the vertical."""
     on_panel = np.linalg.inv(pose.homography(lens)) @ np.vstack([ends_px, np.ones(2)])
     (x0, x1), (y0, y1) = on_panel[:2] / on_panel[2]
     return float(np.degrees(np.arctan2(abs(x1 - x0), abs(y1 - y0))))
@@ -187,14 +187,14 @@ def _breadth(points: Matrix) -> float:
 
 
 def _is_mirrored(points_inches: Matrix, points_px: Matrix) -> bool:
-    """Whether y grows upwards on the panel: seen from the front, x right and y down turn like the picture's pixels."""
+    """Whether y grows upwards on the panel, since from the front x right and y down turn like the picture's pixels."""
     flat = points_inches[:, :2] - points_inches[:, :2].mean(axis=0)
     affine = np.linalg.lstsq(flat, points_px - points_px.mean(axis=0), rcond=None)[0]
     return bool(np.linalg.det(affine) < 0)
 
 
 def _settled(measured: Measured, *, y_up: bool, near_px: float) -> list[Iterated]:
-    """Where the iteration settles from every guess, each place once, the camera in front of the panel."""
+    """Iterate from every guess and return each place once, with the camera in front of the panel."""
     found: list[Iterated] = []
     for guess in _starts(measured):
         iterated = iterate(measured, Pose(guess.rotation, guess.translation_inches, y_up))
@@ -206,7 +206,7 @@ def _settled(measured: Measured, *, y_up: bool, near_px: float) -> list[Iterated
 
 
 def _distinct(found: list[tuple[bool, PoseSolution]]) -> list[PoseSolution]:
-    """All that fit, and what nearly fits unless it lies, for all that is known, where one that fits does."""
+    """Return all that fit, and those that nearly fit unless they coincide, within uncertainty, with one that fits."""
     fitting = [solution for settled, solution in found if settled]
     nearly = [solution for settled, solution in found if not settled]
     return fitting + [one for one in nearly if not any(_within(one, other) for other in fitting)]
@@ -218,7 +218,7 @@ def _within(one: PoseSolution, other: PoseSolution) -> bool:
 
 
 def _starts(measured: Measured) -> list[Pose]:
-    """Guesses from the widest triangles among the points."""
+    """Return guesses from the largest triangles among the points."""
 
     def area_px(three: tuple[int, ...]) -> float:
         first, second, third = measured.points_px[list(three)]
@@ -232,7 +232,7 @@ def _starts(measured: Measured) -> list[Pose]:
 
 
 def _triangles(points_px: Matrix) -> list[tuple[int, ...]]:
-    """Triangles among the points; of many points, among those outermost in eight directions only."""
+    """List triangles among the points; if there are many, only among those outermost in eight directions."""
     angles = np.arange(8) * np.pi / 4
     outermost = np.argmax(points_px @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)
     chosen = sorted({int(index) for index in outermost})

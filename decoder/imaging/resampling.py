@@ -15,13 +15,13 @@ from decoder.imaging.alignment import Alignment, carried_by, upright
 from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture
 from decoder.panel.arrays import Floats
 
-_NO_SECOND_MAP: Any = None  # the first holds x and y; OpenCV's type hints ask for both, its code does not
+_NO_SECOND_MAP: Any = None  # the first contains x and y; OpenCV's type hints require both, its code does not
 _WIDTH = 256  # OpenCV limits a map's sides to 32767; a folded map stays far below
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A part of a frame in float32, and where in the frame its first pixel lies."""
+    """A part of a frame in float32, and the position of its first pixel in the frame."""
 
     pixels: Floats
     left: int
@@ -30,14 +30,14 @@ class Patch:
 
 @dataclass(frozen=True, slots=True)
 class PointMap:
-    """Points of the panel picture, in several parts, laid out as OpenCV moves and samples them fastest.
+    """Points of the panel picture, in several parts, in the layout that OpenCV transforms and samples fastest.
 
     Attributes
     ----------
     slices
         Where each part lies in the flattened samples.
     folded
-        (rows, columns, 2) float32: the points, some at the end twice.
+        (rows, columns, 2) float32: the points, padded at the end by repetition.
     """
 
     slices: tuple[slice, ...]
@@ -47,7 +47,7 @@ class PointMap:
     @classmethod
     def of(cls, parts: Sequence[Floats]) -> PointMap:
         """Lay out parts that are (2, N) each: x and y in the panel picture."""
-        flat = np.concatenate(parts, axis=1).astype(np.float32, order="C")  # by rows, whichever way the parts lie
+        flat = np.concatenate(parts, axis=1).astype(np.float32, order="C")  # by rows, whatever the layout of the parts
         size = flat.shape[1]
         folded = np.empty((math.ceil(size / _WIDTH), _WIDTH, 2), np.float32)
         pairs = folded.reshape(-1, 2)
@@ -59,20 +59,20 @@ class PointMap:
         return cls(_consecutive([part.shape[1] for part in parts]), folded, corners)
 
     def sample(self, frame: GreyPicture, alignment: Alignment) -> Floats:
-        """(N,) float32: all parts one after the other, bilinear; outside the frame its border is repeated."""
+        """(N,) float32: sample all parts one after the other, bilinear; outside the frame its border is repeated."""
         return self.levels(frame, alignment).astype(np.float32)
 
     def levels(self, frame: GreyPicture, alignment: Alignment) -> GreyPicture:
-        """Sample as `sample` does, in whole grey levels, (N,) uint8."""
+        """Do `sample` in whole grey levels, (N,) uint8."""
         return levels_at(frame, alignment.places(self.folded))[: self.slices[-1].stop]
 
     def colours(self, frame: ColourPicture, alignment: Alignment) -> Floats:
-        """(N, 3) float32: `sample` in red, green and blue."""
+        """(N, 3) float32: do `sample` in red, green and blue."""
         levels = levels_at(frame, alignment.places(self.folded)).reshape(-1, 3)
         return levels[: self.slices[-1].stop].astype(np.float32)
 
     def places(self, alignment: Alignment, origin: tuple[float, float] = (0.0, 0.0)) -> Floats:
-        """(rows, columns, 2) float32: where the points lie in a frame, as `levels_at` samples them; some twice.
+        """(rows, columns, 2) float32: where the points lie in a frame, for `levels_at`; some are repeated.
 
         `origin` is the frame's pixel that counts as (0, 0).
         """
@@ -91,7 +91,7 @@ class PointMap:
 
 @dataclass(frozen=True, slots=True)
 class MixedPart:
-    """The part of a frame around some points in a grey of its own, and the frame's pixel that is its first."""
+    """The part of a frame around some points in a mixture of colours, and the position of its first pixel."""
 
     pixels: GreyPicture
     origin: tuple[float, float]
@@ -123,12 +123,12 @@ def part_inside(points: Floats, alignment: Alignment, width_px: int, height_px: 
 
 
 def as_places(points: Floats) -> Floats:
-    """(1, M, 2) float32: points (2, M) laid out to be carried into frames."""
+    """(1, M, 2) float32: points (2, M) in the layout to be carried into frames."""
     return np.ascontiguousarray(points.T[None], np.float32)
 
 
 def each_inside(places: Floats, alignments: Sequence[Alignment], width_px: int, height_px: int) -> list[bool]:
-    """As `inside`, of points as `as_places` lays them out, for the alignments of frames of one size and lens."""
+    """Do `inside` for points from `as_places` and the alignments of frames of one size and lens."""
     if not alignments:
         return []
     matrices = np.array([alignment.elements for alignment in alignments]).reshape(-1, 3, 3)
@@ -139,12 +139,12 @@ def each_inside(places: Floats, alignments: Sequence[Alignment], width_px: int, 
 
 
 def levels_at(pixels: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
-    """Grey levels at places (rows, columns, 2), flattened, of the pixels' own type: whole levels stay whole."""
+    """Return grey levels at places (rows, columns, 2), flattened, in the pixels' own type: integers stay integers."""
     return cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1)
 
 
 def put_levels(levels: Floats, pixels: Floats, places: Floats) -> None:
-    """`levels_at`, not flattened, put where they are wanted: (rows, columns) float32, rows side by side."""
+    """Do `levels_at` into given memory, not flattened: (rows, columns) float32, rows contiguous."""
     cv2.remap(pixels, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, dst=levels, borderMode=cv2.BORDER_REPLICATE)
 
 

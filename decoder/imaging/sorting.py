@@ -1,4 +1,4 @@
-"""Sorting of small and of many arrays, where NumPy's own ways cost several times as much."""
+"""Medians of small arrays and of many arrays, where NumPy's functions take several times as long."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import numpy as np
 
 from decoder.panel.arrays import Floats
 
-# Of normal noise the standard deviation, for each unit of the median distance from its median.
+# Standard deviation of normal noise per unit of its median absolute deviation.
 MAD_TO_SIGMA = 1.4826
 
 
 def median(values: Floats) -> Floats:
-    """Take the median of values (N,), none of them NaN: as `np.median`, to the bit."""
+    """Take the median of values (N,) without NaN, identical to `np.median`."""
     lower = (len(values) - 1) // 2
-    parted = np.partition(values, lower)  # to part them at two places takes three times as long
+    parted = np.partition(values, lower)  # partitioning at two places takes three times as long
     higher = parted[lower] if len(values) % 2 else parted[lower + 1 :].min()
     middle: Floats = (parted[lower] + higher) / 2
     return middle
 
 
 def median_of(views: Floats) -> Floats:
-    """Take the median of each pixel over K views, (K, ...): as `np.median` on axis 0, at a third of its cost."""
+    """Take the median of each pixel over K views, (K, ...), as `np.median` on axis 0 does at three times the cost."""
     values = np.sort(views.reshape(len(views), -1).T.copy(), axis=1)
     low, high = values[:, (len(views) - 1) // 2], values[:, len(views) // 2]
     median: Floats = ((low + high) / 2).reshape(views.shape[1:])
@@ -28,7 +28,7 @@ def median_of(views: Floats) -> Floats:
 
 
 def middle_views(views: Floats) -> tuple[Floats, Floats]:
-    """Sort views (N, ...) pixel by pixel: that at (N - 1) // 2, and the next if there is one."""
+    """Sort views (N, ...) pixel by pixel; return the one at (N - 1) // 2, and the next if there is one."""
     first = (len(views) - 1) // 2
     ordered = np.sort(views, axis=0)
     return ordered[first], ordered[min(first + 1, len(views) - 1)]

@@ -36,10 +36,10 @@ class PolarGrid:
     """The sample points of one unwrapped gauge.
 
     Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
-    picture pixels. With `tail_columns` as many columns stand before these: what lies opposite, across the centre, from
-    the rim inwards; so a row is a whole line through the dial, and a needle's tail stands in its row. With
-    a `plane` angles and radii are those of the dial seen square on; it tells where they lie in the panel picture. What
-    is `raised` above the panel is looked up where the camera sees it. With a `mixture` it is sampled in that grey.
+    picture pixels. With `tail_columns`, as many columns precede these, with what lies opposite, across the centre, from
+    the rim inwards; so a row is a whole line through the dial, and includes a needle's tail. With a `plane`, angles and
+    radii are those of the dial seen square on, and it gives their places in the panel picture. What is `raised` above
+    the panel is sampled where the camera sees it. With a `mixture`, it is sampled in that grey.
     """
 
     centre: tuple[float, float]
@@ -56,7 +56,7 @@ class PolarGrid:
 
     @property
     def radii_px(self) -> Floats:
-        """(columns,): how far each column lies from the centre, negative across it."""
+        """(columns,): the distance of each column from the centre, negative across it."""
         outward = self.inner_px + self.column_px * np.arange(self.columns - self.tail_columns)
         radii: Floats = np.concatenate([-outward[: self.tail_columns][::-1], outward])
         return radii
@@ -77,7 +77,7 @@ class PolarGrid:
         return points
 
     def rim(self) -> Floats:
-        """(2, M) float32: points along its outer and inner arc, to tell whether it lies in a frame."""
+        """(2, M) float32: points along its outer and inner arc, to test whether it lies in a frame."""
         rows = (np.arange(RIM_POINTS) * ((self.rows - 1) / (RIM_POINTS - 1))).round()
         points = self.points_at(self.start_deg + self.step_deg * rows, self.radii_px[[-1, 0]])
         return np.concatenate([points[:, :, 0], points[:, :, 1]], axis=1)
@@ -93,7 +93,7 @@ class PolarGrid:
 
     @property
     def pixels_per_sample(self) -> float:
-        """How much of a frame's pixel one sample stands for at the mean radius, at most 1."""
+        """How much of a frame's pixel one sample covers at the mean radius, at most 1."""
         sides = (self.columns - self.tail_columns, self.tail_columns)
         mean_px = self.inner_px + self.column_px * sum(count * (count - 1) / 2 for count in sides) / self.columns
         return min(1.0, math.radians(self.step_deg) * mean_px * self.column_px)
@@ -101,10 +101,10 @@ class PolarGrid:
 
 @dataclass(frozen=True, slots=True)
 class WindowGrid:
-    """The sample points of a window, which is seen from wherever its corners tell: rows go down, columns across.
+    """The sample points of a window, whose corners may be seen from any side: rows go down, columns across.
 
-    Samples lie in the middles of cells about as large as a pixel, and on each side so many cells of what is around
-    it, `margin`, are sampled too. A window is a plane of its own, never `raised`.
+    Samples lie in the middles of cells about as large as a pixel; on each side, `margin` cells of the surroundings are
+    sampled too. A window is a plane of its own, never `raised`.
     """
 
     corners: Corners
@@ -117,7 +117,7 @@ class WindowGrid:
 
     @classmethod
     def of(cls, corners: Corners, margin_part: float = 0.0) -> WindowGrid:
-        """Lay it out with a cell for each pixel, and a margin that is such a part of its shorter side."""
+        """Lay it out with a cell for each pixel, and a margin that is this part of its shorter side."""
         width, height = (math.ceil(side_px) for side_px in size_px(corners))
         margin = math.ceil(margin_part * min(width, height))
         return cls(corners, height + 2 * margin, width + 2 * margin, margin)
@@ -129,7 +129,7 @@ class WindowGrid:
 
     @property
     def cell_px(self) -> tuple[float, float]:
-        """How wide and how high a cell is on the panel picture, on average."""
+        """The width and height of a cell on the panel picture, on average."""
         width_px, height_px = size_px(self.corners)
         return width_px / (self.columns - 2 * self.margin), height_px / (self.rows - 2 * self.margin)
 
@@ -149,7 +149,7 @@ class WindowGrid:
         return points
 
     def rim(self) -> Floats:
-        """(2, 4) float32: its corners, to tell whether it lies in a frame."""
+        """(2, 4) float32: its corners, to test whether it lies in a frame."""
         return np.array(self.corners, np.float32).T
 
 
@@ -182,8 +182,8 @@ def polar_grid(
 ) -> PolarGrid:
     """Lay out the grid from `start_deg` to `end_deg` (both included) with a density that suits the dial's size.
 
-    With `across` it has what lies opposite as well; with `fine` rows are as far apart as pixels, however large it is. A
-    dial that is not seen square on has a `plane`.
+    With `across` it includes what lies opposite as well; with `fine` rows are as far apart as pixels, however large it
+    is. A dial that is not seen square on has a `plane`.
     """
     rows_per_deg = max(MIN_ROWS_PER_DEG, math.ceil(math.radians(radius_px[1])))
     if not fine:
@@ -228,7 +228,7 @@ class Unwrapper:
 
     @cached_property
     def mixed(self) -> dict[int, tuple[Mixture, PointMap]]:
-        """By place in their order, those grids that are not sampled in luma: in which grey, and their points."""
+        """By index, the grids that are not sampled in luma: their mixture and their points."""
         return {
             index: (grid.mixture, PointMap.of([grid.points().reshape(2, -1)]))
             for index, grid in enumerate(self.grids)
@@ -245,7 +245,7 @@ class Unwrapper:
     def unwrap(
         self, frame: GreyPicture, alignment: Alignment, in_colour: Coloured | None = None
     ) -> list[UnwrappedGauge]:
-        """One (rows, columns) float32 array for each grid, in their order.
+        """Sample one (rows, columns) float32 array for each grid, in order.
 
         Samples outside the frame repeat its border; `inside` tells whether there are any. Without its colours a frame
         is all grey.
@@ -284,7 +284,7 @@ class Unwrapper:
 
 
 def _mixed_levels(colour: ColourPicture, alignment: Alignment, mixture: Mixture, points: PointMap) -> Floats:
-    """(N,) float32: a grid's samples in a grey of its own."""
+    """(N,) float32: a grid's samples in its own mixture."""
     part = MixedPart.of(colour, mixture, points.places(alignment))
     levels = levels_at(part.pixels, points.places(alignment, part.origin))[: points.slices[-1].stop]
     return levels.astype(np.float32)
@@ -296,7 +296,7 @@ def grid_of(gauge: Gauge, plane: DialPlane | None = None) -> Grid:
 
 
 def gauge_grid(gauge: Gauge, plane: DialPlane | None = None) -> PolarGrid:
-    """Lay out the unwrapped dial's sample points; of a window those of the circle around it."""
+    """Lay out the unwrapped dial's sample points; for a window those of the circle around it."""
     return polar_grid(
         gauge.centre, gauge.radius, *gauge.unwrapped_deg, across=gauge.tail, fine=gauge.is_in_picture, plane=plane
     )
@@ -310,7 +310,7 @@ def rows_in_sweep(gauge: Gauge, grid: PolarGrid) -> NDArray[np.bool_]:
 
 
 def row_of_angle(grid: PolarGrid, angle_deg: float) -> float:
-    """Find the row of an angle on the grid, whole turns added or taken off: the one nearest to the grid's middle."""
+    """Find the row of an angle on the grid, modulo whole turns: the one nearest to the grid's middle."""
     middle = (grid.rows - 1) / 2
     turn_rows = FULL_CIRCLE_DEG / grid.step_deg
     off = (angle_deg - grid.start_deg) / grid.step_deg - middle
@@ -318,17 +318,17 @@ def row_of_angle(grid: PolarGrid, angle_deg: float) -> float:
 
 
 def turn_rows(gauge: Gauge, grid: PolarGrid) -> float | None:
-    """How many rows a full turn has where the dial is read all the way round."""
+    """Return how many rows a full turn has, if the dial is read all the way round."""
     return FULL_CIRCLE_DEG / grid.step_deg if gauge.is_round else None
 
 
 def same_rows(row: float, turn: float | None) -> tuple[float, ...]:
-    """All rows at which what lies on one row shows again, on the grid or beyond it."""
+    """List all rows at which the content of one row repeats, on the grid or beyond it."""
     return (row,) if turn is None else (row - turn, row, row + turn)
 
 
 def opposite_rows(row: float, grid: PolarGrid) -> tuple[float, ...]:
-    """List the rows at which what lies on one row shows with its columns the other way round; none without tails."""
+    """List the rows at which the content of one row repeats with its columns reversed; none without tails."""
     half = FULL_CIRCLE_DEG / grid.step_deg / 2
     return (row - 3 * half, row - half, row + half, row + 3 * half) if grid.tail_columns else ()
 
@@ -341,7 +341,7 @@ def needle_places(grid: PolarGrid, touched: Mask, axis_row: float, turn: float |
 
 
 def touched_pixels(grid: PolarGrid, touched: Mask, axis_row: float, turn: float | None) -> Indices:
-    """(N,): the same pixels, numbered through; some may be there twice."""
+    """(N,): the same pixels as flat indices; some may be repeated."""
     shape = (grid.rows, grid.columns)
     return np.concatenate(
         [needle_pixels(shape, touched, row) for row in same_rows(axis_row, turn)]
@@ -350,7 +350,7 @@ def touched_pixels(grid: PolarGrid, touched: Mask, axis_row: float, turn: float 
 
 
 def needle_pixels(shape: tuple[int, int], touched: Mask, axis_row: float) -> Indices:
-    """(N,): all pixels, numbered through, that a needle with its axis on a row touches on a gauge of R by C of them.
+    """(N,): flat indices of all pixels that a needle with its axis on a row touches on a gauge of R by C pixels.
 
     `touched` (H, C) are those of its template.
     """
@@ -359,7 +359,7 @@ def needle_pixels(shape: tuple[int, int], touched: Mask, axis_row: float) -> Ind
     start = math.floor(top)
     place = np.zeros((rows + 1, columns), bool)
     place[:rows] = touched
-    if top > start:  # between two rows it touches what it would on either
+    if top > start:  # between two rows it touches what it would touch on either
         place[1:] |= touched
     first, last = max(start, 0), min(start + rows + 1, shape[0])
     if first >= last:

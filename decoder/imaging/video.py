@@ -1,8 +1,8 @@
 """Pictures of a video, decoded a group at a time; the one place where FFmpeg decodes.
 
-Grey is the decoder's own luma plane, carried to full range where the video has the levels of television (16 to 235), so
-that a frame and a panel picture taken from it have the same greys. A rotation that the video states is carried out: it
-is the same in all its pictures, and players show it so.
+Grey is the decoder's own luma plane, scaled to full range if the video has limited-range levels (16 to 235), so that a
+frame and a panel picture taken from it have the same greys. A rotation stated in the video is applied, since it is the
+same in all its pictures, and players show it so.
 
 One thread decodes, so that the same packets give the same bytes however many processes share a flight.
 """
@@ -27,17 +27,17 @@ from flight_file.thresholds import MAX_PIXELS, MAX_SIDE_PX
 if TYPE_CHECKING:
     from av import VideoFrame
 
-JPEG_QUALITY = 97  # of a picture that becomes a panel's
+JPEG_QUALITY = 97  # of a frame that becomes a panel picture
 _CODECS = {"h264": "h264", "h265": "hevc"}
 _PLANAR = frozenset({"yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "gray"})
 _EIGHT_BITS = "yuv420p"
 _INSTALL = "reading a video needs PyAV; install it: pip install 'image-flight-recorder[video]'"
 _QUARTER_DEG = 90
-_BLACK, _LUMA = 16.0, 255 / 219  # television's black, and how far its white is from there. Source: ITU-R BT.709
+_BLACK, _LUMA = 16.0, 255 / 219  # limited-range black, and the scale to full range. Source: ITU-R BT.709
 
 
 class _Range(IntEnum):
-    """FFmpeg's codes of the levels that pictures have."""
+    """FFmpeg's codes of the range of levels."""
 
     TELEVISION = 1
     FULL = 2
@@ -45,7 +45,7 @@ class _Range(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class GroupPicture:
-    """One picture of a video: the group that it is decoded with, and its place there in the order of time."""
+    """One picture of a video: the group that it is decoded with, and its index there in order of time."""
 
     group: Group
     place: int
@@ -56,12 +56,12 @@ Encoded = bytes | GroupPicture
 
 
 def encoded_of(frame: Frame) -> Encoded:
-    """Give a frame's picture, to be decompressed."""
+    """Return a frame's picture, to be decompressed."""
     return frame.encoded if frame.group is None else GroupPicture(frame.group, frame.place)
 
 
 class GroupDecoder:
-    """Decodes pictures of one group after the other; those that are asked for in order are each decoded once."""
+    """Decodes pictures of one group after the other; if they are requested in order, each is decoded once."""
 
     def __init__(self) -> None:
         self._group: Group | None = None
@@ -92,7 +92,7 @@ class GroupDecoder:
         raise PictureError("the picture is damaged: it cannot be decoded")
 
     def grey(self, wanted: GroupPicture, into: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
-        """(H, W) uint8: a picture's luma; into this memory of at least as many bytes, if it is given.
+        """(H, W) uint8: return a picture's luma, in memory of at least as many bytes if given.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class GroupDecoder:
         if _is_full_range(frame):
             np.copyto(target, plane)
         else:
-            # Both take a third of what a table of levels does.
+            # Both together take a third of the time of a lookup table.
             cv2.subtract(plane, _BLACK, target)  # type: ignore[call-overload]  # its stubs know no scalar
             cv2.convertScaleAbs(target, target, _LUMA)
         return _turned(target, wanted.group.rotation_deg)
@@ -127,7 +127,7 @@ class GroupDecoder:
         return self.coloured(wanted)()
 
     def coloured(self, wanted: GroupPicture) -> Callable[[], NDArray[np.uint8]]:
-        """Hold a picture, to be seen in colour when others have been decoded.
+        """Keep a picture so that it can be seen in colour after others have been decoded.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class GroupDecoder:
         return partial(_in_colour, self.picture(wanted), wanted.group.rotation_deg)
 
     def jpeg(self, wanted: GroupPicture) -> bytes:
-        """Encode a picture as a JPEG whose luma is what `grey` gives, but for the loss of that.
+        """Encode a picture as a JPEG whose luma is that of `grey`, up to compression.
 
         Raises
         ------
@@ -161,7 +161,7 @@ def _in_colour(frame: VideoFrame, rotation_deg: int) -> NDArray[np.uint8]:
 
 
 def _decoded(group: Group) -> Iterator[VideoFrame]:
-    """Decode a group's pictures, in the order of time; each has its place in the group as its time."""
+    """Decode a group's pictures in order of time; each has its index in the group as its time."""
     av: Any = _av()
     context = av.CodecContext.create(_CODECS[group.format], "r")
     context.thread_type, context.thread_count = "NONE", 1
@@ -200,7 +200,7 @@ def _refuse_damaged(frame: VideoFrame) -> None:
 
 
 def _eight_bits(frame: VideoFrame) -> VideoFrame:
-    """Give a frame whose first plane is luma of eight bits."""
+    """Return a frame whose first plane is luma of eight bits."""
     return frame if frame.format.name in _PLANAR or frame.format.name == "nv12" else frame.reformat(format=_EIGHT_BITS)
 
 
@@ -227,13 +227,13 @@ def _is_full_range(frame: VideoFrame) -> bool:
 
 
 def _levels(frame: VideoFrame) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None]:
-    """Tables for luma and chroma; None for those that have all levels."""
+    """Return tables for luma and chroma; None for those that are full range."""
     return (None, None) if _is_full_range(frame) else _tables()
 
 
 @cache
 def _tables() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Carry television's levels, 16 to 235 and 16 to 240, to 0 to 255. Source: ITU-R BT.601, BT.709; JFIF."""
+    """Return tables from limited range, 16 to 235 and 16 to 240, to 0 to 255. Source: ITU-R BT.601, BT.709; JFIF."""
     levels = np.arange(256.0)
     luma = np.rint((levels - _BLACK) * _LUMA)
     chroma = np.rint((levels - 128) * 255 / 224 + 128)

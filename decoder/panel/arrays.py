@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field
 
-MOST = 1e12  # of any number that is written by hand: what is calculated with it stays far from a double's ends
+MOST = 1e12  # limit of any hand-written number, so that results stay far from overflow
 
 Floats = NDArray[np.floating[Any]]
 """Numbers in single or double precision; each docstring says which, and the shape."""
@@ -19,7 +19,7 @@ Indices = NDArray[np.intp]
 
 
 def limited(values: NDArray[Any], low: float | NDArray[Any], high: float | NDArray[Any]) -> NDArray[Any]:
-    """As `np.clip`, which costs several times as much on a small array."""
+    """Do `np.clip`, which takes several times as long on a small array."""
     inside: NDArray[Any] = np.minimum(np.maximum(values, low), high)
     return inside
 
@@ -31,7 +31,7 @@ def _no_truth(value: object) -> object:
 
 
 def at_most(limit: float) -> AfterValidator:
-    """Refuse numbers that lie further from zero: what is computed from them would overflow, and mean nothing."""
+    """Refuse numbers that are further from zero, as results computed from them would overflow."""
 
     def check(number: float) -> float:
         if abs(number) > limit:
@@ -42,6 +42,6 @@ def at_most(limit: float) -> AfterValidator:
 
 
 NO_TRUTH = BeforeValidator(_no_truth)
-# A bound stands first: only there the reference of the keys shows it.
+# A bound has to come first, or the reference of the keys does not show it.
 Number = Annotated[float, Field(allow_inf_nan=False), NO_TRUTH, at_most(MOST)]
 Degrees = Annotated[Number, at_most(36_000)]

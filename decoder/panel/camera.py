@@ -1,7 +1,7 @@
-"""The camera: what `camera.yaml` says of one camera's lens at all its zooms, checked once at the edge.
+"""The camera: what `camera.yaml` says of one camera's lens at all its zooms, validated once at the edge.
 
 The calibration is made at one picture size and serves every size with the same field of view: a 2M picture (1616 x
-1212) and an Original (4896 x 3672) differ by their scale alone. The format is described for its writers in
+1212) and an Original (4896 x 3672) differ only in scale. The format is described for its authors in
 docs/calibration.md; `decode calibrate` writes it.
 """
 
@@ -157,12 +157,12 @@ class Camera(Strict):
 
     @property
     def only_focal_length_mm(self) -> float | None:
-        """Of a lens that does not zoom; None of one that does."""
+        """That of a lens that does not zoom; None if it does."""
         low, high = self.focal.range_mm
         return low if low == high else None
 
     def covers(self, focal_length_mm: float) -> bool:
-        """Whether the calibration holds at this focal length, but for the rounding of EXIF."""
+        """Whether the calibration is valid at this focal length, up to the rounding of EXIF."""
         low, high = self.focal.range_mm
         return low * (1 - FOCAL_TOLERANCE) <= focal_length_mm <= high * (1 + FOCAL_TOLERANCE)
 
@@ -170,7 +170,7 @@ class Camera(Strict):
         """Make the lens at one zoom, in the pixels of pictures of one size.
 
         Between two focal lengths at which the distortion was measured its coefficients are interpolated linearly;
-        beyond the outermost, these are kept.
+        beyond the outermost ones they stay constant.
 
         Parameters
         ----------

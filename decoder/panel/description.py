@@ -1,4 +1,4 @@
-"""What people write in YAML, checked once at the edge: the first wrong value becomes one sentence with its path."""
+"""What people write in YAML, validated once at the edge: the first wrong value becomes one sentence with its path."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LONGEST_TEXT = 200
 LONGEST_KEY = 60
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 
-# What is wrong with a value, by the type of the error that pydantic finds, and with what it tells of it.
+# What is wrong with a value, by the type of pydantic's error, and with its details.
 SAID = {
     "missing": "is missing",
     "float_type": "is not a number",
@@ -94,7 +94,7 @@ PictureName = Annotated[Text, AfterValidator(_beside)]
 
 
 class Strict(BaseModel):
-    """A part of a description: unknown keys are errors, nothing changes afterwards."""
+    """A part of a description: unknown keys are errors, and it is immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -112,7 +112,7 @@ def parse_description(
     model : the description's outermost part
     error : raised with the path of the first wrong value
     thing : what the text describes, in a word
-    page : the document that says how it is written
+    page : the document that explains its format
     source : the text's name in messages
 
     Raises
@@ -140,7 +140,7 @@ def check_description(
 
 
 def problems_in(model: type[Strict], content: object, *, thing: str) -> list[tuple[str, str]]:
-    """Everything that is wrong with a content: the path of each value and what is wrong with it."""
+    """List everything that is wrong with a content: the path of each value and the problem."""
     try:
         model.model_validate(content)
     except ValidationError as found:
@@ -149,7 +149,7 @@ def problems_in(model: type[Strict], content: object, *, thing: str) -> list[tup
 
 
 def sentences_of(found: ValidationError, model: type[Strict], *, thing: str) -> list[tuple[str, str]]:
-    """Say what a model found wrong: the path of each value, and what is wrong with it."""
+    """Say what a model found wrong: the path of each value and the problem."""
     return [_sentence(problem, model, thing) for problem in _telling(found)]
 
 
@@ -157,7 +157,7 @@ def _first_problem(
     found: ValidationError, error: type[DescriptionError], model: type[Strict], thing: str, source: str
 ) -> DescriptionError:
     problems = _telling(found)
-    # A key that is missing may be there, misspelt.
+    # A missing key may be present but misspelt.
     beside = [problem for problem in problems if problem["loc"][:-1] == problems[0]["loc"][:-1]]
     first = next((problem for problem in beside if problem["type"] == "extra_forbidden"), problems[0])
     path, message = _sentence(first, model, thing)
@@ -166,7 +166,7 @@ def _first_problem(
 
 
 def _telling(found: ValidationError) -> list[ErrorDetails]:
-    # A list too short only because its items are wrong is no news.
+    # That a list is too short only because its items are wrong is not worth reporting.
     problems = [problem for problem in found.errors(include_url=False) if problem["type"] != "too_short"]
     return problems or found.errors(include_url=False)
 
@@ -175,7 +175,7 @@ def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[s
     path = ""
     for part in problem["loc"]:
         if isinstance(part, str) and part.startswith(("function-", "tuple[")):
-            continue  # not a key, but which of several types a value was tried as
+            continue  # not a key, but one of several types that a value was tried as
         key = part if isinstance(part, int) else printable(part[:LONGEST_KEY])
         path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
     message = _said(problem)
@@ -188,7 +188,7 @@ def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[s
 
 
 def _said(problem: ErrorDetails) -> str:
-    """Say what is wrong in words of our own: a library's are about its types, and not about what somebody wrote."""
+    """Say what is wrong in our own words, as a library's are about its types, and not about what somebody wrote."""
     told = problem.get("ctx", {})
     if problem["type"] == "value_error":
         return str(told["error"])

@@ -39,7 +39,7 @@ from decoder.panel.window import WINDOW_ARC_PX, Corners, as_dial, check_corners
 
 RadiusPx = Annotated[Positive, at_most(10_000)]
 
-# A dial that is read all the way round is unwrapped with so much of it twice that a peak at either end is whole.
+# A dial that is read all the way round is unwrapped with this much overlap, so that a peak at either end is whole.
 OVERLAP_DEG = 2.0
 MOST_DOUBT_DEG = 20.0
 
@@ -155,7 +155,7 @@ class Gauge(Strict):
 
     @property
     def _given(self) -> list[DescribedKind]:
-        """What is described on it: one kind, if the panel is right."""
+        """The kinds described on it; one, if the panel is right."""
         needles = Needles(self.needles) if self.needles else None
         card: DescribedKind | None = self.card
         if needles is not None and self.card is not None:
@@ -213,7 +213,7 @@ class Gauge(Strict):
         return self.kind.pointers()
 
     def lines(self, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
-        """By quantity what its value looks like, where that is no pointer's line; `values` by quantity."""
+        """Return what each quantity's value looks like if it is not a pointer's line; `values` is by quantity."""
         return self.kind.lines(self, values)
 
     @property
@@ -223,7 +223,7 @@ class Gauge(Strict):
 
     @property
     def over_face(self) -> tuple[Pointer, ...]:
-        """Those that turn over a face which stands still."""
+        """Those that turn over a still face."""
         return self.turning if self.kind.has_still_face else ()
 
     @property
@@ -275,7 +275,7 @@ class Gauge(Strict):
         return Combination(quantity, names, turn, own.tolerance)
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Self:
-        """Return the gauge with each angle that was drawn on it exchanged for the true one."""
+        """Return the gauge with every drawn angle replaced by the true one."""
         first, last = self.sweep
         told: dict[str, object] = {
             "scale": marks_at(self.scale, true_deg),
@@ -288,17 +288,17 @@ class Gauge(Strict):
 
     @property
     def arc_px(self) -> float:
-        """The radius at which angles and pixels are taken for each other."""
+        """The radius at which angles and pixels are converted into each other."""
         return sum(self.radius) / 2 if self.window is None else WINDOW_ARC_PX
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Where needles go: from stop to stop, or along the sweep."""
+        """Where needles can go: from stop to stop, or along the sweep."""
         return self.stops or self.sweep
 
     @property
     def is_in_picture(self) -> bool:
-        """Whether it is drawn as it is seen, in no plane of its own: a line in the picture, with a far pivot."""
+        """Whether it is drawn as it appears, in no plane of its own: as a line in the picture, with a far pivot."""
         return self.ball is not None
 
     @property
@@ -316,13 +316,13 @@ class Gauge(Strict):
 
 
 def _with_tube(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Give a gauge with a ball what its tube tells."""
+    """Add the keys that follow from the tube to a gauge with a ball."""
     ball = given.get("ball")
     return {**given, **tube_gauge(ball)} if isinstance(ball, Mapping) else given
 
 
 def stand_in_gauge(centre: Point) -> dict[str, object]:
-    """Describe a gauge only so that anchors and level are a panel: what finds the panel needs no dials."""
+    """Describe a dummy gauge, so that anchors and level alone form a panel, as finding it needs no dials."""
     return {
         "name": "stand-in",
         "centre": list(centre),

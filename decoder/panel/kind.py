@@ -1,6 +1,6 @@
-"""What a kind of instrument says of itself in `panel.yaml`, in drawings and on the set-up page: one protocol.
+"""What a kind of instrument defines for `panel.yaml`, for drawings and for the set-up page: one protocol.
 
-How it is read is said in `decoder.instruments.readers`.
+How it is read is in `decoder.instruments.readers`.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class Dial(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """What is drawn of a quantity: a line at the angle that is read, or one that stays at an index.
+    """How a quantity is drawn: a line at the angle that is read, or a fixed one at an index.
 
-    `at_deg` is where it lies in the panel picture, if the panel says so. Where the panel picture shows it, and it hides
-    what lies below, it hides so much: `hides_deg`.
+    `at_deg` is where it lies in the panel picture, if the panel says so; `hides_deg` is the width of what it hides
+    there.
     """
 
     name: str
@@ -67,7 +67,7 @@ Reads = Literal["text", "optional_text", "number", "optional", "pairs", "place",
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """One value that the set-up page lets people type: its key, its label, and what stands there while it is empty."""
+    """One value to be typed on the set-up page: its key, its label, and its placeholder."""
 
     key: str
     label: str
@@ -86,20 +86,20 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Usual:
-    """An instrument that most panels have: what the set-up page fills in for people who say that it is this one.
+    """A common instrument: what the set-up page fills in when it is chosen.
 
     Attributes
     ----------
     name, unit
         Of the gauge.
     columns
-        Of what it shows: a needle each, the finest first, or the names among the fields of its kind.
+        Of what it shows: one per needle, the finest first, or the names among the fields of its kind.
     turn
-        What a full turn of it, or of the finest of several needles, is worth.
+        The value of a full turn of it, or of the finest of several needles.
     together
         The column of what several needles show together, each worth ten times the finer one.
     both_ends
-        Whether both ends of its needle point to marks, as a turn coordinator's wings do.
+        Whether both ends of its needle point to marks, like a turn coordinator's wings.
     """
 
     name: str
@@ -119,23 +119,23 @@ class Form:
     key
         Of the gauge in `panel.yaml`.
     said
-        The same in a sentence.
+        Its name within a sentence.
     words
-        What turns on the dial, for people to choose.
+        Its name in the list of choices.
     lacking
         What is still missing while nothing of it is drawn.
     along
         Other keys of a gauge that only this kind has.
     begun
-        What it begins with besides a name; None where it begins with none of several.
+        Its initial content besides a name; None if it starts with none of several.
     controls
-        Its fields; none where it has an editor of its own.
+        Its fields; none if it has its own editor.
     hint
-        What else people are to do.
+        What else the user has to do.
     turning
-        What of it tells from where to where all of the dial turns: its `radius`, or the `ring` around its `window`.
+        The key that says between which radii the whole dial turns: its `radius`, or the `ring` around its `window`.
     usual
-        Instruments of this kind that most panels have.
+        Common instruments of this kind.
     """
 
     key: str
@@ -151,7 +151,7 @@ class Form:
 
 
 class DescribedKind(Protocol):
-    """What the description of one instrument of a kind tells."""
+    """What the description of one instrument of a kind provides."""
 
     form: ClassVar[Form]
 
@@ -165,7 +165,7 @@ class DescribedKind(Protocol):
     """Whether its dial's marks stay where they are, so that the dial can be found by them."""
 
     def check(self, dial: Dial) -> None:
-        """ValueError where it does not go with its dial."""
+        """Raise ValueError if it does not go with its dial."""
         ...
 
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
@@ -177,9 +177,9 @@ class DescribedKind(Protocol):
         ...
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
-        """Return by quantity what its value looks like, from end to end, where that is no pointer's line.
+        """Return by quantity what its value looks like, from end to end, if it is not a pointer's line.
 
-        None is one that has a line, but nobody knows where.
+        None means that it has a line, but its place is unknown.
 
         Parameters
         ----------
@@ -199,33 +199,33 @@ class DescribedKind(Protocol):
         ...
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
-        """Return what stands under its keys in a gauge, each drawn angle exchanged for the true one."""
+        """Return the content of its keys in a gauge, with every drawn angle replaced by the true one."""
         ...
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
-        """Turn and enlarge what a draft says of it along with its dial, onto another picture.
+        """Turn and scale its part of a draft along with its dial, onto another picture.
 
         Parameters
         ----------
         gauge
-            Of the draft; changed.
+            Of the draft; modified.
         turn_deg
-            By which the dial is turned there.
+            How far the dial is turned there.
         size
-            How many times as large it is there; the gauge's radius is that size already.
+            The scale factor; the gauge's radius is already scaled.
         angles_deg
             By name what is read there, in the draft's own angles.
 
         Returns
         -------
-        By how much its scale is turned there besides.
+        How far its scale is turned there in addition.
         """
         ...
 
 
 class Plain:
-    """What a kind says that has no more to say: on a dial all of which is unwrapped, with nothing drawn or carried."""
+    """Defaults for kinds on a dial that is unwrapped as a whole, with nothing else to draw or carry."""
 
     __slots__ = ()
     in_window: ClassVar[bool] = False
@@ -254,12 +254,12 @@ class Plain:
 
     @staticmethod
     def carry(_gauge: Drawn, _turn_deg: float, _size: float, _angles_deg: Mapping[str, float]) -> float:
-        """Carry nothing: its places are points, which are carried as such."""
+        """Carry nothing, as its places are points, which are carried anyway."""
         return 0.0
 
 
 class Windowed(Plain):
-    """The same of what is read in a window."""
+    """The same for kinds that are read in a window."""
 
     __slots__ = ()
     in_window: ClassVar[bool] = True

@@ -1,9 +1,9 @@
 """The lens at one zoom, in the pixels of one picture size: where a straight line of sight arrives in the picture.
 
 The model is OpenCV's: a pinhole with square pixels, and a distortion in normalised coordinates, that is in tangents of
-the angles to the optical axis. `BrownConrady` is that of ordinary lenses, with its rational form for wide ones;
-`Fisheye` that of lenses that are as wide as an action camera's or wider, equidistant but for four coefficients.
-Sources: OpenCV, `calib3d` and `calib3d::fisheye`; Kannala and Brandt, IEEE PAMI 28 (2006) 1335.
+the angles to the optical axis. `BrownConrady` is for ordinary lenses, with its rational form for wide ones; `Fisheye`
+is for lenses as wide as an action camera's or wider, equidistant up to four coefficients. Sources: OpenCV, `calib3d`
+and `calib3d::fisheye`; Kannala and Brandt, IEEE PAMI 28 (2006) 1335.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ Points = NDArray[np.float64]
 Floats = NDArray[np.floating]
 
 _MAX_STEPS = 50
-_ENOUGH = 1e-13  # normalised coordinates; a tenth of a millionth of a pixel is far below anything seen
-_FINE = 2000  # radii or angles at which it is looked where a distortion folds over
+_ENOUGH = 1e-13  # normalised coordinates; a tenth of a millionth of a pixel is far below anything visible
+_FINE = 2000  # radii or angles at which a distortion is tested for folding over
 
 
 class DistortionModel(StrEnum):
@@ -39,7 +39,7 @@ class Distortion(Protocol):
 
     @property
     def model(self) -> DistortionModel:
-        """Which it is."""
+        """The model."""
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -94,7 +94,7 @@ class BrownConrady:
         return not any(self.coefficients)
 
     def shift(self, at: Floats) -> Floats:
-        """Outwards by the polynomial, and tangentially."""
+        """Move outwards by the polynomial, and tangentially."""
         x, y = at
         square = x * x + y * y
         moved = at * self._excess(square)
@@ -114,14 +114,14 @@ class BrownConrady:
                 if np.allclose(miss, 0.0, rtol=0.0, atol=_ENOUGH):
                     break
                 at -= self._solved(at, miss)
-            found = np.abs(self._bent(at) - bent).max(axis=0, initial=0.0) < 1e-9  # noqa: PLR2004 - still no pixel
+            found = np.abs(self._bent(at) - bent).max(axis=0, initial=0.0) < 1e-9  # noqa: PLR2004 - far below a pixel
             upright = self._slope(np.hypot(*at)) > 0  # beyond the fold the model shows the picture mirrored
         return np.where(found & upright, at, np.nan)
 
     def reaches(self, radius: float) -> bool:
-        """Look where the model folds over; not before the radius with sound coefficients."""
+        """Test where the model folds over; with sound coefficients not before the radius."""
         radii = np.linspace(0, 2 * radius + 0.01, _FINE)
-        with np.errstate(all="ignore"):  # a divisor may be nought somewhere
+        with np.errstate(all="ignore"):  # a divisor may be zero somewhere
             folds = np.flatnonzero(~(self._slope(radii) > 0))
             upright = radii[: folds[0]] if folds.size else radii
             return bool(upright.size and (upright * (1 + self._excess(upright**2))).max() >= radius)
@@ -130,7 +130,7 @@ class BrownConrady:
         return np.asarray(at + self.shift(at), np.float64)
 
     def _excess(self, square: Floats) -> Floats:
-        """By how much more than 1 the radius is multiplied."""
+        """Return by how much more than 1 the radius is multiplied."""
         above = _polynomial(self.radial, square)
         if not any(self.divisor):
             return above
@@ -155,7 +155,7 @@ class BrownConrady:
         return np.asarray((rising * below - above * falling) / below**2)
 
     def _slope(self, radius: Points) -> Points:
-        """How fast a point's radius in the picture grows with its angle's tangent; negative beyond the fold."""
+        """Return how fast a point's radius in the picture grows with its angle's tangent; negative beyond the fold."""
         square = radius * radius
         return np.asarray(1 + self._excess(square) + 2 * square * self._excess_slope(square))
 
@@ -164,7 +164,7 @@ class BrownConrady:
 class Fisheye:
     """The picture's radius is the angle to the axis, times 1 + k1 angle^2 + k2 angle^4 + k3 angle^6 + k4 angle^8.
 
-    A line of sight square to the axis or from behind has no place in a pinhole's picture, and none here.
+    A line of sight perpendicular to the axis or from behind has no place in a pinhole's picture, and none here.
     """
 
     radial: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
@@ -181,11 +181,11 @@ class Fisheye:
 
     @property
     def is_none(self) -> bool:
-        """Never: an angle is no tangent."""
+        """Never, as an angle is not a tangent."""
         return False
 
     def shift(self, at: Floats) -> Floats:
-        """From the tangent of the angle to its polynomial."""
+        """Replace the tangent of the angle by its polynomial."""
         x, y = at
         tangent = np.sqrt(x * x + y * y)
         angle = np.arctan(tangent)
@@ -208,7 +208,7 @@ class Fisheye:
         return np.where(found, bent * gain, np.nan)
 
     def reaches(self, radius: float) -> bool:
-        """Look where the model folds over; a picture's corners may well see nothing."""
+        """Test where the model folds over; a picture's corners may well be beyond."""
         angles = np.linspace(0, math.pi / 2, _FINE)
         beyond = np.flatnonzero(self._radius(angles) >= radius)
         return bool((self._slope(angles[: beyond[0] + 1] if beyond.size else angles) > 0).all())
@@ -222,7 +222,7 @@ class Fisheye:
 
 
 def distortion_of(model: DistortionModel, coefficients: Sequence[float]) -> Distortion:
-    """Make a distortion of its coefficients, in their order there."""
+    """Make a distortion from its coefficients, in their order there."""
     if model is DistortionModel.FISHEYE:
         k1, k2, k3, k4 = coefficients
         return Fisheye((k1, k2, k3, k4))
@@ -281,15 +281,15 @@ class Lens:
         return np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]], np.float64)
 
     def normalised(self, points_px: Points) -> Points:
-        """(2, N) pixels as (2, N) normalised coordinates, distortion untouched."""
+        """Convert (2, N) pixels to normalised coordinates, leaving distortion as it is."""
         return np.asarray((points_px - np.reshape(self.principal_point_px, (2, 1))) / self.pixels_per_radian)
 
     def pixels(self, normalised: Points) -> Points:
-        """(2, N) normalised coordinates as (2, N) pixels, distortion untouched."""
+        """Convert (2, N) normalised coordinates to pixels, leaving distortion as it is."""
         return np.asarray(normalised * self.pixels_per_radian + np.reshape(self.principal_point_px, (2, 1)))
 
     def distorted(self, points_px: Points) -> Points:
-        """Where the picture has what a pinhole would show.
+        """Return where the picture shows what a pinhole would show at these points.
 
         Parameters
         ----------
@@ -306,7 +306,7 @@ class Lens:
         return self.pixels(np.asarray(at + self.distortion.shift(at), np.float64))
 
     def undistorted(self, points_px: Points) -> Points:
-        """Where a pinhole would show what the picture has: the inverse of `distorted`, by Newton's method.
+        """Return where a pinhole would show these points of the picture: inverts `distorted` by Newton's method.
 
         Parameters
         ----------
@@ -320,7 +320,7 @@ class Lens:
         return self.pixels(self.distortion.undone(self.normalised(points))) if self.distorts else points
 
     def reaches_corners(self) -> bool:
-        """Whether the distortion is one-to-one up to the corners of the picture; not so with absurd coefficients."""
+        """Whether the distortion is one-to-one up to the corners of the picture; absurd coefficients are not."""
         width, height = self.size_px
         x, y = self.principal_point_px
         corner = math.hypot(max(x, width - 1 - x), max(y, height - 1 - y)) / self.pixels_per_radian

@@ -1,8 +1,8 @@
-"""The panel: what `panel.yaml` says of one cockpit, checked once at the edge and never again.
+"""The panel: what `panel.yaml` says of one cockpit, validated once at the edge and never again.
 
 All positions are (x, y) in the panel picture's pixels, pixel centres on whole numbers; dial angles are degrees, 0 =
 right, positive clockwise; a sweep may pass 360. Unknown keys are errors, and every message names the path of the
-wrong value. The format is described for its writers in docs/panel.md.
+wrong value. The format is described for its authors in docs/panel.md.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from decoder.panel.parameters import Column
 from decoder.panel.scale import MOST_POINTS, Combination, Quantity
 from decoder.panel.thresholds import MOST_NEEDLES
 
-# No cockpit has half as many; each gauge and each anchor is looked for in every frame.
+# No cockpit has half as many; each gauge and each anchor is searched for in every frame.
 MOST_GAUGES, MOST_ANCHORS = 200, 200
 LEADING_COLUMNS = ("frame", "time_utc", "time_s")
 NEEDLE_SUFFIXES = ("", "_status", "_score", "_sigma")
@@ -97,12 +97,12 @@ class Panel(Strict):
         return self
 
     def with_columns(self, said: Mapping[str, Mapping[str, Any]]) -> Panel:
-        """Say more of some columns, or something else.
+        """Add to, or replace, what is said of some columns.
 
         Raises
         ------
         PanelError
-            If there is no such column, or no such parameter, or a limit is no number.
+            If there is no such column, or no such parameter, or a limit is not a number.
         """
         if not said:
             return self
@@ -121,7 +121,7 @@ class Panel(Strict):
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """All that the flight data have columns for."""
+        """Everything that has a column in the flight data."""
         return tuple(quantity for gauge in self.gauges for quantity in gauge.quantities) + tuple(
             combination.quantity for combination in self.combinations
         )
@@ -161,5 +161,5 @@ def parse_panel(text: bytes | str, *, source: str = "panel.yaml") -> Panel:
 
 
 def parse_content(content: object) -> Panel:
-    """Check a content that is no YAML text any more; see `parse_panel`."""
+    """Check a content that was already parsed from YAML; see `parse_panel`."""
     return check_description(Panel, content, error=PanelError, thing="panel", source="panel.yaml")

@@ -1,7 +1,7 @@
 """Parameters: which column of the flight data is the aircraft's altitude, which its heading, and so on.
 
-A column's name tells it, without its unit: `heading_deg`, `hi_heading_deg` and `heading_2_deg` are headings, since that
-is the word they end with; `heading_bug_deg` and `selected_heading_deg` are none. Where names do not tell, `columns` in
+A column's name identifies it, without its unit: `heading_deg`, `hi_heading_deg` and `heading_2_deg` are headings, since
+they end with that word; `heading_bug_deg` and `selected_heading_deg` are not. Where names do not tell, `columns` in
 `panel.yaml` does.
 """
 
@@ -28,7 +28,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "compass": ("compass",),
     "turn rate": ("turn_rate", "rate_of_turn"),
 }
-# Before the word they say that the aircraft is not what is meant.
+# Before the word, these mean that something other than the aircraft's own value is meant.
 OTHERS = {"bug", "commanded", "gps", "preset", "radio", "sel", "selected", "set", "standby", "target", "true", "wind"}
 
 Parameter = Literal[
@@ -55,7 +55,7 @@ class Column(Strict):
 
 
 def parameter_of(name: str) -> str | None:
-    """Which parameter a column is by its name; None if it does not tell."""
+    """Return which parameter a column is by its name; None if unknown."""
     stem, _ = engine_stem_of(name)
     for parameter, words in WORDS.items():
         for word in words:

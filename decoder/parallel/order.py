@@ -115,7 +115,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What all flights of a fleet are decoded with, and where their results go; small, as each flight is sent with it."""
+    """What all flights of a fleet are decoded with, and where their results go; small, as it goes with each flight."""
 
     output: str
     method: str
@@ -162,7 +162,7 @@ def make_order(
 
 
 def _picture(panel: str, name: str) -> bytes:
-    """Read a picture that a panel names, beside it; local ones not through a link that leads elsewhere, nor a pipe."""
+    """Read a picture that a panel names, beside it; locally not through a link that leads elsewhere, nor from pipes."""
     address = join(parent(panel), name)
     if is_url(panel):
         return _content(address, PanelError)
