@@ -1,4 +1,4 @@
-"""Scales: the marks that a panel gives, what an angle means between them, and how hands share one value.
+"""Scales: the marks that a panel gives, the values at angles between them, and how hands share one value.
 
 A part of the panel format, see `decoder.panel.panel`.
 """
@@ -20,16 +20,16 @@ from decoder.panel.thresholds import CONFIDENCE_SIGMAS, LEAST_DEG, LEAST_VALUE
 from decoder.panel.written import ValueType, Written
 
 FULL_CIRCLE_DEG = 360.0
-# A coarse hand must tell the turns apart even if it is off by so many of its sigmas.
+# A coarse hand must distinguish turns even if it is off by this many of its sigmas.
 SURE_SIGMAS = 2.0
 
-MOST_POINTS = 1000  # that are marked on one thing: more than there are ticks on any dial
+MOST_POINTS = 1000  # marked on one thing; no dial has as many ticks
 
 Marks = Annotated[tuple[tuple[Degrees, Number], ...], Field(max_length=MOST_POINTS)]
 
 
 def monotone(scale: Marks) -> Marks:
-    """Sort marks by angle; ValueError where there are too few, or the values turn round along the dial."""
+    """Sort marks by angle; ValueError if there are too few, or values are not monotonic along the dial."""
     if len(scale) < 2:  # noqa: PLR2004 - a line needs two points
         raise ValueError("needs at least two [angle, value] marks")
     marks = sorted(scale)
@@ -48,7 +48,7 @@ def monotone(scale: Marks) -> Marks:
 
 
 def marks_at(scale: Marks, true_deg: Callable[[float], float]) -> Marks:
-    """Exchange the angles of marks; their values stay."""
+    """Replace the angles of marks, keeping their values."""
     return tuple((true_deg(angle_deg), value) for angle_deg, value in scale)
 
 
@@ -58,7 +58,7 @@ def turned(scale: Sequence[Sequence[float]], turn_deg: float) -> list[list[float
 
 
 def check_turn(scale: Marks, wraps: float) -> None:
-    """ValueError unless the marks lie in one turn, and leave something of its value for the way back to the first."""
+    """Raise ValueError unless the marks lie in one turn, and leave part of its value for the way back to the first."""
     (first_deg, first), (last_deg, last) = scale[0], scale[-1]
     if last_deg - first_deg == FULL_CIRCLE_DEG and abs(last - first) == wraps:
         return
@@ -79,8 +79,8 @@ class Scale:
     """Tick marks of one gauge: angles in degrees rising, values in its unit rising or falling with them.
 
     Between marks the value is interpolated linearly; beyond the outermost it is extrapolated along the last two
-    (thesis 3.2.2). With `wraps`, the value of a full turn, the scale goes all the way round: behind its last mark
-    comes the first again, a turn on, and values lie in [0, wraps).
+    (thesis 3.2.2). With `wraps`, the value of a full turn, the scale goes all the way round: after its last mark comes
+    the first again, a turn on, and values lie in [0, wraps).
     """
 
     angles_deg: Floats
@@ -108,14 +108,14 @@ class Scale:
         return values
 
     def slopes_at(self, angles_deg: Floats) -> Floats:
-        """Units per degree at angles; negative where values fall clockwise."""
+        """Return units per degree at angles; negative where values fall clockwise."""
         slopes: Floats = self._slopes[self._part(self.angles_deg, self._in_turn(angles_deg))]
         return slopes
 
     def steepest_at(self, angles_deg: Floats, sigmas_deg: Floats) -> Floats:
-        """Units per degree at angles (...) that are uncertain by so many degrees: of the side that is steeper.
+        """Return units per degree at angles (...) with this uncertainty in degrees, on the steeper side.
 
-        A needle on a flat part of the scale may stand beyond the next mark, where a degree counts for more.
+        A needle on a flat part of the scale may be beyond the next mark, where a degree is worth more.
         """
         reach_deg = np.clip(CONFIDENCE_SIGMAS * sigmas_deg, LEAST_DEG, FULL_CIRCLE_DEG)
         here = self._going_on(angles_deg)
@@ -124,7 +124,7 @@ class Scale:
         return steepest
 
     def _going_on(self, angles_deg: Floats) -> Floats:
-        """(...): the values at angles, those of further turns beyond those of the first."""
+        """(...): the values at angles, continuing beyond the first turn."""
         if self.wraps is None:
             return self._within(angles_deg)
         within = self._in_turn(angles_deg)
@@ -157,14 +157,14 @@ class Scale:
 
 
 def in_turn(values: Floats, turn: float, lowest: float = 0.0) -> Floats:
-    """Values brought into [lowest, lowest + turn) by whole turns."""
+    """Bring values into [lowest, lowest + turn) by whole turns."""
     inside = np.mod(values - lowest, turn)
-    below: Floats = np.where(inside == turn, 0.0, inside)  # a remainder of minus nothing is rounded up to a turn
+    below: Floats = np.where(inside == turn, 0.0, inside)  # the remainder of a tiny negative number rounds to a turn
     return below + lowest
 
 
 def shortest(differences: Floats, turn: float | None) -> Floats:
-    """Differences the short way round, in [-turn / 2, turn / 2]; as they are where nothing wraps."""
+    """Return differences the short way round, in [-turn / 2, turn / 2]; unchanged if nothing wraps."""
     return differences if turn is None else differences - turn * np.round(differences / turn)
 
 
@@ -179,15 +179,15 @@ class Quantity:
     marks
         (angle, value) each, sorted by angle.
     wraps
-        What a full turn is worth where the values begin again after it: they lie in [lowest, lowest + wraps).
+        The value of a full turn, if values start again after it: they lie in [lowest, lowest + wraps).
     covered_by
         The needle that turns above this one.
     max_rate
-        How fast the value can change, in its unit a second, if that is known.
+        How fast the value can change, in its unit per second, if known.
     limits
-        The lowest and the highest value that there is, where marks do not tell.
+        The lowest and the highest possible value, if the marks do not tell.
     written
-        How its values are written where they are no measures; they then step from one to the next.
+        How its values are written if they are not measured; they then change in steps.
     is_drawn
         Whether its marks are places that somebody drew.
     """
@@ -213,7 +213,7 @@ class Quantity:
 
     @property
     def is_measured(self) -> bool:
-        """Whether it is a number, of which sigma tells how far it may be off; no state, and no text."""
+        """Whether it is a number with a sigma, not a state or a text."""
         return self.written is None or self.written.type is ValueType.NUMBER
 
     @property
@@ -235,16 +235,16 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Combination:
-    """How a quantity comes about from others.
+    """How a quantity follows from others.
 
     Attributes
     ----------
     quantity
-        That it is.
+        The combined one.
     parts
         The names of the pointers, the finest first.
     turn
-        What a turn of the coarsest is worth.
+        The value of a turn of the coarsest.
     tolerance
         In turns of the finer of two pointers.
     """
@@ -256,17 +256,17 @@ class Combination:
 
 
 class Gearing:
-    """How the hands of one dial, the finest first, follow from its value: an altimeter's, a clock's.
+    """How the hands of one dial, the finest first, follow from its value, as in an altimeter or a clock.
 
-    Each tells the value but for whole turns. The coarsest tells it roughly and in full; each finer one must point,
-    within the panel's tolerance, where that puts it, and then says it better.
+    Each tells the value modulo its turn. The coarsest tells the whole value roughly; each finer one must point, within
+    the panel's tolerance, where that puts it, and then refines it.
 
     Attributes
     ----------
     name, names
         Of the value, and of the hands.
     turns
-        What a turn of each hand is worth.
+        The value of a turn of each hand.
     """
 
     def __init__(self, quantities: Sequence[Quantity], combination: Combination) -> None:
@@ -279,33 +279,33 @@ class Gearing:
 
     @property
     def share(self) -> float:
-        """What part of the value's circle one turn of the finest hand is."""
+        """The ratio of one turn of the finest hand to the value's circle."""
         return self.turns[0] / self.turn
 
     @property
     def turn(self) -> float:
-        """What a turn of the coarsest hand is worth."""
+        """The value of a turn of the coarsest hand."""
         return self.turns[-1]
 
     def values(self, finest_deg: Floats) -> Floats:
-        """(..., T): all values at which the finest hand points in some directions, (...)."""
+        """(..., T): all values at which the finest hand points in these directions, (...)."""
         within = self.within(0, finest_deg)[..., None] + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
         return in_turn(within, self.turn, self._quantity.lowest)
 
     def within(self, hand: int, angles_deg: Floats) -> Floats:
-        """Return what a hand says by itself, within one turn of it."""
+        """Return what a hand tells by itself, within one turn of it."""
         return self._scales[hand].values_at(angles_deg)
 
     def angles_deg(self, hand: int, values: Floats) -> Floats:
-        """Where a hand points at values."""
+        """Return where a hand points at these values."""
         return self._scales[hand].angles_of(in_turn(values, self.turns[hand]))
 
     def tolerance_deg(self, hand: int) -> float:
-        """How far a hand may be from where the next finer one puts it."""
+        """Return how far a hand may be from where the next finer one puts it."""
         return self._tolerance * FULL_CIRCLE_DEG * self.turns[max(hand - 1, 0)] / self.turns[hand]
 
     def counted(self, angles_deg: Floats) -> Floats:
-        """(...): values that all hands tell, (..., K): the coarsest roughly and in full, each finer one better."""
+        """(...): the values of all hands (..., K) together: the whole from the coarsest, refined by each finer one."""
         hands = angles_deg.shape[-1]
         values = self.within(hands - 1, angles_deg[..., -1])
         for hand in range(hands - 2, -1, -1):
@@ -313,11 +313,11 @@ class Gearing:
         return values
 
     def measured(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
-        """(...): the values nearest to some, (...), at which a hand points where it does, of (..., K)."""
+        """(...): the values nearest to given ones, (...), at which one of the hands (..., K) points as it does."""
         return in_turn(values + self._off(hand, angles_deg, values), self.turn, self._quantity.lowest)
 
     def agrees(self, values: Floats, angles_deg: Floats, sigmas_deg: Floats, seen: Mask) -> Mask:
-        """(...): whether all hands that are seen, (..., K), point where values have them, and tell turns apart."""
+        """(...): whether all visible hands (..., K) point where the values put them, and distinguish turns."""
         agrees = np.ones(np.shape(values), bool)
         for hand in range(1, seen.shape[-1]):
             finer = self.turns[hand - 1]
@@ -327,11 +327,11 @@ class Gearing:
         return agrees
 
     def _off(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
-        """(...): how far values are from what a hand says by itself, the short way round."""
+        """(...): how far values are from what a hand tells by itself, the short way round."""
         return shortest(self.within(hand, angles_deg[..., hand]) - values, self.turns[hand])
 
     def sigma(self, hand: int, angles_deg: Floats, sigmas_deg: Floats) -> Floats:
-        """(...): how uncertain what a hand says by itself is, of (..., K)."""
+        """(...): the uncertainty of what one of the hands (..., K) tells by itself."""
         sigmas: Floats = np.abs(self._scales[hand].slopes_at(angles_deg[..., hand])) * sigmas_deg[..., hand]
         return sigmas
 

@@ -1,7 +1,7 @@
-"""Units of what cockpits show, what names say of them, and the way from one to another of the same kind.
+"""Units of what cockpits show, their names as suffixes, and conversions between units of the same kind.
 
-Definitions are exact where they are by law (foot, knot, pound, US gallon); the inch of mercury is that at 0 degrees C.
-Mass and volume of fuel are different kinds: between them lies a density that nobody here knows.
+Definitions are exact if they are legal ones (foot, knot, pound, US gallon); the inch of mercury is that at 0 degrees C.
+Mass and volume of fuel are different kinds, because the density between them is unknown.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from decoder.panel.errors import UnitError
 
 FOOT_M, POUND_KG, GALLON_L, HOUR_S = 0.3048, 0.45359237, 3.785411784, 3600.0
 
-# What a name may end with; a stem that is left over is what is meant.
+# Suffixes of names; the remaining stem says what is meant.
 UNIT_SUFFIXES = {
     *("a", "amps", "bar", "c", "deg", "dps", "f", "fpm", "ft", "g", "gal", "gph", "hpa", "inhg", "k", "kph", "kt"),
     *("kts", "lb", "lph", "mph", "norm", "pct", "pph", "psi", "v", "volts"),
@@ -67,12 +67,12 @@ UNITS: dict[str, Unit] = {name: unit for names, unit in _KNOWN.items() for name 
 
 
 def converted(values: Floats, source: str, target: str) -> Floats:
-    """Values in another unit of the same kind.
+    """Convert values to another unit of the same kind.
 
     Raises
     ------
     UnitError
-        If a unit is not known or they are of different kinds.
+        If a unit is unknown or they are of different kinds.
     """
     if _plain(source) == _plain(target):
         return values
@@ -95,7 +95,7 @@ def _plain(name: str) -> str:
 
 
 def stem_of(name: str) -> str:
-    """Strip a name of its unit, in small letters."""
+    """Return a name without its unit, in lower case."""
     stem, _, suffix = name.lower().rpartition("_")
     return stem if stem and suffix in UNIT_SUFFIXES else name.lower()
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-# Under these names a flight file carries what the desk needs.
+# The names under which a flight file contains what the desk needs.
 PANEL_FILE = "panel.yaml"
 CAMERA_FILE = "camera.yaml"
 
@@ -27,22 +27,22 @@ WINDOW_S = 600.0
 
 @dataclass(frozen=True, slots=True)
 class TruthRequest:
-    """A truth, not yet read.
+    """A truth that has not been read yet.
 
     Attributes
     ----------
     file
-        The table; the flight data's own where they are held against what the camera's GPS says.
+        The table; the flight data's own if they are compared with the camera's GPS.
     names
-        What it calls the needles, if that was given.
+        What it calls the needles, if given.
     time_column
         None for `time_s`.
     offset
         Seconds to add to its times, `auto`, or None for nothing.
     window_s
-        How far `auto` looks.
+        How far `auto` searches.
     limits
-        Whether parameters shall be judged by published limits.
+        Whether parameters should be judged by published limits.
     """
 
     file: Path
@@ -54,12 +54,12 @@ class TruthRequest:
 
     @property
     def has_own_clock(self) -> bool:
-        """Whether it is a recorder's, with names and a clock of its own."""
+        """Whether it is a recorder's, with its own names and clock."""
         return any(given is not None for given in (self.names, self.time_column, self.offset))
 
     @property
     def words(self) -> list[str]:
-        """The options that say the same on a command line; files by their names alone."""
+        """The equivalent options on a command line, with file names only."""
         words = ["--truth", self.file.name]
         words += [] if self.names is None else ["--map", _typed(self.names)]
         words += [] if self.time_column is None else ["--time", self.time_column]

@@ -1,4 +1,4 @@
-"""A window: four corners around what a panel shows on no dial, as a lamp, a display or a straight scale."""
+"""A window: four corners around something that is not on a dial, such as a lamp, a display or a straight scale."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from decoder.panel.thresholds import LEAST_WINDOW_PX
 Corners = tuple[Point, Point, Point, Point]
 """Clockwise from the top left of what is read."""
 
-# A pixel along a window counts as a degree: what is uncertain by so many of the one is so by as many of the other.
+# A pixel along a window counts as a degree, so that uncertainties in one are the same in the other.
 WINDOW_ARC_PX = math.degrees(1.0)
 _CORNERS = TypeAdapter(Corners)
 _OF_DIALS = "centre", "radius", "rim", "sweep", "stops", "scale", "wraps", "doubt_deg"
 
 
 def as_dial(given: dict[Any, Any]) -> dict[Any, Any]:
-    """Give a described gauge with a window what the program asks of every dial: a circle around it.
+    """Give a described gauge with a window what the program requires of every dial: a circle around it.
 
     Raises
     ------
     ValueError
-        If it has what only dials have.
+        If it has keys that only dials have.
     """
     if told := [key for key in _OF_DIALS if key in given]:
         raise ValueError(f"has a `window`, and then no `{told[0]}`: its corners say where it is")
     try:
         corners = _CORNERS.validate_python(given["window"])
-    except ValidationError:  # which its own field will say
+    except ValidationError:  # which its own field will report
         corners = (0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)
     middle = sum(x for x, _ in corners) / 4, sum(y for _, y in corners) / 4
     reach_px = max(LEAST_WINDOW_PX, *(math.dist(middle, corner) for corner in corners))
@@ -41,7 +41,7 @@ def as_dial(given: dict[Any, Any]) -> dict[Any, Any]:
 
 
 def check_corners(corners: Corners) -> Corners:
-    """ValueError unless they lie clockwise around an area that is worth looking at."""
+    """Raise ValueError unless the corners go clockwise around an area of useful size."""
     ring = [*corners, *corners[:2]]
     turns = [
         (bx - ax) * (cy - by) - (by - ay) * (cx - bx)

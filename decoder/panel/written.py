@@ -1,7 +1,7 @@
-"""How values are written that are no measures: states such as off and on, and what a display shows, digit by digit.
+"""How values are written that are not measured: states such as off and on, and a display's content, digit by digit.
 
-Within the program each is a number: a state 0 or 1, and text the whole number that its digits make. Such values step
-from one to the next: between two of them there is nothing, so none is interpolated and none is too fast.
+Within the program each is a number: a state 0 or 1, and text the whole number that its digits make. Such values change
+in steps: there is nothing between two of them, so none is interpolated and none is too fast.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ STATES = ("false", "true")
 
 
 class ValueType(StrEnum):
-    """What a column of the flight data holds."""
+    """The type of a column of the flight data."""
 
     NUMBER = "number"
     BOOLEAN = "boolean"
@@ -45,7 +45,7 @@ class Written:
 
     @property
     def resolution(self) -> float:
-        """By how much a number's last digit counts on; that of a state or a text is 1."""
+        """The step of a number's last digit; 1 for a state or a text."""
         return 10.0**-self.decimals
 
     @property
@@ -56,7 +56,7 @@ class Written:
         return 0.0, (10 ** self.pattern.count(DIGIT) - 1) / (10**self.decimals)
 
     def text_of(self, value: float) -> str:
-        """Write a value; nothing where there is none."""
+        """Write a value; an empty text if there is none."""
         if not math.isfinite(value):
             return ""
         if self.type is ValueType.BOOLEAN:
@@ -67,7 +67,7 @@ class Written:
         return "".join(next(digits) if sign == DIGIT else sign for sign in self.pattern)
 
     def value_of(self, text: str) -> float:
-        """Return the value that was written; NaN for nothing.
+        """Return the value that was written; NaN for an empty text.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Written:
         if not text:
             return math.nan
         if self.type is ValueType.BOOLEAN:
-            state = text.strip().lower()  # others write True and FALSE
+            state = text.strip().lower()  # other programs write True and FALSE
             if state not in STATES:
                 raise ValueError(f"{text!r} is neither true nor false")
             return float(STATES.index(state))

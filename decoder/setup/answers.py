@@ -50,14 +50,14 @@ from decoder.setup.views import DIAL_MARGIN, DIAL_PX, film_view, unwrapped_view
 
 Answer = dict[str, Any]
 
-# The unwrapped gauge is shown with a little of what lies outside it, where the marks often are.
+# The unwrapped gauge is shown with some of its surroundings, where the marks often are.
 SHOWN_BEYOND = 1.12
 SHOWN_MARGIN_DEG = 12.0
 PLACES = 4
 
 
 def unwrap_answer(session: SetupSession, asked: UnwrapQuestion) -> Answer:
-    """Unwrap a dial, and say how its picture is to be read."""
+    """Unwrap a dial, with what is needed to read its picture."""
     planes = session.planes(asked.seen, asked.picture)
     plane = planes.drawn(asked.centre, asked.rim).plane
     inner, outer = asked.dial(plane).radius_px
@@ -74,13 +74,13 @@ def unwrap_answer(session: SetupSession, asked: UnwrapQuestion) -> Answer:
 
 
 def planes_answer(session: SetupSession, asked: PlaneQuestion) -> Answer:
-    """How dials are to be drawn on the picture: for each the matrix that carries its own points there."""
+    """Return how to draw dials on the picture: for each the matrix that carries its own points there."""
     planes = session.planes(asked.seen, asked.picture)
     return {"planes": [planes.drawn(dial.centre, dial.rim).matrix(dial.radius) for dial in asked.dials]}
 
 
 def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
-    """Find the rim that clicks mean; or only how far they leave the centre of a new one in doubt, if far."""
+    """Find the rim meant by clicks; or only how uncertain they leave the centre of a new one, if very."""
     picture, planes = session.store.grey(asked.picture), session.planes(asked.seen, asked.picture)
     if asked.ring is None:
         clicks, hub = asked.points[:3], asked.points[3:]
@@ -108,7 +108,7 @@ def _rim(rim: Rim) -> Answer:
 
 
 def session_answer(session: SetupSession) -> Answer:
-    """Gather all that the page begins with."""
+    """Collect everything that the page starts with."""
     height, width = session.store.grey(session.picture_key).shape
     return {
         "name": session.source.name,
@@ -136,7 +136,7 @@ def _draft(session: SetupSession) -> Answer | None:
 
 
 def picture_answer(session: SetupSession, key: str) -> Answer:
-    """Tell the size of a picture."""
+    """Return the size of a picture."""
     height, width = session.store.grey(key).shape
     return {"picture": key, "size": [width, height]}
 
@@ -157,7 +157,7 @@ def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) 
 
 
 def turning_answer(session: SetupSession, asked: TurningQuestion, stale: Stale) -> Answer:
-    """Find from where to where all of a dial turns together."""
+    """Find between which radii a whole dial turns."""
     planes, seen = session.planes(asked.document, asked.picture), session.seen(asked.document, asked.picture, stale)
     found = turning_px(seen, asked.dial(planes.drawn(asked.centre, asked.rim).plane))
     return {"turns": None if found is None else [round(each, 1) for each in found]}
@@ -175,7 +175,7 @@ def check_answer(session: SetupSession, asked: DraftQuestion) -> Answer:
 
 
 def found_answer(session: SetupSession, asked: FoundQuestion, step: Step) -> Answer:
-    """Tell a step of the search for dials."""
+    """Describe a step of the search for dials."""
     match step:
         case Looking():
             return {"looking": step.said, "box": step.box}
@@ -212,7 +212,7 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
     try:
         source = session.panel_of_gauge(asked.document, asked.picture, asked.gauge)
         trial = tried(source, frames, stale)
-    except PanelError as error:  # a gauge half drawn is no failure: this is what there is to say of it
+    except PanelError as error:  # a half-drawn gauge is not a failure but the answer
         return {"frames": [], "error": error.problem, "problems": [{"path": error.path, "problem": error.problem}]}
     (gauge,) = source.panel.gauges
     grid = source.grid(0)
@@ -231,7 +231,7 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
 
 
 def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> Answer:
-    """Offer how a gauge might be drawn so that the sample fits it better, and say by how much."""
+    """Offer ways to draw a gauge that fit the sample better, and say by how much."""
     document, key = asked.document, asked.picture
     gauge = document["gauges"][asked.gauge]
     frames, planes = session.frames(), session.planes(document, key)
@@ -257,7 +257,7 @@ def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> 
         if gauge.get("window"):
             return {"offers": []}
         offers = advised(gauge, sight, lambda drawn: tried(source_of(drawn), frames, stale), axis)
-    except PanelError:  # the trial says what is wrong
+    except PanelError:  # the trial reports it
         return {"offers": []}
     return {
         "offers": [
@@ -297,7 +297,7 @@ def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:
 
 
 def _angles(session: SetupSession, asked: PasteQuestion, target: FramePicture) -> dict[str, float]:
-    """Where needles point in the picture to which a draft is carried, of those gauges that are whole."""
+    """Return where needles point in the picture to which a draft is carried, for those gauges that are complete."""
     angles: dict[str, float] = {}
     gauges = asked.document.get("gauges")
     for index in range(len(gauges) if isinstance(gauges, list) else 0):
@@ -335,7 +335,7 @@ def _frame(trial: FrameTrial, gauge: Gauge, grid: Grid) -> Answer:
 
 
 def _line(gauge: Gauge, grid: PolarGrid, alignment: Alignment | None, angle_deg: float) -> list[list[float]]:
-    """Both ends of a needle's axis as a frame shows it, from the gauge's centre in the panel picture, pixels."""
+    """Return both ends of a needle's axis in a frame, relative to the gauge's centre in the panel picture, pixels."""
     ends = grid.at(angle_deg, 1).points()[:, 0, [grid.tail_columns, -1]].astype(np.float64)
     if grid.raised is not None and alignment is not None:
         ends = carried(grid.raised.seen_in(alignment), ends)
@@ -343,12 +343,12 @@ def _line(gauge: Gauge, grid: PolarGrid, alignment: Alignment | None, angle_deg:
 
 
 def _anchors(trial: Trial) -> dict[str, int]:
-    """In how many of the frames in which the panel was found each anchor, or the level edge, was not."""
+    """Count, for each anchor and the level edge, the frames with the panel in which it was not found."""
     return dict(Counter(name for each in trial.frames if each.alignment is not None for name in each.alignment.failed))
 
 
 def _offset(trial: Trial, at: tuple[float, float]) -> Answer | None:
-    """Where the gauge mostly lies in the frames, from where it lies in the panel picture."""
+    """Return the gauge's usual offset in the frames from its place in the panel picture."""
     found = [each.alignment for each in trial.frames if each.alignment is not None]
     if not found:
         return None

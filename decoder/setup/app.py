@@ -53,26 +53,26 @@ Turned = TypeVar("Turned", TrialQuestion, NeedlesQuestion, requests.TurningQuest
 
 ADDRESS = "127.0.0.1"
 GRACE_S = 1
-# An answer that somebody waits for is not to queue behind a trial of a gauge in another thread.
+# Answers that somebody waits for must not queue behind a trial of a gauge in another thread.
 SWITCH_S = 0.0005
 
 
 class Turns:
-    """Which question of each tab and kind is the latest: all earlier ones are stale."""
+    """The latest question of each tab and kind; all earlier ones are stale."""
 
     def __init__(self) -> None:
         self._latest: dict[str, int] = {}
         self._lock = threading.Lock()
 
     def take(self, name: str) -> Stale:
-        """Take a turn; the answer tells whether a later one has come."""
+        """Register a question; return a function that tells whether a later one has come."""
         with self._lock:
             number = self._latest[name] = self._latest.get(name, 0) + 1
         return lambda: self._latest[name] != number
 
 
 def page_files() -> dict[str, bytes]:
-    """Read the page's own files by name: what is not in this table cannot be asked for."""
+    """Read the page's own files by name; nothing else can be requested."""
     return {
         entry.name: entry.read_bytes()
         for entry in files("decoder.setup").joinpath("page").iterdir()
@@ -123,7 +123,7 @@ def _picture_routes(session: SetupSession) -> list[Route]:
     async def image(view: Callable[[str], bytes], key: str) -> Response:
         try:
             return Response(await run_in_threadpool(view, key), media_type="image/jpeg")
-        except (PictureError, FlightFileError) as error:  # an <img> reads no sentence, but it must not show one either
+        except (PictureError, FlightFileError) as error:  # an <img> shows no sentence, but must fail
             return JSONResponse({"error": str(error)}, HTTPStatus.NOT_FOUND)
 
     async def whole(request: Request) -> Response:
@@ -164,7 +164,7 @@ def _session_routes(session: SetupSession) -> list[Route]:
 
 def _question_routes(session: SetupSession) -> list[Route]:
     turns = Turns()
-    # A trial takes a core for itself; one at a time, so that there is another for what somebody waits for.
+    # A trial uses a whole core; one at a time, so that there is another for what somebody waits for.
     one_trial, many = asyncio.Semaphore(1), asyncio.Semaphore(MANY)
 
     def plain(path: str, model: type[Question], answer: Callable[[SetupSession, Question], answers.Answer]) -> Route:
@@ -177,7 +177,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
     async def unwrap(request: Request) -> Response:
         asked = await question(request, requests.UnwrapQuestion)
         turns.take(f"{ADVICE} {asked.tab}")
-        turns.take(f"{TRIAL} {asked.tab}")  # somebody draws: what is tried meanwhile is tried again when they pause
+        turns.take(f"{TRIAL} {asked.tab}")  # cancels a trial while somebody draws; it is repeated when they pause
         return JSONResponse(await run_in_threadpool(answers.unwrap_answer, session, asked))
 
     def in_turn(
@@ -189,7 +189,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
         async def handler(request: Request) -> Response:
             asked = await question(request, model)
             stale = turns.take(f"{path} {asked.tab}")
-            if path == TRIAL:  # nor is it to queue behind advice on what was drawn before: that is asked for again
+            if path == TRIAL:  # a trial must not queue behind advice on an earlier draft, which is asked for again
                 turns.take(f"{ADVICE} {asked.tab}")
             async with room:
                 return JSONResponse(await run_in_threadpool(answer, session, asked, stale))
@@ -212,20 +212,20 @@ def _question_routes(session: SetupSession) -> list[Route]:
 
 
 class _Along(StreamingResponse):
-    """Lines of an answer as they come; `gone` is set as soon as nobody listens, also amidst a long step."""
+    """An answer sent line by line; `gone` is set as soon as nobody listens, even during a long step."""
 
     def __init__(self, lines: AsyncGenerator[str, None], gone: threading.Event, over: BackgroundTask) -> None:
         super().__init__(lines, media_type="application/x-ndjson", background=over)
         self._gone = gone
 
     async def listen_for_disconnect(self, receive: Receive) -> None:
-        """Wait until nobody listens any more, or the answer is told."""
+        """Wait until nobody listens any more, or the answer is complete."""
         await super().listen_for_disconnect(receive)
         self._gone.set()
 
 
 def _search(session: SetupSession, turns: Turns) -> Route:
-    """Search for dials, one search at a time: each step is a line of the answer, told as soon as it is taken."""
+    """Search for dials, one search at a time: each step is a line of the answer, sent as soon as it is done."""
     one_search = asyncio.Semaphore(1)
 
     def told(asked: requests.FoundQuestion, stale: Stale) -> Generator[answers.Answer, None, None]:
@@ -252,7 +252,7 @@ def _search(session: SetupSession, turns: Turns) -> Route:
 
         answer = lines()
 
-        # Also where nobody listens any more: the search is over then, and the next one may begin.
+        # Even if nobody listens any more, the search has ended, and the next one may begin.
         async def over() -> None:
             await answer.aclose()
 
@@ -278,7 +278,7 @@ def _told(status: int) -> Callable[[Request, Exception], Response]:
 
 
 def _declined(why: str) -> Callable[[Request, Exception], Response]:
-    """Answer a question that was understood, and say why what it asks for cannot be."""
+    """Answer a question that was understood with the reason why it cannot be fulfilled."""
 
     def handler(_request: Request, error: Exception) -> Response:
         problems = [{"path": path, "problem": problem} for path, problem in _problems(error)]
@@ -303,7 +303,7 @@ def _no_such(_request: Request, error: Exception) -> Response:
 
 
 def _failed(request: Request, error: Exception) -> Response:
-    """Answer a fault of the program in a sentence; the terminal has what is needed to put it right."""
+    """Answer a fault of the program with a sentence; the terminal shows the details."""
     _log.error("%s failed", printable(request.url.path), exc_info=error)
     sentence = "the program failed at this; what it was doing is in the terminal where it was started"
     return JSONResponse({"error": sentence}, HTTPStatus.INTERNAL_SERVER_ERROR)
@@ -311,7 +311,7 @@ def _failed(request: Request, error: Exception) -> Response:
 
 @dataclass(frozen=True, slots=True)
 class SetupServer:
-    """A server that listens already; `url` is where its page is."""
+    """A server that is already listening; `url` is the address of its page."""
 
     server: uvicorn.Server
     listening: socket.socket
@@ -322,7 +322,7 @@ class SetupServer:
         before = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_S)
         try:
-            with suppress(KeyboardInterrupt):  # how a page ends
+            with suppress(KeyboardInterrupt):  # the normal end of a page
                 self.server.run(sockets=[self.listening])
         finally:
             sys.setswitchinterval(before)
@@ -333,7 +333,7 @@ def setup_server(session: SetupSession) -> SetupServer:
     """Make the server of a session's page."""
     listening = socket.socket()
     listening.bind((ADDRESS, 0))
-    listening.listen()  # who is told the address may ask at once
+    listening.listen()  # before anybody is told the address
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(24)
     app = Guard(setup_app(session), token, (f"{ADDRESS}:{port}", f"localhost:{port}"))

@@ -1,10 +1,10 @@
-"""Edges of a dial near clicks on it, to a fraction of a pixel: rims that its marks end on, and tick marks.
+"""Edges of a dial near clicks on it, to a fraction of a pixel: rims on which its marks end, and tick marks.
 
-A hand clicks to a pixel, a reading wants the centre to some hundredths. The ring at which tick marks begin or end is
-drawn on the dial's own plane, around the needle's pivot; the case before it stands nearer to the camera. So the circle
-is fitted to the nearest ring of one kind of edge, over all angles, with outliers (needle, numerals) losing their say.
-Seen from the side the ring is an ellipse: its shape follows from the dial's plane where that is known, and is fitted
-where it is not.
+People click to a pixel, but readings need the centre to some hundredths. The ring at which tick marks begin or end is
+drawn on the dial's own plane, around the needle's pivot; the case in front of it is nearer to the camera. So the circle
+is fitted to the nearest ring of one kind of edge, over all angles, robust against outliers (needle, numerals). Seen
+from the side the ring is an ellipse: its shape follows from the dial's plane if that is known, and is fitted if it is
+not.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from decoder.setup.thresholds import (
     MAX_MOVE_PX,
 )
 
-# How far around a mark its outline is looked at, along the rim.
+# How far around a mark its outline is sampled, along the rim.
 OUTLINE_PX = 1.6
-# How far beside its mark a click is likely to be: a strong mark further off is a neighbour.
+# How far from its mark a click is likely to be: a strong mark further off is a neighbour.
 LIKELY_PX = 1.0
-# Rings this far to either side of the click are looked at together.
+# Rings this far to either side of the click are used together.
 RING_PX = 2.5
 MARK_STEP_PX = 0.1
 MARK_ROUNDS = 3
-# The dial itself is seen this far to either side, between other marks; on an arc's end it is not the same on both.
+# The dial itself is sampled this far to either side, between other marks; at an arc's end its sides differ.
 BESIDE_PX = 10.0
 DIAL_PERCENTILE = 30.0
 
@@ -53,9 +53,9 @@ BEND_PASSES = 12
 
 
 def sampled_at(picture: GreyPicture, x: Floats, y: Floats) -> Floats:
-    """Grey levels at points, bilinear, of the shape of `x` and `y`; outside, the picture's border.
+    """Sample grey levels at points, bilinear, in the shape of `x` and `y`; outside, the picture's border.
 
-    Only the part around the points is looked at, so that a picture of 18 megapixels costs no more than its dial.
+    Only the part around the points is accessed, so that a picture of 18 megapixels costs no more than its dial.
     """
     height, width = picture.shape
     left, top = (max(int(np.floor(values.min())) - 2, 0) for values in (x, y))
@@ -66,7 +66,7 @@ def sampled_at(picture: GreyPicture, x: Floats, y: Floats) -> Floats:
 
 
 def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
-    """Find the angle of the mark next to a click, in [0, 360); of the click itself where there is none.
+    """Find the angle of the mark nearest to a click, in [0, 360); that of the click itself if there is none.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
 def _middle(light: Floats, place: float) -> float:
     """Find the middle of the bright mark at a place of a ring: each edge is where it is half as bright."""
     reach, places = round(OUTLINE_PX / MARK_STEP_PX), np.arange(len(light))
-    for _ in range(MARK_ROUNDS):  # the likeliest place is drawn to the click; the outline around it is not
+    for _ in range(MARK_ROUNDS):  # the likeliest place is biased towards the click; the outline around it is not
         middle = round(place)
         part = slice(max(middle - reach, 0), middle + reach + 1)
         peak = light[part].max()
@@ -101,7 +101,7 @@ def _middle(light: Floats, place: float) -> float:
             np.percentile(light[min(middle + reach, len(light) - 1) :], DIAL_PERCENTILE),
         )
         weights = np.maximum((light[part] - dial) / np.maximum(peak - dial, 1e-6) - HALF, 0.0)
-        if not weights.any():  # what is beside it is no darker than it: no outline tells more than the place itself
+        if not weights.any():  # its surroundings are no darker, so there is no outline to refine it
             return place
         place = float(np.average(places[part], weights=weights))
     return place
@@ -115,7 +115,7 @@ def _rings(picture: GreyPicture, drawn: DrawnPlane, angles: Floats, radii: Float
 
 
 class Freedom(IntEnum):
-    """What of a ring is fitted, by how many numbers that takes."""
+    """Which parameters of a ring are fitted; the value is their number."""
 
     CIRCLE = 3
     """Place and size, in the plane that it has."""
@@ -125,7 +125,7 @@ class Freedom(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """A circle on the dial's plane around its pivot; `miss_px` is how far the edges stand from it, typically."""
+    """A circle on the dial's plane around its pivot; `miss_px` is the typical distance of the edges from it."""
 
     drawn: DrawnPlane
     radius_px: float
@@ -148,14 +148,14 @@ class Ring:
 
     @property
     def flatness(self) -> float:
-        """How much shorter its short axis is in the picture than its long one, as a part of that."""
+        """How much shorter its minor axis is in the picture than its major one, relative to that."""
         away = self.drawn.ring(self.radius_px) - np.array(self.centre)[:, None]
         long, short = np.sqrt(np.linalg.eigvalsh(away @ away.T)[::-1])
         return 1.0 - float(short / long)
 
 
 def circle_through(drawn: DrawnPlane, points: Sequence[XY]) -> Ring:
-    """Draw the circle on a plane through three places in the picture; the plane is moved to its centre.
+    """Make the circle on a plane through three places in the picture; the plane is moved to its centre.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def circle_through(drawn: DrawnPlane, points: Sequence[XY]) -> Ring:
 
 
 def bent(ring: Ring, points: Sequence[XY]) -> Ring:
-    """Bend a ring through clicks: with five or more to the best fit, with fewer as little as possible.
+    """Deform a ring to pass through clicks: with five or more the best fit, with fewer as little as possible.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def bent(ring: Ring, points: Sequence[XY]) -> Ring:
 
 
 def fitted_ring(picture: GreyPicture, drawn: Ring, freedom: Freedom) -> Ring:
-    """Fit a drawn ring to the edges next to it; it stays where there are none."""
+    """Fit a drawn ring to the nearest edges; it stays if there are none."""
     angles = np.arange(ANGLES) * (2 * np.pi / ANGLES)
     design = _design(angles, freedom)
     ring, sign = drawn, 0.0
@@ -215,7 +215,7 @@ def fitted_ring(picture: GreyPicture, drawn: Ring, freedom: Freedom) -> Ring:
 
 
 def _design(angles: Floats, freedom: Freedom) -> NDArray[np.float64]:
-    """(N, freedom): how far out each number of a step moves the edge at each angle."""
+    """(N, freedom): how far out each parameter of a step moves the edge at each angle."""
     columns = [np.cos(angles), np.sin(angles), np.ones_like(angles), np.cos(2 * angles), np.sin(2 * angles)]
     return np.stack(columns[:freedom], axis=1)
 
@@ -259,9 +259,9 @@ class Rim:
     radius_px
         In the dial's plane.
     points
-        For the gauge's `rim`, where its plane does not follow from elsewhere.
+        For the gauge's `rim`, if its plane does not follow from elsewhere.
     drawn
-        The plane as the gauge then has it.
+        The resulting plane of the gauge.
     """
 
     centre: XY
@@ -271,7 +271,7 @@ class Rim:
 
 
 def begun(picture: GreyPicture, planes: Planes, clicks: Sequence[XY]) -> Rim:
-    """Find the rim that three clicks mean: a circle on the plane that is known, else a circle or a clear ellipse.
+    """Find the rim meant by three clicks: a circle on the known plane, else a circle or a clear ellipse.
 
     Raises
     ------
@@ -287,7 +287,7 @@ def begun(picture: GreyPicture, planes: Planes, clicks: Sequence[XY]) -> Rim:
 
 
 def centre_doubt_px(planes: Planes, clicks: Sequence[XY]) -> float:
-    """Tell how far three clicks on a rim, each a little beside it, leave its centre in doubt, one sigma.
+    """Estimate how uncertain three clicks on a rim, each slightly off, leave its centre, one sigma.
 
     Raises
     ------
@@ -302,13 +302,13 @@ def centre_doubt_px(planes: Planes, clicks: Sequence[XY]) -> float:
 
 
 def around_hub(planes: Planes, clicks: Sequence[XY], hub: XY) -> Rim:
-    """Draw the circle around a hub that passes clicks as near as can be."""
+    """Make the circle around a hub that best fits the clicks."""
     drawn = planes.drawn(hub)
     return _kept(planes, Ring(drawn, mean_radius_px(drawn, np.array(clicks, np.float64).T)), oblique=False)
 
 
 def refined(picture: GreyPicture, planes: Planes, ring: Ring, clicks: Sequence[XY]) -> Rim:
-    """Bend a rim through clicks, and fit it to the marks that are there.
+    """Deform a rim to pass through clicks, and fit it to the marks there.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def refined(picture: GreyPicture, planes: Planes, ring: Ring, clicks: Sequence[X
 
 
 def _kept(planes: Planes, ring: Ring, *, oblique: bool) -> Rim:
-    """Reduce a ring to what a gauge keeps: its plane is the one that follows from what is written down."""
+    """Reduce a ring to what a gauge stores: its plane is the one that follows from that."""
     points = rim_of(ring.drawn, ring.radius_px) if oblique else None
     centre = ring.centre
     drawn = planes.drawn(centre, points)

@@ -1,7 +1,7 @@
-"""Drafts: what the page has drawn so far, in the words of `panel.yaml`, what is wrong with it, and where it was found.
+"""Drafts: what the page has drawn so far, as in `panel.yaml`, what is wrong with it, and cached alignments.
 
-While gauges are drawn the anchors stay, so the same frames are not aligned again and again: on an oblique panel with
-ten anchors aligning twenty frames takes nine tenths of a trial.
+While gauges are drawn the anchors stay the same, so that frames need not be aligned again: on an oblique panel with ten
+anchors, aligning twenty frames takes nine tenths of a trial.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _column(column: str, document: Mapping[str, Any]) -> str:
 
 
 def _named(gauge: object) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """List all parts of a gauge that have a name, by their paths; a draft may have anything in a gauge's place."""
+    """List all named parts of a gauge, by their paths; in a draft, a gauge may be anything."""
     if not isinstance(gauge, Mapping):
         return
     for key, value in gauge.items():
@@ -108,7 +108,7 @@ def problems_of(
     camera: Camera | None = None,
     encoded: Mapping[str, bytes] = MappingProxyType({}),
 ) -> list[Problem]:
-    """Everything that keeps a draft from being a panel; none if it can be saved.
+    """List everything that keeps a draft from being a panel; empty if it can be saved.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def panel_of_gauge(
     camera: Camera | None = None,
     encoded: Mapping[str, bytes] = MappingProxyType({}),
 ) -> PanelPictures:
-    """One gauge of a draft with all that finds the panel, whatever is wrong with the other gauges.
+    """Make a panel of one gauge of a draft with everything that locates the panel, ignoring errors in other gauges.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def panel_of_gauge(
 
 
 def aligner_of(document: Document, picture: GreyPicture, optics: Optics, memory: AlignmentMemory) -> Aligner | None:
-    """Make the aligner of a draft; None where anchors and level do not suffice yet."""
+    """Make the aligner of a draft; None if anchors and level do not suffice yet."""
     height, width = picture.shape
     parts = {key: document[key] for key in ("level", "anchors", "reference_points") if document.get(key)}
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **parts}
@@ -192,17 +192,17 @@ Name = tuple[str, int, float | None, tuple[float, ...]]
 
 
 class AlignmentMemory:
-    """What aligners of the same anchors on the same picture found in frames; safe to use from several threads."""
+    """What aligners of the same anchors on the same picture found in frames; thread-safe."""
 
     def __init__(self) -> None:
         self._found: dict[Name, tuple[weakref.ref[GreyPicture], Found]] = {}
         self._lock = threading.Lock()
 
     def recall(self, name: Name, frame: GreyPicture, find: Callable[[], Alignment]) -> Alignment:
-        """Recall what was found in a frame before, or find it now; a failure is remembered as well."""
+        """Return what was found in a frame before, or find it now; failures are remembered as well."""
         with self._lock:
             seen, found = self._found.get(name, (None, None))
-        if seen is None or found is None or seen() is not frame:  # another picture may have got its place in memory
+        if seen is None or found is None or seen() is not frame:  # another picture may have reused its memory
             try:
                 found = find()
             except PictureError as error:
@@ -210,12 +210,12 @@ class AlignmentMemory:
             with self._lock:
                 self._found[name] = (weakref.ref(frame), found)
         if isinstance(found, PictureError):
-            raise found.with_traceback(None)  # else it would keep the frames of each asking
+            raise found.with_traceback(None)  # a traceback would keep each caller's frames alive
         return found
 
 
 class RememberingAligner(Aligner):
-    """An aligner that looks at no frame twice."""
+    """An aligner that aligns no frame twice."""
 
     def __init__(
         self, panel: Panel, picture: GreyPicture, usual: Alignment, optics: Optics, memory: AlignmentMemory
@@ -224,12 +224,12 @@ class RememberingAligner(Aligner):
         self._memory = memory
 
     def align(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
-        """As any aligner."""
+        """Do as `Aligner.align`."""
         name = ("align", id(frame), focal_length_mm, self.usual.elements)
         return self._memory.recall(name, frame, lambda: super(RememberingAligner, self).align(frame, focal_length_mm))
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
-        """As any aligner."""
+        """Do as `Aligner.align_roughly`."""
         name = ("roughly", id(frame), focal_length_mm, self.usual.elements)
         return self._memory.recall(
             name, frame, lambda: super(RememberingAligner, self).align_roughly(frame, focal_length_mm)

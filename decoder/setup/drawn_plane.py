@@ -1,6 +1,6 @@
 """The face of a dial as the panel picture shows it: where its angles and radii lie there, and its needles' height.
 
-A draft is rarely whole, so whatever of it already tells a plane is used, and the rest counts as seen square on.
+A draft is rarely complete, so whatever of it determines a plane is used, and everything else counts as seen square on.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from decoder.setup.thresholds import MOST_LEFT
 XY = tuple[float, float]
 
 RING_POINTS = 24
-# Points of a rim that is written down.
+# The number of points of a rim in a draft.
 RIM_POINTS = 8
 
 _REFERENCES = TypeAdapter(tuple[ReferencePoint, ...])
@@ -39,13 +39,13 @@ _LEVEL = TypeAdapter(tuple[Point, Point])
 _LENGTH = TypeAdapter(Positive)
 _RIM = TypeAdapter(tuple[Point, ...])
 
-# A needle this high shows how a picture displaces needles.
+# A trial height, from which the displacement of needles in a picture is derived.
 TRIED_INCHES = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnPlane:
-    """A dial's plane, and the lens through which the picture has it, where that distorts.
+    """A dial's plane, and the lens of the picture, if that distorts.
 
     Points of the dial are pixels from its centre, x to 0 degrees, y to 90.
     """
@@ -55,7 +55,7 @@ class DrawnPlane:
 
     @classmethod
     def square_on(cls, centre: XY) -> Self:
-        """Of a dial that nothing tells to be oblique."""
+        """Return that of a dial that is not known to be oblique."""
         return cls(DialPlane((1.0, 0.0, centre[0], 0.0, 1.0, centre[1], 0.0, 0.0, 1.0)))
 
     def to_picture(self, points: Floats) -> Matrix:
@@ -71,7 +71,7 @@ class DrawnPlane:
         return carried(np.asarray(np.linalg.inv(self.plane.matrix), np.float64), straight)
 
     def place(self, angle_deg: float, radius_px: float) -> XY:
-        """Locate a place of the dial in the picture."""
+        """Convert a place of the dial to one in the picture."""
         angle = math.radians(angle_deg)
         x, y = self.to_picture(radius_px * np.array([[math.cos(angle)], [math.sin(angle)]]))[:, 0]
         return float(x), float(y)
@@ -97,9 +97,9 @@ class DrawnPlane:
         return self.to_picture(radius_px * np.stack([np.cos(angles), np.sin(angles)]))
 
     def matrix(self, radius_px: float) -> list[float]:
-        """Nine elements, row by row: from the dial to the picture as taken, for dials so large.
+        """Return nine elements, row by row, from the dial to the picture as taken, for dials of this size.
 
-        Within a dial the lens's own bend is less than a hundredth of a pixel, so a plane-to-plane map holds it.
+        Within a dial, the lens's own bend is less than a hundredth of a pixel, so a plane-to-plane map suffices.
         """
         found = self.plane.matrix
         if self.lens is not None:
@@ -114,7 +114,7 @@ class DrawnPlane:
 class Planes:
     """What a draft tells of how its dials are seen.
 
-    `inches` carries inches on the panel to its picture without distortion, (3, 3); None where the draft does not tell.
+    `inches` carries inches on the panel to its picture without distortion, (3, 3); None if the draft does not tell.
     """
 
     optics: Optics
@@ -122,7 +122,7 @@ class Planes:
 
     @classmethod
     def of(cls, document: Mapping[str, Any], size_px: tuple[int, int], camera: Camera | None) -> Self:
-        """Gather what a draft tells, on a picture of that size."""
+        """Collect what a draft tells, for a picture of that size."""
         focal_length_mm = _valid(_LENGTH, document.get("focal_length_mm"))
         panel = Panel.model_construct(
             reference_points=_valid(_REFERENCES, document.get("reference_points")) or (),
@@ -131,15 +131,15 @@ class Planes:
         optics = Optics(size_px, focal_length_mm, camera)
         try:
             _ = optics.lens
-        except DecoderError:  # a zoom that the camera does not have; the check of the whole draft says so
+        except DecoderError:  # the camera does not have this zoom, which the check of the whole draft reports
             optics = Optics(size_px, focal_length_mm, None)
         try:
             return cls(optics, inches_to_picture(panel.reference_points, panel.level, optics))
-        except (DecoderError, np.linalg.LinAlgError):  # reference points that fit no plane; said there as well
+        except (DecoderError, np.linalg.LinAlgError):  # reference points that fit no plane, also reported there
             return cls(optics, None)
 
     def drawn(self, centre: XY, rim: object = None) -> DrawnPlane:
-        """Find the plane of a dial; one that cannot be is as if nothing were known of it."""
+        """Find the plane of a dial; if that fails, the dial counts as unknown."""
         lens = self.optics.lens
         lens = lens if lens is not None and lens.distorts else None
         gauge = Gauge.model_construct(centre=centre, rim=_valid(_RIM, rim))
@@ -152,7 +152,7 @@ class Planes:
         return DrawnPlane(plane, lens)
 
     def raised(self, height_inches: object) -> Raised | None:
-        """Raise the panel's plane to needles so high above their face; None where the draft does not tell it."""
+        """Raise the panel's plane to needles at this height above their face; None if the draft does not tell."""
         height = _valid(_LENGTH, height_inches)
         if height is None or self.inches is None or self.optics.lens is None:
             return None
@@ -160,17 +160,17 @@ class Planes:
 
 
 def rim_of(drawn: DrawnPlane, radius_px: float) -> list[list[float]]:
-    """Points all round a circle about the pivot, as `rim` of a gauge has them."""
+    """Return points all round a circle about the pivot, as in `rim` of a gauge."""
     return [[round(float(x), 3), round(float(y), 3)] for x, y in drawn.ring(radius_px, RIM_POINTS).T]
 
 
 def mean_radius_px(drawn: DrawnPlane, places: Floats) -> float:
-    """How far (2, N) places in the picture lie from the pivot, in the dial's pixels, on average."""
+    """Return the mean distance of (2, N) places in the picture from the pivot, in the dial's pixels."""
     return float(np.hypot(*drawn.to_dial(places)).mean())
 
 
 def _valid(adapter: TypeAdapter[Any], value: object) -> Any:  # noqa: ANN401 - of the adapter's own kind
-    """Check a part of a draft; None where it is not whole."""
+    """Validate a part of a draft; None if it is incomplete."""
     if value is None or (isinstance(value, Sequence) and not value):
         return None
     try:
@@ -180,7 +180,7 @@ def _valid(adapter: TypeAdapter[Any], value: object) -> Any:  # noqa: ANN401 - o
 
 
 def height_inches(source: PanelPictures, moved_px: XY | None) -> float | None:
-    """Find the height that explains where the only gauge's needles turn; None where none does, or it is said.
+    """Find the height that explains where the only gauge's needles turn; None if none does, or it is given.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""The guard before the set-up page: only the browser that was given the address gets in, and nothing large or foreign.
+"""The guard before the set-up page, which admits only the browser given the address, and nothing large or foreign.
 
-The server listens on this machine alone, but other programs and, by way of the browser, other web pages could still
-reach it. So: the address holds a token; the Host must be this server's own, which no page gets by renaming itself to
-127.0.0.1 (DNS rebinding); a request that says where it comes from must come from the page itself; and no answer
-allows anything to be loaded from anywhere else.
+The server listens on this machine only, but other programs and, through the browser, other web pages could still reach
+it. So the address contains a token; the Host must be this server's own, which no page gets by resolving its name to
+127.0.0.1 (DNS rebinding); a request that states its origin must come from the page itself; and no answer allows
+anything to be loaded from elsewhere.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ HEADERS = {
 
 
 class BodyTooLarge(DecoderError):
-    """A request's body is larger than `MAX_YAML_BYTES`, or goes on after them."""
+    """A request's body is larger than `MAX_YAML_BYTES`, or continues beyond that."""
 
     def __init__(self) -> None:
         super().__init__(f"the request is larger than {MAX_YAML_BYTES // 2**20} MiB")
 
 
 class Guard:
-    """Lets requests through to the page's application, and writes the headers of all answers.
+    """Passes requests to the page's application, and writes the headers of all answers.
 
     Parameters
     ----------
     token
         The first part of every path.
     hosts
-        What the Host header may be.
+        The permitted Host headers.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:
         self._app, self._token, self._hosts = app, token, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handle one request."""
         if scope["type"] != "http":
             return
 
@@ -81,7 +81,7 @@ class Guard:
             return HTTPStatus.FORBIDDEN, "the request comes from another page"
         if headers.get("sec-fetch-site") not in OWN_SITES:
             return HTTPStatus.FORBIDDEN, "the request comes from another site"
-        first = scope["path"].removeprefix("/").partition("/")[0]  # `OPTIONS *` asks for no path at all
+        first = scope["path"].removeprefix("/").partition("/")[0]  # `OPTIONS *` has no path
         if not secrets.compare_digest(first.encode(errors="replace"), self._token.encode()):
             return HTTPStatus.FORBIDDEN, "the token is missing or wrong; open the address that `decode setup` printed"
         length = headers.get("content-length", "0")

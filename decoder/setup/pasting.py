@@ -1,7 +1,7 @@
 """Pasting: a panel drawn on one picture carried over to another of the same type of cockpit.
 
-The aligner finds the anchors again; every place of the drawing goes with them, and angles and radii as each dial's
-plane does.
+The aligner finds the anchors again; every place of the drawing moves with them, and angles and radii move as each
+dial's plane does.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def pasted(
     target
         The other picture, of the same size.
     angles_deg
-        What is read there, by name, in the draft's own angles; what is not read keeps the angle it has.
+        What is read there, by name, in the draft's own angles; what is not read keeps its angle.
     camera
         That took both pictures, if known.
 
@@ -87,7 +87,7 @@ def _carry(carried: dict[str, Any], before: Planes, places: _Places, angles_deg:
         carry_typed(gauge, places.point)
         if gauge.get("window"):
             gauge["window"] = [places.point(corner) for corner in gauge["window"]]
-        if gauge.get("window") or "centre" not in gauge:  # its points tell all of it
+        if gauge.get("window") or "centre" not in gauge:  # its points determine all of it
             continue
         here = before.drawn(tuple(gauge["centre"]), gauge.get("rim"))
         gauge["centre"] = places.point(gauge["centre"])
@@ -98,7 +98,7 @@ def _carry(carried: dict[str, Any], before: Planes, places: _Places, angles_deg:
 
 
 def carry_typed(gauge: dict[str, Any], point: Callable[[Sequence[float]], list[float]]) -> None:
-    """Carry the places that were typed for a gauge's kind; what tells how it stood is to be typed anew."""
+    """Carry the places that were typed for a gauge's kind; values that it showed have to be typed again."""
     for form in (kind.form for kind in KINDS if gauge.get(kind.form.key)):
         for control in form.controls:
             own = gauge[form.key]
@@ -145,7 +145,7 @@ class _Places:
 def _carry_dial(
     gauge: dict[str, Any], here: DrawnPlane, there: DrawnPlane, places: _Places, angles_deg: Mapping[str, float]
 ) -> None:
-    """Carry what a gauge says of its dial, in the dial's plane; 0 degrees turns unless reference points tell it."""
+    """Carry a gauge's description of its dial, in the dial's plane; 0 degrees turns unless reference points fix it."""
     outer = gauge["radius"][1]
     middle_deg = sum(gauge["sweep"]) / 2
     ring = np.array([places.place(at) for at in here.ring(outer).T.tolist()]).T

@@ -1,9 +1,9 @@
-"""Needles proposed: what moves between frames on a dial, and where it stands in the panel picture.
+"""Needles proposed: what moves between frames on a dial, and where it is in the panel picture.
 
 A needle's two halves are often lit differently, so the middle of its light is not its axis: on the rendered flights it
-lies 0.3 degrees beside it. Its outline is symmetric, though. Each column is taken for a left half of one tone and a
-right half of another, equally wide, blurred by the lens; the one axis that explains all columns best is the needle's.
-On those flights it is right to 0.03 degrees.
+is 0.3 degrees off. Its outline is symmetric, though. Each column is modelled as a left half of one tone and a right
+half of another, equally wide, blurred by the lens; the needle's axis is the one that explains all columns best. On
+those flights it is right to 0.03 degrees.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.thresholds import MIN_PART
 
 REACH_DEG = 7.0
-# A needle that somebody points at may lie beyond the sweep as it is drawn so far.
+# A needle that somebody points at may lie beyond the sweep as drawn so far.
 AROUND_DEG = 60.0
 AXIS_STEP_DEG = 0.1
 AXIS_REACH_DEG = 1.2
 BLURS_PX = (0.5, 0.65, 0.8, 0.95, 1.2)
 HALF_WIDTHS_PX = np.concatenate([np.arange(0.4, 4.0, 0.2), np.arange(4.0, 16.0, 0.8)])
 OWN_NOISE_LEVELS = 2.0
-# A guess at the end of the range is moved on this often.
+# How often a guess at the end of the range is moved on.
 ROUNDS = 3
-# A large dial has more columns than it takes; they are seen one by one, so some of them do.
+# The number of columns used of a large dial, since they are processed one by one.
 MOST_COLUMNS = 20
 
 
@@ -52,11 +52,11 @@ CHANGED_PERCENTILE = 75
 SPAN_WIDTHS = 2.5
 SPAN_RANGE_DEG = (8.0, 40.0)
 ROUGH_DEG = 2.0
-# What lies nearer to the centre is a hub, as a part of the dial's outer radius.
+# Anything nearer to the centre is a hub, as a part of the dial's outer radius.
 HUB_PART = 0.12
-# A card may reach so far beyond the ring of its marks, to where its numerals are.
+# How far a card may reach beyond the ring of its marks, to include its numerals.
 BEYOND_RING = 1.5
-# Between marks and numerals there is nothing to see.
+# Between marks and numerals there are blank columns.
 GAP_COLUMNS = 5
 
 
@@ -97,7 +97,7 @@ class _Seen:
 
 
 def _lowest(seen: _Seen, guess_deg: float) -> tuple[float, bool]:
-    """Find the place that explains the columns best, and whether it lies within the range that was searched."""
+    """Find the place that explains the columns best, and whether it lies within the range searched."""
     places = np.arange(-AXIS_REACH_DEG, AXIS_REACH_DEG + AXIS_STEP_DEG / 2, AXIS_STEP_DEG) + guess_deg
     left = [_unexplained(seen, places, blur) for blur in BLURS_PX]  # (C, places, widths) each
     curves = [np.log(each.min(axis=2)) for each in left]
@@ -115,9 +115,9 @@ def _lowest(seen: _Seen, guess_deg: float) -> tuple[float, bool]:
 
 
 def _tapering(half_widths_px: Floats, radii_px: Floats) -> NDArray[np.bool_]:
-    """(C,): the columns in which the needle is about as wide as between its neighbours.
+    """(C,): the columns in which the needle is about as wide as in the neighbouring ones.
 
-    Where it runs into a numeral or a mark it looks wider, and to one side. The line is that of Theil and Sen.
+    Where it runs into a numeral or a mark it looks wider, and lopsided. The line is a Theil-Sen fit.
     """
     one, other = np.triu_indices(len(radii_px), 1)
     slope = np.median([0.0, *(half_widths_px[other] - half_widths_px[one]) / (radii_px[other] - radii_px[one])])
@@ -128,9 +128,9 @@ def _tapering(half_widths_px: Floats, radii_px: Floats) -> NDArray[np.bool_]:
 
 
 def _unexplained(seen: _Seen, places: Floats, blur_px: float) -> Floats:
-    """(C, places, widths): what two tones to either side of each place leave of each column, at each width.
+    """(C, places, widths): the residual of two tones to either side of each place, for each column and width.
 
-    Each column has a noise of its own: one that shows something else besides the needle has little to say.
+    Each column has its own noise: one that shows something besides the needle has little weight.
     """
     left = np.empty((len(seen.radii_px), len(places), len(HALF_WIDTHS_PX)))
     halves = HALF_WIDTHS_PX[None, :, None] / blur_px
@@ -148,7 +148,7 @@ def _unexplained(seen: _Seen, places: Floats, blur_px: float) -> Floats:
 
 
 def _step(x: Floats) -> Floats:
-    """Look a blurred step from 0 to 1 up in a table: erf itself would take seconds."""
+    """Look up a blurred step from 0 to 1 in a table, as erf itself would take seconds."""
     place = np.rint((x + _TABLE_REACH) * (_TABLE_STEPS / (2 * _TABLE_REACH)))
     steps: Floats = _TABLE.take(place.astype(np.intp), mode="clip")
     return steps
@@ -156,9 +156,9 @@ def _step(x: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A needle: the angle at which it points in the panel picture, and how many degrees its template should span.
+    """A needle: its angle in the panel picture, and how many degrees its template should span.
 
-    `reach_px` is how far from the centre its tip is.
+    `reach_px` is the distance of its tip from the centre.
     """
 
     at_deg: float
@@ -168,7 +168,7 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class Dial:
-    """What is known of a gauge before it has needles; `raised` is where they turn, if above its face."""
+    """What is known of a gauge before it has needles; `raised` is the plane in which they turn, if above its face."""
 
     centre: tuple[float, float]
     radius_px: tuple[float, float]
@@ -191,9 +191,9 @@ class Dial:
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """The panel picture, and frames of the flight, each with where the panel lies in it.
+    """The panel picture, and frames of the flight, each with the panel's alignment.
 
-    `own` is where it lies in the panel picture itself: there, but for the lens.
+    `own` is the alignment in the panel picture itself: the identity except for the lens.
     """
 
     picture: GreyPicture
@@ -202,12 +202,12 @@ class Pictures:
 
 
 def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
-    """Propose needles on a dial, the clearest first, in pictures in which they may move; none if nothing did."""
+    """Propose needles on a dial, the clearest first, from pictures in which they may move; none if nothing did."""
     views = _views(seen, dial)
     if not len(views.others):
         return []
     whole = _views(seen, dial.from_hub)
-    # What other frames do not have there, and what is no plain dial here.
+    # What other frames do not show there, and what differs from a plain dial here.
     changes = np.percentile(np.abs(views.others - views.own), CHANGED_PERCENTILE, axis=0)
     here = np.minimum(changes, np.abs(views.own - np.median(views.own, axis=0)))
     profile = _smooth(here.mean(axis=1), round(ROUGH_DEG / views.grid.step_deg))
@@ -223,14 +223,14 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
         reach = round((_width_deg(light, views.grid, guess_deg) + ROUGH_DEG) / views.grid.step_deg)
         profile[max(row - reach, 0) : row + reach + 1] = 0.0
     first, last = dial.sweep_deg
-    reach_deg = 2 * BEYOND_SWEEP_DEG  # a hand draws sweeps so well
+    reach_deg = 2 * BEYOND_SWEEP_DEG  # the precision of sweeps drawn by hand
     return [each for each in found if first - reach_deg <= each.at_deg <= last + reach_deg]
 
 
 def turning_px(seen: Pictures, dial: Dial) -> tuple[float, float] | None:
-    """Find from where to where all of a dial turns together, around the ring that is drawn; None if nothing does.
+    """Find between which radii the whole dial turns, around the ring that is drawn; None if nothing does.
 
-    What turns looks the same in every frame, turned by what turns the ring; what stands still or shifts does not.
+    What turns looks the same in every frame when turned back with the ring; what stands still or shifts does not.
     """
     outer = dial.radius_px[1]
     all_round = replace(dial, radius_px=(HUB_PART * outer, BEYOND_RING * outer), sweep_deg=(0.0, FULL_CIRCLE_DEG))
@@ -248,7 +248,7 @@ def turning_px(seen: Pictures, dial: Dial) -> tuple[float, float] | None:
     if not moves.any():
         return None
     turned = alike[:, :, moves].mean(axis=2).argmax(axis=1)
-    far = np.argsort(np.minimum(turned, rows - turned))[len(turned) // 2 :]  # those that turned most tell it best
+    far = np.argsort(np.minimum(turned, rows - turned))[len(turned) // 2 :]  # those that turned most tell best
     about = (turned[far, None] + np.arange(-2, 3)) % rows
     with_ring = np.median(alike[far[:, None], about].max(axis=1), axis=0)
     places = np.flatnonzero((with_ring > HALF) & moves)
@@ -277,8 +277,8 @@ class _Views:
     def light(self, guess_deg: float) -> Floats:
         """(R, C): what the needle near an angle adds to the dial.
 
-        The dial is what frames show in which that needle is away; where it never is, what the dial mostly shows at
-        each radius.
+        The dial is taken from frames in which that needle is elsewhere; if there are none, it is the median at each
+        radius.
         """
         plain: Floats = self.own - np.median(self.own, axis=0)
         row = round((guess_deg - self.grid.start_deg) / self.grid.step_deg)
@@ -308,7 +308,7 @@ def _proposal(light: Floats, grid: PolarGrid, guess_deg: float, whole: _Views) -
 
 
 def _reach_px(whole: _Views, at_deg: float) -> float:
-    """Find where a needle ends: behind its tip it has less than half of its light."""
+    """Find where a needle ends: beyond its tip there is less than half of its light."""
     grid = whole.grid
     row, reach = round((at_deg - grid.start_deg) / grid.step_deg), round(AXIS_REACH_DEG / grid.step_deg)
     along = np.abs(whole.light(at_deg)[max(row - reach, 0) : row + reach + 1]).mean(axis=0)
@@ -324,7 +324,7 @@ def _smooth(profile: Floats, rows: int) -> Floats:
 
 
 def _width_deg(light: Floats, grid: PolarGrid, at_deg: float) -> float:
-    """How wide the needle is in the inner half of the ring, at half its contrast."""
+    """Return the width of the needle in the inner half of the ring, at half its contrast."""
     row = round((at_deg - grid.start_deg) / grid.step_deg)
     reach = round(SPAN_RANGE_DEG[1] / 2 / grid.step_deg)
     inner = np.abs(light[max(row - reach, 0) : row + reach + 1, : max(grid.columns // 2, 1)]).mean(axis=1)

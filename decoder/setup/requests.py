@@ -1,4 +1,4 @@
-"""What the page may ask, checked once at the edge."""
+"""The requests that the page may make, validated once at the edge."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class NotUnderstood(DecoderError):
 
 
 class SeenQuestion(Strict):
-    """Something about a picture, and what the draft tells of how dials are seen there, whole or not."""
+    """A question about a picture, with what the draft tells of how dials are seen there, complete or not."""
 
     picture: PictureKey
     focal_length_mm: Any = None
@@ -51,7 +51,7 @@ class DialQuestion(SeenQuestion):
     sweep: tuple[Degrees, Degrees]
 
     def dial(self, plane: DialPlane) -> Dial:
-        """Make the dial; a sweep beyond a turn is cut, so that a drag gone too far is still answered."""
+        """Make the dial; a sweep beyond a turn is clipped, so that a drag that went too far is still answered."""
         inner, outer = self.radius
         first, last = self.sweep
         return Dial(self.centre, (min(inner, outer - 2.0) if outer > 3.0 else 0.5, max(outer, 3.0)),  # noqa: PLR2004
@@ -65,7 +65,7 @@ class UnwrapQuestion(DialQuestion):
 
 
 class DrawnRing(Strict):
-    """The rim that a gauge has already."""
+    """The existing rim of a gauge."""
 
     centre: Point
     radius: Annotated[RadiusPx, Field(gt=1)]
@@ -73,7 +73,7 @@ class DrawnRing(Strict):
 
 
 class RimQuestion(SeenQuestion):
-    """Three clicks on a rim, and its hub if need be; or any number that bend the `ring` that is drawn already."""
+    """Three clicks on a rim, with its hub if needed; or any number of clicks that adjust the `ring` already drawn."""
 
     points: Annotated[tuple[Point, ...], Field(min_length=1, max_length=60)]
     ring: DrawnRing | None = None
@@ -102,7 +102,7 @@ class MarkQuestion(SeenQuestion):
 class NeedlesQuestion(DialQuestion):
     """Where needles are: at an angle that was pointed at, or wherever something moves.
 
-    `pivot` is where they turn in the picture, if that is known to be elsewhere than at the gauge's centre.
+    `pivot` is where they turn in the picture, if that is known to differ from the gauge's centre.
     """
 
     document: Document
@@ -113,7 +113,7 @@ class NeedlesQuestion(DialQuestion):
 
 
 class TurningQuestion(DialQuestion):
-    """From where to where all of a dial turns."""
+    """Between which radii a whole dial turns."""
 
     document: Document
     tab: Tab
@@ -135,7 +135,7 @@ class TrialQuestion(DraftQuestion):
 
 
 class FoundQuestion(DraftQuestion):
-    """What there is to propose on a picture besides what a draft has."""
+    """What can be proposed on a picture in addition to a draft."""
 
     tab: Tab
 
@@ -149,7 +149,7 @@ class PasteQuestion(DraftQuestion):
 class SaveQuestion(DraftQuestion):
     """A draft to be saved, and the revision that it is based on.
 
-    `over` saves over what others saved of this panel, `replace` over files that never belonged to it.
+    `over` overwrites what others saved of this panel, `replace` overwrites files that never belonged to it.
     """
 
     revision: int
@@ -189,12 +189,12 @@ def _whole(text: str) -> int:
 
 
 def _plain(content: object) -> object:
-    """Check that a content's texts can be written and its depth is bearable."""
+    """Check that a content's texts can be encoded and that it is not nested too deeply."""
     waiting = [(content, 0)]
     while waiting:
         node, depth = waiting.pop()
         if isinstance(node, str):
-            node.encode()  # half a surrogate is no text
+            node.encode()  # a lone surrogate is not text
         elif isinstance(node, dict | list):
             if depth == MAX_YAML_DEPTH:
                 raise ValueError("nested too deep")

@@ -1,4 +1,4 @@
-"""Saving a panel: `panel.yaml` as a person would write it and its pictures, whole or not at all."""
+"""Saving a panel: `panel.yaml` as a person would write it, and its pictures, atomically."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ def _plain(value: object) -> object:
 
 
 def plain_name(name: str, path: str, *, target: str = OTHERS[0]) -> str:
-    """Check the name of a picture that lies beside its `panel.yaml`, which is called `target`.
+    """Check the name of a picture beside its `panel.yaml`, which is called `target`.
 
     Raises
     ------
     PanelError
-        If it would lead anywhere else, or be the name of another file that lies there.
+        If it would lead anywhere else, or is the name of another file there.
     """
     if not name or file_name(name) != name:
         raise PanelError(path, "must be the plain name of a file beside panel.yaml, such as panel.jpg")
@@ -94,12 +94,12 @@ def plain_name(name: str, path: str, *, target: str = OTHERS[0]) -> str:
 
 
 def save_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Put files into a folder, in their order; the last one, `panel.yaml`, when all it names are there.
+    """Write files into a folder, in order; the last one, `panel.yaml`, once all it names are there.
 
     Raises
     ------
     OutputError
-        If any cannot be written; then `panel.yaml` is as it was.
+        If any cannot be written; then `panel.yaml` is unchanged.
     """
     parts: list[tuple[Path, Path]] = []
     try:
@@ -124,28 +124,28 @@ def save_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """What was drawn and not saved yet: a document, and the key of the picture that it is drawn on."""
+    """What was drawn but not saved yet: a document, and the key of the picture it is drawn on."""
 
     document: dict[str, Any]
     picture: str
 
 
 class DraftFile:
-    """Keeps what is drawn beside where it will be saved, so that nothing is lost when the program ends.
+    """Keeps a draft beside where it will be saved, so that nothing is lost when the program ends.
 
     Parameters
     ----------
     target
         Where the panel is saved.
     flight
-        What it is drawn on: a draft of another flight is none.
+        What it is drawn on; drafts of other flights are ignored.
     """
 
     def __init__(self, target: Path, flight: str) -> None:
         self._path, self._flight = target.with_name(f".{target.name}.draft"), flight
 
     def read(self) -> Draft | None:
-        """Return what was kept; None where nothing is, or nothing that can be gone on with."""
+        """Return the stored draft; None if there is none, or none that can be continued."""
         try:
             kept = json.loads(read_regular(self._path, limit_bytes=MAX_YAML_BYTES, through_links=False))
             document, picture = kept["document"], kept["picture"]
@@ -155,7 +155,7 @@ class DraftFile:
         return Draft(document, picture) if is_one else None
 
     def keep(self, draft: Draft) -> None:
-        """Write it; a folder that cannot be written keeps none, which saving will tell."""
+        """Write it; if the folder is not writable nothing is stored, and saving will report it."""
         kept = {"flight": self._flight, "document": draft.document, "picture": draft.picture}
         with suppress(OutputError):
             save_files(self._path.parent, {self._path.name: json.dumps(kept).encode()})
@@ -167,7 +167,7 @@ class DraftFile:
 
 
 def digest(path: Path) -> str | None:
-    """SHA-256 of a file; None if there is nothing, "" if it is no file that a panel's could be."""
+    """Return the SHA-256 of a file; None if there is nothing, "" if it is nothing that a panel's file could be."""
     if not path.exists() and not path.is_symlink():
         return None
     try:

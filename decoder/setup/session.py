@@ -45,11 +45,11 @@ Aligned = list[tuple[GreyPicture, Alignment]]
 
 
 class SavedElsewhere(DecoderError):
-    """Another tab or program saved the panel since this one opened it."""
+    """Another tab or program has saved the panel since this one opened it."""
 
 
 class WouldReplace(DecoderError):
-    """Files lie where the panel is saved that neither were opened as this panel nor saved by this page."""
+    """Files exist where the panel is saved that were neither opened as this panel nor saved by this page."""
 
     def __init__(self, folder: Path, names: Sequence[str]) -> None:
         super().__init__(
@@ -59,7 +59,7 @@ class WouldReplace(DecoderError):
 
 
 class NotValid(DecoderError):
-    """The draft is no panel yet."""
+    """The draft is not a valid panel yet."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems
@@ -70,20 +70,20 @@ class NotValid(DecoderError):
 
 
 class SetupSession:
-    """What the page's server knows; safe to use from several threads.
+    """What the page's server knows; thread-safe.
 
     Parameters
     ----------
     source
         The flight or the picture.
     panel_file
-        The panel to open; a new one is begun if it is not there. If None, the flight's own is opened.
+        The panel to open; a new one is begun if it does not exist. If None, the flight's own is opened.
     target
         Where the panel is saved, its pictures beside it.
     camera
-        That took the pictures; if None, the one that the flight carries.
+        That took the pictures; if None, the one in the flight.
     is_new
-        Begin a new panel, whatever the flight carries.
+        Begin a new panel, whatever the flight contains.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class SetupSession:
         is_new: bool = False,
     ) -> None:
         self.source = source
-        # A link that a panel was opened through stays one: what it leads to is what was opened.
+        # A panel opened through a link is saved through it: its target is what was opened.
         is_opened = panel_file is not None and panel_file.exists() and target.exists() and panel_file.samefile(target)
         self.target = Path(os.path.realpath(target)) if is_opened and target.is_symlink() else target
         self.revision = 0
@@ -118,7 +118,7 @@ class SetupSession:
         return {**named, str(document.get("picture", "panel.jpg")): self.store.grey(key)}
 
     def encoded(self, document: Document, key: str) -> dict[str, bytes]:
-        """Gather the same pictures as they are in their files."""
+        """Return the same pictures as they are in their files."""
         return {**self._template_pictures(document), str(document.get("picture", "panel.jpg")): self.store.encoded(key)}
 
     def problems(self, document: Document, key: str) -> list[Problem]:
@@ -144,7 +144,7 @@ class SetupSession:
         return draft
 
     def keep(self, document: Document, key: str) -> None:
-        """Keep a draft until it is saved, whatever becomes of the program."""
+        """Store a draft until it is saved, in case the program ends."""
         draft = Draft(dict(document), key)
         with self._lock:
             if self._is_saved(draft):
@@ -156,20 +156,20 @@ class SetupSession:
         return (draft.document, draft.picture) == (self.document, self.picture_key)
 
     def save(self, document: Document, key: str, revision: int, *, replaces: bool = False) -> int:
-        """Save a draft; the number of the new revision.
+        """Save a draft; return the number of the new revision.
 
-        Files of the panel that was opened, or saved before, are replaced; others only if it is said.
+        Files of the panel that was opened, or saved before, are replaced; others only with `replaces`.
 
         Raises
         ------
         SavedElsewhere
             If it was saved since the revision that the draft is based on.
         WouldReplace
-            If files of somebody else lie there, unless `replaces`.
+            If other files exist there, unless `replaces`.
         NotValid
             With everything that is wrong.
         OutputError
-            If the disk does not take it.
+            If it cannot be written.
         """
         with self._lock:
             if revision != self.revision or digest(self.target) != self._digest:
@@ -191,14 +191,14 @@ class SetupSession:
             return self.revision
 
     def _opened_files(self, panel_file: Path | None) -> dict[str, str]:
-        """SHA-256 of the files that were opened, by name, if the panel is saved where it was opened."""
+        """Return the SHA-256 of the files that were opened, by name, if the panel is saved where it was opened."""
         if panel_file is None or self._digest is None or not panel_file.samefile(self.target):
             return {}
         pictures = {name: sha256(content).hexdigest() for name, content in self._pictures.items()}
         return {**pictures, self.target.name: self._digest}
 
     def _files(self, document: Document, key: str) -> dict[str, bytes]:
-        """Gather what is saved, by name; `panel.yaml` last."""
+        """Collect what is saved, by name; `panel.yaml` last."""
         named = {**self._template_pictures(document), str(document["picture"]): self.store.encoded(key)}
         files = {plain_name(name, "picture", target=self.target.name): content for name, content in named.items()}
         if len({name_key(name) for name in files}) < len(files):
@@ -214,7 +214,7 @@ class SetupSession:
             raise WouldReplace(folder, strangers)
 
     def accept_others(self) -> int:
-        """Take note of what was saved from elsewhere, so that it may be saved over; the revision to name then."""
+        """Accept what was saved elsewhere, so that it may be overwritten; return the revision to name then."""
         with self._lock:
             before, self._digest = self._digest, digest(self.target)
             if self._digest is not None and self._digest != before:
@@ -222,7 +222,7 @@ class SetupSession:
             return self.revision
 
     def planes(self, document: Document, key: str) -> Planes:
-        """Gather what a draft tells of how its dials are seen in the picture under `key`."""
+        """Collect what a draft tells of how its dials are seen in the picture under `key`."""
         height, width = self.store.grey(key).shape
         return Planes.of(document, (width, height), self.camera)
 
@@ -232,7 +232,7 @@ class SetupSession:
         return aligner_of(document, self.store.grey(key), self.planes(document, key).optics, memory)
 
     def aligned(self, document: Document, key: str, stale: Stale) -> Aligned:
-        """Align the sample's frames in which the panel is found; without anchors they are taken as they are.
+        """Align the sample's frames that show the panel; without anchors they are taken as they are.
 
         Raises
         ------
@@ -251,12 +251,12 @@ class SetupSession:
         return found
 
     def seen(self, document: Document, key: str, stale: Stale) -> Pictures:
-        """Gather the picture under `key` and the sample's frames, with where the panel lies in them; as `aligned`."""
+        """Collect the picture under `key` and the sample's frames, with the panel's alignment; as `aligned`."""
         own = self.planes(document, key).optics.own
         return Pictures(self.store.grey(key), self.aligned(document, key, stale), own)
 
     def panel_of_gauge(self, document: Document, key: str, index: int) -> RememberedPanel:
-        """One gauge of a draft as `drafts.panel_of_gauge`, with what was found in frames by the same anchors before."""
+        """Do `drafts.panel_of_gauge`, sharing what the same anchors found in frames before."""
         pictures, encoded = self.pictures(document, key), self.encoded(document, key)
         source = panel_of_gauge(document, index, pictures, self.camera, encoded)
         memory = self._memory(_finding(document, key))
@@ -289,7 +289,7 @@ class SetupSession:
         return FramePicture(grey, focal_length_mm, lambda: colour_picture(self.store.encoded(key)))
 
     def _template_pictures(self, document: Document) -> Mapping[str, bytes]:
-        """Gather the pictures besides the panel picture that a draft names, as far as they are there."""
+        """Collect the pictures that a draft names besides the panel picture, as far as they exist."""
         return {
             name: self._pictures[name]
             for name in _pictures_in(document.get("gauges"))
@@ -298,7 +298,7 @@ class SetupSession:
 
 
 def _finding(document: Document, key: str) -> str:
-    """All that finding the panel in frames depends on."""
+    """Return a key of everything that finding the panel in frames depends on."""
     parts = ("anchors", "level", "reference_points", "focal_length_mm")
     return json.dumps([key, *(document.get(part) for part in parts)])
 
@@ -321,7 +321,7 @@ def _where(aligner: Aligner | None, frame: FramePicture, own: Alignment) -> Alig
 
 
 def _opened(source: PictureSource, panel_file: Path | None) -> tuple[str, dict[str, Any] | None, dict[str, bytes]]:
-    """Where a panel was opened from, its content, and its pictures by name; nothing if there is none."""
+    """Return where a panel was opened from, its content, and its pictures by name; empty if there is none."""
     if panel_file is not None:
         if not panel_file.exists():
             return "", None, {}
@@ -337,7 +337,7 @@ def _opened(source: PictureSource, panel_file: Path | None) -> tuple[str, dict[s
 
 
 def _camera(source: PictureSource) -> Camera | None:
-    """Parse the camera that a flight carries."""
+    """Parse the camera in a flight."""
     attachments = source.flight.attachments if isinstance(source, FlightSource) else {}
     return parse_camera(attachments[CAMERA_FILE]) if CAMERA_FILE in attachments else None
 

@@ -1,4 +1,4 @@
-"""Where the set-up page's pictures come from: a flight, or a single picture; each is kept while there is room.
+"""Where the set-up page's pictures come from, a flight or a single picture; each is cached while there is room.
 
 `panel` is the picture that an opened panel was drawn on, `frame-N` a picture of the flight.
 """
@@ -57,16 +57,16 @@ class PictureSource(Protocol):
         ...
 
     def encoded(self, index: int) -> bytes:
-        """One picture as it was recorded; PictureError if it cannot be had."""
+        """Return one picture as it was recorded; PictureError if it is unavailable."""
         ...
 
     def focal_length_mm(self, index: int) -> float | None:
-        """Tell the zoom of a picture that was read before, if it is known."""
+        """Return the zoom of a picture that was read before, if known."""
         ...
 
 
 class FlightSource:
-    """The frames of a flight, each read when it is asked for."""
+    """The frames of a flight, each read on demand."""
 
     def __init__(self, flight: Flight) -> None:
         self.flight = flight
@@ -77,7 +77,7 @@ class FlightSource:
         self._focal_lengths_mm: dict[int, float | None] = {}
 
     def encoded(self, index: int) -> bytes:
-        """One frame's picture as it was recorded; of a video, as a JPEG."""
+        """Return one frame's picture as it was recorded; from a video, as a JPEG."""
         for frame in self.flight.shown(range(index, index + 1)):
             self._focal_lengths_mm[index] = frame.exif.lens_mm
             encoded = encoded_of(frame)
@@ -85,7 +85,7 @@ class FlightSource:
         raise PictureError(f"frame {index} cannot be read; choose another")
 
     def focal_length_mm(self, index: int) -> float | None:
-        """Tell a frame's zoom, as its EXIF has it."""
+        """Return a frame's zoom, from its EXIF."""
         return self._focal_lengths_mm.get(index)
 
 
@@ -109,18 +109,18 @@ class SinglePicture:
             raise PictureError(f"{path}: neither a flight file nor a picture; name a flight or a JPEG") from error
 
     def encoded(self, index: int) -> bytes:
-        """Give the picture; there is none but 0."""
+        """Return the picture; 0 is the only one."""
         if index:
             raise PictureError("there is only one picture")
         return self._encoded
 
     def focal_length_mm(self, index: int) -> float | None:  # noqa: ARG002 - as of a flight
-        """Unknown: the panel's own zoom is taken."""
+        """Return None: the panel's own zoom is assumed."""
         return None
 
 
 def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:
-    """Open what lies at some paths: the segments of one recording, or one picture.
+    """Open the segments of one recording, or one picture.
 
     Raises
     ------
@@ -138,14 +138,14 @@ def open_source(paths: Sequence[Path]) -> FlightSource | SinglePicture:
 
 
 def _is_video(path: Path) -> bool:
-    """Whether it is a video file, which opened as a flight says what to do first; not so if it cannot be read."""
+    """Whether it is a video file, for which opening it as a flight says what to do first; not if it is unreadable."""
     with suppress(FlightFileError), opened(path) as source:
         return is_video(source.read_at(0, BLOCK_BYTES))
     return False
 
 
 class PictureStore:
-    """Encoded, grey and coloured pictures by key; safe to use from several threads."""
+    """Encoded, grey and coloured pictures by key; thread-safe."""
 
     def __init__(self, source: PictureSource, panel_picture: bytes | None) -> None:
         self.source = source
@@ -174,7 +174,7 @@ class PictureStore:
         return self._keep((key, cv2.IMREAD_GRAYSCALE), grey_picture)
 
     def colour(self, key: str, shrink: int = 1) -> ColourPicture:
-        """(H, W, 3) uint8 BGR: for people to look at; shrunk by 2, 4 or 8 while it is decompressed."""
+        """(H, W, 3) uint8 BGR: for people to look at; shrunk by 2, 4 or 8 during decompression."""
         flags = {
             1: cv2.IMREAD_COLOR,
             2: cv2.IMREAD_REDUCED_COLOR_2,
@@ -184,7 +184,7 @@ class PictureStore:
         return self._keep((key, flags), lambda encoded: decompressed(encoded, flags))
 
     def forget_colours(self, but: str) -> None:
-        """Let go of the coloured pictures of all keys but one."""
+        """Drop the coloured pictures of all keys but one."""
         with self._lock:
             for key in [each for each in self._kept if each[0] != but and each[1] != cv2.IMREAD_GRAYSCALE]:
                 del self._kept[key]

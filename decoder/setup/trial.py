@@ -25,9 +25,9 @@ from flight_file.reader import spread
 
 @dataclass(frozen=True, slots=True)
 class NeedleTrial:
-    """One value in one frame, None where it has none; `text` is how it is written, where it is no measure.
+    """One value in one frame, None if there is none; `text` is how it is written, if it is not measured.
 
-    One that several pointers show together has no line of its own.
+    A value that several pointers show together has no line of its own.
     """
 
     name: str
@@ -58,11 +58,11 @@ class Trial:
     moved_px
         How far from its drawn centre its needles really turn.
     findings
-        What `decode` would say of it in the gauge's health line, if this were its flight; nothing if it is drawn well.
+        What the gauge's health line would say if this were the flight; empty if it is drawn well.
     axes_deg
-        How far the axis of each needle, as all frames together show it, lies from where it is drawn.
+        How far the axis of each needle, from all frames together, is from where it is drawn.
     are_points
-        Whether its marks were rather drawn as places in the picture than as angles.
+        Whether its marks were probably drawn as places in the picture rather than as angles.
     """
 
     frames: tuple[FrameTrial, ...]
@@ -78,7 +78,7 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
     Parameters
     ----------
     frames : with their numbers in the flight
-    stale : asked between frames; whether nobody waits for the answer any more
+    stale : called between frames; whether nobody waits for the answer any more
 
     Raises
     ------
@@ -109,7 +109,7 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:
-    """Measure the axes of the needles that were learned from the flight, from the angles that count as theirs."""
+    """Measure the axes of the needles learned from the flight, relative to their nominal angles."""
     (grid,), (face,) = reader.grids, reader.appearance.faces
     if not isinstance(grid, PolarGrid):
         return {}

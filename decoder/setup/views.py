@@ -1,4 +1,4 @@
-"""What the page looks at: scaled pictures, parts of them, unwrapped gauges and strips of dials, encoded."""
+"""What the page shows: scaled pictures, parts of them, unwrapped gauges and strips of dials, encoded."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from decoder.setup.sources import PictureStore
 SHRINKS = (8, 4, 2, 1)
 JPEG_QUALITY = 88
 DIAL_PX = 112
-# How much of its surroundings a dial in the filmstrip is shown with.
+# The size of a dial's crop in the filmstrip, relative to the dial.
 DIAL_MARGIN = 1.12
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of a picture: its box in pixels and the width at which it is wanted."""
+    """A part of a picture: its box in pixels and the requested width."""
 
     left: int
     top: int
@@ -41,7 +41,7 @@ def jpeg(picture: NDArray[np.uint8]) -> bytes:
 
 
 def _address(picture: NDArray[np.uint8]) -> str:
-    """Turn a picture into an address that a page can show."""
+    """Encode a picture as a data URL."""
     return f"data:image/jpeg;base64,{base64.b64encode(jpeg(picture)).decode('ascii')}"
 
 
@@ -54,7 +54,7 @@ def whole_view(store: PictureStore, key: str) -> bytes:
 
 
 def part_view(store: PictureStore, key: str, part: Part) -> bytes:
-    """Cut out a part of a picture at the width that is wanted, but no larger than it is, as JPEG."""
+    """Cut out a part of a picture at the requested width, but not enlarged, as JPEG."""
     picture = store.colour(key)
     height, width = picture.shape[:2]
     left, top = min(max(part.left, 0), width - 1), min(max(part.top, 0), height - 1)
@@ -67,7 +67,7 @@ def part_view(store: PictureStore, key: str, part: Part) -> bytes:
 
 
 def unwrapped_view(strip: Floats) -> str:
-    """Lay an unwrapped gauge on its side, angle to the right and radius upwards, as an address."""
+    """Turn an unwrapped gauge on its side, angle to the right and radius upwards, as a data URL."""
     lying = np.ascontiguousarray(np.clip(strip.T[::-1], 0, 255).astype(np.uint8))
     return _address(lying)
 
@@ -75,7 +75,7 @@ def unwrapped_view(strip: Floats) -> str:
 def film_view(
     frames: Sequence[tuple[GreyPicture, Alignment | None]], centre: tuple[float, float], outer_px: float
 ) -> str:
-    """One dial in all frames, side by side, each where the panel picture has it; dark where the panel is not found."""
+    """Show one dial in all frames, side by side, each aligned with the panel picture; dark if no panel is found."""
     half = outer_px * DIAL_MARGIN
     x, y = centre
     corners = [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
@@ -93,7 +93,7 @@ def film_view(
 
 
 def _around(frame: GreyPicture, corners: Floats) -> tuple[GreyPicture, Floats]:
-    """Cut out the part of a frame that holds the corners, and say where it begins."""
+    """Cut out the part of a frame that contains the corners, and return its origin."""
     height, width = frame.shape
     left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2, 0, [width - 1, height - 1])
     right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + 3, [left + 1, top + 1], [width, height])

@@ -1,10 +1,10 @@
-"""Advice: how a gauge might be drawn better, offered only where all frames of the sample fit it better together.
+"""Advice: how a gauge might be drawn better, offered only if all frames of the sample together fit it better.
 
-The frames tell where needles turn, and where their axes lie. What they tell is drawn and tried once more, on all of
-them, before anybody hears of it: what moves a centre turns axes with it, and one that goes by one picture may fit the
-others worse. An offer reads more values, or as many with no lower score and at most half of what made it left; so
-offers come to an end. And where no more is read, the panel picture shows the same values after it as before: frames
-tell where a needle turns, not what it points at.
+The frames tell where needles turn, and where their axes are. A gauge is redrawn accordingly and tried again on all of
+them before it is offered, since moving a centre turns axes with it, and an axis from one picture may fit the others
+worse. An offer reads more values, or as many with no lower score and at most half of the error that prompted it, so
+offers come to an end. And if it reads no more, the panel picture must show the same values as before: frames tell where
+a needle turns, not what it points at.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ Axis = Callable[[GaugeDraft, float, XY], float]
 
 PLACES = 4
 SCORE_PLACES = 3
-# Where along its length a needle is seen to lie where it is drawn, of the outer radius.
+# The point along a needle that stays in place when it is redrawn, as a part of the outer radius.
 ON_NEEDLE = 0.7
 
 
@@ -79,13 +79,13 @@ class Fit:
     Attributes
     ----------
     read, of
-        How many of its values are read, and of how many.
+        How many of its values are read, and how many there are.
     score
-        Of all its needles in all frames, on average; 0 where one is missing.
+        The average over all its needles in all frames; 0 where one is missing.
     beside_px
-        How far beside its centre its needles turn.
+        How far from its centre its needles turn.
     off_deg
-        How far the axis of the worst of its needles lies from where it is drawn.
+        How far the axis of the worst needle is from where it is drawn.
     """
 
     read: int
@@ -96,7 +96,7 @@ class Fit:
 
     @classmethod
     def of_trial(cls, trial: Trial, gauge: Mapping[str, Any]) -> Self:
-        """Gather it from a trial of a gauge."""
+        """Compute it from a trial of a gauge."""
         readings = [each for frame in trial.frames for each in frame.readings]
         a_frame = max((len(frame.readings) for frame in trial.frames), default=0)
         alone = max((sum(not each.is_together for each in frame.readings) for frame in trial.frames), default=0)
@@ -112,12 +112,12 @@ class Fit:
 
     @property
     def order(self) -> tuple[float, ...]:
-        """All of it, the most important first, each the more the better."""
+        """All of it, the most important first, larger is better."""
         return self.read, self.score, -self.beside_px, -self.off_deg
 
     def is_better_than(self, other: Fit) -> bool:
-        """Whether more is read with it; or as much, it is worse in nothing, and clearly better in something."""
-        if self.read != other.read:  # what was not read before may well match a little less
+        """Whether more is read with it; or as much, nothing is worse, and something is clearly better."""
+        if self.read != other.read:  # additional values may well match a little less
             return self.read > other.read and self.score >= min(other.score, CLEAR_SCORE)
         is_clearly = self.beside_px < HALF * other.beside_px or self.off_deg < HALF * other.off_deg
         return is_clearly and all(own >= their for own, their in zip(self.order, other.order, strict=True))
@@ -139,7 +139,7 @@ def _from_to(before: object, after: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A gauge as it would be drawn better.
+    """A better way to draw a gauge.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Offer:
     gauge
         The whole gauge, changed.
     before, after
-        How well the sample fits it now and then.
+        How well the sample fits before and after.
     """
 
     key: str
@@ -175,9 +175,9 @@ class Sight:
     drawn
         Its plane in the panel picture.
     is_oblique
-        Whether that is anything but square on.
+        Whether that differs from square on.
     height_inches
-        At which its needles would turn where they do, if any height explains that.
+        The height at which its needles would turn where they do, if any explains that.
     """
 
     drawn: DrawnPlane
@@ -186,14 +186,14 @@ class Sight:
 
 
 def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries: Try, axis: Axis) -> list[Offer]:
-    """Offer what fits all frames of the sample better: one change at most, with all that follows from it.
+    """Offer what fits all frames of the sample better: at most one change, with all that follows from it.
 
     Parameters
     ----------
     gauge
         As it is drawn.
     sight
-        Tells how it is seen, by how far beside its centre its needles turn.
+        Returns how it is seen, by how far from its centre its needles turn.
     tries
         Tries a gauge on the sample.
     axis
@@ -218,7 +218,7 @@ def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries
 
 
 def shows_the_same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether needles show the same where they are drawn on two drafts of a gauge, or nearly so."""
+    """Whether needles show nearly the same values where they are drawn on two drafts of a gauge."""
     pairs = zip(_drawn_values(one), _drawn_values(other), strict=True)
     return all(
         abs(shortest(np.array(value - before), turn)) <= SMALLEST_PART * full_scale
@@ -227,7 +227,7 @@ def shows_the_same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 
 
 def _drawn_values(gauge: Mapping[str, Any]) -> Iterator[tuple[float, float, float | None]]:
-    """By needle that is cut from the panel picture: what it shows there, its full scale, and the value of a turn."""
+    """Yield, for needles cut from the panel picture, the value shown there, its full scale, and the value of a turn."""
     for needle in gauge.get("needles") or ():
         own = needle if needle.get("scale") else gauge
         marks, turn, at = sorted(own.get("scale") or ()), own.get("wraps"), needle["template"].get("at")
@@ -239,7 +239,7 @@ def _drawn_values(gauge: Mapping[str, Any]) -> Iterator[tuple[float, float, floa
 
 
 def _settled(gauge: GaugeDraft, tries: Try) -> Iterator[tuple[GaugeDraft, Fit]]:
-    """Try a gauge, and once more with the axes that the frames then show; as one that cannot be read, not at all."""
+    """Try a gauge, and again with the axes that the frames then show; nothing if it cannot be read."""
     try:
         trial = tries(gauge)
         yield gauge, Fit.of_trial(trial, gauge)
@@ -254,7 +254,7 @@ _UNTRIED = Fit(0, 0, 0.0, 0.0, 0.0)
 
 
 def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iterator[Offer]:
-    """Make what may be made of needles that turn elsewhere than at the centre."""
+    """Make offers for needles that turn elsewhere than at the centre."""
     if trial.moved_px is None:
         return
     right, down = trial.moved_px
@@ -268,7 +268,7 @@ def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iter
         return Offer(key, words, does, drawn, _UNTRIED, _UNTRIED)
 
     def found(drawn: GaugeDraft) -> GaugeDraft:
-        """With the axes of all needles as the panel picture shows them around there."""
+        """Add the axes of all needles as the panel picture shows them around that centre."""
         for template in _templates(drawn):
             template["at"] = round(axis(drawn, template["at"], there), PLACES)
         return drawn
@@ -303,7 +303,7 @@ def _templates(gauge: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _axes_off(trial: Trial, gauge: Mapping[str, Any], most_px: float = MAX_MOVE_PX) -> list[tuple[str, float]]:
-    """List the needles that lie clearly elsewhere than they are drawn, by at most so much, and by how much, degrees."""
+    """List the needles that are clearly elsewhere than drawn, by at most `most_px`, and by how many degrees."""
     drawn = {each["name"]: each["template"] for each in gauge.get("needles") or ()}
     return [
         (name, off)
@@ -313,7 +313,7 @@ def _axes_off(trial: Trial, gauge: Mapping[str, Any], most_px: float = MAX_MOVE_
 
 
 def _with_axes(gauge: GaugeDraft, trial: Trial) -> GaugeDraft | None:
-    """Turn axes to where a trial of the gauge shows them; None where they are drawn well enough."""
+    """Turn axes to where a trial of the gauge shows them; None if they are drawn well enough."""
     off = dict(_axes_off(trial, gauge))
     if not off:
         return None
@@ -325,7 +325,7 @@ def _with_axes(gauge: GaugeDraft, trial: Trial) -> GaugeDraft | None:
 
 
 def _recentred(gauge: GaugeDraft, drawn: DrawnPlane, there: XY, *, are_points: bool) -> GaugeDraft:
-    """Draw the gauge around another centre: needles stay where they are in the picture, marks so or at their angles."""
+    """Draw the gauge around another centre; needles keep their places in the picture, marks theirs or their angles."""
     moved, around, outer = copy.deepcopy(gauge), drawn.around(there), gauge["radius"][1]
 
     def carried(angle: float, radius: float) -> float:
@@ -336,7 +336,7 @@ def _recentred(gauge: GaugeDraft, drawn: DrawnPlane, there: XY, *, are_points: b
         for own in (moved, *moved.get("needles", ())):
             if own.get("scale"):
                 own["scale"] = [[carried(angle, outer), value] for angle, value in own["scale"]]
-    for template in _templates(moved):  # they were pointed at in the picture, whatever marks are
+    for template in _templates(moved):  # they were pointed at in the picture, whatever the marks are
         template["at"] = carried(template["at"], outer * ON_NEEDLE)
     right, down = (new - old for new, old in zip(there, gauge["centre"], strict=True))
     if moved.get("rim"):

@@ -1,4 +1,4 @@
-"""Anchors proposed: places like no other on the panel, that stay where they are in all frames and lie well apart."""
+"""Anchors proposed: unique places on the panel that stay where they are in all frames and are well spread."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from decoder.registration.thresholds import SCORE_THRESHOLD
 
 Grey = NDArray[np.uint8]
 
-# A box is this large, as a part of the picture's width, and is looked for this far around where it was.
+# The size of a box, as a part of the picture's width, and how far around its place it is searched for.
 BOX_PART, SEARCH_PART = 0.03, 0.08
-# The picture is divided so finely, and so many boxes are proposed.
+# The picture is divided into this many cells per side; and the number of boxes proposed.
 CELLS = 7
 MOST = 10
 
 
 @dataclass(frozen=True, slots=True)
 class ProposedAnchor:
-    """A box: left, top, width, height, px; how well frames showed it again, and the most alike place elsewhere."""
+    """A box: left, top, width, height, px; how well frames showed it again, and the best match elsewhere."""
 
     box: tuple[int, int, int, int]
     seen: float
@@ -32,7 +32,7 @@ class ProposedAnchor:
 
 
 def anchors_on(picture: Grey, frames: Sequence[Grey]) -> list[ProposedAnchor]:
-    """Propose anchors, well spread; without frames only by how they look.
+    """Propose anchors, well spread; without frames only by their looks.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def anchors_on(picture: Grey, frames: Sequence[Grey]) -> list[ProposedAnchor]:
     if frames:
         found = np.array([[_found(picture, frame, box) for box in candidates] for frame in frames])
         moved, score = found[..., :2], found[..., 2]
-        # Where most of them went, the panel went; a box that went elsewhere was something else.
+        # The panel moved as most boxes did; a box that moved otherwise was something else.
         together = np.median(moved, axis=1, keepdims=True)
         apart = np.hypot(*np.moveaxis(moved - together, -1, 0))
         score = np.where(apart <= 0.02 * picture.shape[1], score, 0.0)
@@ -83,7 +83,7 @@ def _patch(picture: Grey, box: tuple[int, int, int, int]) -> Grey:
 
 
 def _alike(picture: Grey, box: tuple[int, int, int, int]) -> float:
-    """How alike the most alike other place is, at half the size."""
+    """Return the best match elsewhere, at half the size."""
     half = cv2.pyrDown(picture)
     left, top, width, height = (side // 2 for side in box)
     own = half[top : top + height, left : left + width]
@@ -93,7 +93,7 @@ def _alike(picture: Grey, box: tuple[int, int, int, int]) -> float:
 
 
 def _found(picture: Grey, frame: Grey, box: tuple[int, int, int, int]) -> tuple[float, float, float]:
-    """Where a box went in a frame, px, and how like itself it is there."""
+    """Return how far a box moved in a frame, px, and how well it matches there."""
     left, top, width, height = box
     reach = round(SEARCH_PART * picture.shape[1])
     x, y = max(left - reach, 0), max(top - reach, 0)
@@ -105,7 +105,7 @@ def _found(picture: Grey, frame: Grey, box: tuple[int, int, int, int]) -> tuple[
 
 
 def _spread(boxes: Sequence[tuple[int, int, int, int]], names: Sequence[int]) -> list[int]:
-    """Choose boxes one by one, each as far as can be from those before it."""
+    """Choose boxes one by one, each as far as possible from those before it."""
     chosen: list[int] = []
     left = list(range(len(boxes)))
     for _ in range(MOST):

@@ -1,4 +1,4 @@
-"""Bank scales: the marks of an attitude indicator, which bear no numerals, and stand the same on all of them."""
+"""Bank scales: the marks of an attitude indicator, which have no numerals, and are the same on all of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from decoder.setup.finding.ticks import Comb, Tick, comb_around, shaped
 MARKS_DEG = (-60.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 60.0)
 BESIDES_DEG = (-90.0, -45.0, 45.0, 90.0)
 PLACES = 100
-# From beside its pivot its marks seem so much wider apart.
+# Seen from beside its pivot, its marks appear this much wider apart.
 WIDE = (1.0, 0.94, 1.06, 0.88, 1.12)
 PASSES = 6
 
@@ -57,9 +57,9 @@ def banks_on(page: Page, found: Sequence[FoundDial], shape: Floats | None) -> It
 
 
 def bank_of(comb: Comb, shape: Floats) -> tuple[DrawnPlane, float] | None:
-    """Lay a bank scale on a comb: the plane around its pivot and the angle of its 0 there; None if it is none.
+    """Fit a bank scale to a comb: the plane around its pivot and the angle of its 0 there; None if it is not one.
 
-    Its marks stand on one side, and tell the pivot by their angles.
+    Its marks are on one side only, and their angles determine the pivot.
     """
     flat = shaped(comb.rim.centre, shape)
     middle_px = sum(comb.ring_px) / 2
@@ -80,7 +80,7 @@ def bank_of(comb: Comb, shape: Floats) -> tuple[DrawnPlane, float] | None:
 
 
 def _fitted(points: Floats, zero_deg: float, wide: float) -> tuple[int, float, float, XY] | None:
-    """Fit a bank scale to ticks (2, N) from a guess: marks that are there, less how far off, its 0, and its pivot."""
+    """Fit a bank scale to ticks (2, N) from a guess; return matched marks minus their error, its 0, and its pivot."""
     pivot, marks = np.zeros(2), np.array(MARKS_DEG) * wide
     for _ in range(PASSES):
         angles = _turn_deg(points - pivot[:, None])
@@ -108,7 +108,7 @@ def _fitted(points: Floats, zero_deg: float, wide: float) -> tuple[int, float, f
 
 
 def _seen_from(tick: Tick, comb: Comb, drawn: DrawnPlane) -> Tick:
-    """Measure a tick of a comb again, as it stands around another pivot."""
+    """Measure a tick of a comb again, as seen from another pivot."""
     inner, outer = (drawn.polar(comb.rim.drawn.place(tick.angle_deg, px)) for px in (tick.inner_px, tick.outer_px))
     return replace(tick, angle_deg=inner[0] % FULL_CIRCLE_DEG, inner_px=inner[1], outer_px=max(outer[1], inner[1]))
 

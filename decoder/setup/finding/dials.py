@@ -1,7 +1,7 @@
-"""Dials found: pivots that ticks aim at, with the numerals and the comb around each, read again from near by.
+"""Dials found: pivots that ticks aim at, with the numerals and the comb around each, read again from close up.
 
-A panel is read as a whole first. What aims at one place from all round, and has numerals in order around it or a comb,
-is a dial; its face is then enlarged and read once more, and unrolled, since numerals may stand along their ring.
+A panel is first read as a whole. A place that is aimed at from all around, and has numerals in order around it or a
+comb, is a dial. Its face is then enlarged and read again, also unrolled, since numerals may follow their ring.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from decoder.setup.finding.thresholds import (
 )
 from decoder.setup.finding.ticks import Comb, comb_around
 
-# So many places that are aimed at are looked at, and so far apart.
+# How many places that are aimed at are examined, and their minimum distance.
 PLACES, APART_PX = 60, 10.0
-# Of the places from which the same numerals agree, so many are tried.
+# How many of the places from which the same numerals agree are tried.
 TRIED = 4
-# A face is read enlarged to so many pixels across, and unrolled with a ring of numerals so high.
+# The size to which a face is enlarged for reading, and the height of an unrolled ring of numerals.
 FACE_PX = (640.0, 960.0)
 UNROLLED_PX = 140.0
 SHOWN = 1.9
@@ -43,7 +43,7 @@ LINES, OVERLAPPING, PAGE_EDGE = 4, 1.25, 20
 
 @dataclass(frozen=True, slots=True)
 class FoundDial:
-    """A dial: its comb, its texts as seen from the pivot, and the scales that they may be."""
+    """A dial: its comb, its texts as seen from the pivot, and the scales that they may form."""
 
     comb: Comb
     texts: tuple[Text, ...]
@@ -58,7 +58,7 @@ class FoundDial:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A panel picture with what was seen in it; `still` is the same without what moves, as far as frames tell."""
+    """A panel picture with what was seen in it; `still` is the picture without what moves, as far as frames show."""
 
     picture: NDArray[np.uint8]
     still: NDArray[np.uint8]
@@ -68,7 +68,7 @@ class Page:
 
 
 def seen_around(texts: Sequence[Text], drawn: DrawnPlane, reach_px: float = math.inf) -> list[Numeral]:
-    """See numbers, and letters of a compass, from a pivot."""
+    """Return numbers, and letters of a compass, as seen from a pivot."""
     found = []
     for text in texts:
         angle_deg, radius_px = drawn.polar(text.at)
@@ -92,7 +92,7 @@ class Place:
 
 
 def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
-    """Find the dials of a panel, the surest first; each place before it is looked at."""
+    """Find the dials of a panel, the surest first; each place is yielded before it is examined."""
     aimed = aimed_at(page.strokes, page.picture.shape)
     places = list(peaks(aimed, PLACES, APART_PX))
     looks = sorted(_looks(page, places), key=lambda look: -look[0])
@@ -125,7 +125,7 @@ def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
 
 
 def holds_others(dial: FoundDial, found: Sequence[FoundDial]) -> bool:
-    """Whether a ring goes around the middle of another dial: then it is none, which is known once all are found."""
+    """Whether a ring surrounds the middle of another dial, and thus is none; known only once all are found."""
     inner_px, _ = dial.comb.ring_px
     return any(
         inner_px / 2 < math.dist(dial.centre, other.centre) < inner_px + other.comb.ring_px[0] / 2
@@ -146,7 +146,7 @@ def _looks(page: Page, places: Sequence[tuple[XY, float]]) -> Iterator[tuple[flo
 
 
 def _groups(looks: Sequence[tuple[float, XY, Fit]]) -> Iterator[list[tuple[float, XY, Fit]]]:
-    """Gather looks at the same numerals."""
+    """Group looks at the same numerals."""
     left = list(looks)
     while left:
         first = {each.at for each in left[0][2].numerals}
@@ -156,7 +156,7 @@ def _groups(looks: Sequence[tuple[float, XY, Fit]]) -> Iterator[list[tuple[float
 
 
 def likely_px(strokes: Strokes, place: XY) -> list[float]:
-    """Guess how far a dial's ticks are from its pivot: where most strokes that aim at it are."""
+    """Guess the distance of a dial's ticks from its pivot: where there are most strokes that aim at it."""
     away = strokes.at - np.array(place)
     far = np.hypot(away[:, 0], away[:, 1])
     miss = np.abs(away[:, 0] * strokes.along[:, 1] - away[:, 1] * strokes.along[:, 0])
@@ -185,7 +185,7 @@ def _best(page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats) -> Found
 
 
 def face_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
-    """Read the face of a dial enlarged."""
+    """Read the enlarged face of a dial."""
     drawn = comb.rim.drawn
     reach = comb.ring_px[1] * 1.5
     left, top = (max(round(at - reach), 0) for at in drawn.centre)
@@ -195,7 +195,7 @@ def face_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
 
 
 def unrolled_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
-    """Read a dial unrolled, the outside up, as numerals along their ring stand: in lines that overlap, as a page."""
+    """Read an unrolled dial, the outside up, with numerals along its ring: in lines that overlap, as a page."""
     drawn = comb.rim.drawn
     low, high = comb.ring_px
     outer_px = high
@@ -207,7 +207,7 @@ def unrolled_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
     points = np.stack([np.cos(turn) * radii[:, None], np.sin(turn) * radii[:, None]])
     x, y = drawn.to_picture(points.reshape(2, -1)).reshape(2, -1, len(line))
     light = sampled_at(picture, x, y).reshape(LINES, len(radii), -1)
-    # A line of ticks below numerals is read as letters.
+    # A line of ticks below numerals would be read as letters.
     between = (radii > low - 1.0) & (radii < high + 1.0)
     light[:, between] = np.median(light, axis=(1, 2), keepdims=True)
     written = np.clip(light.reshape(-1, len(line)), 0, 255).astype(np.uint8)
@@ -226,5 +226,5 @@ def unrolled_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
 
 
 def page_of(picture: NDArray[np.uint8], still: NDArray[np.uint8], planes: Planes, texts: Sequence[Text]) -> Page:
-    """See a panel picture's strokes."""
+    """Find a panel picture's strokes."""
     return Page(picture, still, planes, strokes_in(picture), tuple(texts))

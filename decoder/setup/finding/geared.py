@@ -1,7 +1,7 @@
-"""Dials with geared hands, an altimeter's or a clock's: each hand as `panel.yaml` has it, and what all tell together.
+"""Dials with geared hands, such as an altimeter or a clock: each hand as in `panel.yaml`, and their common value.
 
-What the hands of such a dial are worth is the same on all of them; which of what moves is which, the flight tells.
-Of a hand that did not move nothing is told: an altimeter is then read within a turn of what did, a clock not at all.
+The values of such a dial's hands are always the same; the flight tells which moving thing is which hand. Nothing is
+known of a hand that did not move: an altimeter is then read within a turn of those that did, a clock not at all.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from decoder.setup.proposals import AROUND_DEG, Dial, Pictures, Proposal, needle
 
 Document = dict[str, Any]
 
-# Templates are measured this far around a hand, and clear of what turns beside it, by such a part of its length.
+# How far around a hand templates are measured clear of what turns beside it, relative to its length.
 CLEAR_PART = 1.06
-# Values below nothing that an altimeter may show, in turns of its longest hand.
+# How far below zero an altimeter may go, in turns of its longest hand.
 BELOW = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Hands that a dial may have, the finest first: their names, what a turn of each is worth, and what comes next.
+    """Hands that a dial may have, the finest first: their names, the values of a turn, and what comes next.
 
-    `further` is how often the coarsest goes round while a coarser one does once that may be there besides.
+    `further` is how often the coarsest goes round per turn of a coarser one that may exist as well.
     """
 
     names: tuple[str, ...]
@@ -40,7 +40,7 @@ class Way:
 
     @property
     def ratios(self) -> tuple[int, ...]:
-        """How often each goes round while the next one does once."""
+        """How often each goes round per turn of the next one."""
         return tuple(round(coarser / finer) for finer, coarser in pairwise(self.turns))
 
 
@@ -53,9 +53,9 @@ class Geared:
     value
         What they tell together.
     unit
-        In which, whatever the dial says; None where it has to say.
+        Its unit, whatever the dial says; None if the dial has to say it.
     ways
-        Which hands there may be, the most first.
+        The hands there may be, the most first.
     """
 
     value: str
@@ -85,7 +85,7 @@ GEARED: Mapping[str, Geared] = {
 
 @dataclass(frozen=True, slots=True)
 class GearedDraft:
-    """A dial as it may stand in `panel.yaml`, and what is said of it; `measured_px`: from where to where each hand."""
+    """A dial as for `panel.yaml`, with remarks; `measured_px` is between which distances each hand was measured."""
 
     gauge: Document
     measured_px: Mapping[str, tuple[float, float]]
@@ -95,9 +95,9 @@ class GearedDraft:
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """What is known of a dial before its hands: as it stands in `panel.yaml`, its plane, and how its marks lie.
+    """What is known of a dial before its hands: its keys for `panel.yaml`, its plane, and its marks.
 
-    `ring_px` is how far out they begin, `zero_deg` where 0 is, `unit` that of the values.
+    `ring_px` is the radius at which they begin, `zero_deg` the angle of 0, `unit` that of the values.
     """
 
     placed: Document
@@ -108,7 +108,7 @@ class Face:
 
 
 def geared_drafts(kind: Geared, face: Face, seen: Pictures) -> tuple[list[GearedDraft], str]:
-    """Draft a dial with all its hands, and with fewer; or why there is none."""
+    """Draft a dial with all its hands, and with fewer; or return why there is none."""
     drafts: list[GearedDraft] = []
     why = ""
     for way in kind.ways:
@@ -183,13 +183,13 @@ def _draft(kind: Geared, way: Way, hands: Hands, face: Face, seen: Pictures, *, 
 
 
 def pointed(seen: Pictures, drawn: DrawnPlane, radius_px: tuple[float, float], near_deg: float) -> Proposal:
-    """Measure the hand that points some way, where it is by itself."""
+    """Measure the hand that points near an angle, where nothing else overlaps it."""
     sweep = near_deg - AROUND_DEG, near_deg + AROUND_DEG
     return needle_at(seen, Dial(drawn.centre, radius_px, sweep, drawn.plane), near_deg)
 
 
 def _clear_px(hands: Hands, index: int, radius_px: tuple[float, float]) -> tuple[float, float]:
-    """From where to where a hand is by itself: to its tip, and beyond shorter ones if enough of it is there."""
+    """Return between which distances a hand is clear: to its tip, and beyond shorter ones if enough of it remains."""
     inner_px, outer_px = radius_px
     reach_px = min(hands.reaches_px[index], outer_px)
     beyond_px = CLEAR_PART * max((each for each in hands.reaches_px if each < reach_px), default=0.0)
@@ -202,7 +202,7 @@ COUNTED_TURNS = 10
 
 
 def lowest(values: Floats, turns: tuple[float, float], *, is_counted: bool) -> float | None:
-    """Choose where values begin that go on beyond a turn of the coarsest hand; None where that may be passed.
+    """Choose where values begin that continue beyond a turn of the coarsest hand; None if they may exceed it.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def lowest(values: Floats, turns: tuple[float, float], *, is_counted: bool) -> f
     inside = max(
         (values[(values >= low) & (values < low + turn)] for low in np.sort(values)), key=lambda part: part.size
     )
-    # What is further off was miscounted; what goes on beyond a turn was flown, and would be read a turn off.
+    # Values further off were miscounted; those that continue beyond a turn are real, and would be read a turn off.
     around = (values > float(inside.min()) - turn) & (values < float(inside.max()) + turn)
     if around.sum() > inside.size:
         return None

@@ -1,8 +1,9 @@
 """Hands of one dial that tell one value together: where each points in every frame, and which of them is which.
 
-What moves over a dial ends in tips. A hand has its tip always as far from the pivot, so its length tells it from the
-others; whether a shorter hand counts the turns of a longer one tells the flight: its angle has to follow in each frame.
-A tail follows too, or a hand that lies under another in one frame; only one assignment goes for all of them.
+What moves over a dial ends in tips. A hand's tip is always at the same distance from the pivot, so its length
+distinguishes it from the others. The flight tells whether a shorter hand counts the turns of a longer one: its angle
+has to follow in each frame. In a single frame a tail may follow too, or a hand that lies under another, but only one
+assignment holds in all of them.
 """
 
 from __future__ import annotations
@@ -25,26 +26,26 @@ from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.finding.thresholds import ALIKE, LEAST_RUN, LONG_PART, MISS_PX, NEAR_DEG, RING_PART
 from decoder.setup.proposals import Dial, Pictures
 
-# Of the frames in which a place of the dial is plainest, the plainest of so many: what lies there then is no hand.
+# For each place of the dial, the number of plainest frames, in which what is there is not a hand.
 PLAINEST = 8
-# Hands are looked for from here outwards, in parts of the ring of marks.
+# Hands are searched for between these distances, in parts of the ring of marks.
 HUB_PART, RIM_PART = 0.12, 0.97
-# The lightest part of a dial in a frame that is a hand's, percent.
+# The brightest part of a dial in a frame that belongs to hands, percent.
 LIT_PERCENTILE = 99.0
 ROUNDS, PASSES = 3, 6
-# So many tips of a frame are looked at, the longest: three hands, their tails, and what else moves.
+# The number of tips examined in a frame, longest first: three hands, their tails, and whatever else moves.
 MOST_TIPS = 10
-# A pivot's place among lines that meet: what it counts against one of them.
+# The weight of a pivot's old place against one of the lines that meet.
 STAYS = 0.1
-# A coarser hand points so nearly where the finer one puts it, in its turns: half as far as it may when it is read.
+# How near a coarser hand must point to where the finer one puts it, in turns of that: half of the reading tolerance.
 AGREES_TURNS = Combined.model_fields["tolerance"].default / 2
-# Views of a dial are apart where its finest hand is, by one of so many parts of a turn.
+# Views of a dial are distinct if its finest hand differs by one of this many parts of a turn.
 LOOKS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Tip:
-    """The end of something that moves: its angle on the dial, how far out it is, and its axis, points (N, 2) px."""
+    """The end of something that moves: its angle on the dial, its distance, and its axis as points (N, 2) px."""
 
     angle_deg: float
     reach_px: float
@@ -62,11 +63,11 @@ class Hands:
     angles_deg, reaches_px
         Of each, in the panel picture.
     others_px
-        How far out shorter ends reach there: tails, and hands that do not go along.
+        The reach of shorter ends there: tails, and hands that do not belong.
     turns
         What they tell in the pictures in which they were seen together, in turns of the finest.
     is_counted
-        Whether a hand that is not among them was seen to count the turns of their coarsest.
+        Whether another hand was seen to count the turns of their coarsest.
     pictures
         In how many pictures they were seen together, and of how many.
     """
@@ -86,7 +87,7 @@ def tips_on(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> list[list[Tip]
     Parameters
     ----------
     drawn : its plane, around where hands turn
-    ring_px : how far out its marks begin
+    ring_px : the radius at which its marks begin
     """
     dial = Dial(drawn.centre, (HUB_PART * ring_px, RIM_PART * ring_px), (0.0, FULL_CIRCLE_DEG), drawn.plane)
     grid = dial.grid(0.0)
@@ -103,7 +104,7 @@ def tips_on(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> list[list[Tip]
 
 
 def _tips(moving: Floats, radii_px: Floats, step_deg: float) -> Iterator[Tip]:
-    """Yield the tips in one frame: where what is lit goes further out than beside it."""
+    """Yield the tips in one frame: where bright pixels reach further out than beside it."""
     rows = len(moving)
     lightest = float(np.percentile(moving, LIT_PERCENTILE))
     level = max(HALF * lightest, 2 * NOISE_LEVELS)
@@ -128,7 +129,7 @@ def _tips(moving: Floats, radii_px: Floats, step_deg: float) -> Iterator[Tip]:
 
 
 def _reaches(lit: Mask, radii_px: Floats) -> Floats:
-    """(R,): how far out something lit goes that is longer than a speck; the innermost radius where there is none."""
+    """(R,): the reach of a bright run that is longer than a speck; the innermost radius if there is none."""
     long = max(round(LONG_PART * len(radii_px) / 2), LEAST_RUN)
     count = np.cumsum(np.pad(lit, ((0, 0), (1, 0))).astype(np.int64), axis=1)
     whole = count[:, long:] - count[:, :-long] == long
@@ -138,12 +139,12 @@ def _reaches(lit: Mask, radii_px: Floats) -> Floats:
 
 
 def _axis(lit: Mask, moving: Floats, places: tuple[Floats, float], row: int) -> Iterator[tuple[float, float]]:
-    """Yield the middle of a hand at each distance, angle and px, from its tip inwards while it is by itself.
+    """Yield the middle of a hand at each distance, angle and px, from its tip inwards while nothing overlaps it.
 
     Parameters
     ----------
     lit, moving : (R, C)
-    places : of the columns up to its tip, px, and degrees from a row to the next
+    places : of the columns up to its tip, px, and degrees per row
     row : of its tip
     """
     radii_px, step_deg = places
@@ -166,11 +167,11 @@ def _axis(lit: Mask, moving: Floats, places: tuple[Floats, float], row: int) -> 
 
 
 def what_is_not_told(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: float) -> str:
-    """Say why what moves on a dial is no one needle whose head is known; nothing if it is.
+    """Say why what moves on a dial is not a single needle with a known head; empty if it is.
 
     Parameters
     ----------
-    drawn, ring_px : as of tips
+    drawn, ring_px : as for tips
     at_deg : where a needle points in the panel picture
     """
     frames = tips_on(seen, turning(seen, drawn, ring_px) or drawn, ring_px)
@@ -182,9 +183,9 @@ def what_is_not_told(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: 
 
 
 def has_several(frames: Sequence[Sequence[Tip]]) -> bool:
-    """Whether something besides the longest hand and its tail is about as long, and was seen to move by itself.
+    """Whether something besides the longest hand and its tail is about as long, and moves by itself.
 
-    What is seen at one angle only is no hand: there the face was mostly hidden by one.
+    What is seen at one angle only is not a hand: the face there was mostly hidden by one.
     """
     others = [
         tip.angle_deg
@@ -200,7 +201,7 @@ def has_several(frames: Sequence[Sequence[Tip]]) -> bool:
 
 
 def reaches_across(tips: Sequence[Tip], at_deg: float) -> bool:
-    """Whether a needle goes about as far on the other side, or further: which of its ends points is not told then."""
+    """Whether a needle reaches about as far on the other side, or further, so that its head is unknown."""
     own, other = (
         max((tip.reach_px for tip in tips if _is_near(tip.angle_deg, middle_deg)), default=0.0)
         for middle_deg in (at_deg, at_deg + 180.0)
@@ -213,7 +214,7 @@ def _is_near(angle_deg: float, other_deg: float) -> bool:
 
 
 def turning(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> DrawnPlane | None:
-    """Move a dial's pivot to where what moves on it turns; None where that is no one point near it."""
+    """Move a dial's pivot to where what moves on it turns; None if that is not a single point near it."""
     for _ in range(ROUNDS):
         moved = turning_at(tips_on(seen, drawn, ring_px), drawn)
         if math.dist(moved.centre, drawn.centre) > HALF * HALF * ring_px:
@@ -223,7 +224,7 @@ def turning(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> DrawnPlane | N
 
 
 def turning_at(frames: Sequence[Sequence[Tip]], drawn: DrawnPlane) -> DrawnPlane:
-    """Move a dial's pivot to where the axes of all tips meet; it stays where they do not tell."""
+    """Move a dial's pivot to where the axes of all tips meet; it stays if they do not determine it."""
     lines = [line for tips in frames for tip in tips for line in (_line(tip.axis),) if line is not None]
     if len(lines) < 2 * LEAST_RUN:
         return drawn
@@ -233,7 +234,7 @@ def turning_at(frames: Sequence[Sequence[Tip]], drawn: DrawnPlane) -> DrawnPlane
     weights, at = lengths.copy(), np.zeros(2)
     for _ in range(PASSES):
         weighted = normal * weights[:, None]
-        # Lines that all lie one way tell nothing along themselves: there it stays, give or take some pixels.
+        # Parallel lines tell nothing in their own direction; there it stays, to within some pixels.
         at = np.linalg.solve(weighted.T @ normal + float(lengths.mean()) * STAYS * np.eye(2), weighted.T @ off)
         left = np.abs(normal @ at - off)
         weights = lengths / (1.0 + (left / (HALF + float(np.median(left)))) ** 2) ** 2
@@ -242,7 +243,7 @@ def turning_at(frames: Sequence[Sequence[Tip]], drawn: DrawnPlane) -> DrawnPlane
 
 
 def _line(axis: Floats) -> tuple[Floats, Floats, float] | None:
-    """Lay a line through points (N, 2): a point of it, its direction and its length; None where they are on none."""
+    """Fit a line to points (N, 2): a point of it, its direction and its length; None if they are not on a line."""
     middle = axis.mean(axis=0)
     _, spread, directions = np.linalg.svd(axis - middle, full_matrices=False)
     if len(axis) < 2 * LEAST_RUN or spread[1] > MISS_PX * math.sqrt(len(axis)) / 2:
@@ -259,15 +260,15 @@ def together(
     *,
     further: int | None = None,
 ) -> Hands | str:
-    """Find hands that tell one value together, or why there are none.
+    """Find hands that tell one value together, or say why there are none.
 
     Parameters
     ----------
     drawn : the dial's plane
-    ring_px : how far out its marks begin
-    zero_deg : where all of them point at nothing
-    ratios : how often the finest goes round while the next one does once, and so on
-    further : the same of a coarser hand that may be there besides
+    ring_px : the radius at which its marks begin
+    zero_deg : where all of them point at zero
+    ratios : how often the finest goes round per turn of the next one, and so on
+    further : the same for a coarser hand that may exist as well
     """
     turned = turning(seen, drawn, ring_px)
     if turned is None:
@@ -276,7 +277,7 @@ def together(
     frames = tips_on(seen, drawn, ring_px)
     tried = (_Chain.of(frames, tips, zero_deg, ratios) for tips in permutations(frames[0], len(ratios) + 1))
     sure = [each for each in tried if each.is_sure(frames)]
-    # What counts for a hand may be counted itself: an altimeter's second hand is its third's first.
+    # What looks like a counting hand may itself be counted: an altimeter's second hand is its third's first.
     told = [each for each in sure if not any(each.tips[0] in other.tips[1:] for other in sure)]
     if not told:
         return "its hands were not seen to turn together"
@@ -315,20 +316,20 @@ class _Chain:
 
     @property
     def looks(self) -> int:
-        """How many views of the dial are apart from each other."""
+        """The number of distinct views of the dial."""
         return len({round(LOOKS * turns) for turns in self.turns if math.isfinite(turns)})
 
     def is_sure(self, frames: Sequence[Sequence[Tip]]) -> bool:
-        """Whether it goes for nearly all pictures, and so many of them differ that this is no chance.
+        """Whether it holds in nearly all pictures, enough of which differ that this is not chance.
 
-        In the panel picture nothing else may be as long as one of the coarser hands: it would be taken for it there.
+        In the panel picture nothing else may be as long as one of the coarser hands, since it could be mistaken for it.
         """
         agreed = sum(math.isfinite(turns) for turns in self.turns)
         alone = all(len(list(_alike(frames[0], [tip]))) == 1 for tip in self.tips[1:])
         return alone and agreed >= ALIKE * len(frames) and self.looks >= LEAST_RUN
 
     def contradicts(self, other: Self) -> bool:
-        """Whether it tells another value than another one, and not because it takes tails for tips."""
+        """Whether it tells another value than another chain, and not because it takes tails for tips."""
         tails = [
             abs(shortest(np.array(own.angle_deg - tip.angle_deg + 180.0), FULL_CIRCLE_DEG)) < NEAR_DEG
             and own.reach_px < ALIKE * tip.reach_px
@@ -339,14 +340,14 @@ class _Chain:
 
 
 def _alike(frame: Sequence[Tip], tips: Sequence[Tip]) -> Iterator[Sequence[Tip]]:
-    """Choose tips of a frame that are as long as some, each with each."""
+    """Yield all combinations of a frame's tips that are as long as given ones."""
     yield from product(
         *([each for each in frame if abs(each.reach_px - tip.reach_px) < RING_PART * tip.reach_px] for tip in tips)
     )
 
 
 def _agreed(choices: Iterable[Sequence[Tip]], zero_deg: float, ratios: Sequence[int]) -> float:
-    """Tell the turns of the finest of the tips that go together best; NaN where none do."""
+    """Return the turns of the finest of the tips that go together best; NaN if none do."""
     best, least = math.nan, AGREES_TURNS
     for chosen in choices:
         parts = [(tip.angle_deg - zero_deg) / FULL_CIRCLE_DEG % 1.0 for tip in chosen]
@@ -363,7 +364,7 @@ def _agreed(choices: Iterable[Sequence[Tip]], zero_deg: float, ratios: Sequence[
 def _counted(
     frames: Sequence[Sequence[Tip]], chain: _Chain, zero_deg: float, ratios: Sequence[int]
 ) -> tuple[float, ...] | None:
-    """Count turns of the finest by one more hand that is as long in all pictures; None if there is none."""
+    """Count turns of the finest by one more hand of constant length; None if there is none."""
     whole = math.prod(ratios[:-1])
     others = [
         [tip for tip in frame if all(abs(tip.reach_px / own.reach_px - 1.0) > RING_PART for own in chain.tips)]

@@ -1,6 +1,6 @@
-"""What the words on a dial tell: what it shows, in which unit, and by how much its numerals are to be multiplied.
+"""What the words on a dial tell: what it shows, in which unit, and the multiplier of its numerals.
 
-Words are half hidden by needles and read with faults, so each is compared as a whole and a few letters may be wrong.
+Words are half hidden by needles and misread, so each is compared as a whole and a few letters may be wrong.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ BY_UNIT = {
     "kt": "airspeed", "mph": "airspeed", "fpm": "vertical speed", "rpm": "engine speed", "A": "ammeter",
     "V": "voltmeter", "ft": "altimeter",
 }  # fmt: skip
-# Scales in these units end no lower: with smaller numbers the word that multiplies them was not read.
+# Scales in these units end no lower; with smaller numbers, the multiplier was not read.
 LEAST_ENDS = {"rpm": 500.0, "fpm": 500.0, "ft": 500.0}
-# What is counted in thousands and hundreds by a number before it; before other units one is a numeral with its unit.
+# Units that are counted in thousands or hundreds by a number before them; with other units, it is a numeral.
 COUNTED = ("rpm", "fpm")
 LETTERS = {"C": "degC", "F": "degF"}
 OIL = {"psi": "oil pressure", "bar": "oil pressure", "degF": "oil temperature", "degC": "oil temperature"}
@@ -50,11 +50,11 @@ class Legend:
     Attributes
     ----------
     name
-        Of what is shown; empty where no word tells it.
+        Of what is shown; empty if no word tells.
     unit
-        In which, empty where no word tells it.
+        Its unit; empty if no word tells.
     factor
-        What a numeral's one is worth.
+        The value of one on the numerals.
     said
         The words that told it.
     """
@@ -65,16 +65,16 @@ class Legend:
     said: tuple[str, ...] = ()
 
     def lacks_factor(self, largest: float) -> bool:
-        """Whether numerals up to so much are too small for the unit, so that something multiplies them."""
+        """Whether numerals up to `largest` are too small for the unit, so that there must be a multiplier."""
         return largest * self.factor < LEAST_ENDS.get(self.unit, 0.0)
 
 
 def legend_of(said: Sequence[str]) -> Legend:
-    """Tell what words say together; the nearest to the scale first.
+    """Interpret words together; the nearest to the scale first.
 
     Parameters
     ----------
-    said : each as it was read, in no order but that of nearness
+    said : each as it was read, ordered by distance only
     """
     words = [(each, re.sub(r"\s", "", each.upper())) for each in said]
     unit, factor, name = "", 1.0, ""
@@ -102,12 +102,12 @@ def legend_of(said: Sequence[str]) -> Legend:
             name = named
             used.append(whole)
     if any(word == "OIL" for _, word in words):
-        # A letter by itself is no unit elsewhere: half a screw is read as one.
+        # Elsewhere a single letter is not a unit, since half a screw may be read as one.
         unit = unit or next((LETTERS[word] for _, word in words if word in LETTERS), "")
         name = OIL.get(unit, name)
     by_unit = BY_UNIT.get(unit, "")
     if by_unit and name in BY_UNIT.values():
-        name = by_unit  # half of a name may be another's: "SPEED" in feet a minute is a vertical one
+        name = by_unit  # a name may be half of another: "SPEED" in feet per minute is vertical speed
     return Legend(name or by_unit, unit, factor, tuple(dict.fromkeys(used)))
 
 

@@ -1,7 +1,7 @@
 """Scales fitted to their ticks: each numeral's own mark, or why no scale is proposed.
 
-The numerals say the values, the ticks the angles. Both have to agree: a mark at every numeral, on an even scale at
-equal turns, on an uneven one the long marks, with as many small ones between them as the values ask for.
+The numerals give the values, the ticks the angles. Both have to agree: a mark at every numeral; on an even scale, at
+equal turns; on an uneven one, at long marks with as many small ones in between as the values require.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from decoder.setup.finding.ticks import Comb, Tick
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A numeral beside its tick: what stands in the scale, and where both are in the picture."""
+    """A numeral with its tick: the value in the scale, and where both are in the picture."""
 
     angle_deg: float
     value: float
@@ -33,18 +33,18 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """A scale, clockwise by angles that only grow.
+    """A scale, clockwise with rising angles.
 
     Attributes
     ----------
     marks
         Each numeral with its tick.
     turn
-        What a full turn is worth, where it goes all the way round.
+        The value of a full turn, if it goes all the way round.
     is_even
-        Whether equal turns are worth equal values.
+        Whether equal turns have equal values.
     doubt
-        Why it is not to be trusted; empty if it is.
+        Why it cannot be trusted; empty if it can.
     """
 
     fit: Fit
@@ -82,7 +82,7 @@ def _away(one_deg: float, other_deg: float) -> float:
 
 
 def _all_round(fit: Fit, comb: Comb) -> Marked:
-    """Lay the places of a full dial on its ticks: they are known but for how the dial is turned."""
+    """Fit the places of a full dial to its ticks; only the dial's rotation is unknown."""
     if fit.family is None:
         raise ValueError("not numbered all the way round")
     degrees = FULL_CIRCLE_DEG / fit.family.turn
@@ -106,9 +106,9 @@ def _all_round(fit: Fit, comb: Comb) -> Marked:
 
 
 def _onto_ticks(comb: Comb, places_deg: Floats) -> float:
-    """Turn places onto ticks, near where they are: onto the long ones, and no further than to the first that serve.
+    """Turn places onto ticks, near where they are: onto the long ones, and no further than to the first that fit.
 
-    Fine ticks serve as well a step further on, or better where what lies over a dial hides a long one.
+    Fine ticks fit as well a step further on, or better if what lies over a dial hides a long one.
     """
     ticks, lengths = (np.array([getattr(tick, name) for tick in comb.ticks]) for name in ("angle_deg", "length_px"))
     long = np.sort(lengths)[-min(len(places_deg), len(lengths))]
@@ -132,7 +132,7 @@ def _doubt_of(fit: Fit, with_tick: int) -> str:
 
 
 def _even(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked | None:
-    """Lay equal turns on the ticks; None where the numerals stand at no equal turns."""
+    """Fit equal turns to the ticks; None if the numerals are not at equal turns."""
     slope, start = np.polyfit(values, angles, 1)
     if np.abs(slope * values + start - angles).max() > NEAR_DEG:
         return None
@@ -168,7 +168,7 @@ def _even(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked | None
 
 
 def _both_ends(fit: Fit, comb: Comb, marks: Sequence[Mark]) -> list[Mark]:
-    """Add the other end of a scale about a zero, where both ends share a numeral: a tick as far on the other side."""
+    """Add the other end of a scale around zero, if both ends share a numeral: a tick as far on the other side."""
     kept = list(marks)
     zero = next((mark for mark in marks if mark.value == 0), None)
     if not fit.is_centred or zero is None:
@@ -188,7 +188,7 @@ def _both_ends(fit: Fit, comb: Comb, marks: Sequence[Mark]) -> list[Mark]:
 
 
 def _goes_on(numeral: Numeral, slope: float, start: float) -> bool:
-    """Whether a scale that goes on beyond its ends has a number there, or the other side of a zero has it."""
+    """Whether a scale extended beyond its ends has a number there, or the other side of zero has it."""
     return any(abs(_away(slope * sign * numeral.value + start, numeral.angle_deg)) <= NEAR_DEG for sign in (1.0, -1.0))
 
 
@@ -203,7 +203,7 @@ def _line(values: Floats, angles: Floats) -> tuple[float, float]:
 
 
 def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
-    """Give each numeral the likeliest of the marks beside it: the long ones, the near ones."""
+    """Assign the likeliest of the nearby marks to each numeral: long ones, near ones."""
     lengths = np.array([tick.length_px for tick in comb.ticks])
     long = float(np.percentile(lengths, 85))
     marks, with_tick = [], []
@@ -231,7 +231,7 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
         doubt = "its numerals' marks are irregularly spaced: one may have another's mark"
     usual = _usual_step(marks)
     for (one, other), step in zip(pairwise(marks), np.abs(steps), strict=True):
-        # Where a scale is uneven, what is not read may be where its divisions change.
+        # On an uneven scale, divisions may change at a numeral that was not read.
         if not doubt and step >= 2 * usual and _has_long(comb, one.angle_deg, other.angle_deg, HALF * long):
             doubt = f"between {one.numeral.said} and {other.numeral.said} a numeral may not have been read"
     between = [_between(comb, one.angle_deg, other.angle_deg) for one, other in pairwise(marks)]
@@ -242,19 +242,19 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
 
 
 def _zigzags(turns: Floats, steps: Floats) -> bool:
-    """Whether what a unit turns by is somewhere much more than on both sides, or less: a scale bends one way."""
+    """Whether the turn per unit is somewhere much larger, or smaller, than on both sides; scales bend one way."""
     bends = np.diff(np.log(np.maximum(turns, LEAST_APART_DEG) / steps), 2)
     return bool(bends.size and np.abs(bends).max() > math.log(MOST_BEND))
 
 
 def _usual_step(marks: Sequence[Mark]) -> float:
-    """Tell the commonest step from a numeral to the next; a scale may begin with a smaller one, as a tachometer's."""
+    """Return the commonest step between numerals; a scale may start with a smaller one, as on a tachometer."""
     sizes, counts = np.unique(np.abs(np.diff([mark.value for mark in marks])), return_counts=True)
     return float(sizes[counts.argmax()])
 
 
 def _trimmed(marks: Sequence[Mark]) -> list[Mark]:
-    """Leave out ends that are further off than numerals usually are: one between was not read, or it is none itself."""
+    """Drop ends further off than numerals usually are: either one in between was not read, or it is not a numeral."""
     kept = list(marks)
     for end in (0, -1):
         while len(kept) > ENOUGH and abs(kept[end].value - kept[1 if end == 0 else -2].value) > _usual_step(kept):

@@ -1,4 +1,4 @@
-"""What moves between frames: by how much a ring of a dial is turned in each of them, and whether hands turn on it."""
+"""What moves between frames: how far a ring of a dial is turned in each of them, and whether hands turn on it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from decoder.setup.proposals import Dial, Pictures
 
 
 def hands_turn(laid: Sequence[GreyPicture], still: GreyPicture, rim: Rim, radius_px: float) -> bool:
-    """Whether what moves on a dial points at its pivot, as a hand does, and is no bar that swings from elsewhere.
+    """Whether what moves on a dial points at its pivot, as a hand does, rather than being a bar from elsewhere.
 
     Parameters
     ----------
-    laid : (H, W) each: frames laid on the panel picture
+    laid : (H, W) each: frames aligned with the panel picture
     still : (H, W): what does not move
     """
     (x, y), reach = rim.centre, round(radius_px)
@@ -40,11 +40,11 @@ def hands_turn(laid: Sequence[GreyPicture], still: GreyPicture, rim: Rim, radius
 
 
 def turned_deg(seen: Pictures, rim: Rim, ring_px: tuple[float, float]) -> list[tuple[float, float]]:
-    """Measure the turn of a ring in each frame, clockwise from how the panel picture has it, and how like it is then.
+    """Measure the turn of a ring in each frame, clockwise from the panel picture, and how well it then matches.
 
     Parameters
     ----------
-    ring_px : from where to where it reaches
+    ring_px : its inner and outer radius
     """
     dial = Dial(rim.centre, ring_px, (0.0, 360.0), rim.drawn.plane)
     grid = dial.grid(0.0)

@@ -1,6 +1,6 @@
 """What is printed on a panel, read by a text recognizer whose weights come with its package; nothing is downloaded.
 
-The package is an extra. What it reads is only as good as its agreement with the marks: `scales` decides about that.
+The package is an extra. What it reads is only as good as its agreement with the marks, which `scales` checks.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from decoder.setup.finding.thresholds import EDGE_PX, LEAST_TICKS, MOST_ROLL_DEG
 PACKAGES = ("rapidocr", "onnxruntime")
 EXTRA = "pip install 'image-flight-recorder[ocr]'"
 
-# The picture is read as it is and enlarged: large letters are lost in the one, small ones in the other.
+# The picture is read at its own size and enlarged: large letters are lost in the latter, small ones in the former.
 ENLARGED = (1.0, 2.0)
 LIKED_PX = 740
-# The recognizer takes 190 bytes a pixel: it is shown parts of the picture so large, which overlap by a word.
+# The recognizer takes 190 bytes per pixel, so it gets parts of this size, which overlap by a word.
 PART_PX, OVERLAP_PX = 1280, 192
 
-# A word so long tells how it is turned, to this.
+# A word of this length gives its own rotation to this precision.
 LONG_PX, LEVEL_DEG = 40.0, 0.5
 PASSES = 6
 
@@ -52,9 +52,9 @@ class Text:
     size_px
         Along and across its line.
     turned_deg
-        How its line is turned, clockwise.
+        The rotation of its line, clockwise.
     sure
-        What the recognizer gives itself, 0 to 1.
+        The recognizer's confidence, 0 to 1.
     """
 
     said: str
@@ -65,7 +65,7 @@ class Text:
 
     @property
     def value(self) -> float | None:
-        """The number that it is, without its sign, since a tick beside it looks like one; None for words."""
+        """Its number without sign, since a tick beside it looks like one; None for words."""
         said = self.said.replace(" ", "")
         if _MOSTLY_DIGITS.match(said):
             said = said.translate(_MISREAD)
@@ -73,11 +73,11 @@ class Text:
         return None if match is None else float(match[2].replace(",", ""))
 
     def shifted(self, right_px: float, down_px: float) -> Text:
-        """Move it: one that was read in a part of the picture."""
+        """Move a text that was read in a part of the picture."""
         return replace(self, at=(self.at[0] + right_px, self.at[1] + down_px))
 
     def put(self, at: tuple[float, float], size_px: tuple[float, float], turned_deg: float) -> Text:
-        """Put it elsewhere: one that was read in an unrolled dial, back on the dial."""
+        """Move a text that was read in an unrolled dial back onto the dial."""
         return replace(self, at=at, size_px=size_px, turned_deg=turned_deg)
 
 
@@ -106,9 +106,9 @@ def _engine() -> Any:  # noqa: ANN401 - of a package that may be absent
 
 
 def seen_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
-    """Read a picture, enlarged."""
+    """Read an enlarged picture."""
     shown = picture if scale == 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-    # A picture smaller than the recognizer likes would be enlarged again, until its letters are no more than blots.
+    # The recognizer would enlarge smaller pictures itself, until letters are mere blots.
     lacking = np.subtract(LIKED_PX, shown.shape)
     more = [int(each) // 2 for each in lacking.clip(0)]
     level = int(np.median(shown))
@@ -132,7 +132,7 @@ def _text(box: Floats, said: str, sure: float, scale: float) -> Text:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of a picture that is read at once, px, and how much it is enlarged."""
+    """A part of a picture that is read at once, px, and its enlargement."""
 
     scale: float
     left: int
@@ -153,14 +153,14 @@ def parts_of(picture: NDArray[np.uint8]) -> list[Part]:
 
 
 def texts_in(picture: NDArray[np.uint8], part: Part) -> list[Text]:
-    """Read a part of a grey picture, (H, W); what its edge cuts is another part's."""
+    """Read a part of a grey picture, (H, W), dropping texts at its edges, which other parts contain."""
     own = np.ascontiguousarray(picture[part.top : part.bottom, part.left : part.right])
     beyond = part.top, part.left, part.bottom < picture.shape[0], part.right < picture.shape[1]
     return [text.shifted(part.left, part.top) for text in seen_at(own, part.scale) if not _is_cut(text, own, beyond)]
 
 
 def _parts(length: int, scale: float) -> list[tuple[int, int]]:
-    """From where to where the parts of a side reach."""
+    """Return the ranges of the parts of a side."""
     side, overlap = math.ceil(PART_PX / scale), OVERLAP_PX / scale
     count = max(math.ceil((length - overlap) / (side - overlap)), 1)
     starts = np.linspace(0, max(length - side, 0), count).astype(int).tolist()
@@ -168,7 +168,7 @@ def _parts(length: int, scale: float) -> list[tuple[int, int]]:
 
 
 def _is_cut(text: Text, part: NDArray[np.uint8], beyond: tuple[float, float, bool, bool]) -> bool:
-    """Whether a text touches an edge of a part beyond which the picture goes on: another part has all of it."""
+    """Whether a text touches an edge beyond which the picture continues, so that another part contains all of it."""
     top, left, below, right = beyond
     (x, y), turn = text.at, math.radians(text.turned_deg)
     along, across = (size / 2 for size in text.size_px)
@@ -183,7 +183,7 @@ def _is_cut(text: Text, part: NDArray[np.uint8], beyond: tuple[float, float, boo
 
 
 def texts_once(found: Sequence[Text]) -> list[Text]:
-    """Keep one reading of each place: a number rather than words, and the surest."""
+    """Keep one reading of each place: a number rather than words, and the most confident."""
     kept: list[Text] = []
     for text in sorted(found, key=lambda each: (each.value is None, -each.sure)):
         if not any(_overlap(text, other) for other in kept):
@@ -198,9 +198,9 @@ def _overlap(one: Text, other: Text) -> bool:
 
 
 def level_deg(texts: Sequence[Text], at: tuple[float, float], size_px: tuple[int, ...]) -> float | None:
-    """Tell how the words of a panel are turned at a place of its picture, clockwise; None where they are too few.
+    """Estimate the rotation of a panel's words at a place of its picture, clockwise; None if there are too few.
 
-    Seen from aside they turn as one goes along the panel: a plane is laid through the turns of all of them.
+    Seen obliquely the rotation varies across the panel, so a plane is fitted to the rotations of all words.
     """
     words = [text for text in texts if text.value is None and text.size_px[0] > WORD_SHAPE * text.size_px[1]]
     words = [text for text in words if abs(text.turned_deg) < MOST_ROLL_DEG]
@@ -209,7 +209,7 @@ def level_deg(texts: Sequence[Text], at: tuple[float, float], size_px: tuple[int
     away = (np.array([text.at for text in words]) - at) / max(size_px)
     design = np.concatenate([np.ones((len(words), 1)), away], axis=1)
     turns = np.array([text.turned_deg for text in words])
-    # A box's edge is told to a pixel, and a panel that is nearly square on turns none of them.
+    # A box's edge is known to a pixel, and a panel that is nearly square on rotates none of them.
     lengths = np.array([text.size_px[0] for text in words]) / LONG_PX
     weights, told = lengths**2, np.zeros(3)
     for _ in range(PASSES):

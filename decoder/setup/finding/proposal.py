@@ -1,6 +1,6 @@
-"""Gauges proposed: each dial as it would stand in `panel.yaml`, with its evidence, and what is not known.
+"""Gauges proposed: each dial as for `panel.yaml`, with its evidence, and what is not known.
 
-A scale of which anything is in doubt is not proposed: a wrong value costs more than a dial that somebody has to draw.
+A scale with any doubt is not proposed: a wrong value costs more than a dial that somebody has to draw.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from decoder.setup.proposals import Dial, Pictures, Proposal, proposed
 
 Document = dict[str, Any]
 
-# Needles are read between these parts of their ticks' inner ends: clear of the hub, short of the marks.
+# Needles are measured between these parts of their ticks' inner ends: clear of the hub, short of the marks.
 FROM_PART, TO_PART = 0.3, 0.98
 PLACES = 3
-# Of a dial that nothing tells a sweep of, as the page begins one.
+# The sweep of a dial with no evidence of one, as the page begins one.
 BEGUN_SWEEP = (135.0, 405.0)
 UP_DEG = 270.0
-# What is up on a panel is known so well, one sigma: where its words are level, and where nothing tells.
+# Uncertainty of the panel's vertical, one sigma: from its words, and without any.
 LEVEL_DEG, ROLL_DEG = 1.5, 2.0
 
 
@@ -59,23 +59,23 @@ class ProposedGauge:
     Attributes
     ----------
     gauge
-        As it stands in `panel.yaml`; None where something that it needs is not known.
+        As for `panel.yaml`; None if something that it needs is unknown.
     drawn
-        The same as far as it is known, for somebody to complete: marks of a scale in doubt have no value.
+        The same as far as it is known, for somebody to complete: marks of a doubtful scale have no value.
     centre, rim
         Where it is in the picture.
     name
-        To call it by.
+        For people.
     marks
         Its scale, as far as it was read.
     evidence
-        What speaks for it, sentence by sentence.
+        What supports it, sentence by sentence.
     lacking
         What was not found, sentence by sentence.
     read
-        Of how many values that were asked for on the flight how many are read; None where it was not tried.
+        How many values were read on the flight, and of how many; None if it was not tried.
     measured_px
-        Of hands that turn over each other: from where to where each is by itself.
+        For hands that turn over each other, between which distances each is clear.
     otherwise
         The same dial with fewer of its hands, in case the flight cannot be read with all of them.
     """
@@ -99,7 +99,7 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
     Parameters
     ----------
     taken : names of others
-    words : of all of the picture
+    words : of the whole picture
     hands : whether what moves on it points at its pivot
     """
     comb, drawn = dial.comb, dial.comb.rim.drawn
@@ -151,7 +151,7 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
 
 
 def _doubt_of_values(scale: Marked, legend: Legend) -> str:
-    """Say why marks whose numerals are known may be worth something else; nothing if they are not."""
+    """Say why marks with known numerals may have other values; empty if they do not."""
     family, largest = scale.fit.family, max(abs(mark.value) for mark in scale.marks)
     if scale.fit.is_centred and legend.unit not in ("fpm", "A"):
         return "it rises to both sides of 0, and nothing shows which side is positive"
@@ -163,7 +163,7 @@ def _doubt_of_values(scale: Marked, legend: Legend) -> str:
 
 
 def settled(dial: FoundDial, seen: Pictures, planes: Planes, shape: Floats | None) -> FoundDial:
-    """Measure ticks that go part of the way round again, around where the needle turns, as the panel is seen."""
+    """Measure the ticks of a partial dial again, around where the needle turns, given how the panel is seen."""
     comb = dial.comb
     if comb.is_all_round or planes.inches is not None:
         return dial
@@ -257,7 +257,7 @@ def _gauge(
 def _geared(
     kind: Geared, dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, legend: Legend
 ) -> tuple[Sequence[GearedDraft], str]:
-    """Draft a dial whose hands count for each other."""
+    """Draft a dial whose hands count each other's turns."""
     first = scale.marks[0]
     zero_deg = (first.angle_deg - first.value * 360.0 / (scale.turn or 360.0)) % 360.0
     placed = _placed(dial, name, _turn_from(zero_deg))
@@ -359,11 +359,11 @@ def _of_index(told: str, doubt_deg: float) -> str:
 
 
 def _index(dial: FoundDial, texts: Sequence[Text], size_px: tuple[int, ...]) -> tuple[float, float, str]:
-    """Take a card's index to be straight up: at which angle that is, give or take what, and how it was told."""
+    """Assume a card's index straight up: return its angle, the uncertainty, and how it was determined."""
     drawn = dial.comb.rim.drawn
     level = level_deg(texts, dial.centre, size_px)
     if level is None:
-        # What is up on a panel that is seen from aside and from above is not up in the picture.
+        # If a panel is seen from the side and from above, its vertical is not the picture's.
         skewed_deg = math.degrees(drawn.plane.obliqueness**2 / math.sqrt(8.0))
         return UP_DEG, math.hypot(ROLL_DEG, skewed_deg), ""
     turn, reach = math.radians(level), dial.comb.ring_px[0]
@@ -372,7 +372,7 @@ def _index(dial: FoundDial, texts: Sequence[Text], size_px: tuple[int, ...]) -> 
 
 
 def _so_far(dial: FoundDial, name: str, scale: Marked | None, legend: Legend, *, is_told: bool) -> Document:
-    """Describe what is known of a dial, for somebody to complete; a value that is in doubt is left out."""
+    """Describe what is known of a dial, for somebody to complete; doubtful values are left out."""
     is_told = is_told and scale is not None and scale.fit.family is None
     marks = [] if scale is None else _pairs(scale, legend.factor)
     sweep = _sweep([angle for angle, _ in marks]) if marks else BEGUN_SWEEP
@@ -386,13 +386,13 @@ def _so_far(dial: FoundDial, name: str, scale: Marked | None, legend: Legend, *,
 
 
 def _pairs(scale: Marked, factor: float) -> list[tuple[float, float]]:
-    """List the marks' angles, on the turn that begins at 0, with what they are worth."""
+    """List the marks' angles, on the turn that begins at 0, with their values."""
     shift = 360.0 * math.floor(scale.marks[0].angle_deg / 360.0)
     return [(mark.angle_deg - shift, mark.value * factor) for mark in scale.marks]
 
 
 def _native(part: Any) -> Any:  # noqa: ANN401 - any part of a draft
-    """Make numpy's numbers Python's, as YAML and JSON have them."""
+    """Convert numpy's numbers to Python's, for YAML and JSON."""
     if isinstance(part, dict):
         return {key: _native(each) for key, each in part.items()}
     if isinstance(part, list | tuple):

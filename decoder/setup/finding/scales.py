@@ -1,8 +1,8 @@
 """Scales: what the numerals around a pivot mean together, or that they do not agree.
 
-A numeral by itself is a guess of a recognizer. A scale is proposed where several stand in order around the pivot:
-rising or falling by whole steps, with turns from one to the next that change gradually. Full dials are stricter
-still: the digits of an altimeter, the hours of a clock and the letters of a compass have fixed places.
+A single numeral is a recognizer's guess. A scale is proposed if several are in order around the pivot: rising or
+falling by whole steps, with gradually changing turns from one to the next. Full dials are stricter still: the digits of
+an altimeter, the hours of a clock and the letters of a compass have fixed places.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.setup.finding.thresholds import LEAST_RUN, MOST_BEND, MOST_TURN_DEG, NEAR_DEG, OFF_DEG, RING_PART
 
-# What a numeral out of order costs, against one in order.
+# The cost of a numeral out of order, relative to one in order.
 STRANGER = 1.0
 
 
@@ -36,16 +36,16 @@ class Numeral:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Numerals that stand at fixed places all round.
+    """Numerals at fixed places all around.
 
     Attributes
     ----------
     turn
-        What a turn is worth, as it is numbered.
+        The value of a turn, as numbered.
     step
         From one numbered mark to the next.
     needs
-        So many of them tell it.
+        How many of them identify it.
     """
 
     name: str
@@ -93,17 +93,17 @@ class Fit:
 
     @property
     def weight(self) -> float:
-        """How much speaks for it."""
+        """The weight of its evidence."""
         return sum(each.sure for each in self.numerals) - STRANGER * len(self.strangers)
 
     @property
     def radius_px(self) -> float:
-        """Where its numerals stand."""
+        """The radius of its numerals."""
         return float(np.median([each.radius_px for each in self.numerals]))
 
 
 def fits(numerals: Sequence[Numeral]) -> list[Fit]:
-    """List the scales that numerals around a pivot may be, one for each ring of them, the best first."""
+    """List the scales that numerals around a pivot may form, one for each ring of them, best first."""
     found: list[Fit] = []
     for ring in _rings(numerals):
         here = [fit for fit in (*_full(ring), *_runs(ring)) if fit is not None]
@@ -118,7 +118,7 @@ def fits(numerals: Sequence[Numeral]) -> list[Fit]:
 
 
 def _rings(numerals: Sequence[Numeral]) -> Iterator[list[Numeral]]:
-    """Gather numerals at about one distance; a ring for each that may be in its middle."""
+    """Group numerals at about one distance; a ring for each that may be in its middle."""
     seen = set()
     for middle in numerals:
         ring = [
@@ -209,7 +209,7 @@ def _longest(numbers: Sequence[Numeral], values: Sequence[float], *, centred: bo
 def _run(
     numbers: Sequence[Numeral], values: Sequence[float], order: Sequence[int], sign: float
 ) -> tuple[float, tuple[int, ...]]:
-    """Find the heaviest run in an order that changes its values gradually."""
+    """Find the heaviest run in an order whose values change gradually."""
     at = [(numbers[index].angle_deg - numbers[order[0]].angle_deg) % FULL_CIRCLE_DEG for index in order]
     is_value = [sign * values[index] for index in order]
     # By the last two of a run: its weight and the place before them.

@@ -1,4 +1,4 @@
-"""Strokes: the short straight edges of a picture, and the points that many of them aim at from all round.
+"""Strokes: the short straight edges of a picture, and the points that many of them aim at from all around.
 
 Tick marks point at the pivot of their dial, however obliquely it is seen, and so does the needle. No other place of a
 panel is aimed at from so many directions: letters aim at themselves, frames in two directions.
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from decoder.panel.arrays import Floats
 from decoder.setup.finding.thresholds import FROM_LENGTHS, LEAST_PX, MOST_PX, TO_LENGTHS
 
-# Strokes of a small dial are two pixels wide: edges are found in the picture twice as large.
+# Strokes of a small dial are two pixels wide, so edges are found in the picture at this scale.
 ENLARGED = 2.0
 # How far a stroke's aim is followed, as a part of the picture.
 REACH_PART = 0.42
-# A place is this large; directions this wide count once.
+# The size of a cell of places; directions within this width count once.
 CELL_PX = 2.0
 DIRECTIONS = 18
 BLUR_CELLS = 0.8
@@ -29,7 +29,7 @@ ENOUGH_IN_ONE = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Strokes:
-    """Straight edges: (N, 2) px where the middle of each lies, (N, 2) its direction, a unit vector, (N,) its length."""
+    """Straight edges: (N, 2) px the middle of each, (N, 2) its direction, a unit vector, (N,) its length."""
 
     at: Floats
     along: Floats
@@ -39,7 +39,7 @@ class Strokes:
         return len(self.length_px)
 
     def where(self, chosen: NDArray[np.bool_]) -> Strokes:
-        """Choose some."""
+        """Select some."""
         return Strokes(self.at[chosen], self.along[chosen], self.length_px[chosen])
 
 
@@ -57,7 +57,7 @@ def strokes_in(picture: NDArray[np.uint8]) -> Strokes:
 
 
 def aimed_at(strokes: Strokes, size_px: tuple[int, int]) -> Floats:
-    """(H / CELL_PX, W / CELL_PX): from how many of the directions some stroke aims at each place."""
+    """(H / CELL_PX, W / CELL_PX): the number of directions from which some stroke aims at each place."""
     height, width = (int(side / CELL_PX) + 1 for side in size_px)
     total = np.zeros((DIRECTIONS, height, width), np.float32)
     for sign in (1.0, -1.0):
@@ -75,7 +75,7 @@ def aimed_at(strokes: Strokes, size_px: tuple[int, int]) -> Floats:
 
 
 def peaks(aimed: Floats, count: int, apart_px: float) -> Iterator[tuple[tuple[float, float], float]]:
-    """Yield the places that are aimed at most, px, with the number of directions, apart from each other."""
+    """Yield the places that are aimed at most, px, with the number of directions, at a minimum distance."""
     left = aimed.astype(np.float32)
     cells = 1 + round(apart_px / CELL_PX)
     for _ in range(count):

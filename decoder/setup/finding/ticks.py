@@ -1,7 +1,7 @@
-"""Tick marks around a pivot: where the comb stands, the plane it is seen in, and each mark's angle.
+"""Tick marks around a pivot: where the comb is, the plane it is seen in, and each mark's angle.
 
-The strokes that aim at a pivot from about one distance are its ticks. Their lines meet in it, to a part of a pixel, and
-the ring that they begin or end on tells how obliquely the dial is seen.
+The strokes that aim at a pivot from about the same distance are its ticks. Their lines meet in it, to a fraction of a
+pixel, and the ring on which they begin or end shows how obliquely the dial is seen.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ ENDS = (("inner_px", 20), ("outer_px", 80))
 ANGLE_STEP_DEG = 0.25
 RADIUS_STEP_PX = 0.5
 PLAIN_STEP = 4
-# What lies this far to either side of a tick is the dial's face.
+# The dial's face is visible this far to either side of a tick.
 BESIDE_DEG = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """A mark: its angle on the dial's plane, and from where to where it reaches, in the dial's pixels."""
+    """A mark: its angle on the dial's plane, and its inner and outer end, in the dial's pixels."""
 
     angle_deg: float
     inner_px: float
@@ -64,7 +64,7 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Comb:
-    """The ticks of a dial, clockwise; `rim` is the ring that they stand on, `miss_px` how well their lines meet."""
+    """The ticks of a dial, clockwise; `rim` is the ring that they are on, `miss_px` how well their lines meet."""
 
     rim: Rim
     ticks: tuple[Tick, ...]
@@ -73,13 +73,13 @@ class Comb:
 
     @property
     def ring_px(self) -> tuple[float, float]:
-        """From where to where its ticks reach, most of them."""
+        """The inner and outer ends of most of its ticks."""
         inner, outer = (np.percentile([getattr(tick, end) for tick in self.ticks], part) for end, part in ENDS)
         return float(inner), float(outer)
 
     @property
     def is_all_round(self) -> bool:
-        """Whether its ticks stand all round, so that they tell their centre and how obliquely they are seen."""
+        """Whether its ticks go all around, so that they determine their centre and how obliquely they are seen."""
         return _gap_deg(self.ticks) <= ALL_ROUND_DEG
 
 
@@ -89,7 +89,7 @@ def _gap_deg(ticks: Sequence[Tick]) -> float:
 
 
 def flat_shape(combs: Sequence[Comb]) -> Floats | None:
-    """(2, 2): how a panel's dials are seen, as those have it whose ticks stand all round; None if there are none."""
+    """(2, 2): how a panel's dials are seen, from those whose ticks go all around; None if there are none."""
     told = [
         jacobian(comb.rim.drawn.plane.matrix, (0.0, 0.0)) for comb in combs if comb.is_all_round and comb.rim.points
     ]
@@ -100,15 +100,15 @@ def flat_shape(combs: Sequence[Comb]) -> Floats | None:
 
 
 def shaped(centre: XY, shape: Floats) -> DrawnPlane:
-    """Put the plane of a dial somewhere."""
+    """Place a dial's plane at a centre."""
     return DrawnPlane(DialPlane.of(np.block([[shape, np.array(centre)[:, None]], [np.zeros((1, 2)), np.eye(1)]])))
 
 
 def comb_about(picture: NDArray[np.uint8], planes: Planes, comb: Comb, drawn: DrawnPlane) -> Comb | None:
-    """Measure a comb again on a plane whose shape stays, from its centre on; None where it is not there.
+    """Measure a comb again on a plane of fixed shape, starting from its centre; None if it is not there.
 
-    Ticks that go part of the way round do not tell how they are seen and their centre together by where they end:
-    either may be far off. Their lines tell the centre, and the panel how it is seen.
+    The ends of ticks that go only part of the way around do not determine centre and obliqueness together: either may
+    be far off. Their lines give the centre, and the panel the obliqueness.
     """
     inner, outer = comb.ring_px
     ticks: list[Tick] = []
@@ -131,7 +131,7 @@ def comb_about(picture: NDArray[np.uint8], planes: Planes, comb: Comb, drawn: Dr
 
 
 def _radiating(picture: NDArray[np.uint8], drawn: DrawnPlane, ticks: Sequence[Tick]) -> XY:
-    """Tell from where ticks radiate, px from the pivot on the dial: both halves of one lie one way from there."""
+    """Find where ticks radiate from, px from the pivot on the dial, using both halves of each."""
     design, off = [], []
     for tick in (each for each in ticks if each.length_px > 2 * LEAST_PX):
         length, turn = tick.length_px, math.radians(tick.angle_deg)
@@ -232,7 +232,7 @@ def _ends(own: Strokes, centre: XY) -> tuple[Floats, Floats]:
 
 
 def _ring(own: Strokes, centre: XY) -> NDArray[np.bool_]:
-    """Choose the strokes that cross the circle which most strokes cross, each direction once."""
+    """Select the strokes that cross the circle crossed by most, each direction once."""
     inner, outer = _ends(own, centre)
     sector = (np.degrees(np.arctan2(*(own.at - np.array(centre)).T[::-1])) % 360.0 // 3).astype(np.int64)
     radii = np.arange(inner.min(), outer.max() + 1.0, 1.0)
@@ -243,7 +243,7 @@ def _ring(own: Strokes, centre: XY) -> NDArray[np.bool_]:
 
 
 def _meeting(own: Strokes, centre: XY) -> tuple[XY, float]:
-    """Where the lines of strokes meet, least squares with outliers losing their say; and their typical miss there."""
+    """Return where the lines of strokes meet, by robust least squares, and their typical distance from it."""
     normal = np.stack([-own.along[:, 1], own.along[:, 0]], axis=1)
     off = (normal * own.at).sum(axis=1)
     at = np.array(centre)
@@ -258,20 +258,20 @@ def _meeting(own: Strokes, centre: XY) -> tuple[XY, float]:
 
 
 def _centred(drawn: DrawnPlane, ticks: Sequence[Tick]) -> tuple[DrawnPlane, float, float, float]:
-    """Move a pivot to where the ticks' ends lie on circles: its plane, the distances of both ends there, and how far.
+    """Move a pivot to where the ticks' ends lie on circles; return its plane, both ends' distances there, and misfits.
 
-    How far is what a circle around the old pivot misses the ends by, all round: by its place and by its shape.
+    The misfit is that of the ends and a circle around the old pivot, due to its place and to its shape.
     """
     angles = np.radians([tick.angle_deg for tick in ticks])
     design = np.stack([np.cos(angles), np.sin(angles), np.ones_like(angles)], axis=1)
     found = []
     inner, outer = (np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS)
-    # Long and short ticks have one end in common, or their middles.
+    # Long and short ticks share one end, or their middles.
     for ends in (inner, outer, (inner + outer) / 2):
         weights = np.ones_like(ends)
         for _ in range(PASSES):
             weighted = design * weights[:, None]
-            # A comb on one side tells the radius and the place that way together: neither may run off.
+            # A comb on one side determines radius and place only together, so neither may run off.
             step = np.linalg.solve(design.T @ weighted + 0.5 * np.diag([1.0, 1.0, 0.0]), weighted.T @ ends)
             left = np.abs(design @ step - ends)
             weights = 1.0 / (1.0 + (left / (1.5 * float(np.median(left)) + 0.2)) ** 2)
@@ -305,7 +305,7 @@ def _rims(
 def _bent(
     picture: NDArray[np.uint8], planes: Planes, drawn: DrawnPlane, inner_px: float, outer_px: float
 ) -> Iterator[Rim]:
-    """Bend the dial's plane until the ends of ticks that stand all round lie on circles."""
+    """Deform the dial's plane until the ends of ticks that go all around lie on circles."""
     if planes.inches is not None:
         return
     ring = Ring(drawn, outer_px)
@@ -330,7 +330,7 @@ def _bent(
 
 
 def _robust(design: Floats, ends: Floats) -> tuple[float, Floats]:
-    """Fit ends by least squares, those far off losing their say: what is left, and the numbers."""
+    """Fit ends by robust least squares; return the residual, and the parameters."""
     weights = np.ones_like(ends)
     step: Floats = np.zeros(design.shape[1])
     left = ends
@@ -353,7 +353,7 @@ def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: floa
     light = sampled_at(picture, x, y)
     beside = round(BESIDE_DEG / ANGLE_STEP_DEG)
     around = np.concatenate([light[-beside:], light, light[:beside]])
-    # A face changes slowly: every fourth angle tells it.
+    # A face changes slowly, so every fourth angle suffices.
     windows = np.lib.stride_tricks.sliding_window_view(around, 2 * beside + 1, axis=0)[::PLAIN_STEP]
     plain = np.repeat(np.median(windows, axis=-1), PLAIN_STEP, axis=0)[: len(light)]
     contrast = light - plain

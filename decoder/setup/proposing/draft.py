@@ -1,4 +1,4 @@
-"""A draft without a browser: what was found and reads on the flight is written as far as it is whole, and said."""
+"""A draft without a browser: what was found and reads on the flight is written as far as complete, and reported."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from decoder.setup.session import SetupSession
 
 @dataclass(frozen=True, slots=True)
 class Drafted:
-    """A draft that was written, or could not be; what is said of it, for people and for programs."""
+    """A draft that was written, or could not be, with a report for people and for programs."""
 
     text: str
     json: str
 
 
 def drafted(session: SetupSession) -> Drafted:
-    """Find what there is, try it on the flight, write what is whole to the session's target.
+    """Find what there is, try it on the flight, and write what is complete to the session's target.
 
     Raises
     ------
     OutputError
-        If the disk does not take it.
+        If it cannot be written.
     WouldReplace
-        If files of somebody else lie there.
+        If other files exist there.
     """
     number = session.source.sample[len(session.source.sample) // 2]
     key = f"frame-{number}"
@@ -52,7 +52,7 @@ def drafted(session: SetupSession) -> Drafted:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """All that is proposed: anchors as `panel.yaml` has them, and gauges, whole or not."""
+    """All that is proposed: anchors as for `panel.yaml`, and gauges, complete or not."""
 
     anchors: tuple[Document, ...]
     gauges: tuple[ProposedGauge, ...]

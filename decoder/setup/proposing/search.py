@@ -1,6 +1,6 @@
-"""The search for dials, step by step: what is looked at is said before, and each proposal comes as soon as it can.
+"""The search for dials, step by step: each step is announced, and each proposal comes as soon as possible.
 
-It takes most of a minute of a processor's time for a cockpit, so that people watch it, go on drawing, and may stop it.
+It takes most of a minute of processor time for a cockpit, so people watch it, continue drawing, and may stop it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Looking:
-    """What is looked at next, in words, and where in the picture: left, top, width, height, px."""
+    """What is examined next, in words, and where in the picture: left, top, width, height, px."""
 
     said: str
     box: Box | None = None
@@ -40,21 +40,21 @@ class Looking:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What is to be said of the search as a whole, a sentence without its end."""
+    """A remark on the search as a whole, a sentence without its full stop."""
 
     said: str
 
 
 @dataclass(frozen=True, slots=True)
 class Anchors:
-    """Anchors that are proposed, as `panel.yaml` has them, and in how many other frames they were seen to stay."""
+    """Proposed anchors, as for `panel.yaml`, and in how many other frames they were seen to stay."""
 
     anchors: tuple[Document, ...]
     frames: int
 
     @property
     def said(self) -> str:
-        """What there is to say of them."""
+        """The remark on them."""
         if not self.anchors:
             return "no distinctive anchor was found that stays in all frames; draw one"
         stay = f", found in {self.frames} other frames too" if self.frames else ""
@@ -63,7 +63,7 @@ class Anchors:
 
 @dataclass(frozen=True, slots=True)
 class Withdrawn:
-    """A gauge that was proposed, by its place in their order, and is none after all."""
+    """A gauge that was proposed, by its place in their order, and turns out to be none."""
 
     place: int
 
@@ -126,7 +126,7 @@ def search(session: SetupSession, document: Mapping[str, Any], key: str, stale: 
 
 
 def _printed(picture: GreyPicture, stale: Stale) -> Generator[Step, None, Sequence[Text]]:
-    """Read what is printed on a picture, part by part; return all of it, each once."""
+    """Read what is printed on a picture, part by part; return every text once."""
     if not is_there():
         yield Note(f"numerals are not read: that takes {EXTRA}")
         return ()
@@ -146,7 +146,7 @@ def _go_on(stale: Stale) -> None:
 
 
 def _parts(document: Mapping[str, Any], key: str) -> list[Any]:
-    """List what a draft has, which may have anything in a list's place."""
+    """Return a list in a draft, in which anything may stand in its place."""
     parts = document.get(key)
     return parts if isinstance(parts, list) else []
 
@@ -165,7 +165,7 @@ def _anchors(session: SetupSession, picture: GreyPicture, key: str) -> Anchors:
 
 
 def _dials(page: Page, document: Mapping[str, Any], stale: Stale) -> Iterator[Looking | FoundDial]:
-    """Look for dials that are not drawn yet."""
+    """Search for dials that are not drawn yet."""
     for step in dials_seen(page):
         _go_on(stale)
         if isinstance(step, Place):
@@ -176,7 +176,7 @@ def _dials(page: Page, document: Mapping[str, Any], stale: Stale) -> Iterator[Lo
 
 
 def _settled(steps: Iterator[Looking | FoundDial], seen: Pictures, planes: Planes) -> Iterator[Looking | FoundDial]:
-    """Settle dials as soon as can be: those whose ticks go part of the way round wait until all others are found."""
+    """Settle dials as soon as possible; those with ticks only part of the way around wait until the rest are found."""
     combs: list[Comb] = []
     later: list[FoundDial] = []
     for step in steps:
@@ -197,7 +197,7 @@ def _settled(steps: Iterator[Looking | FoundDial], seen: Pictures, planes: Plane
 def _banks(
     page: Page, dials: Sequence[FoundDial], document: Mapping[str, Any], stale: Stale
 ) -> Iterator[tuple[FoundDial, float]]:
-    """Look for bank scales that are not drawn yet, and where their zero is."""
+    """Search for bank scales that are not drawn yet, and their zeros."""
     for dial, zero_deg in banks_on(page, dials, flat_shape([each.comb for each in dials])):
         _go_on(stale)
         if not any(_draws(gauge, dial) for gauge in _parts(document, "gauges")):
@@ -210,7 +210,7 @@ def _around(centre: tuple[float, float], radius_px: float) -> Box:
 
 
 def _draws(gauge: object, dial: FoundDial) -> bool:
-    """Whether a drawn gauge, whole or not, is that dial: their centres lie nearer than half of the smaller radius."""
+    """Whether a drawn gauge is that dial: their centres are nearer than half of the smaller radius."""
     if not isinstance(gauge, Mapping):
         return False
     try:
@@ -221,7 +221,7 @@ def _draws(gauge: object, dial: FoundDial) -> bool:
 
 
 def _laid(pictures: Pictures, planes: Planes) -> list[GreyPicture]:
-    """Lay each frame on the panel picture."""
+    """Align each frame with the panel picture."""
     height, width = pictures.picture.shape
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     straight = np.asarray(planes.optics.straight(np.stack([columns.ravel(), rows.ravel()])), np.float32)

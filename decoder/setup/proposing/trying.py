@@ -1,4 +1,4 @@
-"""Proposed gauges tried on the flight, and drawn as it shows them: moved and turned to where needles really are."""
+"""Proposed gauges tried on the flight, and adjusted to it: moved and turned to where needles really are."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from decoder.setup.session import SetupSession
 from decoder.setup.trial import Trial, tried
 
 NEEDLES = "needles"
-# How well marks are measured on a dial that nobody looked at, one sigma.
+# The uncertainty of marks measured on a dial that nobody checked, one sigma.
 DRAWN_DEG = 1.0
 
 
 def tried_search(session: SetupSession, document: Mapping[str, Any], key: str, stale: Stale) -> Iterator[Step]:
-    """Search, each gauge that is whole read on the flight: one that hardly reads is no longer whole.
+    """Search, and read each complete gauge on the flight: one that hardly reads no longer counts as complete.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class _Flight:
     stale: Stale
 
     def shows(self, each: ProposedGauge) -> ProposedGauge:
-        """Read a gauge on the sample as `decode` would, and with fewer of its hands if it is not read so."""
+        """Read a gauge on the sample as `decode` would, and with fewer of its hands if that fails."""
         if each.gauge is None or len(self.session.source.sample) < 2:  # noqa: PLR2004 - nothing to try it on
             return replace(each, otherwise=())
         ways = [_read(self, each)]
@@ -64,7 +64,7 @@ class _Flight:
         return tried(self.session.panel_of_gauge(document, self.key, 0), self.session.frames(), self.stale)
 
     def pointed(self, gauge: dict[str, Any], measured_px: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """Measure anew where the needles of a dial point, from where they turn, and between which distances."""
+        """Measure again where the needles of a dial point, around where they turn, between the given distances."""
         seen, planes = self.session.seen(self.draft, self.key, self.stale), self.session.planes(self.draft, self.key)
         (x, y), (inner, outer) = gauge["centre"], gauge["radius"]
         whole_px = float(inner), float(outer)
@@ -79,8 +79,8 @@ class _Flight:
 
 
 def _read(flight: _Flight, each: ProposedGauge) -> ProposedGauge:
-    """Read a gauge as it is proposed; move it to where its needles really turn."""
-    assert each.gauge is not None  # noqa: S101 - only what is whole is tried
+    """Read a gauge as proposed; move it to where its needles really turn."""
+    assert each.gauge is not None  # noqa: S101 - only complete gauges are tried
     try:
         trial, gauge = flight.trial(each.gauge), each.gauge
         if trial.moved_px is not None:
@@ -91,7 +91,7 @@ def _read(flight: _Flight, each: ProposedGauge) -> ProposedGauge:
     readings = [reading for frame in trial.frames for reading in frame.readings]
     read = sum(reading.status is Status.READ for reading in readings)
     columns = max((len(frame.readings) for frame in trial.frames), default=0)
-    asked = len(trial.frames) * columns  # where the panel is not found nothing is read
+    asked = len(trial.frames) * columns  # includes frames in which the panel is not found
     said = f"tried on {len(trial.frames)} frames, {read} of {asked} values were read"
     together = [reading.status is Status.READ for reading in readings if reading.is_together]
     if 2 * read < asked or not asked or (together and sum(together) < ALIKE * len(trial.frames)):
@@ -102,10 +102,10 @@ def _read(flight: _Flight, each: ProposedGauge) -> ProposedGauge:
 
 
 def _doubted(gauge: dict[str, Any], printed: XY) -> dict[str, Any]:
-    """Say how far marks may be from where needles point: they are printed around another place than needles turn about.
+    """Say how far marks may be off, if they are printed around another point than the one needles turn about.
 
-    A needle above its dial, seen from aside, moves its tip with its pivot, and its marks are right as they are; one
-    beside the middle of its dial points at marks as they are seen from there. Which it is nothing tells.
+    The tip of a needle above its dial, seen obliquely, shifts with its pivot, and its marks are right as they are; a
+    needle that turns beside the middle of its dial points at marks as seen from there. Nothing tells which it is.
     """
     if NEEDLES not in gauge:
         return gauge
@@ -114,7 +114,7 @@ def _doubted(gauge: dict[str, Any], printed: XY) -> dict[str, Any]:
 
 
 def _turned(gauge: dict[str, Any], axes_deg: Mapping[str, float]) -> dict[str, Any]:
-    """Turn each needle to its axis, as all frames together show it."""
+    """Turn each needle to its axis as all frames together show it."""
     turned = [
         {
             **part,
