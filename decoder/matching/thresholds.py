@@ -1,29 +1,29 @@
-"""Thresholds of matching. "Drawn" is what was found by trial on our own renderings, to be kept by tests there.
+"""Thresholds of matching. "Drawn" was found by trial on our own renderings, and is held by tests there.
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| FACE_NOISE_LEVELS | 1.0 | grey levels | a face with less spread explains nothing but noise | a quiet sensor's noise |
-| OUTLIER_SPREADS | 3.5 | standard deviations | what is further off is another thing | 1 in 2,000 of normal noise |
-| MIN_CONTRAST_PART | 0.05 | of a needle's contrast | less is no needle, and covers nothing | drawn |
+| FACE_NOISE_LEVELS | 1.0 | grey levels | a face with less contrast explains only noise | a quiet sensor's noise |
+| OUTLIER_SPREADS | 3.5 | standard deviations | anything further off is something else | 1 in 2,000 of normal noise |
+| MIN_CONTRAST_PART | 0.05 | of a needle's contrast | with less it is not a needle, and covers nothing | drawn |
 | FADED_PART | 0.06 | of a needle's contrast | at the end of its blurred edge | drawn |
-| OUTLINE_PART | 0.35 | of a needle's contrast | at its outline | a strangers' moving cockpit: with 0.3 a third more grossly off |
+| OUTLINE_PART | 0.35 | of a needle's contrast | at its outline | other people's moving cockpit: with 0.3 a third more grossly off |
 | MIN_HALF_PART | 0.3 | of the other half's contrast | a half with less is the dial beside the needle | drawn: needles with a dark half |
-| SHOWN_PART | 0.2 | of a pixel | so much of it the lower needle must cover to show there | drawn |
-| MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is told | drawn |
-| MIN_VIEWS | 3 | frames | so many show a pixel of the face without a needle, or where the camera stands; more may not need more than their first rows | least number that has a middle |
-| MIN_VISIBLE | 0.15 | of a needle's contrast | with less in sight a template matches too many things | drawn |
-| WHOLE_VISIBLE | 0.97 | of a needle's contrast | with more in sight it is whole; of NCC, that touching needles explain all | drawn |
-| MAX_FRACTION_ROWS | 0.75 | rows | a fit that points further lies in another window | half a row, and half of that |
+| SHOWN_PART | 0.2 | of a pixel | must be covered by the lower needle for it to show there | drawn |
+| MIN_LIGHT_GAIN | 0.2 | of the usual contrast | in less light nothing is read | drawn |
+| MIN_VIEWS | 3 | frames | needed to show a pixel of the face without a needle, or where the camera is; also failures until whole frames are decoded | least number that has a middle |
+| MIN_VISIBLE | 0.15 | of a needle's contrast | with less visible, a template matches too many things | drawn |
+| WHOLE_VISIBLE | 0.97 | of a needle's contrast | with more visible it is whole; as NCC: touching needles explain everything | drawn |
+| MAX_FRACTION_ROWS | 0.75 | rows | a fit that points further belongs to another window | half a row, and half of that |
 | MAX_PEAK_ROWS | 3.0 | rows | how far a fit may end from the peak of the search | the search's step |
-| MAX_STEPS | 4 | windows | after so many moves a window is lost | each moves a row or more |
-| SETTLED_ROWS | 0.2 | rows | two needles that move less have settled | a fifth of what a sliver is read to |
-| SHOWN_PIXELS | 3.0 | original pixels | a lower needle that shows so much is told | drawn |
-| MUCH_BETTER | 0.8 | of the noise | a pair must leave so much less than its upper needle alone | drawn |
-| SLIVER_THRESHOLD | 0.85 | NCC | a sliver is few pixels: it must match better than a whole needle | drawn |
-| MIN_PAIR_CORRELATION | 0.98 | NCC | two needles are told only where they explain so much: else it may be a glare | drawn |
-| REACH_PART | 0.12 | of the radius | pivots are searched for as far from where they are drawn | an ordinary hand |
-| FAR_PART | 0.015 | of the radius | a pivot nearer to where it is drawn is told by tilts alone | half of what these do without |
-| FAR_GAIN | 0.95 | of what is unexplained | so much at most a pivot far off must leave, or the drawn one stays | strangers' pictures, drawn by a careful hand |
+| MAX_STEPS | 4 | windows | after this many moves a window is lost | each moves a row or more |
+| SETTLED_ROWS | 0.2 | rows | two needles that move less have converged | a fifth of what a sliver is read to |
+| SHOWN_PIXELS | 3.0 | original pixels | a lower needle that shows this much can be read | drawn |
+| MUCH_BETTER | 0.8 | of the noise | a pair must leave this much less than its upper needle alone | drawn |
+| SLIVER_THRESHOLD | 0.85 | NCC | required of a sliver: with few pixels it must match better than a whole needle | drawn |
+| MIN_PAIR_CORRELATION | 0.98 | NCC | required to read two needles, since it may be glare | drawn |
+| REACH_PART | 0.12 | of the radius | how far from where they are drawn pivots are searched for | an ordinary hand |
+| FAR_PART | 0.015 | of the radius | a pivot nearer to where it is drawn is left to tilts | half of what these can handle |
+| FAR_GAIN | 0.95 | of what is unexplained | the most that a far pivot may leave, or the drawn one stays | other people's pictures, drawn by a careful hand |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 """  # noqa: E501 - a table
 

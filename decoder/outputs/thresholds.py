@@ -1,12 +1,12 @@
-"""The limits of this room: what is compared with something, or clips it.
+"""The limits of this room: what values are compared with, or clipped to.
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | PICTURE_PX | 1600 | px | width to which small frames are enlarged, and large pictures shrunk | a screen |
 | CROP_PX | 720 | px | longer side of a gauge drawn alone, at least | a needle can be judged by eye |
-| LARGEST_BYTES | 24 M | bytes | of a report; half may be pictures | a mail takes it |
-| MOST_FLAGS | 2000 | rows | of flags in a report | a browser scrolls them |
-| MOST_LISTED | 10 | lines | of one kind that are told one by one | a terminal |
+| LARGEST_BYTES | 24 M | bytes | of a report; half may be pictures | can be mailed |
+| MOST_FLAGS | 2000 | rows | of flags in a report | a browser can scroll them |
+| MOST_LISTED | 10 | lines | of one kind that are listed singly | a terminal |
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| MAX_JOBS | 8 | processes | read a flight, if none are asked for | more would wait for the one that hands out |
-| MIN_SHARED_BYTES | 48 Mi | bytes | of pictures worth sharing out | loading the libraries again takes as long |
+| MAX_JOBS | 8 | processes | read a flight, if no number is asked for | more would wait for the main process |
+| MIN_SHARED_BYTES | 48 Mi | bytes | of pictures worth sharing | loading the libraries again takes as long |
 | BATCHES_HELD | 2 | batches | in a worker, and as many that wait for an older one | no one waits; memory stays flat |
-| DEATHS | 2 | workers | that die over frames, or a flight, before it is given up | one may be an accident |
-| PATIENCE_S | 300 | s | for one batch, before its worker hangs | a batch takes a fraction of a second |
-| PATIENCE_TIMES | 50 | - | times the longest batch so far, as well | on a slow machine all batches take longer |
+| DEATHS | 2 | workers | that die over frames, or a flight, until it is given up | one may be an accident |
+| PATIENCE_S | 300 | s | for one batch, until its worker counts as hanging | a batch takes a fraction of a second |
+| PATIENCE_TIMES | 50 | - | and this many times the longest batch so far | on a slow machine all batches take longer |
 """
 
 from __future__ import annotations
