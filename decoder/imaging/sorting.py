@@ -12,10 +12,9 @@ MAD_TO_SIGMA = 1.4826
 
 def median(values: Floats) -> Floats:
     """Take the median of values (N,) without NaN, identical to `np.median`."""
-    lower = (len(values) - 1) // 2
-    parted = np.partition(values, lower)  # partitioning at two places takes three times as long
-    higher = parted[lower] if len(values) % 2 else parted[lower + 1 :].min()
-    middle: Floats = (parted[lower] + higher) / 2
+    lower, higher = (len(values) - 1) // 2, len(values) // 2
+    parted = np.partition(values, (lower, higher))
+    middle: Floats = (parted[lower] + parted[higher]) / 2
     return middle
 
 

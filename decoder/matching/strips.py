@@ -66,8 +66,6 @@ def blocks_of(pixels: Floats, height: int) -> Floats:
 def rows_at(strip: Floats, rows: Floats) -> Floats:
     """Interpolate an unwrapped gauge at fractional rows by cubics: (len(rows), C); its end rows repeat beyond them."""
     first = np.floor(rows).astype(np.intp)
-    if len(rows) > 1 and first[0] >= 1 and rows[-1] - rows[0] == len(rows) - 1 and first[-1] + 2 < len(strip):
-        return _shifted(strip, int(first[0]), len(rows), float(rows[0]) - int(first[0]))
     index = np.minimum(np.maximum(first + np.arange(-1, 3)[:, None], 0), len(strip) - 1)
     part = rows - first
     if not part.any():
@@ -85,15 +83,18 @@ def rows_of_each(strips: Sequence[Floats], rows: Floats) -> Floats:
     follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
     if not follow.all():
         return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
-    count, height, columns = *rows.shape, strips[0].shape[1]
-    parts = np.empty((count, height + 3, columns), np.float32)
-    for part, strip, start in zip(parts, strips, (first - 1).tolist(), strict=True):
-        part[:] = strip[start : start + height + 3]
-    one, row, column = parts.strides
-    taps = np.ndarray((count, 4, height * columns), parts.dtype, parts, strides=(one, row, column))
-    weights = np.array([cubic_weights(behind) for behind in (rows[:, 0] - first).tolist()], np.float32)
-    found: Floats = np.einsum("kt,ktx->kx", weights, taps)
-    return found.reshape(count, height, columns)
+    height = rows.shape[1] + 3
+    parts = [strip[start : start + height] for strip, start in zip(strips, (first - 1).tolist(), strict=True)]
+    return rows_between(np.stack(parts, dtype=np.float32), rows[:, 0] - first)
+
+
+def rows_between(strips: Floats, parts: Floats) -> Floats:
+    """Interpolate K strips (K, H + 3, C) float32 by cubics, each a part (K,) behind its second row: (K, H, C)."""
+    count, rows, columns = strips.shape
+    weights = np.array([cubic_weights(part) for part in parts.tolist()], np.float32)
+    taps = np.ndarray((count, 4, (rows - 3) * columns), strips.dtype, strips, strides=strips.strides)
+    between: Floats = np.einsum("kt,ktx->kx", weights, taps)
+    return between.reshape(count, rows - 3, columns)
 
 
 def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a number or an array
@@ -105,18 +106,6 @@ def cubic_weights(part: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401 - a n
         0.5 * part + 2.0 * square - 1.5 * square * part,
         0.5 * square * (part - 1.0),
     )
-
-
-def _shifted(strip: Floats, first: int, count: int, part: float) -> Floats:
-    """Do `rows_at` for consecutive rows, by slices instead of indices."""
-    if part == 0.0:
-        return strip[first : first + count].copy()
-    weights = [np.float32(weight) for weight in cubic_weights(part)]
-    parts = [strip[first + tap : first + tap + count] for tap in (-1, 0, 1, 2)]
-    shifted: Floats = weights[0] * parts[0]
-    for weight, rows in zip(weights[1:], parts[1:], strict=True):
-        shifted += weight * rows
-    return shifted
 
 
 class UncoveredPixels:

@@ -45,9 +45,9 @@ from decoder.instruments.thresholds import (
     STILL_ROWS,
     SURE_SCORE,
 )
-from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
+from decoder.matching.correlation import explained, is_singular, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
-from decoder.matching.strips import rows_at
+from decoder.matching.strips import rows_between
 from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
@@ -59,7 +59,6 @@ from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOI
 FIT_STEPS = 3
 # Another match this far away is a rival; nearer, it is the same peak.
 RIVAL_REACH_DEG = 8.0
-EDGE_ROWS = 2
 ROUNDS = 3
 MORE_STARTS = 4
 WAYS = 4
@@ -240,7 +239,7 @@ class CardReader:
             np.subtract(card[:-2], card[2:], out=slope)
             slope /= 2
             weighted = columns * weights.ravel()
-            normal = products(weighted, columns).astype(np.float64)
+            normal = (weighted @ columns.T).astype(np.float64)
             if is_singular(normal):  # a card without marks has no direction
                 return start, math.inf, 0.0
             inverse = np.linalg.inv(normal)
@@ -265,9 +264,10 @@ def _turned_back(turn: float) -> Floats:
 
 def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
     """Return a card (P, C) turned clockwise by a number of rows, whole or not, with `beyond` more rows at each end."""
-    first, count = math.floor(-rows) - beyond, len(card) + 2 * beyond
-    around = card[np.arange(first - EDGE_ROWS, first + count + EDGE_ROWS) % len(card)]
-    return rows_at(around, np.arange(count) + (-rows - math.floor(-rows)) + EDGE_ROWS)
+    first = math.floor(-rows)
+    around = card.take(np.arange(first - beyond - 1, first + len(card) + beyond + 2), axis=0, mode="wrap")
+    (there,) = rows_between(around[None], np.array([-rows - first]))
+    return np.asarray(there)
 
 
 def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
