@@ -38,7 +38,7 @@ from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_c
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, STILL_ROWS
-from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
+from decoder.matching.correlation import explained, is_singular, weighted_correlation
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -315,7 +315,7 @@ class _HorizonReader:
         self._own, self._picture, grid = own, picture, own.grid
         angles = np.radians(grid.angle_deg(0) + grid.step_deg * np.arange(own.rows))
         radii_px = grid.radii_px[: own.window]
-        self._x, self._y = _around(angles, radii_px)
+        self._points = np.dstack(_around(angles, radii_px / grid.column_px)).astype(np.float32)
         # samples further out cover more of the window
         self._weights = picture.weights * (radii_px / radii_px[-1]).astype(np.float32)
         # least squares use rows as far apart at the rim as columns are
@@ -323,7 +323,7 @@ class _HorizonReader:
         self._thinned = self._weights[:: self._stride]
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
         down, right = np.gradient(picture.horizon, grid.column_px)
-        self._levels = np.dstack([picture.horizon, down, right]).astype(np.float32)
+        self._levels = np.dstack([picture.horizon, -down, right]).astype(np.float32)
         self._patches = _patches(self._thinned.shape)
         self._search = _Search(own, picture.horizon, self._weights)
 
@@ -342,23 +342,24 @@ class _HorizonReader:
         shape = self._picture.weights.shape
         apart = [
             (strip[: shape[0], : shape[1]] - sight.offset) / sight.gain
-            - self._shown(self._picture.horizon, *self._turned(sight.place, 1), sight.place)
+            - _at(self._picture.horizon, self._cells(sight.place, 1))
             for strip, sight in views
         ]
         spread = MAD_TO_SIGMA * np.median(np.abs(apart), axis=0)
         weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(spread - NOISE_LEVELS, 0.0) ** 2)
         return np.asarray(weights, np.float32)
 
-    def _turned(self, place: Place, stride: int) -> tuple[Floats, Floats]:
-        """Return where every `stride`-th row of the window lies, (P', C) to the right and down the vertical axis."""
-        back = math.radians(self._own.upright_deg + place.turned_deg)
-        x, y = self._x[::stride], self._y[::stride]
-        return math.cos(back) * x + math.sin(back) * y, math.cos(back) * y - math.sin(back) * x
+    def _centre(self, place: Place) -> tuple[float, float]:
+        """Return the column and row of the picture that lie at the dial's centre."""
+        (height, width), cell_px = self._picture.horizon.shape, self._own.grid.column_px
+        return (width - 1) / 2 - self._own.aside_px(place) / cell_px, (height - 1) / 2 - place.down_px / cell_px
 
-    def _shown(self, levels: Floats, x_px: Floats, y_px: Floats, place: Place) -> Floats:
-        """Return a picture (H, W), or several as (H, W, K), at a place, as seen at these points of the window."""
-        x_px, y_px = x_px - self._own.aside_px(place), y_px - place.down_px
-        return _sampled(levels, x_px, y_px, self._own.grid.column_px)
+    def _cells(self, place: Place, stride: int) -> Floats:
+        """(P', C, 2): the column and row of the picture that every `stride`-th row of the window shows."""
+        back = math.radians(self._own.upright_deg + place.turned_deg)
+        (cos, sin), (x, y) = (math.cos(back), math.sin(back)), self._centre(place)
+        cells = cv2.transform(self._points[::stride], np.array([[cos, sin, x], [-sin, cos, y]]))
+        return np.asarray(cells, np.float32)
 
     def _fitted(self, seen: Floats, place: Place, *, is_turn_known: bool) -> Sight:
         """Fit gain, offset, shift and, where it is not known, turn, by least squares.
@@ -369,7 +370,7 @@ class _HorizonReader:
         for _ in range(FIT_STEPS):
             columns = self._columns(place, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
-            normal = products(weighted, columns).astype(np.float64)
+            normal = (weighted @ columns.T).astype(np.float64)
             if is_singular(normal):
                 return NOT_SEEN
             inverse = np.linalg.inv(normal)
@@ -391,11 +392,12 @@ class _HorizonReader:
 
     def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
         """(3 or 4, N): the derivatives by gain, offset, shift and turn."""
-        x, y = self._turned(place, self._stride)
-        levels, down, right = np.moveaxis(self._shown(self._levels, x, y, place), -1, 0)
-        columns = [levels, np.ones_like(levels), -down]
+        cells = self._cells(place, self._stride)
+        levels, up, right = cv2.split(_at(self._levels, cells))
+        columns = [levels, np.ones_like(levels), up]
         if not is_turn_known:
-            columns.append(right * y - down * x)
+            x_px, y_px = np.moveaxis((cells - self._centre(place)) * self._own.grid.column_px, -1, 0)
+            columns.append(right * y_px + up * x_px)
         return np.stack(columns).reshape(len(columns), -1).astype(np.float32, copy=False)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
@@ -577,7 +579,7 @@ def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: S
     row = in_turn((turned - grid.angle_deg(0)) / grid.step_deg, rows)
     column = (np.hypot(x, y) - grid.inner_px) / grid.column_px
     seen = np.where(weights > HALF, (strip[:rows, :columns] - sight.offset) / sight.gain, np.nan)
-    shown = _at(np.concatenate([seen, seen[:1]]), column, row)
+    shown = _at(np.concatenate([seen, seen[:1]]), np.dstack([column, row]))
     return np.where((column >= 0) & (column <= columns - 1), shown, np.nan)
 
 
@@ -606,12 +608,13 @@ def _around(angles: Floats, radii_px: Floats) -> tuple[Floats, Floats]:
 def _sampled(levels: Floats, x_px: Floats, y_px: Floats, cell_px: float) -> Floats:
     """Sample a picture (H, W), or several as (H, W, K), at points relative to its middle."""
     height, width = levels.shape[:2]
-    return _at(levels, x_px / cell_px + (width - 1) / 2, y_px / cell_px + (height - 1) / 2)
+    return _at(levels, np.dstack([x_px / cell_px + (width - 1) / 2, y_px / cell_px + (height - 1) / 2]))
 
 
-def _at(levels: Floats, columns: Floats, rows: Floats) -> Floats:
-    places = np.asarray(columns, np.float32), np.asarray(rows, np.float32)
-    shown = cv2.remap(np.asarray(levels, np.float32), *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+def _at(levels: Floats, cells: Floats) -> Floats:
+    """Sample a picture (H, W), or several as (H, W, K), at columns and rows of it, (P, C, 2)."""
+    columns, rows = np.asarray(np.moveaxis(cells, -1, 0), np.float32)
+    shown = cv2.remap(np.asarray(levels, np.float32), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(shown, np.float32)
 
 
