@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
+from decoder.imaging.sorting import median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.appearance import DrawnInstrument, Look
@@ -37,7 +37,7 @@ from decoder.instruments.kinds.windows.tape_shape import (
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS, SURE_SCORE
-from decoder.matching.correlation import products
+from decoder.matching.correlation import explained
 from decoder.matching.searching import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
@@ -271,7 +271,7 @@ class TapeFinder:
         """(F, R, C): what windows show of a picture (P, C) that has moved by rows (F,)."""
         first = np.floor(rows).astype(np.intp)
         part = (rows - first).astype(np.float32)[:, None, None]
-        shown = levels[(first[:, None] + np.arange(self._rows + 1)) % self._size]
+        shown = levels.take(first[:, None] + np.arange(self._rows + 1), axis=0, mode="wrap")
         between: Floats = (1 - part) * shown[:, :-1] + part * shown[:, 1:]
         return between
 
@@ -281,6 +281,8 @@ class TapeFinder:
         Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
         """
         count, size = len(strips), self._rows * self._columns
+        columns = np.empty((count, 3 + len(self._lights), size), np.float32)
+        columns[:, 3:] = self._lights
         found = Laid(
             rows.copy(),
             np.full(count, np.inf),
@@ -299,12 +301,12 @@ class TapeFinder:
             shown = self._at(self._picture.levels, here)
             mean = (weights * shown).sum(axis=(1, 2)) / np.maximum(weights.sum(axis=(1, 2)), 1e-6)
             shown = shown - mean[:, None, None].astype(np.float32)
-            own = np.stack([shown, self._at(self._slopes, here), shown * self._along], axis=1)
-            lights = np.broadcast_to(self._lights, (len(here), *self._lights.shape))
-            columns = np.concatenate([own.reshape(len(here), 3, size), lights], axis=1)
+            columns = columns[: len(here)]  # those of the light are the same for all
+            for column, levels in enumerate((shown, self._at(self._slopes, here), shown * self._along)):
+                columns[:, column] = levels.reshape(-1, size)
             flat = (weights * trusted[open_]).reshape(len(here), 1, size)
             weighed = columns * flat
-            normal = products(weighed, columns).astype(np.float64)
+            normal = (weighed @ columns.swapaxes(1, 2)).astype(np.float64)
             hold = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-9
             inverse = np.linalg.inv(normal + hold * np.eye(len(columns[0])))
             sides = (weighed @ seen.reshape(len(here), size, 1)).astype(np.float64)
@@ -321,7 +323,8 @@ class TapeFinder:
             fit = _Fit(seen, weights, mean, weighed, inverse, solution, left, flat)
             self._tell(found, open_[ends], fit.part(ends))
             open_ = open_[moves]
-            trusted[open_] = _trusted(left[moves], weights[moves])
+            for number, off, weight in zip(open_.tolist(), left[moves], weights[moves], strict=True):
+                trusted[number] = explained(off, weight)
         return found
 
     def _tell(self, found: Laid, which: Indices, fit: _Fit) -> None:
@@ -332,11 +335,9 @@ class TapeFinder:
         found.score[which] = np.where(usable, self._match(fit.seen, fit.left, fit.weights), 0.0)
         left = fit.left.reshape(len(which), 1, -1)
         noise = (fit.flat * left**2).sum(axis=2)[:, 0] / fit.flat.sum(axis=2)[:, 0] * TOGETHER
-        pulls = (fit.weighed * left).reshape(*fit.weighed.shape[:2], self._rows, -1).sum(axis=3)
-        edges = np.arange(PATCHES) * self._rows // PATCHES
-        by_patch = np.add.reduceat(pulls, edges, axis=2).astype(np.float64)
-        patchy = fit.inverse[:, 1:2] @ by_patch
-        variance = np.maximum(fit.inverse[:, 1, 1] * noise, (patchy[:, 0] ** 2).sum(axis=1))
+        pulls = (fit.inverse[:, 1:2].astype(np.float32) @ fit.weighed * left).reshape(fit.left.shape).sum(axis=2)
+        by_patch = np.add.reduceat(pulls, np.arange(PATCHES) * self._rows // PATCHES, axis=1)
+        variance = np.maximum(fit.inverse[:, 1, 1] * noise, (by_patch**2).sum(axis=1))
         found.sigma_rows[which] = np.where(usable, np.sqrt(np.maximum(variance, 0.0)) / np.abs(gain), np.inf)
         gains = gain[:, None, None] + fit.solution[:, 2, None, None] * self._along
         found.gains[which] = gains = np.maximum(gains, 0.3 * gain[:, None, None])
@@ -360,14 +361,14 @@ class TapeFinder:
         shown, slopes = self._at(self._picture.levels, where.rows), self._at(self._slopes, where.rows)
         weights = (self._at(self._known, where.rows) > 1 - STILL_ROWS) * self._picture.weights
         lit = (strips - where.lights) / where.gains - shown
-        trusted = _trusted(lit, weights)
-        for left, tape, slope, change, weight in zip(lit, shown, slopes, changes, weights * trusted, strict=True):
+        for left, tape, slope, change, weight in zip(lit, shown, slopes, changes, weights, strict=True):
             own = np.concatenate([[tape.ravel(), slope.ravel(), (tape * self._along).ravel()], self._lights])
-            flat = own * weight.ravel()
+            trusted = (weight * explained(left, weight)).ravel()
+            flat = own * trusted
             both = np.concatenate([change.reshape(kinds, size), left.reshape(1, size)])
             shares = np.linalg.solve(flat @ own.T + 1e-3 * np.eye(len(own)), flat @ both.T)
             rest = both - shares.T @ own
-            weighed = rest * weight.ravel()
+            weighed = rest * trusted
             normal += weighed[:kinds] @ rest[:kinds].T
             sides += weighed[:kinds] @ rest[kinds]
         noise = NOISE_LEVELS**2 * ALIKE * len(strips)
@@ -377,7 +378,7 @@ class TapeFinder:
         """(F,): the NCC of windows with their fits, from the residuals `left`, both without smooth light."""
         flat = weights.reshape(len(seen), 1, -1)
         lights = self._lights * flat
-        normal = products(lights, self._lights).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
+        normal = (lights @ self._lights.T).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
         middle = seen.reshape(len(seen), -1, 1) - seen.mean(axis=(1, 2))[:, None, None]
         part = np.linalg.solve(normal, (lights @ middle).astype(np.float64)).astype(np.float32)
         plain = (flat * (middle[..., 0] - (part.swapaxes(1, 2) @ self._lights)[:, 0])[:, None] ** 2).sum(axis=(1, 2))
@@ -402,14 +403,6 @@ def _profile(picture: TapePicture) -> Floats:
     beyond = levels - np.linalg.lstsq(even.T, levels, rcond=None)[0] @ even
     profile: Floats = beyond / max(float(beyond.std()), NOISE_LEVELS)
     return profile
-
-
-def _trusted(left: Floats, weights: Floats) -> Floats:
-    """(F, R, C): 1 where residuals are no larger than usual for pixels with weight, else 0."""
-    off = np.abs(left)
-    spread = [float(median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
-    most = OUTLIER_SPREADS * np.maximum(MAD_TO_SIGMA * np.array(spread, np.float32), NOISE_LEVELS)
-    return np.asarray(off <= most[:, None, None], np.float32)
 
 
 def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round: bool) -> TapePicture:
