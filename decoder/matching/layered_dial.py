@@ -92,14 +92,16 @@ class LayeredDial:
         first = np.ceil((rows - axis) / self._step)
         at = (first * self._step - rows + axis)[:, None] + self._step * np.arange(last // self._step + 1)
         before = np.where(at <= last, at, nothing).astype(np.intp)
-        own = layer.rises[before]
+        own = layer.rises.take(before, axis=0)
         own *= (at - before).astype(np.float32)[..., None, None]
-        own += layer.pixels[before]
-        there = (first.astype(np.intp)[:, None] + np.arange(at.shape[1])) % pictures.shape[1]
-        drawn = pictures[which[:, None], there]
+        own += layer.pixels.take(before, axis=0)
+        turn, columns = self.face.shape
+        there = which[:, None] * turn + (first.astype(np.intp)[:, None] + np.arange(at.shape[1])) % turn
+        lines = pictures.reshape(-1, columns)
+        drawn = lines.take(there, axis=0)
         drawn *= own[..., 1, :]
         drawn += own[..., 0, :]
-        pictures[which[:, None], there] = drawn
+        lines[there] = drawn
 
 
 def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> list[_Layer]:

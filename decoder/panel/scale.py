@@ -298,7 +298,7 @@ class Gearing:
 
     def angles_deg(self, hand: int, values: Floats) -> Floats:
         """Return where a hand points at these values."""
-        return self._scales[hand].angles_of(in_turn(values, self.turns[hand]))
+        return self._scales[hand].angles_of(values)
 
     def tolerance_deg(self, hand: int) -> float:
         """Return how far a hand may be from where the next finer one puts it."""

@@ -162,7 +162,7 @@ class GearedReader:
         return angles
 
     def _rows(self, angles_deg: Floats) -> Floats:
-        rows: Floats = ((angles_deg - self._grid.start_deg) / self._grid.step_deg - self._first) % self._turn
+        rows: Floats = (angles_deg - self._grid.start_deg) / self._grid.step_deg - self._first
         return rows
 
     def _scores(self, strips: Floats, template: NeedleTemplate) -> Floats:
@@ -190,7 +190,7 @@ class GearedReader:
         for hand, (middle, (_, place)) in enumerate(zip(middles, near, strict=True), 1):
             slack = self._slack(hand)
             stray = np.clip(shortest(_at(place, middle) - middle, place.shape[-1]), -slack, slack)
-            geared.append(COARSE_STEP * (middle + stray))
+            geared.append(COARSE_STEP * (middle + stray) % self._turn)
         anywhere = [directions, *(_refined(own, _peaks(own, ANYWHERE)) for own in others)]
         frames = len(directions)
         free = np.stack([own.reshape(frames, -1) for own in np.broadcast_arrays(*_each_with_each(anywhere))], axis=-1)
@@ -317,8 +317,11 @@ class GearedReader:
 
     def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
         """(F, M): which other rows, (F, M, K), explain thinned dials nearly as well as the fitted ones, (F, K)."""
-        lit = lit_as(seen, self._drawn(np.concatenate([rows[:, None], others], axis=1)))
-        return times_worse(seen, lit[:, 0], lit[:, 1:]) <= CLEARLY_WORSE
+        worse = []
+        for dial, own in zip(seen, np.concatenate([rows[:, None], others], axis=1), strict=True):
+            lit = lit_as(dial, self._drawn(own))  # drawings of all frames at once would not fit the cache
+            worse.append(times_worse(dial, lit[0], lit[1:]))
+        return np.stack(worse) <= CLEARLY_WORSE
 
     def _adds_up(self, seen: Floats, rows: Floats) -> Mask:
         """(F,): whether every hand on these rows (F, K) is needed, and nothing like a hand is left over."""
@@ -356,7 +359,7 @@ class GearedReader:
     def _hidden(self, values: Floats, scores: Floats) -> Found:
         """Return the hands where the gearing puts them for values (F,), within the panel's tolerance."""
         hands = range(scores.shape[1])
-        rows = np.stack([self._rows(self.gearing.angles_deg(hand, values)) for hand in hands], axis=1)
+        rows = np.stack([self._rows(self.gearing.angles_deg(hand, values)) for hand in hands], axis=1) % self._turn
         slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in hands]) / self._grid.step_deg
         sigmas_rows = np.broadcast_to(slack_rows / np.sqrt(3.0), scores.shape)
         return Found(np.full(scores.shape, HIDDEN), rows + self._first, sigmas_rows, scores)
