@@ -32,7 +32,7 @@ from decoder.learning.drawn_points import (
     seen_from_pivots,
     uneven_deg,
 )
-from decoder.learning.flight_appearance import learn_appearance, lit_views
+from decoder.learning.flight_appearance import learn_appearance, learn_likely_needles, lit_views
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
 from decoder.learning.pivot_path import PivotPath, Vector
@@ -244,17 +244,16 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> P
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Round:
     """Learn appearance from an aligned sample, and estimate pivots with it."""
     views, found = lit_views(reader, samples), _read(reader, samples)
-    bared = with_seen_faces(reader, views, found)
-    if bared is not reader:
-        reader, found = bared, _read(bared, samples)
+    reader, found = with_seen_faces(reader, views, found, lambda bared: _read(bared, samples))
     reader = with_usual_place(learn_appearance(reader, views, found), samples)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())
     if reader.placement.dials_move or missing:  # then each tilt counts; else its fit needs no better guess
         found = _read(reader, samples)
+    reader, found = learn_likely_needles(reader, samples, views, found)
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
 
 
-def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Mapping[str, Reading]]:
+def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Sequence[Mapping[str, Reading]]:
     """Read a sample, by frame."""
     return [frame.readings for frame in reader.read_unwrapped(samples)]
 

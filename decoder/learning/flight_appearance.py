@@ -8,7 +8,8 @@ the face behind it, so marks and numerals no longer pull at it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from decoder.imaging.unwrapping import PolarGrid, turn_rows
@@ -16,9 +17,12 @@ from decoder.instruments.appearance import Instrument, LearnedPicture
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.readers import kind_of
+from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews, in_light_of
+from decoder.panel.gauge import Gauge
 from decoder.registration.frame_placer import UnwrappedFrame
+from decoder.registration.thresholds import LIKELY_SCORE
 
 # Learned needles over learned faces usually score 0.99.
 EVENLY_LIT_SCORE = 0.97
@@ -35,7 +39,9 @@ def lit_views(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> LitView
     ]
 
 
-def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readings]) -> PanelReader:
+def learn_appearance(
+    reader: PanelReader, views: LitViews, found: Sequence[Readings], of: Collection[int] | None = None
+) -> PanelReader:
     """Learn what instruments look like; with too few frames the reader is returned unchanged.
 
     Parameters
@@ -44,6 +50,8 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
         By gauge and frame, from `lit_views`.
     found
         For each frame, the readings in it.
+    of
+        Of which gauges; the others stay as they are known. None for all.
     """
     if len(found) < FRAMES_TO_LEARN:
         return reader
@@ -53,16 +61,18 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
         for index, (gauge, grid, seen, first) in enumerate(zip(gauges, reader.grids, views, before.faces, strict=True))
         if isinstance(grid, PolarGrid)
     }
+    learned = set(range(len(gauges))) - before.taught_windows if of is None else set(of)
     pictures: dict[str, LearnedPicture] = {}
     for index, (gauge, grid, face, seen) in enumerate(zip(gauges, reader.grids, before.faces, views, strict=True)):
-        if index in before.taught_windows:
+        if index not in learned:
             pictures |= before.look_of(index, gauge).pictures
             continue
         strips = [like for like in seen if like is not None]
         pictures |= kind_of(gauge).learned_pictures(Instrument(index, gauge, grid, face), strips, before.pictures)
     templates = dict(before.templates)
     faces = list(before.faces)
-    for index, learner in learners.items():
+    for index in sorted(learners.keys() & learned):
+        learner = learners[index]
         faces[index] = learner.face(found, before.templates)
         templates |= learner.templates(found, templates, faces[index])
     return reader.with_appearance(
@@ -75,3 +85,40 @@ def learn_appearance(reader: PanelReader, views: LitViews, found: Sequence[Readi
             taught_windows=frozenset(range(len(gauges))) - learners.keys(),
         )
     )
+
+
+def learn_likely_needles(
+    reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
+) -> tuple[PanelReader, Sequence[Readings]]:
+    """Learn gauges again from needles that are likely where they match, for as long as fewer are missing each time.
+
+    A frame in which one needle is missing teaches nothing of the dial below the others, and a needle that stands over
+    print in only few frames is missing until the dial is known there. Returned with the reader are its readings.
+    """
+    gauges = reader.source.panel.gauges
+    of = {index for index, gauge in enumerate(gauges) if isinstance(reader.grids[index], PolarGrid)}
+    while True:
+        likely = [{name: _as_likely(reading) for name, reading in readings.items()} for readings in found]
+        of = {index for index in of if _missing(gauges[index], found) > _missing(gauges[index], likely)}
+        if not of:
+            return reader, found
+        again = learn_appearance(reader, views, likely, of)
+        read = [frame.readings for frame in again.read_unwrapped(samples)]
+        better = {index for index in of if _missing(gauges[index], read) < _missing(gauges[index], found)}
+        if better and better != of:
+            again = learn_appearance(reader, views, likely, better)
+            read = [frame.readings for frame in again.read_unwrapped(samples)]
+        if better:
+            reader, found = again, read
+        of = better
+
+
+def _as_likely(reading: Reading) -> Reading:
+    """Take a needle that is missing, but likely where it matches, for one that is found."""
+    is_likely = reading.status is Status.MISSING and reading.score >= LIKELY_SCORE and math.isfinite(reading.angle_deg)
+    return replace(reading, status=Status.EDGE) if is_likely else reading
+
+
+def _missing(gauge: Gauge, found: Sequence[Readings]) -> int:
+    """Count the readings of a gauge's needles that are missing."""
+    return sum(readings[needle.name].status is Status.MISSING for readings in found for needle in gauge.over_face)

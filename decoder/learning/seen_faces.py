@@ -7,7 +7,8 @@ else there, that is the dial. Without this a thin needle, or one before a numera
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, FRAMES_TO_LEARN, NEEDLE_PART
+from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, CLEARLY_WORSE, FRAMES_TO_LEARN, NEEDLE_PART
 from decoder.learning.thresholds import MOSTLY, NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews
 from decoder.matching.needle_layer import layer_over
@@ -29,12 +30,27 @@ from decoder.panel.kind import Pointer
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.thresholds import NOISE_LEVELS
 
+# Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
+ELSEWHERE = 3
 
-def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mapping[str, Reading]]) -> PanelReader:
-    """Show the reader the dials behind the panel picture's needles, where these mostly stand elsewhere.
+Found = Sequence[Mapping[str, Reading]]
+Read = Callable[[PanelReader], Found]
+"""Reads the sample's frames."""
+
+
+def with_seen_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
+    """Show the reader the dials behind the panel picture's needles, where frames show them; return its readings too.
 
     A needle that is `found` to move, by frame, is not in doubt: the marks behind it are not what is matched.
     """
+    bared = _with_usual_faces(reader, views, found)
+    if bared is not reader:
+        reader, found = bared, read(bared)
+    return _with_other_faces(reader, views, found, read)
+
+
+def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> PanelReader:
+    """Show the dials behind needles that mostly stand elsewhere, as most frames have them."""
     source, before = reader.source, reader.appearance
     own = reader.own_gauges
     faces, templates = list(before.faces), dict(before.templates)
@@ -52,12 +68,121 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Sequence[Mappin
         for needle in _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()}):
             rows = _window(needle, grid, templates[needle.name])
             faces[index] = np.where(rows[:, None], usual, faces[index]).astype(np.float32)
-            cut = templates[needle.name]
-            behind = face_behind(faces[index], grid, needle.at_deg, cut.rows)
-            templates[needle.name] = layer_over(cut.pixels, behind, cut.step_deg)
+            templates[needle.name] = _over(dial, faces[index], needle)
     if all(face is same for face, same in zip(faces, before.faces, strict=True)):
         return reader
     return reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
+
+
+@dataclass(frozen=True, slots=True)
+class _Apart:
+    """A needle that may stand elsewhere in some frames: those most unlike the panel picture there, and the most like.
+
+    `face` and `template` are what the unlike ones tell.
+    """
+
+    needle: Pointer
+    unlike: Sequence[int]
+    like: Sequence[int]
+    rows: Mask
+    face: UnwrappedGauge
+    template: NeedleTemplate
+
+    def is_told(self, found: Found) -> bool:
+        """Tell whether frames say the same that were read with this face: the needle is not where it seemed to be."""
+        at_home = [_is_at_home(self.needle, readings) for readings in found]
+        elsewhere = [
+            not own and readings[self.needle.name].status is not Status.MISSING
+            for own, readings in zip(at_home, found, strict=True)
+        ]
+        if float(np.mean([elsewhere[at] for at in self.unlike])) > MOSTLY:
+            return True
+        is_gone = not any(at_home[at] for at in self.unlike)
+        return is_gone and float(np.mean([at_home[at] for at in self.like])) > MOSTLY
+
+
+def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
+    """Show the dials behind needles that seem to stand still, as the frames have them that differ most there.
+
+    These may show a reflection: it only counts where the needles then are not found there any more.
+    """
+    source, before, own = reader.source, reader.appearance, reader.own_gauges
+    apart: dict[int, list[_Apart]] = {}
+    for index, (gauge, grid) in enumerate(zip(source.panel.gauges, reader.grids, strict=True)):
+        if isinstance(grid, PolarGrid):
+            dial = _Dial(gauge, grid, before.templates, own[index], own[index], before.faces[index])
+            still = [needle for needle in _cut_needles(gauge) if _seems_still(needle, found)]
+            told = [each for needle in still if (each := _apart(dial, needle, views[index], found)) is not None]
+            apart |= {index: told} if told else {}
+    while apart:
+        faces, templates = list(before.faces), dict(before.templates)
+        for index, told in apart.items():
+            for each in told:
+                faces[index] = np.where(each.rows[:, None], each.face, faces[index]).astype(np.float32)
+                templates[each.needle.name] = each.template
+        again = reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
+        found_again = read(again)
+        kept = {index: told for index, told in apart.items() if all(each.is_told(found_again) for each in told)}
+        if len(kept) == len(apart):
+            return again, found_again
+        apart = kept
+    return reader, found
+
+
+def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None], found: Found) -> _Apart | None:
+    """Return what the frames tell that differ most from the panel picture where a needle was cut.
+
+    Frames in which another needle lies there do not count, nor those in which it moved there by a little itself: what
+    is printed behind a needle is matched just where it was cut. None where the frames are no more like each other than
+    like the picture, or where they do not show that the needle is gone.
+    """
+    rows = _window(needle, dial.grid, dial.templates[needle.name])
+    taken = _rows_of_others(dial, needle, found)[:, rows].any(axis=1)
+    off_rows = np.array([_off_home_deg(needle, readings) for readings in found]) / dial.grid.step_deg
+    taken |= (off_rows > 1.0) & (off_rows < rows.sum())
+    free = [at for at, view in enumerate(views) if view is not None and not taken[at]]
+    if len(free) < FRAMES_TO_LEARN:
+        return None
+    seen = np.stack([view[rows] for at in free if (view := views[at]) is not None])
+    off = np.square(seen - dial.drawn[rows]).mean(axis=(1, 2))
+    order, count = np.argsort(off, kind="stable"), math.ceil(len(free) / ELSEWHERE)
+    other = median_of(seen[order[-count:]]).astype(np.float32)
+    off_other = np.square(seen[order[-count:]] - other).mean(axis=(1, 2))
+    is_alike = float((CLEARLY_WORSE * off_other < off[order[-count:]]).mean()) > MOSTLY
+    if not is_alike or not _is_bared(dial, needle, rows, other):
+        return None
+    face = dial.face.copy()
+    face[rows] = other
+    unlike, like = ([free[at] for at in part] for part in (order[-count:], order[:count]))
+    return _Apart(needle, unlike, like, rows, face, _over(dial, face, needle))
+
+
+def _is_bared(dial: _Dial, needle: Pointer, rows: Mask, other: Floats) -> bool:
+    """Tell whether other frames show rows of a dial without a needle, and otherwise than these were thought to be."""
+    is_gone = np.abs(dial.drawn[rows] - _in_light_of(dial.drawn[rows], other)) > 3 * NOISE_LEVELS
+    is_other = np.abs(dial.face[rows] - other) > 3 * NOISE_LEVELS
+    return (
+        float(is_gone.mean()) > NEEDLE_PART
+        and _axis_part(dial, needle, is_gone) > MIN_VISIBLE
+        and float(is_other.mean()) > NEEDLE_PART
+    )
+
+
+def _is_at_home(needle: Pointer, readings: Mapping[str, Reading]) -> bool:
+    """Tell whether a needle is found where the panel picture has it."""
+    return readings[needle.name].status is not Status.MISSING and _off_home_deg(needle, readings) <= APART_DEG
+
+
+def _off_home_deg(needle: Pointer, readings: Mapping[str, Reading]) -> float:
+    """Return how far from where the panel picture has it a needle matches best."""
+    at = 0.0 if needle.at_deg is None else needle.at_deg
+    return abs(float(shortest(np.array(readings[needle.name].angle_deg - at), FULL_CIRCLE_DEG)))
+
+
+def _over(dial: _Dial, face: UnwrappedGauge, needle: Pointer) -> NeedleTemplate:
+    """Return a needle of the panel picture over a face."""
+    cut = dial.templates[needle.name]
+    return layer_over(cut.pixels, face_behind(face, dial.grid, needle.at_deg, cut.rows), cut.step_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +197,7 @@ class _Dial:
     face: UnwrappedGauge
 
 
-def may_be_lost(gauge: Gauge, found: Sequence[Mapping[str, Reading]]) -> bool:
+def may_be_lost(gauge: Gauge, found: Found) -> bool:
     """Whether one of its needles is not read in some frame, or mostly where the panel picture has it."""
     return any(
         _seems_still(needle, found) or any(readings[needle.name].status is Status.MISSING for readings in found)
@@ -80,15 +205,9 @@ def may_be_lost(gauge: Gauge, found: Sequence[Mapping[str, Reading]]) -> bool:
     )
 
 
-def _seems_still(needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> bool:
+def _seems_still(needle: Pointer, found: Found) -> bool:
     """Tell whether a needle is mostly read where the panel picture has it, or not at all."""
-    at = 0.0 if needle.at_deg is None else needle.at_deg
-    readings = [readings[needle.name] for readings in found]
-    still = [
-        each.status is Status.MISSING
-        or abs(float(shortest(np.array(each.angle_deg - at), FULL_CIRCLE_DEG))) <= APART_DEG
-        for each in readings
-    ]
+    still = [readings[needle.name].status is Status.MISSING or _is_at_home(needle, readings) for readings in found]
     return 2 * sum(still) > len(still)
 
 
@@ -145,7 +264,7 @@ def _axis_part(dial: _Dial, needle: Pointer, is_gone: Mask) -> float:
     return float(is_gone[on_axis, shown].mean()) if shown.any() else 0.0
 
 
-def _rows_of_others(dial: _Dial, needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> Mask:
+def _rows_of_others(dial: _Dial, needle: Pointer, found: Found) -> Mask:
     """(frames, R): the rows that show another needle of the dial, one that is found to move, or its tail."""
     rows = np.zeros((len(found), dial.grid.rows), bool)
     angles_deg = dial.grid.start_deg + dial.grid.step_deg * np.arange(dial.grid.rows)

@@ -1,12 +1,14 @@
-"""The dial behind a panel picture's needles: learned from the flight, and never from a needle that hardly moved."""
+"""The dial behind a panel picture's needles: learned from whatever frames show it, never from a needle that stayed."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import pytest
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import read_picture
-from decoder.instruments.reading import Status
+from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight
 from tests.decoder.instruments.dials import Canvas, Hand, apart, paint, reader_for
 
@@ -48,3 +50,64 @@ def test_needle_that_moved_by_less_than_its_width_is_no_face(moved_deg: float) -
     certain = [(reading, deg) for reading, deg in read if reading.status is Status.READ]
     assert len(certain) >= 28  # of 32; the narrow needle goes over the wide one
     assert all(apart(reading.angle_deg, deg) < 0.5 for reading, deg in certain)
+
+
+BUG_DEG, BUG_MOVED_DEG = 203.0, 291.0
+EGT = {
+    "name": "egt",
+    "radius": [16, 72],
+    "sweep": [180, 360],
+    "unit": "norm",
+    "scale": [[180, 0], [360, 1]],
+    "needles": [
+        {"name": "bug_norm", "template": {"at": BUG_DEG, "span": 24}, "covered_by": "egt_norm"},
+        {"name": "egt_norm", "template": {"at": 240.0, "span": 24}},
+    ],
+}
+FLIGHT = [(BUG_MOVED_DEG if frame % 3 == 2 else BUG_DEG, 215.0 + 65.0 * frame / 15) for frame in range(16)]
+
+
+def with_bug(
+    angles_deg: tuple[float, float], level: float, print_at_deg: Mapping[float, float], seed: int = 0
+) -> GreyPicture:
+    """Draws a needle over a bug that is darker than the print at some places."""
+    bug_deg, needle_deg = angles_deg
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 10))
+        for at_deg, print_level in print_at_deg.items():
+            for stroke_deg in (-6.0, 0.0, 6.0):
+                canvas.bar(at_deg + stroke_deg, (40.0, 58.0), (2.0, 2.0), print_level)
+        canvas.bar(bug_deg, (50.0, 70.0), (2.0, 4.0), level)
+        canvas.hand(Hand(), needle_deg)
+
+    return paint(what, seed=seed)
+
+
+def bug_readings(level: float, print_at_deg: Mapping[float, float]) -> list[Reading]:
+    """The bug's in a flight in every third frame of which it is set elsewhere."""
+    frames = [with_bug(angles, level, print_at_deg, 1 + number) for number, angles in enumerate(FLIGHT)]
+    first = with_bug((BUG_DEG, 240.0), level, print_at_deg)
+    reader = fit_to_flight(reader_for([EGT], first), lambda _: frames).reader
+    return [read_picture(reader, frame).readings["bug_norm"] for frame in frames]
+
+
+@pytest.mark.parametrize("level", [50.0, 60.0, 100.0])
+def test_print_behind_a_bug_is_not_read_for_it(level: float) -> None:
+    """In the panel picture and in most frames it stands there: the others show the print alone."""
+    found = bug_readings(level, {BUG_DEG: 150.0, BUG_MOVED_DEG: 150.0})
+
+    assert {reading.status for reading in found} <= {Status.READ, Status.EDGE, Status.MISSING}
+    assert sum(reading.status is Status.READ for reading in found) >= 14
+    for reading, (bug_deg, _) in zip(found, FLIGHT, strict=True):
+        assert reading.status is Status.MISSING or apart(reading.angle_deg, bug_deg) < 1.5
+
+
+def test_dial_is_learned_from_frames_in_which_a_needle_is_likely() -> None:
+    """The bug is found over print only once that is known, and the frames that show it lack the bug."""
+    found = bug_readings(120.0, {BUG_MOVED_DEG: 140.0})
+    moved = [reading for reading, (bug_deg, _) in zip(found, FLIGHT, strict=True) if bug_deg == BUG_MOVED_DEG]
+
+    assert {reading.status for reading in moved} == {Status.READ}
+    assert min(reading.score for reading in moved) > 0.9
+    assert all(apart(reading.angle_deg, BUG_MOVED_DEG) < 1.5 for reading in moved)
