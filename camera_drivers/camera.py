@@ -20,7 +20,7 @@ class CameraIdentity:
     note
         What else is worth a line in the flight, in words.
     time_of_day, originals
-        As in a flight's session: which clock its pictures' times are by, and the video files that they come from.
+        As in a flight's session: the clock of its pictures' times, and the video files that they come from.
     """
 
     driver: str
@@ -32,7 +32,7 @@ class CameraIdentity:
 
 
 class Camera(Protocol):
-    """A camera, or what stands in for one.
+    """A camera, or a substitute for one.
 
     Entering the context connects to it, leaving it disconnects; both may raise CameraError. One thread at a time uses
     it.
@@ -59,6 +59,6 @@ class Camera(Protocol):
         Raises
         ------
         CameraError
-            If no picture can be had.
+            If no picture can be obtained.
         """
         ...

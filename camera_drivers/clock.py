@@ -1,4 +1,4 @@
-"""What a camera driver needs of time: to read both clocks, and to wait in a way that can be interrupted."""
+"""A camera driver's access to time: it reads both clocks and waits interruptibly."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""What a camera, or what stands in for one, can do wrong.
+"""The expected errors of a camera or its substitute.
 
     CameraError                  connecting again may help
-    ├── CameraNotFoundError      nothing that answers as a camera is there
-    ├── CameraUnreachableError   a call did not get there
+    ├── CameraNotFoundError      nothing there answers as a camera
+    ├── CameraUnreachableError   a call did not reach the camera
     ├── CameraSilentError        a call got no usable answer; it may have been carried out all the same
     ├── CameraRefusedError       a call was answered with an error code
-    └── CameraUnusableError      trying again does not help; a person has to do something
+    └── CameraUnusableError      trying again does not help; a person must act
         └── ReplayError          the pictures or flight files cannot be replayed
 
 Each message is one sentence that says what to do.
@@ -19,7 +19,7 @@ class CameraError(Exception):
 
 
 class CameraNotFoundError(CameraError):
-    """There is no camera where it was looked for, or what is there is none."""
+    """There is no camera where it was looked for, or the device there is not one."""
 
 
 class _UnansweredError(CameraError):
@@ -45,7 +45,7 @@ class CameraSilentError(_UnansweredError):
 
 
 class CameraRefusedError(CameraError):
-    """A call was answered with an error; only its code means anything."""
+    """A call was answered with an error; only the code is meaningful."""
 
     def __init__(self, call: str, code: int) -> None:
         super().__init__(f"{call}: the camera refuses it (error {code}); look the code up in docs/qx10.md.")
@@ -54,7 +54,7 @@ class CameraRefusedError(CameraError):
 
 
 class CameraUnusableError(CameraError):
-    """The camera or its configuration needs a person; trying again does not help."""
+    """The camera or its configuration needs a person; retrying does not help."""
 
 
 class ReplayError(CameraUnusableError):

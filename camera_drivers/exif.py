@@ -1,4 +1,4 @@
-"""The EXIF tags that matter, read with Pillow; every one is optional, and garbage is the same as nothing.
+"""The EXIF tags in use, read with Pillow; all are optional, and an unreadable tag counts as missing.
 
 | tag                | number | as                                                          |
 | ------------------ | ------ | ----------------------------------------------------------- |
@@ -33,7 +33,7 @@ _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)")
 _OFFSET = re.compile(r"[+-]\d\d:\d\d|Z")
 _ISO_TIME = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d)(?:\.(\d+))?([+-]\d\d:\d\d|Z)?")
 
-# What Pillow was seen to raise on damaged blocks; it documents none of it.
+# Exceptions seen from Pillow on damaged blocks; it documents none of them.
 _DAMAGE = (
     SyntaxError,
     ValueError,
@@ -79,7 +79,7 @@ def exif_time_ns(text: str | None) -> int | None:
 
 def _tags(block: bytes) -> dict[int, Any]:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow warns of truncated blocks; a lacking tag says it already
+        warnings.simplefilter("ignore")  # Pillow warns of truncated blocks; a missing tag shows that already
         exif = Image.Exif()
         exif.load(block)
         return dict(exif.get_ifd(_EXIF_IFD))

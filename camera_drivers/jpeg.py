@@ -1,6 +1,6 @@
-"""What a JPEG's markers say, without decoding it: size, EXIF, where it ends, and whether it has a beginning and an end.
+"""The contents of a JPEG's markers, without decoding: size, EXIF, where it ends, whether it is whole.
 
-Markers are FF xx; all but a few carry a length u16 (big-endian, counting itself). The size stands in the first SOFn
+Markers are FF xx; all but a few carry a length u16 (big-endian, counting itself). The size is in the first SOFn
 segment, EXIF in an APP1 segment that begins with `Exif`. Source: ITU-T T.81 annex B; CIPA DC-008 (Exif) 4.7.2.
 """
 
@@ -52,8 +52,8 @@ def jpeg_facts(data: bytes) -> JpegFacts:
 def jpeg_end(data: bytes, start: int = 0) -> int | None:
     """Find the end of the JPEG that begins at `start`, just after its EOI; None if no whole JPEG is there.
 
-    The markers are followed from the beginning, so the end of a thumbnail is not taken for the end of the picture, nor
-    junk after the end for a part of it.
+    The markers are followed from the beginning, so that the end of a thumbnail is not taken for the picture's, nor junk
+    after the end for a part of it.
     """
     if data[start : start + 2] != SOI:
         return None

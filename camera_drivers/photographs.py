@@ -1,4 +1,4 @@
-"""What a photograph's file says, without decoding it: its format by its first bytes, its size, its EXIF.
+"""Format (by the first bytes), size and EXIF of a photograph's file, without decoding it.
 
 | format | begins with                | EXIF stands in                        |
 | ------ | -------------------------- | ------------------------------------- |
@@ -7,7 +7,7 @@
 | WebP   | `RIFF`, length, `WEBP`     | the chunk `EXIF`, with it or without  |
 | HEIF   | a box `ftyp` of such a kind | - not stored                         |
 
-The name of a file is not asked: a JPEG called .png is a JPEG. Sources: PNG (third edition) 5.3, 11.3.4.6; WebP
+The file's name is ignored: a JPEG called .png is a JPEG. Sources: PNG (third edition) 5.3, 11.3.4.6; WebP
 container specification (RFC 9649); ISO/IEC 23008-12.
 """
 
@@ -25,7 +25,7 @@ _CHUNK_OF_WEBP = struct.Struct("<4sI")
 
 
 def picture_format(data: bytes) -> str:
-    """Tell the format by the first bytes; `jpeg` for what is none of them, as a camera of JPEGs may send."""
+    """Determine the format by the first bytes; `jpeg` for anything unknown, as a camera of JPEGs may send."""
     return "png" if data.startswith(PNG_START) else "webp" if WEBP.match(data) else JPEG
 
 

@@ -1,4 +1,4 @@
-"""How a camera driver tells its user what happens beside the pictures: changes of state, lost pictures, waiting."""
+"""A camera driver's reports beside the pictures: changes of state, lost pictures, waiting."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from flight_file.frame import CameraStatus
 class Reporter(Protocol):
     """Takes a driver's reports; called from the driver's thread, it never blocks or raises.
 
-    A driver calls it at least every few seconds as long as it makes progress or waits with good reason. Silence means
-    that it hangs.
+    A driver calls it at least every few seconds as long as it makes progress or has reason to wait. Silence means that
+    it hangs.
     """
 
     def report(self, status: CameraStatus) -> None:

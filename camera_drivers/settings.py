@@ -1,4 +1,4 @@
-"""What settings are made of, a driver's and others: a block that knows its keys, and kinds of values that stand in it.
+"""Building blocks of settings, a driver's and others: a block with known keys, and types of values.
 
 The string below a key says what it is for; docs/reference/recorder.yaml.md is made of these strings.
 """
@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 MAX_URL_CHARACTERS = 2000
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # no name and no sentence of the log is to hold one
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # not allowed in names and in sentences of the log
 
 
 class WithheldError(ValueError):

@@ -1,8 +1,8 @@
-"""Waiting, for calls and for the time to pass: stopping is noticed, limits hold, and the wait is reported.
+"""Waiting, for calls and for time to pass: it can be stopped, has limits, and is reported.
 
-A call runs in a thread of its own, because nothing else can be left when it hangs. Its caller watches it: at the limit,
-or when stopping was asked for, the call is aborted and left behind. `Notes` reports what is worth a line in the flight,
-each thing once however often the camera is connected again.
+A call runs in a thread of its own, because only a thread can be abandoned when it hangs. Its caller watches it: at the
+limit, or when a stop was requested, the call is aborted and abandoned. `Notes` reports what is worth a line in the
+flight, each thing once however often the camera is connected again.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class Notes:
         self._said: set[tuple[str, str]] = set()
 
     def say(self, state: str, reason: str, *, sequence: int | None = None) -> None:
-        """Report it; `sequence` is the frame that it is about, if it is about one."""
+        """Report it; `sequence` is the frame it concerns, if any."""
         self._reporter.report(CameraStatus(state, reason, sequence=sequence))
 
     def report(self, status: CameraStatus) -> None:
-        """Report what is more than words."""
+        """Report a complete status."""
         self._reporter.report(status)
 
     def say_once(self, state: str, reason: str) -> None:

@@ -1,11 +1,11 @@
 """The camera's thread: gets frames and hands them over, and never waits for the disk while the camera is live.
 
-    connect ──> frames ──> connect again, for ever          CameraError: soon, then less and less often
+    connect ──> frames ──> connect again, always            CameraError: soon, then less and less often
                       └──> no more pictures, or stop        CameraUnusableError: seldom, for nobody is there to help
-                      └──> the end with an error            ReplayError: whoever started the replay is there
+                      └──> the end with an error            ReplayError: a person started the replay, and sees it
 
 The recorder goes on without a camera; the flight says what became of it. `wire` makes the camera that a configuration
-asks for, and `CameraReports` is where its driver reports what is no picture.
+asks for, and `CameraReports` takes what its driver reports beside the pictures.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ NO_MORE_PICTURES = "no more pictures"
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """A camera and what belongs to it.
+    """A camera with its clock and attachments.
 
     Attributes
     ----------
     clock
         The clock of the recording.
     live
-        The camera cannot wait: when the queue is full, the oldest frame in it is dropped and counted; the recorder
-        looks at its clock while no frame comes, and keeps trying when the camera or the disk fails. Otherwise the
-        camera is made to wait, and time passes with its frames alone.
+        Whether the camera cannot wait: when the queue is full, the oldest frame in it is dropped and counted; the
+        recorder looks at its clock while no frame comes, and keeps trying when the camera or the disk fails. Otherwise
+        the camera is made to wait, and only its frames advance the time.
     attachments
-        What the source brings along, for a recording that attaches no panel of its own.
+        Attachments of the source, for a recording that attaches no panel of its own.
     """
 
     camera: Camera
@@ -84,7 +84,7 @@ def _replay(settings: ReplaySettings, host: Host, reporter: Reporter) -> Wiring:
         raise ConfigurationError(f"camera.path: {error}") from error
     live = settings.pace == "realtime"
     clock = host.clock if live else SimulatedClock(source.start_ns)
-    # Nobody waits with a simulated clock, and a century is no more steps to it than a second.
+    # No thread waits with a simulated clock, and a century takes it no more steps than a second.
     heard = ReportingClock(clock, reporter) if live else clock
     return Wiring(
         camera=ReplayCamera(source, heard),
@@ -97,7 +97,7 @@ def _replay(settings: ReplaySettings, host: Host, reporter: Reporter) -> Wiring:
 def _live_camera(
     settings: Qx10Settings | UvcSettings | PicameraSettings | RtspSettings, clock: Clock, reporter: Reporter
 ) -> Camera:
-    """Make a live camera; its driver is loaded by those alone who have one."""
+    """Make a live camera; its driver is loaded only where one is configured."""
     match settings:
         case Qx10Settings():
             from camera_drivers.qx10.camera import Qx10Camera  # noqa: PLC0415
@@ -142,7 +142,7 @@ class CameraReports:
         self._drops.add(reason)
 
     def waiting(self, reason: str) -> None:  # noqa: ARG002 - the watchdog does not care why
-        """Feed the watchdog."""
+        """Feed the watchdog, whatever the reason."""
         self._heartbeats.camera()
 
 
@@ -217,7 +217,7 @@ class Capture(threading.Thread):
         self._trouble = ""
 
     def _say_lost(self, failure: CameraError) -> None:
-        # A camera that stays away for hours is news once.
+        # A camera that stays away for hours is reported once.
         if str(failure) != self._trouble:
             self._trouble = str(failure)
             self._queue.notify(Notice(CameraStatus("lost", self._trouble), self._wiring.clock.read()))

@@ -200,7 +200,7 @@ def as_text(info: FlightInfo) -> list[str]:
 
 
 def _sound(info: FlightInfo) -> str:
-    """Say what of the sound there is, and that there is none."""
+    """Describe the sound in the flight, or say that there is none."""
     if not info.sound_windows:
         return "none"
     whole = f", and all of it in {info.sound_packets} packets" if info.sound_packets else ", never speech"

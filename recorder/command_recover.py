@@ -158,7 +158,7 @@ def extract_pictures(flight: Flight, directory: Path) -> int:
         path = directory / (name + _SUFFIXES[frame.format])
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            with path.open("ab" if path in begun else "xb") as stream:  # what lies there, a link too, is left as it is
+            with path.open("ab" if path in begun else "xb") as stream:  # a file or link of this name is left as it is
                 stream.write(frame.encoded)
         except FileExistsError as error:
             if is_video or not _holds(path, frame.encoded):

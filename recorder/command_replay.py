@@ -33,7 +33,7 @@ _NO_LIMIT = 10**10
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """How many pictures are in the new flight file, what is lost of those that they come from, and which videos."""
+    """The pictures in the new flight file, the losses of their sources, and the videos among these."""
 
     stored: int
     losses: tuple[str, ...]
@@ -52,7 +52,7 @@ def replay_into(
 ) -> Replayed:
     """Record pictures into one flight file, named after it.
 
-    Nothing is left behind where it fails.
+    If it fails, no file is left behind.
 
     Parameters
     ----------
@@ -97,13 +97,13 @@ def replay_into(
         raise FileNotWrittenError(target, error) from error
     except ConfigurationError as error:
         if isinstance(error.__cause__, ReplayError):
-            raise error.__cause__ from None  # the sources stand on a command line, not in a recorder.yaml
+            raise error.__cause__ from None  # the sources are named on a command line, not in a recorder.yaml
         raise
     return Replayed(outcome.stored, losses, session.originals, session.knows_time_of_day)
 
 
 def _losses(paths: Sequence[Path], session: Session, stored: int) -> tuple[str, ...]:
-    """Find what cannot be read of flight files, where a gap at an end shows nowhere else, or of videos."""
+    """Find what cannot be read of flight files (a gap at an end shows nowhere else) or of videos."""
     if paths[0].is_dir():
         return ()
     if session.originals and not is_flight(paths[0]):

@@ -1,6 +1,6 @@
-"""recorder.yaml: every key with its kind, range and default; checked once, naming the full path of a wrong value.
+"""The keys of recorder.yaml with types, ranges and defaults, checked once; errors name the full path of a value.
 
-Paths in it are relative to the file they stand in. The string below a key says what it is for;
+Paths are relative to the file that contains them. The string below a key says what it is for;
 docs/reference/recorder.yaml.md is made of these strings.
 """
 
@@ -93,7 +93,7 @@ def parse_config(document: Any, *, base: Path | None = None, name: str = "config
     base
         Directory that relative paths are relative to; None leaves them as they are.
     name
-        Stands in front of the message.
+        Prefix of the message.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def load_config(path: Path) -> tuple[RecorderConfig, bytes]:
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, is no YAML, or a value is wrong.
+        If the file cannot be read, is not YAML, or a value is wrong.
     """
     try:
         content = read_yaml_file(path)
@@ -139,7 +139,7 @@ def _sentence(error: ValidationError) -> str:
 
 
 def _where(location: tuple[int | str, ...]) -> str:
-    # The union's tag is pydantic's, not the file's: camera.replay.rate_hz is camera.rate_hz there.
+    # The union's tag is pydantic's and not in the file: its camera.replay.rate_hz is the file's camera.rate_hz.
     keys = [
         key for index, key in enumerate(location) if not (index == 1 and location[0] == "camera" and key in _DRIVERS)
     ]

@@ -1,10 +1,10 @@
-"""What can be expected to go wrong with the recorder itself.
+"""The recorder's own expected errors.
 
     RecorderError
-    ├── ConfigurationError       recorder.yaml, or a file it names, is not as it should be
-    ├── ReplayNotPossibleError   what `recorder replay` or `extract` is to make cannot be called so
+    ├── ConfigurationError       recorder.yaml, or a file it names, is wrong
+    ├── ReplayNotPossibleError   the name of what `recorder replay` or `extract` is to make is taken or wrong
     ├── FileNotWrittenError      a file that a command makes cannot be written
-    ├── NothingToMarkError       no segment is where one should be marked
+    ├── NothingToMarkError       there is no segment to mark
     └── NotMarkedError           the marks cannot be written
 
 Beside these there are flight_file.errors.FlightFileError (the disk) and camera_drivers.errors.CameraError (the
@@ -25,7 +25,7 @@ class ConfigurationError(RecorderError):
 
 
 class ReplayNotPossibleError(RecorderError):
-    """The name of what is to be made is taken, or is none."""
+    """The name of the file to be made is taken or not allowed."""
 
 
 class FileNotWrittenError(RecorderError):

@@ -50,7 +50,7 @@ class Drops:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame, and the recorder's clocks when it was there."""
+    """A frame, and the recorder's clocks when it had arrived."""
 
     frame: Frame
     at: ClockReading
@@ -69,7 +69,7 @@ class Notice:
 class Ended:
     """The end of the frames.
 
-    `reason` stands in the end record; `error` is what ended it, if it was an expected failure; `crashed` if the
+    `reason` goes into the end record; `error` is what ended it, if it was an expected failure; `crashed` if the
     camera's thread died of something unexpected, whose traceback is on stderr.
     """
 
@@ -83,7 +83,7 @@ Item = Arrival | Notice | Ended
 
 
 class FrameQueue:
-    """First in, first out; full at so many frames, bytes of JPEG, or notices.
+    """First in, first out; limited in frames, bytes of JPEG, and notices.
 
     One frame always fits, however large, and the end is never refused.
     """
@@ -98,7 +98,7 @@ class FrameQueue:
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
-        """Frames that wait."""
+        """Count the frames waiting."""
         with self._changed:
             return self._frames
 

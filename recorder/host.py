@@ -1,4 +1,4 @@
-"""Everything the recorder takes from the machine it runs on, above all its clocks; a test brings its own machine.
+"""Everything the recorder takes from its machine, above all the clocks; tests pass in a machine of their own.
 
 `WallClock` notices when somebody sets the wall clock: it then moves against the monotonic one. A clock that is slewed
 (by at most 0.05 %, the kernel's limit) is not set. A machine that slept looks as if its clock had been set forward.
@@ -31,7 +31,7 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _THERMAL_ZONES = Path("/sys/class/thermal")
 _SYNCHRONIZED = Path(
     "/run/systemd/timesync/synchronized"
-)  # made by systemd-timesyncd; reading the kernel is forbidden us
+)  # made by systemd-timesyncd; the service may not ask the kernel
 
 
 class SystemClock:
@@ -55,7 +55,7 @@ class SystemClock:
 
 
 class ReportingClock:
-    """Another clock, for a driver that does nothing but wait: says every few seconds that it does."""
+    """A clock that reports every few seconds that it waits, for a driver that does nothing else."""
 
     def __init__(self, clock: Clock, reporter: Reporter) -> None:
         self._clock = clock
@@ -66,7 +66,7 @@ class ReportingClock:
         return self._clock.read()
 
     def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:
-        """Wait as the other does."""
+        """Wait as the other clock does."""
         while not stop.is_set() and (now_ns := self._clock.read().monotonic_ns) < monotonic_ns:
             self._reporter.waiting("the next picture is not due yet")
             self._clock.wait_until(min(monotonic_ns, now_ns + round(SAY_S * NS_PER_S)), stop)
@@ -94,7 +94,7 @@ class SimulatedClock:
             return ClockReading(realtime_ns=self._start_ns + self._elapsed_ns, monotonic_ns=self._elapsed_ns)
 
     def wait_until(self, monotonic_ns: int, stop: threading.Event) -> None:  # noqa: ARG002 - it never waits
-        """Jump; a time that is past already changes nothing."""
+        """Jump to this time; a time in the past changes nothing."""
         with self._lock:
             self._elapsed_ns = max(self._elapsed_ns, monotonic_ns)
 
@@ -137,11 +137,11 @@ class Host:
     clock
         Its clocks.
     name, boot_id
-        Which machine, and which boot of it; empty where that shall stay out of the flight.
+        Which machine, and which boot of it; empty to keep that out of the flight.
     versions
         Version by name of software.
     free_bytes
-        Room left where a path lies, bytes; None if the system does not say.
+        Free bytes on the file system of a path; None if the system does not say.
     temperatures_c
         By sensor, degrees Celsius.
     clock_state

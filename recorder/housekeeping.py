@@ -1,13 +1,13 @@
 """Looks after the segments in the directory: deletes the oldest to make room, and finishes those left in work.
 
 The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
-names: neither asks a wall clock, which on a small board may be years off and may be set at any time. Segments without a
-picture (a box that waited for its camera) have no age, so that waiting never costs a flight.
+names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. Segments
+without a picture (a box that waited for its camera) have no age, so that waiting never costs a flight.
 
-Never deleted: the newest `keep_hours`, what is marked (see `marks`), what is in work (`.part`), every file whose name
-is not one that the recorder gives, and what has such a name but is no segment that can be read, or claims to be longer
-than one can be: that counts no hours, and is named in the log. Frames that a recovery set apart (`.unproven`) go with
-their segment's time.
+Never deleted: the newest `keep_hours`, what is marked (see `marks`), what is in work (`.part`), files with names that
+the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
+can be: these count no hours and are named in the log. Frames that a recovery set apart (`.unproven`) are as old as
+their segment.
 
 Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
 background.
@@ -53,13 +53,13 @@ class Rules:
     Attributes
     ----------
     reserve_bytes
-        Room that shall be free.
+        Free space to be kept.
     keep_ns
-        The newest so many ns of recording are never deleted.
+        The newest recordings of this length, ns, are never deleted.
     longest_ns
-        No segment is longer than this; what claims to be is not believed.
+        No segment is longer than this; a file that claims to be is not believed.
     max_ns
-        What is older than this is deleted even if there is room; None to keep it.
+        Older segments are deleted even if there is room; None to keep them.
     """
 
     reserve_bytes: int
@@ -82,14 +82,14 @@ def _aged(names: Iterable[str]) -> Iterator[tuple[_Age, str]]:
 
 
 def older_than(names: Sequence[str], limit_ns: int, span_ns: Callable[[str], int | None]) -> Sequence[str]:
-    """Return the names after which at least `limit_ns` were recorded, as far as known.
+    """Return the names of segments after which at least `limit_ns` were recorded, as far as known.
 
     Parameters
     ----------
     names
         Of all segments, the oldest first; so is the result.
     span_ns
-        How long one is, None if it is not known yet; asked for those that are not older only.
+        Returns a segment's length, None if not known yet; called only for segments that are not older.
     """
     newer_ns = 0
     for count in range(len(names), 0, -1):
@@ -105,7 +105,7 @@ def older_than(names: Sequence[str], limit_ns: int, span_ns: Callable[[str], int
 class _SegmentIndex:
     """The finished segments in a directory, and how long each is, as far as it is known.
 
-    What was there the last time is not looked at again: among hundreds of thousands of files that would take too long.
+    Files that were there the last time are not read again: with hundreds of thousands that would take too long.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class _SegmentIndex:
         return self._spans_ns.get(name)
 
     def say_unreadable(self) -> None:
-        """Log those that were not yet said."""
+        """Log the unreadable files not logged before."""
         if self._unsaid:
             count, named = len(self._unsaid), sorted(self._unsaid[:NAMED_AT_ONCE])
             self._unsaid.clear()
@@ -172,9 +172,9 @@ class Retention:
     Parameters
     ----------
     free_bytes
-        Room left where a path lies; None if the system does not say, then nothing is deleted for its sake.
+        Free bytes on the file system of a path; None if the system does not say, then no file is deleted to free space.
     span_ns
-        How long a finished segment is; raises OSError or DamagedRecordError where it does not tell.
+        Returns the length of a finished segment; raises OSError or DamagedRecordError where it cannot be read.
     """
 
     def __init__(
@@ -194,7 +194,7 @@ class Retention:
 
     @property
     def unreadable(self) -> int:
-        """How many files have a segment's name but cannot be read as one, as far as was looked."""
+        """Number of files examined so far that have a segment's name but cannot be read as one."""
         return len(self._index.unreadable)
 
     def make_room(self, *, disk_is_full: bool = False) -> bool:
@@ -203,7 +203,7 @@ class Retention:
         Parameters
         ----------
         disk_is_full
-            Delete at least one segment, if any may be, whatever the system says is free.
+            Delete at least one segment, if allowed, however much the system says is free.
         """
         for path in tidy_marks(self._directory):
             self._journal.log.warning("mark_too_large", path=str(path))
@@ -212,7 +212,7 @@ class Retention:
         try:
             segments = self._index.take(self._directory)
         except OSError:
-            return False  # a disk that is gone needs no room; whoever writes to it says so
+            return False  # a disk that is gone needs no room; the writer reports it
         deleted = self._delete_oldest(segments, disk_is_full=disk_is_full)
         self._index.say_unreadable()
         return deleted
@@ -232,7 +232,7 @@ class Retention:
             if name in self._index.unreadable:
                 continue
             if not self._delete(self._directory / name):
-                break  # a disk that does not let us delete one lets us delete none
+                break  # a disk that refuses one deletion refuses all
             wanted, deleted = False, True
         return deleted
 
@@ -298,7 +298,7 @@ class Salvager(threading.Thread):
         self._paths.put(path)
 
     def run(self) -> None:
-        """Recover queued files for ever."""
+        """Recover queued files until the process ends."""
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while True:
@@ -333,6 +333,6 @@ class Salvager(threading.Thread):
 
     def _has_room(self, path: Path) -> bool:
         # The copy needs as much room as the file has. As much again is for what is being recorded meanwhile: a file in
-        # work can be read as it is, so no flight shall be deleted for it.
+        # work can be read as it is, so no flight may be deleted for it.
         free = self._free_bytes(path.parent)
         return free is None or free >= 2 * path.stat().st_size

@@ -1,6 +1,6 @@
 """The recorder's log: JSON lines on stderr, and warnings and up also in the flight.
 
-Event names are snake_case, noun before verb; what varies stands in keys.
+Event names are snake_case, noun before verb; everything variable is in keys.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Marks: segments that retention keeps, whatever the disk has room for.
 
 A mark is a small file in the folder `marks` beside the segments, `marks/NAME.mcap.keep`, also while the segment is
-still `NAME.mcap.part`. So whoever may write in that folder can set one while the recorder runs, without talking to it
-and without a right to touch a recording. Each line is one mark: when it was set, and a note.
+still `NAME.mcap.part`. So anyone who may write in that folder can set one while the recorder runs, without contacting
+it and without the right to change a recording. Each line is one mark: when it was set, and a note.
 
-Only that there is something of the name counts. Nobody who uses marks opens what lies there, so what somebody else puts
-into the folder, a link, a pipe or a file as large as the disk, keeps a segment and does no more; `tidy_marks` cuts a
-file that is larger than any mark. Marks beside the segment, as older recorders set them, count too.
+Only the existence of the name counts. Marks are not opened where they are used, so a link, a pipe or a file as large as
+the disk in this folder keeps a segment and does nothing else; `tidy_marks` empties a file larger than any mark. Marks
+beside the segment, as older recorders set them, count too.
 
 `recorder mark` sets one.
 """
@@ -33,8 +33,8 @@ from recorder.thresholds import MARK_BYTES
 MARK_SUFFIX = ".keep"
 MARKS_FOLDER = "marks"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may take away another's
-_MODE = 0o660  # whoever of the operators' group marks, the recorder and the others may read it and add to it
+_FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may remove another's
+_MODE = 0o660  # the recorder and the whole operators' group may read a mark and add to it
 
 
 def mark_path(segment: Path) -> Path:
@@ -125,7 +125,7 @@ def newest_two(directory: Path) -> list[Path]:
 
 
 def _is_in_work(path: Path) -> bool:
-    with suppress(FlightFileError):  # the recorder's own file may be read by whoever may mark
+    with suppress(FlightFileError):  # all who may mark may read the recorder's own file
         return in_work(path)
     return False
 
@@ -146,8 +146,8 @@ def _age(path: Path) -> tuple[int, str]:
 
 
 def _append(path: Path, content: bytes) -> None:
-    # Whoever shares the folder may have put a link or a pipe there: it is neither followed nor waited for. A file that
-    # is there is opened without O_CREAT: in a sticky folder the kernel refuses that for another one's.
+    # Others with access to the folder may have put a link or a pipe there: it is neither followed nor waited for. An
+    # existing file is opened without O_CREAT: in a sticky folder the kernel refuses that for a file of another user.
     flags = os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(path, flags)

@@ -1,4 +1,4 @@
-"""What a recording will be called, where it will lie, what it will carry, and who signs it.
+"""The plan of a recording: its name, directory, attachments and signer.
 
 Every segment carries panel.yaml with its pictures, camera.yaml and recorder.yaml. The panel is not interpreted here,
 only searched for the pictures it names: every value of a key `picture`, at any depth.
@@ -56,12 +56,12 @@ def gather_attachments(settings: AttachSettings, configuration: bytes) -> dict[s
     settings
         The files to attach.
     configuration
-        Bytes of recorder.yaml; empty for a recording that has none.
+        Bytes of recorder.yaml; empty for a recording without one.
 
     Raises
     ------
     ConfigurationError
-        A file cannot be read or is no YAML, the files are too large, or a panel names a picture outside of its folder.
+        A file cannot be read or is not YAML, the files are too large, or a panel names a picture outside its folder.
     """
     attachments: dict[str, bytes] = {}
     if settings.panel is not None:
@@ -122,7 +122,7 @@ def configured_signer(settings: EvidenceSettings) -> Signer | None:
     Raises
     ------
     ConfigurationError
-        The key cannot be read, or is none.
+        The key cannot be read, or is not a key.
     """
     if settings.key is None:
         return None
@@ -140,8 +140,8 @@ def recording_name(start: ClockReading) -> str:
 def newest_recording_name(directory: Path, start: ClockReading) -> str:
     """Name a recording so that it sorts after all others, even if the wall clock went back by years.
 
-    It is the start's time, or a second after the newest that is there. Only the name pretends: the times inside are
-    what the clocks said.
+    It is the start's time, or a second after the newest that is there. Only the name is adjusted: the times inside are
+    the clocks' own.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def newest_recording_name(directory: Path, start: ClockReading) -> str:
     except OSError as error:
         reason = f"cannot be listed ({error.strerror}); check storage.directory"
         raise FlightNotWrittenError(directory, reason=reason) from error
-    by_time = sorted(names, reverse=True)  # as these names do; the others among them are passed over
+    by_time = sorted(names, reverse=True)  # these names sort so; others among them are skipped
     newest_s = next((taken_s for name in by_time if (taken_s := _seconds_of(name)) is not None), seconds - 1)
     return free_recording_name(directory, _name_of(max(seconds, newest_s + 1)))
 
@@ -173,7 +173,7 @@ def plan_recording(
     Parameters
     ----------
     attachments
-        What the configuration attaches; if that is neither panel nor camera, what the source brings along goes with it.
+        What the configuration attaches; if that is neither panel nor camera, the source's attachments are added.
     name
         Of the recording; its start time if None.
     signer
@@ -210,7 +210,7 @@ def plan_recording(
 
 
 def _session(recording: str, at: ClockReading, host: Host, wiring: Wiring) -> Session:
-    """Say what is recorded, since when, by which machine and camera."""
+    """Make the session: what is recorded, since when, by which machine and camera."""
     identity = wiring.camera.identity
     return Session(
         recording=recording,
@@ -228,7 +228,7 @@ def _session(recording: str, at: ClockReading, host: Host, wiring: Wiring) -> Se
 
 
 def refuse_wrong_directory(directory: Path) -> None:
-    """Raise ConfigurationError if the recordings can never go there; a disk that is not there may come yet."""
+    """Raise ConfigurationError if the recordings can never go there; a missing disk may still be mounted."""
     try:
         if directory.is_dir() or not directory.exists():
             return
@@ -271,7 +271,7 @@ def _free_name(directory: Path, at: ClockReading, wiring: Wiring, name: str | No
 
 
 def _remove_begun(directory: Path) -> None:
-    """Remove what a power cut left of segments that had no picture yet; what a recorder writes at this moment stays."""
+    """Remove what a power cut left of segments without a picture, except those that a recorder is writing now."""
     with suppress(OSError):
         for path in (directory / name for name in regular_names(directory) if name.endswith(BEGUN_SUFFIX)):
             if parse_segment_name(path.with_name(path.name.removesuffix(BEGUN_SUFFIX))):
@@ -290,7 +290,7 @@ def _name_of(seconds: int) -> str:
 
 
 def _seconds_of(name: str) -> int | None:
-    """Parse when a recording of this file name began; None if it is no recording's."""
+    """Parse when a recording of this file name began; None for another file's name."""
     parsed = parse_segment_name(Path(name))
     match = _NAME.fullmatch(parsed[0]) if parsed else None
     if match is None:

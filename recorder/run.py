@@ -61,7 +61,7 @@ class Assembly:
         name
             Of the recording; its start time if None.
         salvager
-            Gets what is left in work; None to leave it alone.
+            Gets the files left in work; None to leave them alone.
         """
 
         def plan() -> Plan:
@@ -106,7 +106,7 @@ class Assembly:
             clock_state=self.host.clock_state if live else lambda: clock_name(self.wiring),
             free_bytes=lambda: self.host.free_bytes(self.config.storage.directory),
             temperatures_c=lambda: dict(self.host.temperatures_c()),
-            # A camera that waits for the disk fills the queue as the threads happen to run; that is no news about the
+            # A camera that waits for the disk fills the queue as the threads happen to run; that says nothing about the
             # flight.
             queued=lambda: len(self.queue) if live else None,
         )
@@ -171,9 +171,9 @@ def record(
 ) -> Outcome:
     """Record until the camera has no more pictures or somebody asks to stop.
 
-    A live camera is recorded whatever happens: one that fails is connected again for ever, a disk that fails is tried
-    again for ever, and what an earlier life left in work is finished beside it. A replay that runs as fast as it can
-    ends with an error if its disk fails.
+    A live camera is recorded whatever happens: a failed camera is connected again and a failed disk tried again without
+    limit, and files left in work by an earlier run are finished meanwhile. A replay that runs as fast as it can ends
+    with an error if its disk fails.
 
     Everything that differs from run to run comes through `host`: with `recorder.host.fixed_host` and `pace:
     fastest`, recording the same pictures twice gives the same bytes. A fast replay runs on a clock that begins with
@@ -195,7 +195,7 @@ def record(
     name
         Of the recording; its start time if not given. A name that is taken gets a number.
     service
-        Who is told how it goes; nobody if not given.
+        Is told the progress; nobody if not given.
 
     Raises
     ------

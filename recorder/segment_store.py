@@ -1,15 +1,15 @@
-"""Gets what is recorded onto the disk, whatever the disk does meanwhile.
+"""Stores what is recorded, through failures of the disk.
 
     open ──write fails──> in trouble ──try again: soon, then less often──> open, with a new segment
                               full disk: the oldest segments go first
 
-What is not certain to be on the disk is kept (8 MiB or a second of it, see `flight_file.writer`) and written again into
-the new segment; the old one is cut to what is certain, so that each frame is there once. A file in work that somebody
-deletes, renames or replaces is still open: it gets a name again before the new segment begins. During trouble nothing
-is taken from the queue, which keeps the newest frames.
+Whatever is not certain to be on the disk is kept (8 MiB or a second of it, see `flight_file.writer`) and written again
+into the new segment; the old one is cut to what is certain, so that each frame is stored once. A file in work that
+somebody deletes, renames or replaces is still open: it gets a name again before the new segment begins. During trouble
+nothing is taken from the queue, which keeps the newest frames.
 
-The open file alone does not show that it is out of reach: a disk that is unmounted lazily takes every byte, and so does
-a file that was deleted. `DirectoryWatch` therefore looks at the directory.
+The open file itself does not show that it is out of reach: a lazily unmounted disk accepts every byte, and so does a
+deleted file. `DirectoryWatch` therefore looks at the directory.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class DirectoryWatch:
         Parameters
         ----------
         refuse_gone
-            Looks after the file in it that is in work.
+            Checks the file in work in this directory.
 
         Raises
         ------
@@ -86,7 +86,7 @@ def _place(directory: Path) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """Something that happened and is worth a line in the flight; the camera's state does not change by it."""
+    """An event worth a line in the flight that does not change the camera's state."""
 
     status: CameraStatus
 
@@ -125,14 +125,14 @@ class SegmentStore:
     make_plan
         Called when the first segment is opened.
     retries_forever
-        Whether to keep trying, for ever. Otherwise a disk that fails is an error, unless it is full of old segments.
+        Whether to retry without limit. Otherwise a disk that fails is an error, unless it is full of old segments.
     left_behind
         Called with each file in work that had to be given up, when its disk is back.
 
     Raises
     ------
     FlightNotWrittenError
-        From every method, unless it retries for ever.
+        From every method, unless it retries without limit.
     """
 
     def __init__(
@@ -271,7 +271,7 @@ class SegmentStore:
         while self._writer is not None and self._handed < len(self._pending):
             self._attempt(self._write_next, at)
         if self.trouble is not None:
-            # A full disk may have room for the head of a segment, but not for what waits: only a sync tells.
+            # A full disk may have room for the head of a segment, but not for what waits: only a sync shows it.
             self._attempt(lambda writer: writer.sync(at), at)
             if self._writer is not None:
                 self._trouble_is_over(self.trouble, at)

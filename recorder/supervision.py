@@ -1,10 +1,10 @@
 """The main thread while the others work: it feeds the watchdog as long as both make progress, and enforces the end.
 
-systemd restarts a service that does not say `WATCHDOG=1` in time. It is said only while the writer's thread turns (the
+systemd restarts a service that does not say `WATCHDOG=1` in time. It is said only while the writer's thread runs (the
 disk answers, if only with an error) and the camera's thread gets pictures or has a good reason to wait.
 
-What the threads share stands here too: `Stop`, the request to end; `Heartbeats`; and `BackOff`, the waits before a
-retry. There is one camera and one disk to a box, so nothing is gained by waiting at random.
+What the threads share is here too: `Stop`, the request to end; `Heartbeats`; and `BackOff`, the waits before a retry.
+With one camera and one disk per box, random waits would gain nothing.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Stop:
 
     @property
     def is_requested(self) -> bool:
-        """Whether somebody asked."""
+        """Whether a stop was requested."""
         return self.event.is_set()
 
 
@@ -65,7 +65,7 @@ class Heartbeats:
     Parameters
     ----------
     clock
-        Its monotonic side counts.
+        Its monotonic time is used.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -131,7 +131,7 @@ class ServiceManager:
         return cls(environment.get(SOCKET_VARIABLE, ""))
 
     def say(self, *lines: str) -> None:
-        """Send assignments such as `READY=1`; never waits, and a manager that does not listen is none of our worry."""
+        """Send assignments such as `READY=1`; never waits, and a manager that does not listen is ignored."""
         if not self._address:
             return
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
@@ -164,7 +164,7 @@ class Supervision:
         self._silent = ""
 
     def wait_for(self, done: threading.Event, *, limited: bool) -> None:
-        """Come back when the writer's thread is done.
+        """Return when the writer's thread is done.
 
         Parameters
         ----------

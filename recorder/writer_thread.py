@@ -1,4 +1,4 @@
-"""The writer's thread: takes frames and notices from the queue, in order, and has them stored.
+"""The writer's thread: takes frames and notices from the queue and has them stored, in order.
 
 It is a thread of its own, so that a disk that hangs cannot keep the process from hearing a signal. `Recording` decides
 what is written when; it is driven by events that carry their own time, and knows no thread.
@@ -25,7 +25,7 @@ from recorder.thresholds import FIRST_WORD_S, HEALTH_S, LOOK_S, PATIENCE_S, QUEU
 
 @dataclass(frozen=True, slots=True)
 class Gauges:
-    """Where the values of a health message come from, beside the recording itself."""
+    """Sources of a health message's values, beside the recording itself."""
 
     clock_state: Callable[[], str]
     free_bytes: Callable[[], int | None]
@@ -34,7 +34,7 @@ class Gauges:
 
 
 class Recording:
-    """Stores frames and news of the camera, and reports on itself about each 10 s and at the end.
+    """Stores frames and news of the camera, and its own health reports about every 10 s and at the end.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Recording:
     Raises
     ------
     FlightNotWrittenError
-        From every method, unless the store retries for ever.
+        From every method, unless the store retries without limit.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class WriterThread(threading.Thread):
     Attributes
     ----------
     done
-        Set when it is over; then `result` gives how, or raises.
+        Set at the end; then `result` returns how it ended, or raises.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class WriterThread(threading.Thread):
         return self._ended
 
     def _first_word(self) -> Item | None:
-        # Every segment says which camera it is from. A frame never waits for that: it is the first word itself.
+        # Every segment names its camera. A frame never waits for the name: it is itself a sign of the camera.
         waited_s = 0.0
         while waited_s < FIRST_WORD_S and not self._stop_request.is_requested:
             self._heartbeats.disk()

@@ -7,8 +7,8 @@
                      │  └────────────────────┼──────────────────────────────┘                               │
                      └──none for stall_s─────┴──frozen──────────────────────────────────────────────────────┘
 
-How a picture gets here is up to the source. Frames are counted on over all connections; a picture that was lost leaves
-a gap in the count. Between two pictures the driver looks for a stop ten times a second, whatever the camera does.
+How a picture gets here is up to the source. The count of frames continues over all connections; a lost picture leaves a
+gap in it. Between two pictures the driver looks for a stop ten times a second, whatever the camera does.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ Connect = Callable[[Waiter, Notes, Missed], Source]
 
 
 class LiveCamera:
-    """A `Camera` made of whatever `connect` opens.
+    """A `Camera` made from the source that `connect` opens.
 
     Parameters
     ----------
     driver
-        As recorder.yaml calls it.
+        Name in recorder.yaml.
     connect
-        Opens the source; raises CameraError. Its waits are reported, its notes come into the flight once, and what it
-        loses is counted.
+        Opens the source; raises CameraError. Its waits are reported, its notes go into the flight once, and its losses
+        are counted.
     clock
-        The box's; it must be a clock that really waits.
+        The box's clock, which must really wait.
     reporter
         Hears what happens beside the pictures.
     interval_s
-        From one kept picture to the next; 0 keeps all. Pictures between are not stored and no loss.
+        From one kept picture to the next; 0 keeps all. Pictures between are not stored and not counted as lost.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class LiveCamera:
         CameraError
             The camera cannot be found or reached.
         CameraUnusableError
-            The configuration is of no use.
+            The configuration cannot be used.
         """
         self._source = self._connect(Waiter(self._clock, self._reporter), self._notes, self._missed)
         self._trouble = None
@@ -100,14 +100,14 @@ class LiveCamera:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
     ) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         source, self._source = self._source, None
         if source is not None:
             source.close()
             self._count_missed(self._now_ns())
 
     def next_frame(self, stop: threading.Event) -> Frame | None:
-        """Wait for the next picture that is to be kept; return None soon after `stop` is set.
+        """Wait for the next picture to be kept; return None soon after `stop` is set.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class LiveCamera:
         return None
 
     def _raise_trouble(self) -> None:
-        """Raise what was found out with a picture that was still to be handed over."""
+        """Raise the error found together with a picture that had to be returned first."""
         trouble, self._trouble = self._trouble, None
         if trouble is not None:
             raise trouble
@@ -151,7 +151,7 @@ class LiveCamera:
             self._reporter.waiting("the next picture is not there yet, or not due")
 
     def _count_missed(self, now_ns: int) -> bool:
-        """Count what was lost and would have been kept; return whether it shows that the camera works.
+        """Count the lost pictures that would have been kept; return whether they show that the camera works.
 
         A picture that was not due yet is no loss.
         """
@@ -168,7 +168,7 @@ class LiveCamera:
         return alive
 
     def _is_due(self, picture: Picture) -> bool:
-        """Pictures are due at equal intervals; one that was missed is not made up for."""
+        """Whether a picture is due: they are at equal intervals, and a missed one is not made up for."""
         if not self._interval_ns:
             return True
         at_ns = picture.received.monotonic_ns

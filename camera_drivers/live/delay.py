@@ -1,7 +1,7 @@
-"""When pictures of a stream were sent, by the box's clock: the sender counts well, and the network is late at times.
+"""When a stream's pictures were sent, by the box's clock: timestamps are precise, the network's delay varies.
 
-The picture that came fastest of all came hardly later than it was sent, and the sender's timestamps say by how much the
-others were sent later.
+The fastest picture of all arrived almost as soon as it was sent, and the sender's timestamps say by how much later the
+others were sent.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 class Delay:
     """Estimates by how much the pictures of one stream arrive after their timestamps.
 
-    The smallest difference of arrival and timestamp is the one to go by. It is forgotten slowly, as clocks drift.
+    The smallest difference of arrival and timestamp is used. It is forgotten slowly, as clocks drift.
     """
 
     DRIFT = 1e-4  # a crystal's, generously
-    JUMP_NS = 5_000_000_000  # more than any picture is late: the timestamps have begun anew
+    JUMP_NS = 5_000_000_000  # no picture is that late: the timestamps were restarted
 
     def __init__(self) -> None:
         self._least_ns: int | None = None
         self._at_ns = 0
 
     def taken_ns(self, shown_ns: int, arrived_ns: int) -> int:
-        """Estimate when the picture with this timestamp would have come without delay, by the clock of its arrival.
+        """Estimate when the picture with this timestamp would have arrived without delay, by the clock of its arrival.
 
         Parameters
         ----------

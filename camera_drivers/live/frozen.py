@@ -1,11 +1,11 @@
-"""Pictures that stopped changing: a camera may go on sending its last one for ever.
+"""Detection of pictures that stopped changing: a camera may keep sending its last one.
 
 No two pictures of a real sensor are the same to the last bit, unless everything in them is black or white. So a camera
-is connected again once for each picture that stands still; if the very same one comes again after that, it is what
-the camera sees, or nobody can help it from here, and it is recorded on.
+is connected again once for each picture that stays the same; if the very same one comes after that, it is what the
+camera sees, or cannot be helped, and recording goes on.
 
      moving ──same for frozen_s──▶ connect again ──another one──▶ moving
-                                        └──────the same one─────▶ standing, which is said ──another one──▶ moving
+                                        └──────the same one─────▶ standing, reported ──another one──▶ moving
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _PICTURE, _NUMBER = _WHAT = ("the picture", "the picture's number")
 
 @dataclass(frozen=True, slots=True)
 class _Standing:
-    """A value, since when it has stood still (monotonic, ns), and since which frame."""
+    """A value, since when it has not changed (monotonic, ns), and since which frame."""
 
     value: Hashable
     since_ns: int
@@ -36,7 +36,7 @@ class FrozenWatch:
     Parameters
     ----------
     frozen_s
-        How long a picture or its number may stand still.
+        How long a picture or its number may stay the same.
     """
 
     def __init__(self, frozen_s: float, notes: Notes) -> None:
@@ -47,18 +47,18 @@ class FrozenWatch:
         self._said: set[str] = set()
 
     def begin(self) -> None:
-        """Begin with a new connection, which may count its pictures anew."""
+        """Start a new connection, which may restart the pictures' numbers."""
         self._standing.pop(_NUMBER, None)
 
     def look(self, values: tuple[Hashable, Hashable], now_ns: int, sequence: int) -> CameraError | None:
-        """Look at a picture's digest and number; give the reason to connect again, if there is one.
+        """Check a picture's digest and number; return the reason to connect again, if there is one.
 
         Parameters
         ----------
         now_ns
             By the monotonic clock.
         sequence
-            Of the frame that it is or would be, for the report.
+            Of the picture's frame, or the frame it would be, for the report.
         """
         trouble = None
         for what, value in zip(_WHAT, values, strict=True):

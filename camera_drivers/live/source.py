@@ -1,4 +1,4 @@
-"""What a driver of a live camera provides: an open source of pictures. `LiveCamera` does the rest."""
+"""The interface of a live camera's driver: an open source of pictures. `LiveCamera` does the rest."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from flight_file.frame import JPEG, ClockReading, Exif
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture as a source gave it.
+    """A picture as it came from a source.
 
     Attributes
     ----------
     encoded
         Byte for byte as the camera sent it; of a video an access unit in Annex B, parameter sets before a key frame.
     received
-        The box's clocks when all of it was there.
+        The box's clocks when all of it had arrived.
     taken_ns, sigma_ns
         Best estimate of mid-exposure, realtime, and its standard deviation.
     number
-        What the source counts or dates its pictures by; it differs from picture to picture of a camera that works.
+        The source's number or timestamp of the picture; it differs from picture to picture if the camera works.
     format, size_px
-        As in `Frame`; the size is None where the picture's own header says it.
+        As in `Frame`; the size is None if the picture's own header contains it.
     exposure_s
         If the source states it, seconds.
     """
@@ -55,27 +55,27 @@ class Missed:
         self._alive = False
 
     def add(self, reason: str, count: int = 1, *, alive: bool = False) -> None:
-        """Count some more.
+        """Add to a count.
 
         Parameters
         ----------
         reason
             Short, without numbers.
         alive
-            Whether they show that the camera works, though none of them can be kept.
+            Whether they show that the camera works, though they cannot be kept.
         """
         self._counts[reason] += count
         self._alive = self._alive or alive
 
     def take(self) -> tuple[Mapping[str, int], bool]:
-        """Return the counts by reason and whether the camera is alive, and begin anew."""
+        """Return the counts by reason and whether the camera is alive, and reset them."""
         counts, alive = self._counts, self._alive
         self._counts, self._alive = Counter[str](), False
         return counts, alive
 
 
 class Source(Protocol):
-    """A camera that is connected and sends pictures.
+    """A connected camera that sends pictures.
 
     Attributes
     ----------
@@ -91,10 +91,10 @@ class Source(Protocol):
         Raises
         ------
         CameraError
-            The camera is gone, or has to be connected again.
+            The camera is gone, or must be connected again.
         """
         ...
 
     def close(self) -> None:
-        """Let go of the camera, within about a second; raises nothing, and may be called again."""
+        """Release the camera, within about a second; raises nothing, and may be called again."""
         ...

@@ -31,7 +31,7 @@ class Cutter(Protocol):
 
 
 class JpegCutter:
-    """Cuts JPEGs; what stands between them is passed over."""
+    """Cuts JPEGs; bytes between them are skipped."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -41,7 +41,7 @@ class JpegCutter:
         pictures: list[bytes] = []
         looked = max(len(self._buffer) - 1, 0)
         self._buffer += data
-        # Within coded data these two bytes never stand together, so most pieces need not be looked at again.
+        # These two bytes never follow each other in coded data, so most pieces need not be searched again.
         while self._buffer.find(EOI, looked) >= 0:
             start = self._buffer.find(SOI)
             content = bytes(self._buffer)

@@ -1,15 +1,15 @@
-"""rpicam-vid as a source of pictures: started, read from, and ended; whoever connects again starts another one.
+"""rpicam-vid as a source of pictures: started, read from, and ended; a new connection starts another one.
 
     start ──▶ stdout: pictures ──┐
           └─▶ a pipe: metadata ──┴─▶ paired in order ──▶ picture with the sensor's time
           └─▶ stderr: its last words, for when it ends
 
-The program writes a picture's metadata just after the picture, one record for each. Metadata that stay away for a
-second are given up for this process: pictures then have the time of their arrival.
+The program writes a picture's metadata just after the picture, one record for each. If metadata do not come for a
+second, the process's further metadata are ignored: pictures then have their arrival time.
 
 When a picture was taken. `SensorTimestamp` is by the monotonic clock and tells when the first row's exposure ended and
 its reading began. Rows are exposed and read one after the other, which takes at most `FrameDuration`; so the middle row
-is exposed up to half of that later, and any place is as likely as any other. Source: picamera2 #821, libcamera's
+is exposed up to half of that later, with uniform probability. Source: picamera2 #821, libcamera's
 control_ids_core.yaml, and measurements that its issues report; not measured by us.
 """
 
@@ -41,7 +41,7 @@ from flight_file.thresholds import BLOCK_BYTES, MAX_SHOWN_CHARACTERS, MAX_SMALL_
 DRIVER = "picamera"
 SKIPPED = "the sensor's times show a picture that did not come"
 _NS_PER_US = 1000
-_USUAL_FRAME_NS = NS_PER_S // 30  # rpicam-vid's own, where nothing says
+_USUAL_FRAME_NS = NS_PER_S // 30  # rpicam-vid's default, if nothing is configured
 _CUTTERS: Mapping[str, type[JpegCutter | AccessUnitCutter]] = {"mjpeg": JpegCutter, "h264": AccessUnitCutter}
 _LOG_HEAD = re.compile(r"^(\[[^\]]*\]\s*)+")  # libcamera's time and thread
 
@@ -104,7 +104,7 @@ class PicameraSource:
         return self._paired()
 
     def close(self) -> None:
-        """End the program, at first politely."""
+        """End the program, politely at first."""
         for end in (self._process.terminate, self._process.kill):
             end()
             with suppress(subprocess.TimeoutExpired):
@@ -131,7 +131,7 @@ class PicameraSource:
         self._words = (self._words + data)[-MAX_SMALL_BYTES:]
 
     def _paired(self) -> Picture | None:
-        """Give the oldest picture, once its metadata are there or given up."""
+        """Return the oldest picture, once its metadata are there or given up."""
         if not self._pictures:
             return None
         if not self._metadata and not self._without_metadata and not self._ended:
@@ -154,7 +154,7 @@ class PicameraSource:
         else:
             if sensor_ns is not None:
                 self._notes.say_once("clock", "the sensor's times are unusable; the pictures' arrival is used")
-            # Exposure, processing and encoding take two frames' time or so.
+            # Exposure, processing and encoding take about the time of two frames.
             number, taken_ns = arrived.monotonic_ns, arrived.monotonic_ns - frame_ns
             sigma_ns = round(2 * frame_ns / math.sqrt(12))
         return Picture(
@@ -209,7 +209,7 @@ def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
             stderr=subprocess.PIPE,
             bufsize=0,
             pass_fds=(writing,),
-            start_new_session=True,  # Ctrl-C is for the recorder, which ends it
+            start_new_session=True,  # Ctrl-C is meant for the recorder, which ends it
         )
     except OSError as error:
         os.close(reading)

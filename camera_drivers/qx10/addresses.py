@@ -1,8 +1,8 @@
-"""Whose address a URL names. The camera's URLs are never trusted with that.
+"""The host in a URL. The camera's URLs are never trusted with it.
 
-After about a hundred pictures siblings of the camera were seen to name 0.0.0.0 as the host of a picture, others name an
-address that is not theirs. Whatever host an answer names, what is called is the address where the camera itself was
-found, with the port, path and query of the answer. So a wrong host costs no picture, and no stranger is ever called.
+After about a hundred pictures, related models were seen to name 0.0.0.0 as the host of a picture; others name a foreign
+address. Whatever host an answer names, what is called is the address where the camera itself was found, with the port,
+path and query of the answer. So a wrong host costs no picture, and no stranger is ever called.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ HTTP_PORT = 80
 
 
 class BadUrlError(ValueError):
-    """A text that is no http URL."""
+    """The text is not an http URL."""
 
 
 def host_of(url: str) -> str:

@@ -8,9 +8,9 @@
                      └──────────────────────────────┴───────────────────────────────────────────────┘
                                                stop: None, within a second
 
-Connecting is in `connection`, taking in `stills` or `liveview`. Whoever uses the driver enters it again for ever; the
-driver itself never tries to connect twice. Frames are counted on over all of that, and what was reported once is not
-reported again.
+Connecting is in `connection`, taking in `stills` or `liveview`. The driver's user enters it again without limit; the
+driver itself never tries to connect twice. The count of frames continues over all connections, and nothing is reported
+twice.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ class Qx10Camera:
         self._waiter.pause("the camera refused a picture", REST_S)
 
     def _wait_until_due(self, session: _Session) -> None:
-        """Shots are due at equal intervals; one that is missed is not made up for."""
+        """Wait for the next shot: they are due at equal intervals, and a missed one is not made up for."""
         now_ns = self._clock.read().monotonic_ns
         due_ns = max(self._due_ns, now_ns) if session.zoom.settled else now_ns
         while now_ns < due_ns:
@@ -152,7 +152,7 @@ class Qx10Camera:
     def _leave(self) -> None:
         session, self._session = self._session, None
         if session is not None:
-            # Whoever leaves does not wait for the camera, nor for whether somebody asked to stop.
+            # Leaving waits neither for the camera nor on the request to stop.
             self._waiter.stop = threading.Event()
             session.close()
 
@@ -192,11 +192,11 @@ class _Session:
         if "actZoom" in offered:
             self.zoom.start()
         if self.liveview:
-            self.zoom.take_notice(None)  # its pictures have no EXIF
+            self.zoom.take_notice(None)  # liveview pictures have no EXIF
         self.stills.wait_until_ready()
 
     def look(self) -> None:
-        """Report an error of the camera that the watcher noticed between two pictures."""
+        """Report a camera error that the watcher noticed between two pictures."""
         status = self._connection.events.state.status
         if status == ERROR != self._status:
             self._notes.say("error", "the camera reports an error: it may be too hot, or lack its card")

@@ -1,8 +1,8 @@
-"""The camera's clock: how far it is ahead of the box's, and whether somebody has set it.
+"""The camera's clock: its offset to the box's clock, and whether it has been set.
 
-The camera has no call that reads its clock. What is known comes from setting it, and from the times in its pictures,
-which are whole seconds. Each tells that the offset lies within some interval; all of them together tell it better. An
-interval that has nothing in common with the rest means that a clock was set, the camera's or the box's.
+The camera has no call that reads its clock. The offset is known from setting it, and from the times in its pictures,
+which are whole seconds. Each gives an interval for the offset; their intersection is narrower. An interval that does
+not overlap the rest means that a clock was set, the camera's or the box's.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Interval:
 
     @property
     def middle_ns(self) -> int:
-        """The best guess."""
+        """The best estimate."""
         return (self.low_ns + self.high_ns) // 2
 
     @property
@@ -88,7 +88,7 @@ class CameraClock:
         shown_ns
             The whole second that the picture shows, by the camera's clock.
         earliest_ns, latest_ns
-            Between these the camera wrote it, by the box's clock, realtime.
+            Times by the box's clock, realtime, between which the camera wrote it.
         """
         seen = Interval(shown_ns - latest_ns, shown_ns + NS_PER_S - earliest_ns)
         if self.offset is None:

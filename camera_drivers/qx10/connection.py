@@ -1,4 +1,4 @@
-"""Connecting: from nothing known to a camera that is found, described, and set as wanted.
+"""Connecting: a camera is found, described, and set up as configured.
 
 look ──url──▶ describe ──services──▶ clock ──▶ settings ──▶ zoom ──▶ connected
 │               │                     └─────────┴──────────┴── refused: reported, and goes on

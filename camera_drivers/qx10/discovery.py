@@ -1,19 +1,19 @@
-"""Find the camera by SSDP: a question to everybody on one interface, and answers that are not trusted.
+"""Find the camera by SSDP: a multicast search on one interface, with answers that are not trusted.
 
-An answer counts if it speaks of Sony's service and names a page at the address that it came from, on a network of the
-box's own. Its sender may still be forged, so only what a camera names is fetched: no query and no user's name, with
-which a forger could make the box order something of another device.
+An answer counts if it names Sony's service and a page at the address that it came from, in one of the box's own
+networks. Its sender may still be forged, so only a URL such as a camera gives is fetched, without query and user name,
+by which a forger could make the box command another device.
 
     answer ──believable──▶ asked, side by side ──a camera's description──▶ found
                              │ (at most MAX_DESCRIPTIONS; the system's buffer holds or drops further answers)
                              └─ no camera, silent, too slow: its place is free for the next answer
 
-Whoever is slow costs the others nothing: it keeps its place for as long as a call may take, or, while all places are
+A slow device does not delay the others: it keeps its place for as long as a call may take, or, while all places are
 taken, for CROWDED_S.
 
 A camera's description is an XML page that says who it is: UPnP's device description with Sony's `av` part, in which
-`X_ScalarWebAPI_Service` names each service and the URL that its calls go below. It comes from the network before
-anything is known about who sent it, so its size is limited and it may not declare a DTD.
+`X_ScalarWebAPI_Service` names each service and the URL that its calls go below. It comes from an unknown sender, so its
+size is limited and it may not declare a DTD.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ def fetch_description(exchange: Exchange, url: str) -> Description:
     Raises
     ------
     CameraNotFoundError
-        What is there is no description of a camera that can be operated.
+        The page does not describe a camera that can be operated.
     CameraError
-        What is there cannot be reached, or gives no whole answer.
+        The device cannot be reached, or does not answer completely.
     """
     with exchange:
         answer = exchange.fetch("description", "GET", url, max_bytes=MAX_ANSWER_BYTES)
@@ -196,7 +196,7 @@ class _Inquiries:
         self.failure: CameraError | None = None
 
     def begin(self, urls: Iterator[str]) -> None:
-        """Start requests for as many candidates as there is room for, and ignore the others."""
+        """Start requests for as many candidates as there are places, and ignore the others."""
         while len(self._running) < MAX_DESCRIPTIONS and (url := next(urls, None)) is not None:
             if url not in self._asked:
                 self._asked.append(url)
@@ -249,7 +249,7 @@ def _socket(interface: str | None) -> socket.socket:
         raise CameraNotFoundError(
             f"camera.interface: {interface} cannot be used ({error.strerror}); check its name and that it is up."
         ) from error
-    with suppress(PermissionError):  # old kernels want a privilege for it; then the answers' own addresses must do
+    with suppress(PermissionError):  # old kernels require a privilege; then the answers' own addresses must do
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
     return sock
 
@@ -271,7 +271,7 @@ def _answers(sock: socket.socket) -> Iterator[str]:
 
 
 def _datagrams(sock: socket.socket) -> Iterator[tuple[bytes, str]]:
-    with suppress(OSError):  # no more for now, or a message that nobody listens there
+    with suppress(OSError):  # no more for now, or a notice that the port is closed
         while True:
             data, (sender, *_) = sock.recvfrom(MAX_DATAGRAM_BYTES)
             yield data, sender

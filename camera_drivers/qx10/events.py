@@ -1,12 +1,12 @@
-"""What the camera says about its state: the answers of `getEvent`, made into one picture of the whole.
+"""The camera's state, combined from the answers to `getEvent`.
 
 An answer is a row of objects, each with its `type`; some are rows of such objects; a null means nothing new. They are
-looked up by type, never by place, and whatever is not as documented is left out.
+looked up by type, never by position, and anything undocumented is ignored.
 
 A thread, `Watcher`, keeps a call open that waits for news, so that the camera's Wi-Fi is never idle for long and an
-overheating camera is noticed between two pictures. It has its own link, because such a call takes as long as nothing
-happens. Nothing depends on it: what a picture needs to know is asked for when it is needed, and a camera that cannot do
-this, or not now, works without.
+overheating camera is noticed between two pictures. It has its own link, because such a call lasts until something
+happens. Nothing depends on it: whatever a picture needs is requested when it is needed, and a camera that cannot do
+this, or not now, works without it.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from camera_drivers.thresholds import AGAIN_S, CLOSE_S, NEWS_REST_S, REMEMBERED_
 from camera_drivers.waiting import Stopped
 from flight_file.frame import CameraStatus
 
-EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that asked for more broke on it
+EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that requested more failed
 IDLE = "IDLE"
 ERROR = "Error"  # too hot, or no card
 
 
 @dataclass(frozen=True, slots=True)
 class CameraState:
-    """What the camera said last; None where it did not say.
+    """The state the camera reported last; None where it did not.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Events:
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Addresses of pictures that the camera announced by itself, oldest first."""
+        """Addresses of pictures that the camera announced unasked, oldest first."""
         with self._lock:
             return tuple(self._pictures)
 
@@ -110,7 +110,7 @@ class Watcher(threading.Thread):
     Parameters
     ----------
     api
-        With a link of its own, whose waiter this thread alone uses.
+        With a link of its own, whose waiter only this thread uses.
     """
 
     def __init__(self, api: RemoteApi, events: Events) -> None:
@@ -136,7 +136,7 @@ class Watcher(threading.Thread):
         try:
             self._events.ask(self._api, wait=True)
         except CameraRefusedError as error:
-            # "Timeout" is how the camera says that there is no news.
+            # "Timeout" means that the camera has no news.
             return AGAIN_S if error.code == Code.TIMEOUT else NEWS_REST_S
         except CameraError:
             return NEWS_REST_S
@@ -144,7 +144,7 @@ class Watcher(threading.Thread):
 
 
 class SilentReporter:
-    """A reporter for a thread whose waiting is no sign that the camera makes progress."""
+    """A reporter for a thread whose waits do not show progress of the camera."""
 
     def report(self, status: CameraStatus) -> None:
         """Ignore it."""

@@ -1,8 +1,8 @@
-"""The link to one camera: one HTTP request at a time, each on a connection of its own and within a limit for all of it.
+"""The link to one camera: one HTTP request at a time, each on its own connection and within a total time limit.
 
-Another thread may end a request at any moment. Nothing is reused: when a connection stood, the camera may have got the
-request, and when none stood it certainly has not, which is the one difference that matters after a lost answer. The
-environment's proxies are ignored, redirects are not followed, and nobody but the camera is ever called.
+Another thread may end a request at any moment. No connection is reused: once one was established, the camera may have
+received the request, otherwise it certainly has not, and after a lost answer only this difference matters. The
+environment's proxies are ignored, redirects are not followed, and only the camera is ever called.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _FAILURES = (HTTPError, HTTPException, OSError, ValueError)  # the last: garbled
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """An HTTP status, and a body that is complete as far as its length was announced."""
+    """An HTTP status, and a body that is complete if its length was announced."""
 
     status: int
     body: bytes
@@ -49,10 +49,10 @@ class Exchange:
     Parameters
     ----------
     host
-        The camera's; a URL of another host is refused.
+        The camera's host; a URL of another host is refused.
     connect_s, quiet_s
-        How long it may take until a connection stands, and until the next byte comes. The limit for the whole is up to
-        the caller, who calls `abort`.
+        How long connecting, and waiting for the next byte, may take. The total limit is up to the caller, who calls
+        `abort`.
     """
 
     def __init__(self, host: str, *, connect_s: float, quiet_s: float) -> None:
@@ -75,7 +75,7 @@ class Exchange:
 
     def close(self) -> None:
         """Close the connection; a thread that still reads from it must be aborted first."""
-        if not self._reading.acquire(timeout=CLOSE_S):  # it hangs for good, and keeps what it has
+        if not self._reading.acquire(timeout=CLOSE_S):  # it hangs for good, and keeps its resources
             return
         try:
             if self._response is not None:
@@ -130,7 +130,7 @@ class Exchange:
             raise self._failed(call) from error
 
     def abort(self) -> None:
-        """Abort it from another thread: whatever it waits for fails at once."""
+        """Abort it from another thread: any pending operation fails at once."""
         self._aborted = True
         if self._socket is not None:
             with suppress(OSError):  # it was over already
@@ -158,12 +158,12 @@ class Exchange:
 
 
 class Link:
-    """Requests to one camera, from one thread; each has a limit for the whole of it.
+    """Requests to one camera, from one thread; each has a total time limit.
 
     Parameters
     ----------
     host
-        The camera's address; nothing else is ever called.
+        The camera's address; no other is ever called.
     """
 
     def __init__(self, host: str, limits: Qx10Limits, waiter: Waiter) -> None:
@@ -180,7 +180,7 @@ class Link:
         return self._fetch(call, "POST", self.own(call, url), body, max_bytes=max_bytes, limit_s=limit_s)
 
     def own(self, call: str, url: str) -> str:
-        """Put the camera's own host into a URL; raises CameraSilentError if it is no URL."""
+        """Put the camera's own host into a URL; raises CameraSilentError if it is not a URL."""
         try:
             return at_host(url, self.host)
         except BadUrlError as error:
@@ -195,7 +195,7 @@ class Link:
         return Link(self.host, self.limits, Waiter(clock, reporter))
 
     def _fetch(self, call: str, method: str, url: str, body: bytes | None, *, max_bytes: int, limit_s: float) -> Answer:
-        exchange = self.exchange(2 * limit_s)  # it is the limit for the whole that ends a call
+        exchange = self.exchange(2 * limit_s)  # calls are ended by the total limit
 
         def work() -> Answer:
             with exchange:

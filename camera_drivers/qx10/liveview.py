@@ -1,19 +1,19 @@
-"""The liveview: a stream that never ends by itself, and begins again when it does.
+"""The liveview: a stream meant to be endless, and restarted if it ends.
 
     ┌─▶ ask for its address ──▶ open ──▶ read ──picture──▶ frame ──┐
     │                                    ▲ │                       │
     │                                    └─┼───────────────────────┘
     └── nothing for stall_s, or its end ◀──┘      too often without a picture: CameraError
 
-When a picture was taken is estimated from the camera's own timestamps: pictures come in bursts, but the one that came
-fastest of all came hardly later than it was taken, and the timestamps say by how much the others were taken later.
+The time of a picture is estimated from the camera's own timestamps: pictures come in bursts, but the fastest of all
+arrived almost as soon as it was taken, and the timestamps say by how much later the others were taken.
 
 A packet is a common header of 8 bytes, a payload header of 128, the payload and some padding; big-endian.
 
 | at  | bytes | what                                                     |
 | --- | ----- | -------------------------------------------------------- |
 | 0   | 1     | FF                                                       |
-| 1   | 1     | 01 for a picture; others, such as 02, are passed over    |
+| 1   | 1     | 01 for a picture; others, such as 02, are skipped        |
 | 2   | 2     | sequence number, wraps                                   |
 | 4   | 4     | timestamp, ms, from an arbitrary start                   |
 | 8   | 4     | 24 35 68 79                                              |
@@ -21,10 +21,9 @@ A packet is a common header of 8 bytes, a payload header of 128, the payload and
 | 15  | 1     | size of the padding                                      |
 | 136 |       | the payload: a JPEG, and junk up to a multiple of 128    |
 
-Nothing in it is believed that does not fit together: a picture begins where a header says so and a JPEG follows, and
-ends where the JPEG's own markers say so, within the announced size. The junk after that is no part of the picture and
-is left out. After anything else the search goes on one byte further, so junk between packets costs no packet, and a
-packet that was cut off costs only itself.
+Only consistent data are accepted: a picture begins where a header says so and a JPEG follows, and ends where the JPEG's
+own markers say so, within the announced size. The junk after that is dropped. After anything else the search continues
+one byte further, so that junk between packets costs no packet, and a truncated packet costs only itself.
 """
 
 from __future__ import annotations
@@ -49,11 +48,11 @@ HEADER_BYTES = 136
 _PICTURE = b"\xff\x01"
 _START = b"\x24\x35\x68\x79"
 _START_AT = 8
-_HEADER = struct.Struct(">2sHI4sI")  # the last holds the payload's size in three bytes, the padding's in one
+_HEADER = struct.Struct(">2sHI4sI")  # the last field: the payload's size in three bytes, the padding's in one
 STATE = "liveview"
 _OK = 200
 _NS_PER_MS = 1_000_000
-# The camera needs some time from exposure to sending, which nothing tells; this is our guess at it.
+# The time from exposure to sending is unknown; this is our guess.
 _SIGMA_NS = 100_000_000
 
 
@@ -91,15 +90,15 @@ class LiveviewParser:
                 continue
             size = _size(content, start)
             if start + HEADER_BYTES + size > len(content):
-                # It may be a packet of which the rest is to come, or junk that looks like one: a whole one that begins
-                # behind it decides.
+                # It may be the start of a packet, or junk that looks like one: a whole packet that begins after it
+                # decides.
                 waiting = waiting or start + 1
                 continue
             picture = _picture(content, start, size)
             if picture is not None:
                 pictures.append(picture)
                 done, waiting = start + HEADER_BYTES + len(picture.jpeg), 0
-        # What cannot be the beginning of a packet any more is not looked at again.
+        # Bytes that cannot begin a packet any more are not searched again.
         keep = waiting - 1 if waiting else max(done, len(content) - HEADER_BYTES - len(SOI) + 1)
         del self._buffer[:keep]
         return pictures
@@ -158,7 +157,7 @@ class Liveview:
         Raises
         ------
         CameraError
-            None can be had until the camera is connected again.
+            There are none until the camera is connected again.
         Stopped
             Stopping was asked for.
         """
@@ -179,7 +178,7 @@ class Liveview:
         return Live(picture.jpeg, times, (taken_ns, _SIGMA_NS))
 
     def close(self) -> None:
-        """Stop the stream and tell the camera, which may be gone."""
+        """Stop the stream and inform the camera, which may be gone."""
         if self._exchange is None:
             return
         self._exchange.abort()
@@ -217,7 +216,7 @@ class Liveview:
         link = self._api.link
         url = link.own("liveview", address)
         exchange = link.exchange(link.limits.stall_s)
-        # From here on it is open as far as the camera is concerned, and has to be closed.
+        # From here on the camera considers it open, so it must be closed.
         self._exchange, self._parser, self._delay = exchange, LiveviewParser(), Delay()
 
         def work() -> int:

@@ -1,8 +1,8 @@
-"""A picture that was downloaded: whether it is whole, and the frame that it becomes.
+"""A downloaded picture: whether it is whole, and the frame made of it.
 
-When it was taken: somewhere between the question and the answer, with nothing to tell where; the camera focuses before
-and processes after. So mid-exposure is estimated in the middle, and any place is as likely as any other. The box's
-monotonic clock carries the interval, so a wall clock that is set meanwhile does not stretch it.
+It was taken at an unknown moment between request and answer: the camera focuses before and processes after. So
+mid-exposure is estimated in the middle of the interval, with a uniform distribution. The interval is measured with the
+box's monotonic clock, so setting the wall clock meanwhile does not stretch it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, lit
 
 
 def fault_of(jpeg: bytes) -> str:
-    """Say what is wrong with a picture, in a few words; empty if it can be shown."""
+    """Describe what is wrong with a picture, in a few words; empty if it can be shown."""
     facts = jpeg_facts(jpeg)
     if facts.width_px is None or facts.height_px is None:
         return "the picture is not a JPEG"
@@ -50,7 +50,7 @@ def _decodes(jpeg: bytes) -> bool:
 
 
 class FrameMaker:
-    """Makes frames, and counts them; a picture that is lost leaves a gap in the count."""
+    """Makes and counts frames; a lost picture leaves a gap in the count."""
 
     def __init__(self) -> None:
         self._numbers = count()

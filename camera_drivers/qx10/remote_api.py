@@ -1,7 +1,7 @@
 """The camera's own calls: JSON objects over HTTP, one answer for each.
 
-A question has a method, parameters, a number, and the version *of that method*; an answer has the same number and
-either a result or an error. Only an error's code means anything: its text is often just the method's name.
+A request has a method, parameters, a number, and the version *of that method*; an answer has the same number and either
+a result or an error. Only an error's code is meaningful: its text is often just the method's name.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The camera's settings: which are wanted, and how one is set so that it is known to be set.
+"""The camera's settings: which are wanted, and how one is set and verified.
 
-Every setting X of the camera has a call `setX` and a call `getX`. Whether it can be set now stands in the list of calls
-that the camera offers now, which changes with each mode. A `setX` is answered before the camera has done it, so it is
-read back until it shows. What the camera refuses is reported once and left as it is: pictures with the wrong white
+Every setting X of the camera has a call `setX` and a call `getX`. Whether it can be set now is in the list of calls
+that the camera offers at the moment, which changes with each mode. A `setX` is answered before it takes effect, so the
+setting is read back until it shows. A refused setting is reported once and left as it is: pictures with the wrong white
 balance are better than none.
 """
 
@@ -31,7 +31,7 @@ class Wish:
     Attributes
     ----------
     name
-        As it stands in the names of its calls, e.g. ExposureMode.
+        As in the names of its calls, e.g. ExposureMode.
     ways
         Parameters to set it with; the second way is tried where the first is refused as wrong.
     shows
@@ -108,7 +108,7 @@ class Setter:
         except CameraSilentError as error:
             return error.problem
         if f"get{wish.name}" not in self._offered:
-            return ""  # nothing tells otherwise
+            return ""  # there is no way to check
         settled = self._api.link.waiter.poll(
             f"set{wish.name}",
             lambda: self._shows(wish),
@@ -170,5 +170,5 @@ def _white_balance(mode: str | None) -> Wish | None:
 
 
 def _still_size(size: tuple[str, str] | None) -> Wish | None:
-    # Documented is the aspect first; others were seen to send the size first.
+    # The aspect first is documented; other clients were seen to send the size first.
     return None if size is None else Wish("StillSize", (size, size[::-1]), size)

@@ -1,4 +1,4 @@
-"""Taking one still: the camera is made ready, the shot is taken once, and its picture is fetched.
+"""Taking one still: the camera is made ready, one shot is taken, and its picture is fetched.
 
               due
                │
@@ -14,9 +14,9 @@
                                 ▼
                               frame
 
-A shot whose answer did not come may have been taken, so it is never repeated: what the camera tells of it is searched,
-and otherwise it is lost, with a reason. A picture that comes twice with the same damage is what the camera has; it is
-kept and the damage reported, since part of a panel is more than nothing.
+A shot without an answer may have been taken, so it is never repeated: its picture is looked for in what the camera
+reports, and otherwise it is lost, with a reason. If a picture comes twice with the same damage, the camera has no
+better one; it is kept and the damage reported, since part of a panel is better than nothing.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ STOPPED = "stopped before the picture was there"
 
 _OK = 200
 
-# With these the camera says that it did not take a picture. After any other it may have.
+# Codes with which no picture was taken. After any other it may have been.
 _NOT_TAKEN = frozenset({3, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 401, 403, 404, 406, 413, 414, 501, 503}) | {
     Code.SHOOTING_FAILED,
     Code.NOT_READY,
@@ -84,9 +84,9 @@ class Stills:
         NotTakenError
             The camera refused; nothing is lost.
         PictureLostError
-            There may be a picture that cannot be had.
+            There may be a picture that cannot be fetched.
         CameraError
-            The camera is of no use until it is connected again.
+            The camera cannot be used until it is connected again.
         Stopped
             Stopping was asked for; if a picture was on its way, it is lost.
         """
@@ -140,7 +140,7 @@ class Stills:
         return self._search(problem)
 
     def _insist_on_shot(self) -> list[object]:
-        """Shoot; try again only where the camera says that it was not ready, so that nothing was taken."""
+        """Shoot; retry only if the camera says that it was not ready, so that nothing was taken."""
         for _ in range(MAX_SHOTS - 1):
             try:
                 return self._ask_for_shot()

@@ -1,15 +1,15 @@
 """The zoom: to one of its ends, or to a focal length.
 
-The camera knows only `in` and `out`, to go until it is told to stop or by one step. Where it is it tells in percent,
-which no source translates to a focal length; the pictures do, in their EXIF. So a focal length is reached by looking at
-the pictures that are taken anyway:
+The camera knows only `in` and `out`, until told to stop or by one step. It reports its position in percent, which no
+source converts to a focal length; the pictures' EXIF gives it. So a focal length is reached with the pictures that are
+taken anyway:
 
     picture ──▶ focal length near enough? ──yes──▶ settled
                      │no
                      ▼
                 guess the position, go there step by step ──▶ next picture
 
-Steps overshoot, and how long they are is not known; after going to and fro across the goal, the nearest place is taken.
+Steps overshoot by unknown amounts; after going to and fro across the goal, the nearest position is taken.
 """
 
 from __future__ import annotations

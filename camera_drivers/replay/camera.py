@@ -1,4 +1,4 @@
-"""The replay driver: pictures come at their own pace, by whatever clock is passed in.
+"""The replay driver: pictures come at their own pace, by the clock that is passed in.
 
 A clock that really waits replays a flight as it was; one that jumps replays it as fast as the disk allows. The driver
 cannot tell.
@@ -43,14 +43,14 @@ def open_source(
     clock
         Says what now is, for pictures without any time.
     believed
-        What somebody said of a video's time; for video files only.
+        Stated time of a video; for video files only.
     keep_sound
-        Whether a video's sound is stored as it is; for video files only. Its strongest tones are in any case.
+        Whether a video's sound is stored as it is; for video files only. Its strongest tones always are.
 
     Raises
     ------
     ReplayError
-        Nothing there can be replayed, or something was asked for that it has not.
+        Nothing there can be replayed, or it lacks something that was asked for.
     """
     if not paths:
         raise ReplayError("There is nothing to replay; give a folder of pictures or flight files.")
@@ -101,14 +101,14 @@ def _video(paths: Sequence[Path], rate_hz: float | None, believed: Believed, *, 
 
 
 class ReplayCamera:
-    """A camera that shows what was taken before.
+    """A camera that shows earlier pictures.
 
     Parameters
     ----------
     source
         What there is to replay.
     clock
-        Decides the pace. The first picture comes at once, each other as much later as it was taken later.
+        Sets the pace. The first picture comes at once, the others as much later as they were taken later.
     """
 
     def __init__(self, source: ReplaySource, clock: Clock) -> None:

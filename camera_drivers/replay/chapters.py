@@ -6,8 +6,8 @@
 | `GOPR0123`, `GP010123`       | GoPro before            | `GOPR`   | chapter, then recording |
 | anything with a number in it | others                  | smallest | numbers count as such   |
 
-A GoPro's names sort by chapter before recording, and its first chapter of old after the others. Source: GoPro's file
-naming conventions.
+A GoPro's names sort by chapter before recording, and an old one's first chapter sorts after the others. Source:
+GoPro's file naming conventions.
 """
 
 from __future__ import annotations

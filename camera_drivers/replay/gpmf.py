@@ -1,4 +1,4 @@
-"""GoPro's telemetry (GPMF), as far as it tells where and when: GPS, and how long the sensor takes to be read out.
+"""GoPro's telemetry (GPMF), as far as it concerns place and time: GPS, and the sensor's read-out time.
 
 A payload is a row of entries, big-endian, each filled up to a whole number of four bytes:
 
@@ -22,10 +22,10 @@ A payload is a row of entries, big-endian, each filled up to a whole number of f
 | `GPS9` | as `GPS5`, then days since 2000, seconds since midnight, precision, fix of each   |
 | `SROT` | read-out time, ms: of the device, or of each picture                              |
 
-Sources: github.com/gopro/gpmf-parser, its documents; `DVNM` and `SROT` as they stand in GoPro's public sample.
+Sources: github.com/gopro/gpmf-parser, its documents; `DVNM` and `SROT` as in GoPro's public sample.
 
-A payload comes from a stranger. Whatever does not fit is left out and counted; nothing is raised. Nesting is two levels
-deep by the format, and no deeper one is looked at.
+A payload is not trusted. Malformed parts are skipped and counted; nothing is raised. The format nests two levels deep,
+and deeper levels are ignored.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ _HIGHEST_M, _FASTEST_MPS, _WORST_DOP = MOST_OF_A_FIX
 
 
 class _DamagedError(ValueError):
-    """An entry that is not what the format promises; it is counted."""
+    """An entry that violates the format; it is counted."""
 
 
 @dataclass(frozen=True, slots=True)
 class GpsSample:
-    """What a receiver said at one moment; None where it said nothing, or has no fix.
+    """What a receiver reported at one moment; None where it reported nothing or has no fix.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class GpsSample:
     dop
         Dilution of precision: below 5 is good.
     utc_ns
-        Since the Unix epoch, as the receiver has it.
+        Since the Unix epoch, by the receiver.
     """
 
     fix: int = NO_FIX
@@ -96,11 +96,11 @@ class Payload:
     samples
         Of the GPS, in their order.
     times_each
-        Whether each sample has a time of its own; otherwise one time belongs to any of them, and the first has it.
+        Whether each sample has a time of its own; otherwise one time belongs to an unknown one, and the first has it.
     has_gps
-        Whether a GPS is there at all, with or without samples.
+        Whether there is a GPS, with or without samples.
     readout_s
-        How long the sensor takes from the first row to the last, s.
+        Read-out time of the sensor from the first row to the last, s.
     device
         The camera's name.
     damaged
@@ -128,7 +128,7 @@ class _Entry:
 
 
 def parse(payload: bytes) -> Payload:
-    """Parse a payload, or what a file says of its camera once for all; raises nothing."""
+    """Parse a payload, or a file's constant data on its camera; raises nothing."""
     reading = _Reading()
     if len(payload) > MAX_ANSWER_BYTES:
         return Payload(damaged=1)
@@ -139,7 +139,7 @@ def parse(payload: bytes) -> Payload:
 
 
 class _Reading:
-    """A payload while it is read."""
+    """A payload being read."""
 
     def __init__(self) -> None:
         self._samples: dict[bytes, list[GpsSample]] = {}
@@ -156,14 +156,14 @@ class _Reading:
         )
 
     def entries(self, content: memoryview) -> Iterator[_Entry]:
-        """Iterate over entries up to the end, or the first whose length cannot be."""
+        """Iterate over entries up to the end, or to the first with an impossible length."""
         at = 0
         while at < len(content):
             if len(content) - at < _HEAD.size:
                 self._damaged += any(content[at:])
                 return
             key, kind, size, repeat = _HEAD.unpack_from(content, at)
-            if not any(key):  # filled up with zeros
+            if not any(key):  # padded with zeros
                 return
             start, length = at + _HEAD.size, size * repeat
             if not key.isascii() or start + length > len(content):
@@ -173,7 +173,7 @@ class _Reading:
             at = start + -(-length // _UNIT_BYTES) * _UNIT_BYTES
 
     def take_item(self, item: _Entry) -> None:
-        """Take what stands in a device: a stream, its name, or what holds for all of it."""
+        """Take an item of a device: a stream, its name, or what applies to all of it."""
         if item.has_nested(b"STRM"):
             told: dict[bytes, _Entry] = {}
             for entry in self.entries(item.content):
@@ -185,7 +185,7 @@ class _Reading:
             self._take(item, {})
 
     def _take(self, entry: _Entry, told: Mapping[bytes, _Entry]) -> bool:
-        """Take an entry that holds what is looked for; whether it does."""
+        """Take an entry if it has data of interest; return whether it has."""
         try:
             if entry.key in (b"GPS5", b"GPS9"):
                 self._samples.setdefault(entry.key, []).extend(self._positions(entry, told))
@@ -205,12 +205,12 @@ class _Reading:
             return [self._whole(_of_gps9, row) for row in rows]
         fix, dop = (_number(told.get(key)) for key in (b"GPSF", b"GPSP"))
         utc_ns = _utc_ns(told.get(b"GPSU"))
-        self._damaged += bool(rows and fix and utc_ns is None)  # without a fix there may be none
+        self._damaged += bool(rows and fix and utc_ns is None)  # without a fix a time may be missing
         of_all = partial(_sample, fix=fix, dop=None if dop is None else dop / 100)
         return [self._whole(partial(of_all, utc_ns=None if place else utc_ns), row) for place, row in enumerate(rows)]
 
     def _whole(self, sample: Callable[[tuple[float, ...]], GpsSample], row: tuple[float, ...]) -> GpsSample:
-        """Make a sample, one without a fix of what is none, so that the others keep their places."""
+        """Make a sample, without a fix if the row is malformed, so that the others keep their places."""
         try:
             return sample(row)
         except _DamagedError:

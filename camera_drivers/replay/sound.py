@@ -1,8 +1,8 @@
-"""What is kept of a film's sound: the strongest tones of short windows, from which nobody can hear what was said.
+"""The part of a film's sound that is kept: the strongest tones of short windows, which do not reveal speech.
 
 Windows of 0.75 s, one every 0.25 s, each weighted by a Hann window; the sound is mixed to one channel and brought to
-2400 samples a second before. Kept are at most 24 peaks of a window's power spectrum between 20 and 1000 Hz, those that
-stand highest above the spectrum around them, with frequency and level alone. Why that is no speech: docs/sound.md.
+2400 samples a second before. At most 24 peaks of a window's power spectrum between 20 and 1000 Hz are kept, the highest
+above the spectrum around them, with only frequency and level. docs/sound.md explains why speech is not contained.
 
 Peaks lie between the spectrum's points, at the vertex of a parabola through the three highest levels in dB. Source:
 J. O. Smith, Spectral Audio Signal Processing, "Quadratic Interpolation of Spectral Peaks".
@@ -31,28 +31,28 @@ MOST_PEAKS = 24
 _POINTS = 4096  # of the transform: a point each 0.59 Hz
 _LOBE = 5  # points to the edge of a tone's main lobe
 _AROUND = 34  # points, 20 Hz: the spectrum around a tone is the median of five such blocks
-_SILENCE = 1e-20  # of a full-scale tone's power: zeros have a level too
-_BATCH = 64  # windows that are transformed together
+_SILENCE = 1e-20  # of a full-scale tone's power: gives zeros a level too
+_BATCH = 64  # windows transformed together
 
 _Samples = NDArray[np.float64]
 
 
 def _track(container: InputContainer) -> AudioStream | None:
-    """Choose the track that is heard: the first with a codec that is known; None if there is none."""
+    """Choose the track to be heard: the first with a known codec; None if there is none."""
     return next((each for each in container.streams.audio if each.codec_context is not None), None)  # type: ignore[redundant-expr]  # it is where FFmpeg knows no such codec
 
 
 def listened(container: InputContainer, zero_ns: int, *, keep_packets: bool) -> Iterator[Sound]:
-    """Iterate over what is kept of a film's sound, in the order of time; nothing if it has none.
+    """Iterate over what is kept of a film's sound, in order of time; nothing if it has no sound.
 
-    Where packets are missing or cannot be decoded, no window reaches across: the gap shows in the windows' times.
+    No window spans missing or undecodable packets: the gap shows in the windows' times.
 
     Parameters
     ----------
     container
-        The film, open for this alone.
+        The film, opened for this only.
     zero_ns
-        When its own time is 0.
+        Time at which its own time is 0.
     keep_packets
         Whether the packets themselves are wanted too.
     """
@@ -77,7 +77,7 @@ def listened(container: InputContainer, zero_ns: int, *, keep_packets: bool) -> 
 
 
 def _packets(container: InputContainer, track: AudioStream) -> Iterator[av.Packet[AudioStream]]:
-    """Iterate over the packets up to where the file breaks off; the last one is empty, and asks for what is left."""
+    """Iterate over the packets up to where the file breaks off; the last one is empty and flushes the decoder."""
     try:
         yield from container.demux(track)
     except FFmpegError:
@@ -98,7 +98,7 @@ def _kept(packet: av.Packet[AudioStream], track: AudioStream, zero_ns: int) -> S
 
 
 class _Windows:
-    """Cuts sound that comes in frames into windows, and begins anew behind every gap."""
+    """Cuts frames of sound into windows, restarting after every gap."""
 
     def __init__(self, zero_ns: int) -> None:
         self._zero_ns = zero_ns
@@ -111,7 +111,7 @@ class _Windows:
         self._samples: _Samples = np.empty(0)
 
     def feed(self, frame: AudioFrame) -> Iterator[SoundPeaks]:
-        """Take a frame; give the windows that are full by then."""
+        """Take a frame; yield the windows that are full by then."""
         if frame.pts is None or frame.time_base is None or not frame.samples:
             return
         time_s, length_s = Fraction(frame.pts * frame.time_base), Fraction(frame.samples, frame.sample_rate)
@@ -125,7 +125,7 @@ class _Windows:
             yield from self._full()
 
     def end(self) -> Iterator[SoundPeaks]:
-        """Give the windows that are left, and begin anew."""
+        """Yield the remaining windows, and restart."""
         if self._start_s is not None:
             self._take(None)
             yield from self._full()

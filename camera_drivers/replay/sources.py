@@ -1,6 +1,6 @@
-"""What can be replayed, in order, each picture with the time at which it was taken: a recorded flight, or a folder.
+"""Sources of a replay, a recorded flight or a folder: pictures in order, each with the time it was taken.
 
-A flight's frames come again as they were, with their times, EXIF and gaps. The pictures of a folder come in the order
+A flight's frames are replayed as they were, with their times, EXIF and gaps. The pictures of a folder come in the order
 of their names and of the numbers in them.
 """
 
@@ -27,7 +27,7 @@ from flight_file.reader import open_flight
 from flight_file.thresholds import MAX_READ_BYTES
 
 FLIGHT_SUFFIXES = (".mcap", ".mcap.part")
-_CONFIGURATION = "recorder.yaml"  # describes the recorder that made the flight, not the one that replays it
+_CONFIGURATION = "recorder.yaml"  # describes the recorder that made the flight, not this one
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".avif"})
 _GIVE_RATE = "give rate_hz (--rate), the pictures per second."
 _HEAD_BYTES = 256 * 1024  # the markers before the picture; EXIF with its thumbnail is at most 64 KiB
@@ -65,7 +65,7 @@ class FlightSource:
         )
 
     def pictures(self) -> Iterator[Upcoming]:
-        """Iterate over the frames that are whole, each with positions and sound up to a second later."""
+        """Iterate over the whole frames, each with positions and sound up to a second later."""
         fixes, sounds = self._flight.fixes(), Alongside(self._flight.heard())
         try:
             waiting = next(fixes, None)
@@ -90,17 +90,17 @@ def _as_it_was(frame: Frame, _clock: Clock) -> Frame:
 
 
 class FolderSource:
-    """Pictures from a folder; anything that is not named like a picture is left alone and counted.
+    """Pictures from a folder; files not named like pictures are ignored and counted.
 
     Parameters
     ----------
     folder
-        Where they lie.
+        Of the pictures.
     rate_hz
         Pictures per second: picture i was taken i / rate_hz after the first one, which was taken when its EXIF says, or
         now. None: each was taken when its own EXIF says.
     clock
-        Says what now is.
+        Gives the present time.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def _head(path: Path, size_bytes: int = 12) -> bytes:
 def _exif_time(path: Path) -> int | None:
     head = _head(path, _HEAD_BYTES)
     if picture_format(head) != JPEG:
-        head = _head(path, MAX_READ_BYTES)  # in PNG and WebP it may stand behind the picture
+        head = _head(path, MAX_READ_BYTES)  # in PNG and WebP it may follow the picture
     return exif_time_ns(read_exif(picture_facts(head).exif).datetime)
 
 

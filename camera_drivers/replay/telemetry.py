@@ -1,19 +1,18 @@
-"""The telemetry of a GoPro's film: when each position was taken by the film's own clock, and what GPS says of the time.
+"""The telemetry of a GoPro's film: positions with their times by the film's own clock, and the GPS time.
 
-A payload spans about a second of the film, as the track that it stands in says; its samples are spread evenly over it,
-as the format has it. Stamps of the camera's own (`STMP`) are not used: GoPro made them for itself, and not all have
-them.
+A payload spans about a second of the film, as its track says; its samples are spread evenly over it, as the format
+defines. The camera's own stamps (`STMP`) are not used: GoPro made them for itself, and not all files have them.
 
-What the receiver's time is worth:
+Reliability of the receiver's time:
 
-- `GPS9` (HERO11 on) has a time for each sample, `GPSU` before it one for a payload. GoPro says that it is that of the
+- `GPS9` (HERO11 on) has a time for each sample, `GPSU` before it one for a payload. GoPro says that it belongs to the
   first; but in its own sample the steps from one to the next do not follow the number of samples between, and users
-  find cameras up to a second apart. So it is taken for the first, and what is uniform over a payload is in sigma.
-- Both are taken for UTC, which the format says of `GPSU`; of `GPS9` it says nothing. A receiver that has not heard of
-  leap seconds yet, which takes a new one up to 12.5 minutes of good reception, is up to 18 s off, and nothing in the
-  file tells. So the other clocks are told beside it, and how far they are apart.
-- Single times are stale or wrong: in GoPro's public sample the first is 1.4 s late. The median over all that have a fix
-  is believed; sigma is their spread (from the median absolute deviation), with the doubt above.
+  find cameras up to a second apart. So it is taken for the first, and sigma includes a uniform error over a payload.
+- Both are taken for UTC, which the format says of `GPSU`; of `GPS9` it says nothing. A receiver that has not received a
+  new leap second yet, which takes up to 12.5 minutes of good reception, is up to 18 s off, and nothing in the file
+  shows it. So the other clocks are reported too, with their differences.
+- Single times are stale or wrong: in GoPro's public sample the first is 1.4 s late. The median over all with a fix is
+  used; sigma is their spread (from the median absolute deviation), plus the uncertainty above.
 
 Sources: github.com/gopro/gpmf-parser, its documents and its threads on times; GoPro's public sample, measured.
 """
@@ -47,7 +46,7 @@ _UNIFORM = 12**-0.5
 
 @dataclass(frozen=True, slots=True)
 class TimedPayload:
-    """A payload, the track that it stands in, and when it was taken by the film's clock: its start and length, ns."""
+    """A payload, its track, and its time by the film's clock: start and length, ns."""
 
     track: int
     start_ns: int
@@ -63,20 +62,20 @@ class TimedPayload:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What all of a film's telemetry says.
+    """Summary of a film's telemetry.
 
     Attributes
     ----------
     payloads, damaged
         How many there are, and how many parts of them could not be read.
     samples, positions
-        What the receiver said, and how often it knew where it was.
+        Number of samples from the receiver, and of those with a position.
     has_gps
-        Whether a receiver is there at all.
+        Whether there is a receiver.
     dops
-        Smallest and largest dilution of precision; None if none was told.
+        Smallest and largest dilution of precision; None if not reported.
     clock
-        What the receiver says of the time; None if it never knew.
+        The receiver's time; None if it never had one.
     readout_s
         From the sensor's first row to its last.
     device
@@ -94,7 +93,7 @@ class Telemetry:
     device: str = ""
 
     def facts(self) -> dict[str, str]:
-        """Say it in words, for the session; nothing of a film without telemetry."""
+        """Describe it in words, for the session; empty for a film without telemetry."""
         said = {"GPS": self._gps() if self.payloads else ""}
         if self.readout_s is not None:
             said["read-out"] = f"{1000 * self.readout_s:.1f} ms from the sensor's first row to its last"
@@ -139,16 +138,16 @@ def payloads(container: InputContainer) -> Iterator[TimedPayload]:
 
 
 class Fixes:
-    """The positions of a film, payload by payload: they go with the first picture that a payload is as old as.
+    """The positions of a film, payload by payload: each payload goes with the first picture not older than it.
 
     Parameters
     ----------
     timed
         The film's payloads.
     number
-        Which of the originals it is, from 0.
+        Index of the original, from 0.
     offset_ns
-        When its time is 0 by the frames' clock.
+        Time by the frames' clock when its own time is 0.
     """
 
     def __init__(self, timed: Iterator[TimedPayload], number: int, offset_ns: int) -> None:
@@ -158,7 +157,7 @@ class Fixes:
         self._offset_ns = offset_ns
 
     def up_to(self, time_ns: int) -> tuple[GpsFix, ...]:
-        """Take those whose payloads begin up to a time of the film; one that no flight is at has none."""
+        """Take those whose payloads begin up to a time of the film; a time at which there is no flight has none."""
         fixes: list[GpsFix] = []
         while self._next is not None and self._next.start_ns <= time_ns:
             times = ((self._offset_ns + at_ns, at_ns, sample) for at_ns, sample in self._next.samples())
@@ -184,7 +183,7 @@ class Fixes:
 
 
 def summarized(path: Path, container: InputContainer) -> Telemetry:
-    """Go through all of a film's telemetry once.
+    """Read all of a film's telemetry once.
 
     Raises
     ------
@@ -222,7 +221,7 @@ def summarized(path: Path, container: InputContainer) -> Telemetry:
 
 
 def times_of(timed: TimedPayload) -> Iterator[tuple[int, int]]:
-    """Iterate over what the receiver's times say: when the film's time is 0, and how long the span of doubt is, ns."""
+    """Iterate over the receiver's times: when the film's time is 0, and the length of the uncertainty, ns."""
     payload = timed.payload
     span_ns = timed.length_ns // len(payload.samples) if payload.times_each and payload.samples else timed.length_ns
     for at_ns, sample in timed.samples():
@@ -231,7 +230,7 @@ def times_of(timed: TimedPayload) -> Iterator[tuple[int, int]]:
 
 
 def clock_of(times: list[tuple[int, int]]) -> GpsClock | None:
-    """Find what most times agree on; each says when the film's time is 0, and how long its span of doubt is, ns."""
+    """Find the time most agree on; each gives when the film's time is 0, and the length of its uncertainty, ns."""
     if not times:
         return None
     zero_ns = round(median(zero for zero, _ in times))
@@ -242,7 +241,7 @@ def clock_of(times: list[tuple[int, int]]) -> GpsClock | None:
 
 
 def of_camera(path: Path) -> bytes:
-    """Read what an MP4 says of its camera once for all: the box moov/udta/GPMF; empty if it has none.
+    """Read an MP4's constant data on its camera: the box moov/udta/GPMF; empty if it has none.
 
     Raises
     ------
@@ -264,7 +263,7 @@ def of_camera(path: Path) -> bytes:
 
 
 def _box(descriptor: int, name: bytes, start: int, end: int) -> tuple[int, int] | None:
-    """Find a box among those that lie between two places of a file: where its content begins and ends."""
+    """Find a box between two offsets of a file: where its content begins and ends."""
     for _ in range(MAX_PARTS):
         head = os.pread(descriptor, _BOX.size + _LARGE.size, start)
         if len(head) < _BOX.size:

@@ -1,4 +1,4 @@
-"""What the replay expects of whatever it replays: pictures in order, each with the time at which it was taken."""
+"""The interface of a replay's source: pictures in order, each with the time it was taken."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flight_file.frame import NS_PER_S, Frame, Sound
 
 @dataclass(frozen=True, slots=True)
 class Upcoming:
-    """The next picture: when it was taken (realtime, ns), and how to take it when that time has come."""
+    """The next picture: when it was taken (realtime, ns), and how to get it when that time has come."""
 
     captured_ns: int
     take: Callable[[Clock], Frame]
@@ -25,11 +25,11 @@ class ReplaySource(Protocol):
     Attributes
     ----------
     identity
-        Of the camera they were taken with, as far as known.
+        Of the camera, as far as known.
     start_ns
         When the first was taken, realtime.
     attachments
-        What the pictures bring along: a recorded flight's panel, camera and so on.
+        Attachments of the pictures: a recorded flight's panel, camera and so on.
     """
 
     identity: CameraIdentity
@@ -42,7 +42,7 @@ class ReplaySource(Protocol):
 
 
 class Alongside:
-    """What is heard beside the pictures: each takes it along up to a second ahead, so that none is left at the end."""
+    """The sound beside the pictures: each takes along up to a second ahead, so that none is left at the end."""
 
     def __init__(self, sounds: Iterable[Sound]) -> None:
         self._rest = iter(sounds)

@@ -1,13 +1,13 @@
 """Video files as a camera: packets as they are, each with its own presentation time, never encoded again.
 
-H.264 and H.265 become access units in Annex B, with the parameter sets before each key frame; a file in MP4 has lengths
-in place of start codes and the parameter sets once. MJPEG is JPEGs as they are. Packets come in the order of the file,
-which is that of decoding: with B-frames it is not that of time.
+H.264 and H.265 become access units in Annex B, with the parameter sets before each key frame; an MP4 file has lengths
+in place of start codes, and the parameter sets once. MJPEG is JPEGs as they are. Packets come in the order of the file,
+which is decoding order: with B-frames it differs from the order of time.
 
-Of its sound the strongest tones are kept (see `camera_drivers.replay.sound`); the packets only if somebody asks.
+The strongest tones of its sound are kept (see `camera_drivers.replay.sound`); the packets only on request.
 
-Edit lists are obeyed as players obey them. Pictures before the first that is shown, which it is built on, are stored
-with times before the start. Source: FFmpeg's mov demuxer.
+Edit lists are followed as players do. Pictures before the first shown one that it depends on are stored with times
+before the start. Source: FFmpeg's mov demuxer.
 """
 
 from __future__ import annotations
@@ -60,28 +60,28 @@ _TO_ANNEX_B = {
 }
 _OPTIONS = {"format_whitelist": "mov,matroska,avi,mpegts", "protocol_whitelist": "file"}  # none that names other files
 _QUARTER_DEG = 90
-_FIRST_PACKETS = 600  # a group of pictures and more, to see in which order they come
+_FIRST_PACKETS = 600  # more than a group of pictures, to find their order
 _CONVERT = "convert it: ffmpeg -i {name} -c:v libx264 -crf 17 -an converted.mp4"
 
 
 @dataclass(frozen=True, slots=True)
 class Chapter:
-    """One video file, as far as it was looked at.
+    """One video file's properties.
 
     Attributes
     ----------
     size_px
         Width and height of its pictures, before they are turned.
     pictures
-        How many its index lists; 0 if it has none.
+        Number in its index; 0 if it has none.
     first_ns
         The earliest time of its first pictures, by its own time base.
     length_ns
-        How long it says that it is.
+        Its stated length.
     telemetry
-        What its telemetry says.
+        Its telemetry.
     facts
-        What it says of itself, for the session.
+        Its statements about itself, for the session.
     """
 
     path: Path
@@ -115,9 +115,9 @@ class VideoSource:
     paths
         In any order.
     believed
-        What somebody said of its time.
+        Its stated time.
     keep_sound
-        Whether the packets of its sound are stored, beside its strongest tones.
+        Whether the packets of its sound are stored too, beside its strongest tones.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class VideoSource:
         gps = gps_of_chapters([chapter.telemetry.clock for chapter in self._chapters], begins_ns)
         start = started(believed, first.facts, first.rate_hz, first.path.name, gps)
         self._sigma_ns = start.sigma_ns
-        # Where nobody knows the time of day, the earliest picture is at 0: no time may be less.
+        # If the time of day is unknown, the earliest picture is at 0: no time may be less.
         self._zero_ns = max(start.time_ns, -first.first_ns)
         self.start_ns = self._zero_ns + first.first_ns
         self.attachments: Mapping[str, bytes] = {}
@@ -266,7 +266,7 @@ def look_at(path: Path) -> Chapter:
 
 
 def _turned(chapter: Chapter) -> Chapter:
-    """Find out by how much its pictures are to be turned, which only a decoded one says."""
+    """Find its pictures' rotation, which only a decoded one gives."""
     with _opened(chapter.path) as container:
         stream = _same_track(chapter, container)
         try:
@@ -327,7 +327,7 @@ def _track(path: Path, container: InputContainer) -> VideoStream:
 
 
 def _same_track(chapter: Chapter, container: InputContainer) -> VideoStream:
-    """Find the track that was chosen when the file was looked at."""
+    """Find the track that was chosen when the file was first opened."""
     for stream in container.streams.video:
         if stream.index == chapter.track and stream.codec_context is not None:
             return stream
@@ -335,7 +335,7 @@ def _same_track(chapter: Chapter, container: InputContainer) -> VideoStream:
 
 
 def _facts(path: Path, container: InputContainer, stream: VideoStream) -> dict[str, str]:
-    """Collect what a file says of itself, its clocks first."""
+    """Collect a file's statements about itself, its clocks first."""
     metadata = {**container.metadata, **stream.metadata}
     timecodes = [each.metadata.get("timecode") for each in container.streams]
     facts = {
@@ -353,7 +353,7 @@ def _facts(path: Path, container: InputContainer, stream: VideoStream) -> dict[s
 
 
 def _sound(container: InputContainer) -> str:
-    """Say which sound is heard; other tracks of it are not."""
+    """Describe the sound that is used; other tracks are not."""
     track = next((each for each in container.streams.audio if each.codec_context is not None), None)  # type: ignore[redundant-expr]  # as in _track
     return NO_SOUND if track is None else f"{track.codec_context.name} {track.rate} Hz {track.layout.name}"
 
@@ -405,16 +405,16 @@ def _packets(chapter: Chapter) -> Iterator[_Packet]:
 
 
 def _original(chapter: Chapter, gps: GpsClock | None, begin_ns: int, start: Start) -> Original:
-    """Gather what a chapter says of itself.
+    """Gather a chapter's statements about itself.
 
     Parameters
     ----------
     gps
-        What the recording's GPS time is.
+        The recording's GPS time.
     begin_ns
         When the chapter begins, by the recording's own clock.
     start
-        What is believed of the recording's time.
+        The recording's time that is used.
     """
     own = chapter.telemetry.clock
     with opened(chapter.path) as source:

@@ -1,7 +1,7 @@
-"""When a video was taken: what its clocks say, and which of them is believed.
+"""When a video was taken: its clocks, and which of them is trusted.
 
-None is believed unless somebody says so: a creation time is often local time that is labelled UTC, and the same in
-every chapter; a timecode knows no day; a file's date is when it was copied; a GPS receiver may lack leap seconds (see
+None is trusted unless a person says so: a creation time is often local time labelled UTC, and the same in every
+chapter; a timecode has no date; a file's date is when it was copied; a GPS receiver may lack leap seconds (see
 `telemetry`).
 """
 
@@ -21,21 +21,21 @@ CLOCKS = {"creation": CREATION, "timecode": TIMECODE, "gps": GPS}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _TIMECODE = re.compile(r"(\d\d):(\d\d):(\d\d)[:;](\d\d)")
 _OFFSET = re.compile(r"([+-])(\d\d):(\d\d)")
-_SIGMA_NS = NS_PER_S // 2  # of a clock that is read to a second
+_SIGMA_NS = NS_PER_S // 2  # of a clock read to a second
 
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """What somebody said of a video's time.
+    """A person's statement on a video's time.
 
     Attributes
     ----------
     start
-        When its first picture was taken, ISO 8601; None if nobody knows.
+        When its first picture was taken, ISO 8601; None if unknown.
     clock
-        Which of CLOCKS is believed; None for none.
+        Which of CLOCKS is trusted; None for none.
     utc_offset
-        By how much that clock, or `start`, is ahead of UTC, `+hh:mm`; None where it is UTC or says so itself.
+        By how much that clock, or `start`, is ahead of UTC, `+hh:mm`; None if it is UTC or states its offset itself.
     """
 
     start: str | None = None
@@ -45,7 +45,7 @@ class Believed:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """When a video's time is 0: ns since 1970 with its standard deviation, and who says so (see `Session`)."""
+    """When a video's time is 0: ns since 1970 with standard deviation, and the source (see `Session`)."""
 
     time_ns: int
     sigma_ns: int | None
@@ -54,7 +54,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class GpsClock:
-    """What a GPS receiver says of the time.
+    """The time by a GPS receiver.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class GpsClock:
     sigma_ns
         Standard deviation of one of its times.
     times, apart
-        How many times it is the median of, and how many of them are more than half a second off.
+        Number of times whose median it is, and how many of them are more than half a second off.
     """
 
     zero_ns: int
@@ -85,14 +85,14 @@ class GpsClock:
 
 
 def gps_of_chapters(clocks: Sequence[GpsClock | None], begins_ns: Sequence[int]) -> GpsClock | None:
-    """Choose what a recording's GPS time is: that of the first chapter that knows it, carried back to the beginning.
+    """Choose a recording's GPS time: that of the first chapter that has one, carried back to the beginning.
 
     Parameters
     ----------
     clocks
-        What each chapter's says of that chapter.
+        Of each chapter, for that chapter.
     begins_ns
-        When each begins, by the recording's own clock.
+        When each chapter begins, by the recording's own clock.
     """
     for clock, begin_ns in zip(clocks, begins_ns, strict=True):
         if clock is not None:
@@ -101,7 +101,7 @@ def gps_of_chapters(clocks: Sequence[GpsClock | None], begins_ns: Sequence[int])
 
 
 def shift_of_chapter(own: GpsClock, first: GpsClock, begin_ns: int) -> str:
-    """Say how far a chapter's GPS time is from what the recording's would be there; nothing if it is the same."""
+    """Describe how far a chapter's GPS time is from the recording's at that moment; empty if it is the same."""
     shift_s = (own.zero_ns - begin_ns - first.zero_ns) / NS_PER_S
     if not begin_ns or not round(shift_s, 2):
         return ""
@@ -116,16 +116,16 @@ def started(
     Parameters
     ----------
     facts
-        What the file's clocks say, by name.
+        The file's clocks, by name.
     gps
-        What its GPS says; None if it has none, or never had a fix.
+        Its GPS time; None if it has none, or never had a fix.
     rate_hz
         Of its pictures, for the last two digits of a timecode.
 
     Raises
     ------
     ReplayError
-        The clock that is believed says nothing, or what was typed is no time.
+        The trusted clock says nothing, or the typed text is not a time.
     """
     ahead = _ahead(believed.utc_offset)
     if believed.start is not None and believed.clock is not None:
@@ -204,14 +204,14 @@ def _ns(moment: datetime) -> int:
 
 
 def disagreements(facts: Mapping[str, str], gps: GpsClock | None = None, typed_ns: int | None = None) -> str:
-    """Say how far a video's clocks are apart, as far as they can be compared; empty if one is all there is.
+    """Describe how far a video's clocks are apart, as far as they can be compared; empty if there is only one.
 
     Parameters
     ----------
     gps
-        What its GPS says.
+        Its GPS time.
     typed_ns
-        When its time is 0 by what somebody typed; None if nobody did.
+        When its time is 0 by what a person typed; None if nothing was typed.
     """
     timecode = _TIMECODE.fullmatch(facts.get(TIMECODE, ""))
     try:
@@ -231,13 +231,13 @@ def disagreements(facts: Mapping[str, str], gps: GpsClock | None = None, typed_n
 
 
 def _of_day_s(timecode: re.Match[str], other: datetime) -> float:
-    """How far a timecode is ahead of another clock's time of day, s."""
+    """Return how far a timecode is ahead of another clock's time of day, s."""
     hours, minutes, seconds = (int(part) for part in timecode.groups()[:3])
     return float((hours - other.hour) * 3600 + (minutes - other.minute) * 60 + seconds - other.second)
 
 
 def _apart(clock: str, apart_s: float, other: str) -> str:
-    """Say how far a clock is from another; where it is more than an hour, a time zone may be why."""
+    """Describe how far a clock is from another; beyond an hour, a time zone may be the reason."""
     if not round(apart_s, 1):
         return f"the {clock} and the {other} agree"
     minutes, seconds = divmod(abs(round(apart_s, 1)), 60)

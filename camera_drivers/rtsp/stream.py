@@ -1,14 +1,14 @@
-"""The stream of one IP camera: opened, read by a thread of its own, and left behind when it hangs.
+"""The stream of one IP camera: opened, read by a thread of its own, and abandoned if it hangs.
 
     open ──▶ DESCRIBE, SETUP over TCP, PLAY ──▶ thread: access units ──▶ queue ──▶ picture
                                                   └── the end, or nothing for stall_s: its failure ──▶ CameraError
 
-FFmpeg speaks RTSP, puts RTP packets together to access units in Annex B, and keeps sessions alive. It gives an access
-unit when the next one begins, so a picture's arrival is that of the one before. It also says what wall clock each unit
-is of (`prft`), by the latest sender report: it follows the camera's clock, which `start_time_realtime` does not, since
-that is by the first report alone.
+FFmpeg speaks RTSP, assembles RTP packets into access units in Annex B, and keeps sessions alive. It returns an access
+unit when the next one begins, so a picture began to arrive when the one before was returned. It also gives each unit's
+wall-clock time (`prft`) by the latest sender report: this follows the camera's clock, which `start_time_realtime` does
+not, since it uses only the first report.
 
-Only video is asked for: nobody wants voices on the box. Parameter sets are put before a key frame that lacks them.
+Only video is requested: no voices are wanted on the box. Parameter sets are put before a key frame that lacks them.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _OPTIONS = {
     "rtsp_transport": "tcp",
     "allowed_media_types": "video",
     "protocol_whitelist": "rtp,tcp,udp",  # no file, and no other server
-    "fpsprobesize": "0",  # FFmpeg would look at a second of pictures before it gives the first
+    "fpsprobesize": "0",  # else FFmpeg examines a second of pictures before it gives the first
 }
 
 
@@ -66,7 +66,7 @@ def rtsp_camera(options: RtspSettings, clock: Clock, reporter: Reporter) -> Live
     def connect(waiter: Waiter, notes: Notes, missed: Missed) -> RtspSource:
         url, place = with_credentials(options), _place(options.url)
         work = partial(_opened, url, options)
-        # FFmpeg's own limit ends it; ours is for what that does not hold, such as looking up a name.
+        # FFmpeg's own limit ends it; ours is for what that does not cover, such as looking up a name.
         container = waiter.until_done(f"connecting to {place}", work, lambda: None, limit_s=2 * options.open_s)
         return RtspSource(container, options, clock, notes, missed)
 
@@ -75,7 +75,7 @@ def rtsp_camera(options: RtspSettings, clock: Clock, reporter: Reporter) -> Live
 
 @dataclass(frozen=True, slots=True)
 class _Unit:
-    """An access unit as FFmpeg gives it, and when."""
+    """An access unit from FFmpeg, with its times."""
 
     encoded: bytes
     is_key: bool
@@ -87,13 +87,13 @@ class _Unit:
 class RtspSource:
     """An open stream; see `camera_drivers.live.source.Source`.
 
-    What comes in the first second is held back for so long: only then it is known how late pictures come, since FFmpeg
-    has looked at some before it gives the first.
+    Units are held back during the first second: only then the delay of pictures is known, since FFmpeg has examined
+    some before it gives the first.
 
     Raises
     ------
     CameraUnusableError
-        It is no stream of H.264 or H.265.
+        It is not a stream of H.264 or H.265.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class RtspSource:
 class _Reader(threading.Thread):
     """Reads a stream until it ends, fails or is stopped, and closes it then.
 
-    It waits while nobody takes what it has read: the camera is then told by TCP to wait.
+    It waits while its units are not taken: TCP then makes the camera wait.
     """
 
     def __init__(self, read: Callable[[], Iterator[_Unit]], close: Callable[[], None]) -> None:
@@ -217,7 +217,7 @@ class _Reader(threading.Thread):
         return item
 
     def stop(self) -> None:
-        """Ask it to end, and wait a moment for that."""
+        """Ask it to end, and wait for that briefly."""
         self._over.set()
         self.join(CLOSE_S)
 
@@ -232,7 +232,7 @@ class _Reader(threading.Thread):
 
 
 def _opened(url: str, options: RtspSettings) -> InputContainer:
-    """Open the stream; no message of FFmpeg's is passed on, since it names the URL with its password."""
+    """Open the stream; FFmpeg's messages are not passed on, since they name the URL with its password."""
     timeout_s = (options.open_s, options.stall_s)
     try:
         return av.open(url, "r", metadata_errors="replace", options=_OPTIONS, timeout=timeout_s)
@@ -270,14 +270,14 @@ def _units(container: InputContainer, stream: VideoStream, clock: Clock) -> Iter
         given = clock.read()
         base = packet.time_base or stream.time_base
         stream_ns = None if packet.pts is None or base is None else round(packet.pts * base * NS_PER_S)
-        # It is given when the next one begins to come; so it began to come when the one before was given.
+        # A unit is returned when the next one begins to arrive; so it began to arrive when the one before was returned.
         stamps = Stamps(_reported_ns(packet), stream_ns, began or given)
         yield _Unit(bytes(packet), packet.is_keyframe, packet.is_corrupt, stamps, given)
         began = given
 
 
 def _with_time(first: _Unit, second: _Unit, third: _Unit) -> _Unit:
-    """Give the first unit of a stream the stream time that FFmpeg leaves out: as far before the second as that is."""
+    """Give a stream's first unit the time that FFmpeg leaves out: as far before the second as the third is after it."""
     ours, one, two = first.stamps.stream_ns, second.stamps.stream_ns, third.stamps.stream_ns
     if ours is not None or one is None or two is None:
         return first
@@ -293,7 +293,7 @@ def _reported_ns(packet: av.Packet[VideoStream]) -> int | None:
 
 
 def _place(url: str) -> str:
-    """Host and port, for people."""
+    """Return host and port, for people."""
     return urlsplit(url).netloc.rpartition("@")[2]
 
 

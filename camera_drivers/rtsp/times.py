@@ -1,15 +1,15 @@
-"""When a picture of a stream was taken: by the camera's clock where that can be believed, else by its arrival.
+"""When a stream's picture was taken: by the camera's clock if that is plausible, else by its arrival.
 
-A camera's sender reports say which moment of its wall clock each picture is of. That clock is right if somebody sets it
-right, and in an aircraft often nobody does. A picture cannot be taken after it came, nor longer before than cameras
-take to send it: a camera's clock that fits between is believed, any other is reported with its offset.
+A camera's sender reports give the time of each picture by its wall clock. That clock is right only if it was set right,
+which in an aircraft it often is not. A picture cannot be taken after it arrived, nor longer before than cameras take to
+send it: a camera's clock within these limits is trusted, any other is reported with its offset.
 
 | sender reports       | mid-exposure                              | sigma                                            |
 | -------------------- | ----------------------------------------- | ------------------------------------------------ |
 | that fit             | what they say                             | from there to the arrival, uniform: / sqrt(12)   |
 | that do not, or none | the arrival, less half of `latency_s`     | `latency_s` / sqrt(12), which is never less      |
 
-The arrival is that of the fastest picture, carried over to the others by the sender's own timestamps. What is believed
+The arrival is that of the fastest picture, transferred to the others by the sender's own timestamps. The trusted clock
 may change from one group of pictures to the next, not within one.
 """
 
@@ -28,7 +28,7 @@ STATE = "clock"
 
 
 class _By(Enum):
-    """What the pictures' times are by."""
+    """The clock of the pictures' times."""
 
     REPORTS = "the pictures' times are by the camera's clock, which fits to the box's"
     ARRIVAL_DESPITE_REPORTS = "the camera's clock does not fit to the box's; the pictures' times are by their arrival"
@@ -37,12 +37,12 @@ class _By(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Stamps:
-    """What is known of an access unit's time.
+    """The known times of an access unit.
 
     Attributes
     ----------
     reported_ns
-        By the camera's wall clock; None without a sender report.
+        By the camera's wall clock; None if there is no sender report.
     stream_ns
         By the stream's own timestamps, from an arbitrary start; None if it has none.
     arrived
@@ -56,7 +56,7 @@ class Stamps:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """The picture that a group's times are reckoned from: mid-exposure (realtime), sigma, and stream time, all ns."""
+    """The reference picture of a group's times: mid-exposure (realtime), sigma, and stream time, all ns."""
 
     taken_ns: int
     sigma_ns: int
@@ -80,14 +80,14 @@ class StreamTimes:
         self._group: _Group | None = None
 
     def hear(self, stamps: Stamps) -> None:
-        """Learn how late pictures come; for each, as soon as it is there."""
+        """Learn the delay of pictures; called for each, as soon as it has arrived."""
         self._sent_ns(stamps)
 
     def taken(self, stamps: Stamps, *, is_key: bool) -> tuple[int, int]:
         """Estimate a picture's mid-exposure, realtime, and its standard deviation, ns.
 
-        Within a group of pictures the stream's own timestamps alone tell the pictures apart, so that whatever is
-        learned of clocks meanwhile changes no order.
+        Within a group of pictures only the stream's own timestamps are used, so that what is learned of clocks
+        meanwhile does not change the order.
         """
         group = None if is_key else self._group
         if group is not None and stamps.stream_ns is not None:
@@ -108,7 +108,7 @@ class StreamTimes:
         return sent_ns - self._latency_ns // 2, round(self._latency_ns / math.sqrt(12))
 
     def _sent_ns(self, stamps: Stamps) -> int:
-        """Estimate when it would have come without delay, realtime."""
+        """Estimate when it would have arrived without delay, realtime."""
         shown_ns = stamps.stream_ns if stamps.reported_ns is None else stamps.reported_ns
         if shown_ns is None:
             return stamps.arrived.realtime_ns
@@ -119,7 +119,7 @@ class StreamTimes:
         if by is self._by:
             return
         self._by = by
-        # The camera's clock is ahead by that much and by what the picture took to get here.
+        # The camera's clock is ahead by that much plus the time the picture took to get here.
         offset_ns = None if ahead_ns is None else ahead_ns + self._latency_ns // 2
         sigma_ns = None if ahead_ns is None else round(self._latency_ns / math.sqrt(12))
         self._notes.report(

@@ -1,4 +1,4 @@
-"""The camera's controls: which are wanted, and how one is set so that it is known to be set.
+"""The camera's controls: which are wanted, and how one is set and verified.
 
 | setting         | automatic                  | its own value              | unit of the latter |
 | --------------- | -------------------------- | -------------------------- | ------------------ |
@@ -8,9 +8,9 @@
 | gain            | -                          | GAIN                       | the camera's       |
 | power_line_hz   | -                          | POWER_LINE_FREQUENCY       | 0 off, 1 50, 2 60  |
 
-A control is looked up, set within its limits, and read back. What the camera does not have or refuses is reported once
-and left as it is: pictures with the wrong exposure are better than none. Source: linux/v4l2-controls.h; EXPOSURE_AUTO
-3 is aperture priority, the one automatic mode that UVC cameras have.
+A control is looked up, set within its limits, and read back. A control that is missing or refused is reported once and
+left as it is: pictures with the wrong exposure are better than none. Source: linux/v4l2-controls.h; EXPOSURE_AUTO 3 is
+aperture priority, the one automatic mode that UVC cameras have.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _POWER_LINE = {None: None, 0: 0, 50: 1, 60: 2}
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A control, the value that it is to have, and the setting that asks for it."""
+    """A control, its wanted value, and the setting that asks for it."""
 
     setting: str
     control: Control
@@ -41,7 +41,7 @@ class Wish:
 
 @dataclass(frozen=True, slots=True)
 class _Held:
-    """A value that the camera chooses by itself unless it is held: the two controls, and what the first is set to."""
+    """A value that the camera chooses automatically unless fixed: the two controls, and the values of the first."""
 
     setting: str
     automatic: Control
@@ -50,7 +50,7 @@ class _Held:
     manual: int
 
     def wishes(self, value: int | Literal["auto"] | None) -> Iterator[Wish]:
-        """Give one wish or two, or none if it is to be left alone."""
+        """Yield one wish or two, or none if it is to be left alone."""
         if value is None:
             return
         yield Wish(self.setting, self.automatic, self.auto if value == "auto" else self.manual)
@@ -64,7 +64,7 @@ _WHITE = _Held("white_balance_k", Control.AUTO_WHITE_BALANCE, Control.WHITE_BALA
 
 
 def wishes(options: UvcSettings) -> list[Wish]:
-    """List the wanted controls in the order in which they have to be set: what is automatic first."""
+    """List the wanted controls in the order in which they must be set: automatic modes first."""
     single = {
         ("gain", Control.GAIN): options.gain,
         ("power_line_hz", Control.POWER_LINE_FREQUENCY): _POWER_LINE[options.power_line_hz],

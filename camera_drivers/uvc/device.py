@@ -1,6 +1,6 @@
-"""A Video4Linux device as the kernel gives it: requests, buffers in shared memory, and waiting for a picture.
+"""A Video4Linux device: requests, buffers in shared memory, and waiting for a picture.
 
-`Device` is the boundary: tests put their own behind it. `failure` says in a sentence what an error of the kernel means.
+`Device` is the interface, for which tests have their own. `failure` explains an error of the kernel in a sentence.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FORBIDDEN = frozenset({errno.EACCES, errno.EPERM})
 
 
 class Region(Protocol):
-    """Memory that is shared with the kernel."""
+    """Memory shared with the kernel."""
 
     def __getitem__(self, part: slice, /) -> bytes:
         """Copy a part."""
@@ -54,7 +54,7 @@ class Device(Protocol):
 
 
 class KernelDevice:
-    """A device file such as /dev/v4l/by-id/...-video-index0; raises OSError if it cannot be opened or is none."""
+    """A device file such as /dev/v4l/by-id/...-video-index0; raises OSError if it is not one or cannot be opened."""
 
     def __init__(self, path: str) -> None:
         if not stat.S_ISCHR(Path(path).stat().st_mode):

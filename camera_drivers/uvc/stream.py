@@ -4,9 +4,9 @@
                                                                                             │ ▲
                                                               wait ──▶ dequeue ──▶ copy ──▶ queue again
 
-When a picture was taken. The kernel stamps each buffer by CLOCK_MONOTONIC. V4L2 calls that the start of exposure; the
-driver of UVC cameras takes the arrival of the first bytes, if the camera's own clock is not used. So mid-exposure is
-within one frame's time of it, before or after, and any place is as likely as any other.
+Time of a picture: the kernel stamps each buffer by CLOCK_MONOTONIC. V4L2 calls that the start of exposure; the driver
+of UVC cameras takes the arrival of the first bytes, if the camera's own clock is not used. So mid-exposure is within
+one frame's time of it, before or after, uniformly distributed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ NO_JPEG = "the picture is not a JPEG"
 _FORMATS = ("MJPG", "JPEG")
 _BUFFERS = 4
 _NS_PER_US = 1000
-_USUAL_RATE_HZ = 30  # where the camera does not say
+_USUAL_RATE_HZ = 30  # if the camera does not say
 _COUNTER = 2**32
 
 OpenDevice = Callable[[str], Device]
@@ -60,14 +60,14 @@ def uvc_camera(
 
 
 class UvcSource:
-    """A device that streams; see `camera_drivers.live.source.Source`.
+    """A streaming device; see `camera_drivers.live.source.Source`.
 
     Raises
     ------
     CameraNotFoundError
         There is no such device.
     CameraUnusableError
-        It is no camera, sends no JPEGs, or may not be opened.
+        It is not a camera, sends no JPEGs, or may not be opened.
     CameraError
         It cannot be used now.
     """
@@ -114,12 +114,12 @@ class UvcSource:
             raise failure(self._path, "receiving a picture", error) from error
         try:
             self._device.ioctl(Request.QBUF, buffer)
-        except OSError as error:  # it was unplugged just now; the picture is here all the same
+        except OSError as error:  # it was unplugged just now; the picture is valid
             self._failed = failure(self._path, "receiving a picture", error)
         return self._picture(buffer, encoded, received, damaged=damaged)
 
     def close(self) -> None:
-        """Stop the stream and give everything back, so that a camera that is plugged in gets its old name."""
+        """Stop the stream and release everything, so that a camera plugged in again gets its old name."""
         with suppress(OSError):
             self._device.ioctl(Request.STREAMOFF, ctypes.c_int(v4l2.CAPTURE))
         for region in self._regions:
@@ -144,7 +144,7 @@ class UvcSource:
         )
 
     def _count_gap(self, sequence: int, now_ns: int) -> None:
-        """Count what the kernel numbered and did not deliver, at most as many as there was time for."""
+        """Count the buffers that the kernel numbered but did not deliver, at most as many as there was time for."""
         last, self._last = self._last, (sequence, now_ns)
         if last is None:
             return
@@ -193,7 +193,7 @@ class UvcSource:
             )
         chosen = v4l2.Format(type=v4l2.CAPTURE)
         pix = chosen.fmt.pix
-        pix.width, pix.height = wanted or (0xFFFF, 0xFFFF)  # the largest that it has
+        pix.width, pix.height = wanted or (0xFFFF, 0xFFFF)  # the largest available
         pix.pixelformat, pix.field = v4l2.fourcc(code), v4l2.FIELD_ANY
         self._device.ioctl(Request.S_FMT, chosen)
         if v4l2.letters(pix.pixelformat) not in _FORMATS:
@@ -219,7 +219,7 @@ class UvcSource:
             codes.append(v4l2.letters(described.pixelformat))
 
     def _set_rate(self, wanted_hz: float | None) -> int:
-        """Ask for a rate; return the time of one frame that the camera really has, ns."""
+        """Request a rate; return the camera's actual time per frame, ns."""
         parameters = v4l2.StreamParameters(type=v4l2.CAPTURE)
         capture = parameters.parm.capture
         try:

@@ -1,6 +1,6 @@
-"""The part of Video4Linux2 that is needed to receive JPEGs: structures, requests, and the numbers in them.
+"""The part of Video4Linux2 needed to receive JPEGs: structures, requests, and their constants.
 
-Layouts are the C compiler's for this machine; tests hold them against the kernel's own header where there is a
+Layouts are the C compiler's for this machine; tests compare them with the kernel's own header where there is a
 compiler. A request's number is direction << 30 | size << 16 | 'V' << 8 | number. Source: linux/videodev2.h and
 linux/v4l2-controls.h, which are the kernel's interface to programs and do not change.
 """
@@ -30,7 +30,7 @@ _S32 = ctypes.c_int32
 
 
 class Control(IntEnum):
-    """V4L2_CID_*: what a camera may let itself be told."""
+    """V4L2_CID_*: the controls that a camera may have."""
 
     AUTO_WHITE_BALANCE = 0x0098090C
     GAIN = 0x00980913
@@ -48,7 +48,7 @@ def fourcc(code: str) -> int:
 
 
 def letters(number: int) -> str:
-    """Convert a pixel format's number to its four letters; what is no letter becomes a dot."""
+    """Convert a pixel format's number to its four letters, with dots for other characters."""
     return "".join(chr(byte) if chr(byte).isprintable() else "." for byte in number.to_bytes(4, "little"))
 
 
@@ -224,7 +224,7 @@ def _request(direction: int, number: int, argument: type[ctypes.Structure | ctyp
 
 
 class Request(IntEnum):
-    """VIDIOC_*: what can be asked of a device."""
+    """VIDIOC_*: the requests to a device."""
 
     QUERYCAP = _request(_READ, 0, Capability)
     ENUM_FMT = _request(_READ | _WRITE, 2, FormatDescription)

@@ -1,4 +1,4 @@
-"""How a simulated camera is: how long it takes, and what it does where nobody knows what a real one does."""
+"""Behaviour of a simulated camera: its timing, and its choices where a real one's behaviour is unknown."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ class Behaviour:
     Attributes
     ----------
     shot_s, save_s
-        How long it takes a picture, and then saves it, s.
+        Duration of taking a picture, and of saving it, s.
     apply_s
-        How long a setting that was accepted takes to show, s.
+        How long an accepted setting takes to show, s.
     long_poll_s
-        After so long without news a call that waits for them is answered with a timeout, s.
+        A call that waits for news is answered with a timeout after this long, s.
     delay_s, reboot_s, error_s, silent_s
         How long these faults last, s.
     zoom_percent_per_s
-        How fast the lens goes.
+        Speed of the lens.
     forbidden
         Calls that are answered with 403 though they are listed.
     tells_shots
-        Whether `getEvent` tells of pictures that were taken over the network.
+        Whether `getEvent` reports pictures taken over the network.
     remembers_shot
-        Whether `awaitTakePicture` tells the last picture again after its answer was lost.
+        Whether `awaitTakePicture` repeats the last picture after its answer was lost.
     clock_offset_s
-        By how much its clock is ahead at first.
+        Initial offset of its clock, positive if ahead.
     """
 
     shot_s: float = 0.3

@@ -1,4 +1,4 @@
-"""The simulated camera's clock, lens and settings, each of which follows a call in its own time."""
+"""The simulated camera's clock, lens and settings, each of which takes its own time to follow a call."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Lens:
     Parameters
     ----------
     percent_per_s
-        How fast it goes.
+        Speed.
     """
 
     def __init__(self, clock: Clock, percent_per_s: float) -> None:
@@ -96,7 +96,7 @@ class Settings:
     Attributes
     ----------
     chosen
-        Name and value of each, as it was chosen last.
+        Name and last chosen value of each.
     """
 
     def __init__(self, clock: Clock, apply_s: float) -> None:

@@ -1,7 +1,7 @@
-"""Everything that the simulated camera can do wrong, each under its name.
+"""The simulated camera's faults, by name.
 
-A fault has a place: something that happens again and again, such as a shot or a download. It is ordered for one of
-these, counted from the start, or for the next one.
+A fault has a place: a recurring event, such as a shot or a download. It is ordered for one of these, counted from the
+start, or for the next one.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the simulated camera has done, to hold a recording against."""
+"""A record of what the simulated camera has done, to compare a recording with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Delivery:
     name
         Of the picture.
     sha256
-        Of the bytes that were meant to be sent.
+        Of the bytes to be sent.
     complete
         Whether all of them were sent; it is set just before the last byte goes.
     intact

@@ -1,4 +1,4 @@
-"""Which calls the simulated camera offers in which mode, what its settings can be, and what `getEvent` answers.
+"""The simulated camera's calls by mode, the values of its settings, and its answers to `getEvent`.
 
 From recorded lists of a real one: 50 names in the automatic modes, 59 in Program Auto, fewer for movies. The answer to
 `getEvent` is a row of 35 places, each for an object of its own type; null where there is nothing.
@@ -34,7 +34,7 @@ _SETTINGS = {"BeepMode": 11, "ExposureMode": 18, "PostviewImageSize": 19, "SelfT
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A setting: what it is at first, and what it can be."""
+    """A setting: its initial value, and its possible values."""
 
     first: object
     candidates: tuple[object, ...]
@@ -86,7 +86,7 @@ def snapshot(
     Parameters
     ----------
     told
-        Address of a picture that it tells of by itself; empty for none.
+        Address of a picture that it announces unasked; empty for none.
     room
         Pictures that the memory card has room for.
     """

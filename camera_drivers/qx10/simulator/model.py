@@ -23,7 +23,7 @@ from flight_file.frame import NS_PER_S
 KEPT_PICTURES = 8
 POLL_LOOK_S = 0.02
 CARD_PICTURES = 5000  # that the memory card has room for
-UNFINISHED_ANSWERS = 2  # so often "not finished" after a shot that takes long
+UNFINISHED_ANSWERS = 2  # answers "not finished" after a shot that takes long
 
 # Not with a clock of the same second: pictures in the camera's own name carry whole seconds and a number.
 _QUERY = "?%211234%21http%2dget%3a%2a%3aimage%2fjpeg%3a%2a%21%21%21%21%21"

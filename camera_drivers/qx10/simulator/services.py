@@ -164,7 +164,7 @@ class CameraServer(ThreadingHTTPServer):
         self.parts: Parts | None = None
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore it: the faults break connections all the time."""
+        """Ignore it: the faults keep breaking connections."""
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -266,7 +266,7 @@ class Handler(BaseHTTPRequestHandler):
         self.parts.ledger.deliver(name, sent, complete=False, intact=True)
 
     def _whole(self, name: str, sent: bytes, *, intact: bool) -> Iterator[bytes]:
-        """Send all of it; the ledger is told before the last byte, so that it knows every picture delivered."""
+        """Send all of it; the ledger is updated before the last byte, so that it contains every delivered picture."""
         yield sent[:-1]
         self.parts.ledger.deliver(name, sent, complete=True, intact=intact)
         yield sent[-1:]
@@ -303,7 +303,7 @@ class Handler(BaseHTTPRequestHandler):
     def send(self, status: int, kind: str, blocks: Iterator[bytes], *, length: int | None) -> None:
         """Send an answer in these blocks, with this length announced; None for none."""
         self.close_connection = True
-        with suppress(OSError):  # nobody is there to hear of it
+        with suppress(OSError):  # the client is gone
             self.send_response(status)
             self.send_header("Content-Type", kind)
             self.send_header("Connection", "close")

@@ -26,7 +26,7 @@ class Power:
     Parameters
     ----------
     set_on
-        Makes the camera's ports be there, or not.
+        Opens or closes the camera's ports.
     """
 
     def __init__(self, model: CameraModel, clock: Clock, set_on: Callable[[bool], None]) -> None:
