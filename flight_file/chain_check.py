@@ -1,9 +1,9 @@
-"""Follow the chain through the segments of a recording, and say of each break what made it.
+"""Follow the chain through the segments of a recording, and determine the cause of each break.
 
 A frame that the recorder never stored leaves a gap in the sequence numbers, but none in the chain; a frame that was
-removed later leaves both. That is how the two are told apart. A frame whose number was changed is no frame that was
-removed: the heads of its messages still have its number. Behind a frame that does not fit nobody can say what the next
-one should go on from, so the next one is believed: the first fault is named, and nothing is made up.
+removed later leaves both. That is how the two are told apart. A frame whose number was changed is not a removed frame:
+the heads of its messages still have its number. After a frame that does not fit, the chain's value is unknown, so the
+next frame's own is accepted: the first fault is named, and nothing is invented.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Counted:
     Attributes
     ----------
     frames
-        Those whose record is there.
+        Those whose record exists.
     behind
-        How many of them stand behind its proven bytes.
+        How many of them are after its proven bytes.
     first_behind
         Number of the first of these; None if there are none.
     """
@@ -40,7 +40,7 @@ class Counted:
 
 @dataclass(frozen=True, slots=True)
 class _PendingDamage:
-    """Damage that was not reported yet, as what comes next tells what it is; `number` is the frame it hit, if known."""
+    """Damage not reported yet, since what follows determines its kind; `number` is the frame it hit, if known."""
 
     reason: str
     number: int | None = None
@@ -48,7 +48,7 @@ class _PendingDamage:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Which frame a finding is about, and when it was taken, ns; None if its record cannot be read."""
+    """The frame a finding is about, and when it was taken, ns; None if its record cannot be read."""
 
     number: int
     captured_ns: int | None
@@ -67,7 +67,7 @@ class ChainCheck:
         self.findings: list[Finding] = []
         self._before: Segment | None = None
         self._before_is_signed = False
-        self._value: str | None = None  # None: not known, the next frame's own value is believed
+        self._value: str | None = None  # None: not known, the next frame's own value is accepted
         self._expected: int | None = None
         self._at_start = True  # no frame has been seen; counting begins with 0 if this is the first segment
         self._excused = False  # something before the next frame is damaged or changed, and has been reported
@@ -83,7 +83,7 @@ class ChainCheck:
         Parameters
         ----------
         contents
-            Learns what the chunks hold.
+            Receives what the chunks contain.
         proven_bytes
             How much of it, from its start, is proven by a key.
 
@@ -119,7 +119,7 @@ class ChainCheck:
         return Counted(len(numbers), len(behind), behind[0] if behind else None)
 
     def finish(self) -> None:
-        """There are no more segments."""
+        """End the check after the last segment."""
         last = self._before
         if last is not None and last.end is not None and last.end.reason == NEXT_SEGMENT:
             self._find(FindingKind.MISSING_SEGMENT, last, "the segments after it were not given")
@@ -145,8 +145,8 @@ class ChainCheck:
             self._find(FindingKind.CHANGED_SEGMENT, segment, "it carries no chain, but the segment before it does")
 
     def _broken_joint(self, before: Segment, segment: Segment, *, is_proven: bool) -> tuple[FindingKind, Segment, str]:
-        # A recorder goes on from what it has synced: if the box vouches for this segment, only its own word that
-        # something was lost from the one before explains the break.
+        # A recorder continues from what it has synced: if the box vouches for this segment, only its own statement
+        # that the one before lost something explains the break.
         declared = before.end is not None and before.end.recovered and (self._before_is_signed or not is_proven)
         if declared or (before.end is None and not is_proven):
             reason = "frames between it and the segment before, which was cut off, are lost"
@@ -166,7 +166,7 @@ class ChainCheck:
     def _check_outline(self, segment: Segment) -> None:
         for loss in segment.losses:
             if loss.length:
-                continue  # comes up where it lies
+                continue  # is reported at its place
             if loss.kind is LossKind.DAMAGED:
                 recovered = segment.end is not None and segment.end.recovered
                 self._find(FindingKind.RECOVERED if recovered else FindingKind.DAMAGED, segment, loss.reason)
@@ -176,7 +176,7 @@ class ChainCheck:
                 self._find(FindingKind.CUT, segment, loss.reason)
 
     def _check_record(self, segment: Segment, record: FrameRecord) -> int:
-        """Check one frame; gives its number."""
+        """Check one frame; return its number."""
         fits = self._fits(segment, record)
         self._report_torn(segment, frames_are_lost=not fits)
         self._value = record.stated or None
@@ -201,11 +201,11 @@ class ChainCheck:
         self._at_start = False
 
     def _next(self) -> int | None:
-        """Predict the number of the next frame if none is left out; None if unknown."""
+        """Predict the number of the next frame if none is missing; None if unknown."""
         return 0 if self._at_start else self._expected
 
     def _number(self, record: FrameRecord, *, fits: bool) -> int:
-        """Which frame it is: what its record says, unless that was changed."""
+        """Return the frame's number: as its record says, unless that was changed."""
         if record.sequence is not None and (fits or record.head_number != self._next()):
             return record.sequence
         return max(record.head_number, self._next() or 0)
@@ -250,7 +250,7 @@ class ChainCheck:
             self.findings[index] = replace(self.findings[index], kind=FindingKind.REORDERED, reason=reason)
 
     def _check_damaged(self, segment: Segment, chunk: ChunkRecords) -> None:
-        """Find which frame of a damaged chunk is hit, by what can still be read of it."""
+        """Find the damaged frame of a damaged chunk, by what can still be read of it."""
         hit, misfit = None, ""
         for record in chunk.frames:
             fits = self._fits(segment, record)
@@ -280,7 +280,7 @@ class ChainCheck:
         if segment.finished:
             end = segment.end
             self._report_torn(segment, frames_are_lost=end is None or end.chain != self._value)
-        # What is torn at the end of a file that was never finished is what a power cut leaves.
+        # A torn end of a file that was never finished is what a power cut leaves.
         for torn in self._torn:
             self._find(FindingKind.CUT, segment, torn.reason)
         self._torn.clear()

@@ -1,12 +1,11 @@
-"""What people attach, parsed within limits that hold before memory is taken: YAML documents, and pictures' headers.
+"""Parse attachments, YAML documents and pictures' headers, within limits checked before memory is allocated.
 
-A YAML document may come from anybody, inside a flight file too. So its cost is bounded first: its depth, and its number
-of values with aliases written out. What would be read differently from how it looks is refused: a repeated key, or a
-tag for anything but plain values. A date stays text, so a file may be called `2018-05-04`, or `2018-13-45`.
+A YAML document may come from anyone, inside a flight file too. So its cost is limited first: its depth, and its number
+of values with aliases expanded. Anything that would be read differently from how it looks is refused: a repeated key,
+or a tag for anything but plain values. A date stays text, so a file may be called `2018-05-04`, or `2018-13-45`.
 
-A JPEG's markers are followed as libjpeg follows them, through fill bytes and stray ones, so that no picture is larger
-than it says here. Sources: ITU-T T.81 annex B; PNG (third edition) 11.2.1;
-RFC 9649 and RFC 6386 (WebP).
+A JPEG's markers are followed as by libjpeg, through fill bytes and stray ones, so that no picture is larger than found
+here. Sources: ITU-T T.81 annex B; PNG (third edition) 11.2.1; RFC 9649 and RFC 6386 (WebP).
 """
 
 from __future__ import annotations
@@ -62,13 +61,13 @@ class PictureHeader:
     Attributes
     ----------
     height_at
-        Where in the file the height stands.
+        Offset of the height in the file.
     is_sequential
-        Whether rows follow each other from top to bottom, all of them in the file.
+        Whether all rows are in the file, from top to bottom.
     scans
-        How often its pixels are gone over.
+        Number of passes over its pixels.
     stored_bytes
-        Of its pixels before they were compressed, if that says more than their number.
+        Of its pixels before compression, if that says more than their number.
     """
 
     height_px: int
@@ -105,7 +104,7 @@ def is_heif(head: bytes) -> bool:
 
 
 def picture_header(encoded: bytes) -> PictureHeader | None:
-    """Parse the header of a JPEG, PNG or WebP; None if it is none, or damaged before it states its size."""
+    """Parse the header of a JPEG, PNG or WebP; None for another file, or one damaged before it states its size."""
     if encoded.startswith(SOI):
         return _jpeg_header(encoded)
     if encoded.startswith(PNG_START) and len(encoded) >= _PNG.size:
@@ -162,7 +161,7 @@ _SCAN_START = bytes((0xFF, SOS))
 def jpeg_segments(encoded: bytes) -> Iterator[tuple[int, int, int]]:
     """Iterate over marker, start and end of the content of each segment, up to and including the first scan's head.
 
-    A segment that the file cuts short ends the walk.
+    A truncated segment ends the walk.
     """
     at, last = len(SOI), len(encoded) - _HEAD.size
     while at <= last:
@@ -190,7 +189,7 @@ def parse_yaml(text: bytes | str) -> Any:  # noqa: ANN401 - it is whatever the t
     Raises
     ------
     NotYamlError
-        With the line, where it is known.
+        With the line, if known.
     """
     if len(text) > MAX_YAML_BYTES:
         raise NotYamlError("is larger than 1 MiB; shorten it")
@@ -203,7 +202,7 @@ def parse_yaml(text: bytes | str) -> Any:  # noqa: ANN401 - it is whatever the t
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise _not_yaml(error.problem or error.context or "", mark) from error
-    except (ValueError, OverflowError) as error:  # PyYAML makes numbers of escapes and versions without looking
+    except (ValueError, OverflowError) as error:  # PyYAML converts escapes and versions to numbers unchecked
         mark = None if loader is None else loader.get_mark()
         raise _not_yaml("an escape or a version is out of range", mark) from error
 
@@ -214,14 +213,14 @@ def _not_yaml(problem: str, mark: yaml.Mark | None) -> NotYamlError:
 
 
 class _RefusedError(yaml.MarkedYAMLError):
-    """YAML, but none that we take; as one of PyYAML's own errors it finds its way out of it."""
+    """YAML that we do not accept; derived from PyYAML's errors, so that PyYAML passes it on."""
 
     def __init__(self, problem: str, mark: yaml.Mark) -> None:
         super().__init__(problem=problem, problem_mark=mark)
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's loader with limits where it composes nodes, which is before it makes values of them."""
+    """PyYAML's loader with limits on composing nodes, which is before values are made of them."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012 - PyYAML's way
         first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]

@@ -1,4 +1,4 @@
-"""What can be wrong with a flight file: errors, the losses that a reader reports, what a verification finds.
+"""Errors of flight files, the losses that a reader reports, and the findings of a verification.
 
     FlightFileError
     ├── FlightNotReadableError     no such file, a directory, no permission, a read error
@@ -6,8 +6,8 @@
     ├── MixedFlightsError          the files given are not the segments of one recording
     ├── FlightNotWrittenError      no permission, disk full, or the name is taken
     ├── NothingToRecoverError      a damaged file in which no recorded byte is left
-    ├── KeyFileError               a file that should hold a key does not, or cannot be made
-    └── NotYamlError               a text is no YAML, or none that we take
+    ├── KeyFileError               a key's file contains no key, or cannot be made
+    └── NotYamlError               a text is not YAML, or not accepted
 
 Each message is one sentence that says what to do. Damage *inside* a file is no error: it is a `Loss` that the reader
 reports.
@@ -38,7 +38,7 @@ class FlightNotReadableError(_PathError):
 
 
 class NotAFlightError(_PathError):
-    """The file can be read, but no flight is in it."""
+    """The file can be read, but contains no flight."""
 
 
 class MixedFlightsError(FlightFileError):
@@ -58,12 +58,12 @@ class KeyFileError(_PathError):
 
 
 class NotYamlError(FlightFileError):
-    """A text is no YAML, or none that we take; its message is to follow the text's name.
+    """A text is not YAML, or not accepted; the message follows the text's name.
 
     Attributes
     ----------
     where
-        The line, counted from 1; empty where there is none.
+        The line, counted from 1; empty if there is none.
     problem
         What is wrong, and what to do.
     """
@@ -98,7 +98,7 @@ class Loss:
     path
         The file it was noticed in.
     offset, length
-        Bytes of that file which are lost; length 0 where nothing in the file itself is damaged.
+        Lost bytes of that file; length 0 if nothing in the file itself is damaged.
     reason
         One sentence without its full stop.
     """
@@ -162,7 +162,7 @@ class Finding:
     reason
         One sentence without its full stop.
     sequence, captured_ns
-        The frame it is about; None where it is about no frame, or where the frame cannot be read any more.
+        The frame it is about; None if it is about no frame, or the frame cannot be read any more.
     """
 
     kind: FindingKind
@@ -178,5 +178,5 @@ class Finding:
 
     @property
     def is_loss(self) -> bool:
-        """Whether something is not there, so that nobody can say whether it would fit."""
+        """Whether something is missing, so that it cannot be checked."""
         return self.kind in LOSSES

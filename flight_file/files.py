@@ -1,4 +1,4 @@
-"""Files that are written front to back, say when their bytes are safe, and are locked while they are in work.
+"""Files that are written sequentially, report when their bytes are safe, and are locked while in work.
 
 Unbuffered: the MCAP writer hands over whole records, and a failed write must not be retried by a buffer that is being
 discarded. The recorder holds `flock` on its `.part` from the first byte until the final name; the kernel releases it
@@ -55,8 +55,8 @@ class DurableFile:
         except OSError as error:
             raise _not_written(path, error) from error
         self._digest = hashlib.sha256() if digested else None
-        # Where a file system has no locks the recording matters more. Somebody who looks whether the file is in work
-        # holds the lock for a moment only.
+        # On a file system without locks the recording is more important. A check whether the file is in work holds
+        # the lock only for a moment.
         with suppress(OSError):
             fcntl.flock(self._descriptor, fcntl.LOCK_EX)
 
@@ -108,11 +108,11 @@ class DurableFile:
         """Close it as it is; a second time does nothing."""
         if self._descriptor >= 0:
             descriptor, self._descriptor = self._descriptor, -1
-            with suppress(OSError):  # what matters was synced, and a descriptor is gone after a failed close too
+            with suppress(OSError):  # all that matters was synced, and a failed close frees the descriptor too
                 os.close(descriptor)
 
     def discard(self) -> None:
-        """Close and remove it, if the disk allows and it is still ours."""
+        """Close and remove it, if the disk allows and its name is still ours."""
         gone = self.is_gone
         self.close()
         if not gone:
@@ -121,7 +121,7 @@ class DurableFile:
 
     @property
     def is_gone(self) -> bool:
-        """Whether somebody deleted, renamed or replaced it while it is open; a disk that is away takes nothing away."""
+        """Whether it was deleted, renamed or replaced while open; with a missing disk it is not gone."""
         if self._descriptor < 0:
             return False
         try:
@@ -160,7 +160,7 @@ class DurableFile:
 
 
 def cut_file(path: Path, size_bytes: int) -> None:
-    """Truncate a file durably to this size; a missing one is small enough.
+    """Truncate a file durably to this size; a missing file is no error.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def sync_directory(directory: Path) -> None:
 
 
 def refuse_existing(target: Path) -> None:
-    """Raise FlightNotWrittenError if there is something under this name, or the disk does not say."""
+    """Raise FlightNotWrittenError if the name exists, or the disk does not say."""
     try:
         if target.exists():
             raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
@@ -244,9 +244,9 @@ def _not_written(path: Path, error: OSError) -> FlightNotWrittenError:
 
 @contextmanager
 def claimed(path: Path) -> Iterator[bool]:
-    """Lock a file inside the `with` block; yields False at once if somebody else has it in work.
+    """Lock a file inside the `with` block; yields False at once if another process has it in work.
 
-    Needs the right to read the file, no more.
+    Only the right to read the file is needed.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def claimed(path: Path) -> Iterator[bool]:
 
 
 def in_work(path: Path) -> bool:
-    """Whether somebody has the file in work; a file that is gone is in nobody's work.
+    """Whether a process has the file in work; a missing file is not in work.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def _lock(descriptor: int, path: Path) -> bool:
     except OSError as error:
         reason = f"cannot be locked ({error.strerror}); copy it to another disk"
         raise FlightNotReadableError(path, reason=reason) from error
-    # Whoever had it before may have given it its final name meanwhile.
+    # Its previous holder may have given it its final name meanwhile.
     with suppress(OSError):
         return path.stat().st_ino == os.fstat(descriptor).st_ino
     return False

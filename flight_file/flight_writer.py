@@ -1,4 +1,4 @@
-"""Write a recording: what its segments have in common, and when the next one begins."""
+"""Write a recording: the common parts of its segments, and when the next one begins."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class Plan:
     Attributes
     ----------
     directory
-        Where the segments lie; it exists.
+        Directory of the segments; it exists.
     session
-        As for the first segment; number, start and chain are filled in for each segment. One that goes on with a
-        recording begun by another writer says so by its `segment` and `chain`.
+        As for the first segment; number, start and chain are filled in for each segment. To continue a recording of
+        another writer, set its `segment` and `chain`.
     attachments
         Content by name; carried inside every segment.
     segment_ns, segment_bytes, segment_frames
-        How long a segment may become, ns, how large, and of how many frames; one frame always has room in it.
+        Longest duration of a segment, ns, largest size, and most frames; one frame always fits.
     signer
         Signs each finished segment; None for no signatures.
     """
@@ -84,13 +84,13 @@ class FlightWriter:
         self._segment.write_frame(frame, at)
 
     def write_status(self, status: CameraStatus, at: ClockReading) -> None:
-        """Store a change of the camera's state; the next segment will start with it."""
+        """Store a change of the camera's state; the next segment starts with it."""
         self._status = status
         self._dropped = max(self._dropped, status.dropped)
         self._segment.write_status(status, at)
 
     def write_remark(self, status: CameraStatus, at: ClockReading) -> None:
-        """Store something that happened in this state of the camera; the next segment will not repeat it."""
+        """Store an event in this state of the camera; the next segment does not repeat it."""
         self._dropped = max(self._dropped, status.dropped)
         self._segment.write_status(status, at)
 
@@ -104,7 +104,7 @@ class FlightWriter:
         self._segment.write_log(line, at)
 
     def tick(self, at: ClockReading) -> None:
-        """Sync, and close a segment that is long enough; to be called while no frames come."""
+        """Sync, and close a segment that is long enough; call it while no frames come."""
         if self._segment.frames or self._age_ns(at) >= EMPTY_SEGMENT_NS:
             self.make_room(at)
         self._segment.tick(at)
@@ -137,7 +137,7 @@ class FlightWriter:
 
     @property
     def is_gone(self) -> bool:
-        """Whether somebody deleted, renamed or replaced the open segment."""
+        """Whether the open segment was deleted, renamed or replaced."""
         return self._segment.is_gone
 
     def refuse_gone(self) -> None:
@@ -145,7 +145,7 @@ class FlightWriter:
         self._segment.refuse_gone()
 
     def remains(self) -> Remains:
-        """Close the open segment as it is, for a writer that writes again what is not certain to be on the disk."""
+        """Close the open segment as it is, for a writer that rewrites what is not certain to be on the disk."""
         return self._segment.remains()
 
     def _age_ns(self, at: ClockReading) -> int:

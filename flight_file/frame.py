@@ -1,11 +1,11 @@
-"""What is recorded, and when: frames as the camera sent them, reports beside them, and the times of both.
+"""Recorded data with their times: frames as the camera sent them, and reports.
 
-Time is integer nanoseconds. `realtime` is UTC since the Unix epoch and may jump; `monotonic` never runs back but means
-nothing outside one boot of the box.
+Time is integer nanoseconds. `realtime` is UTC since the Unix epoch and may jump; `monotonic` never goes back but is
+meaningless outside one boot of the box.
 
-Log times follow the monotonic clock and never run back. Each segment is anchored to the wall clock when it begins, so
-a clock that is set right during a recording counts from the next segment on. Only a clock that is set back is not
-followed. Every message carries what the clocks themselves said.
+Log times follow the monotonic clock and never go back. Each segment is anchored to the wall clock when it begins, so
+setting the clock during a recording takes effect in the next segment. Only a clock that is set back is not followed.
+Every message contains the clocks' own readings.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class HostTimes:
 
 @dataclass(frozen=True, slots=True)
 class Exif:
-    """The EXIF tags that matter; each is None where the picture does not say.
+    """The EXIF tags in use; each is None if missing in the picture.
 
     `datetime` is ISO 8601 with as many fractions of a second as the picture gives, and an offset only if the picture
     gives one.
@@ -75,12 +75,12 @@ class Exif:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a picture of a video file stood in it.
+    """Position of a picture in its video file.
 
     Attributes
     ----------
     file
-        Which of the originals that the session names, from 0.
+        Index of the session's originals, from 0.
     time_ns
         Its presentation time in that file.
     sha256
@@ -94,26 +94,26 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class GpsFix:
-    """Where a GPS receiver beside the camera was, or that it did not know; None where it did not say.
+    """Position of a GPS receiver beside the camera, or none; None for values not reported.
 
     Attributes
     ----------
     captured_ns
         When, by the frames' clock.
     origin_file, origin_ns
-        Which of the originals that the session names it stood in, from 0, and when in that file.
+        Index of the session's originals, from 0, and the time in that file.
     fix
         NO_FIX, FIX_2D (no altitude) or FIX_3D.
     latitude_deg, longitude_deg
         WGS 84.
     altitude_m
-        As the receiver has it: above the ellipsoid or above the sea.
+        As the receiver reports it: above the ellipsoid or above sea level.
     speed_mps, speed_3d_mps
         Over ground, and in space.
     dop
         Dilution of precision: below 5 is good.
     gps_ns
-        The receiver's own time, UTC since the Unix epoch; it need not be what the frames' clock says.
+        The receiver's own time, UTC since the Unix epoch; it may differ from the frames' clock.
     """
 
     captured_ns: int
@@ -131,7 +131,7 @@ class GpsFix:
 
 @dataclass(frozen=True, slots=True)
 class SoundPeaks:
-    """The strongest tones of a short window of sound; neither their phases nor what lies between them.
+    """The strongest tones of a short window of sound, without phases and without the rest.
 
     Attributes
     ----------
@@ -156,14 +156,14 @@ class SoundPeaks:
 
 @dataclass(frozen=True, slots=True)
 class SoundPacket:
-    """A packet of a film's sound, byte for byte as it came; only where somebody asked for it.
+    """A packet of a film's sound, byte for byte; only on request.
 
     Attributes
     ----------
     time_ns
         When it begins, by the frames' clock.
     codec
-        What FFmpeg calls it, such as `aac`.
+        Its name in FFmpeg, such as `aac`.
     header
         What a decoder needs before the first packet; empty for many codecs.
     """
@@ -181,19 +181,19 @@ Sound = SoundPeaks | SoundPacket
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A group of pictures of a video: what it takes to decode each of them, in decoding order.
+    """A group of pictures of a video: all packets needed to decode them, in decoding order.
 
     Attributes
     ----------
     format
         `h264` or `h265`.
     packets
-        Each with its place among the group's pictures in the order of time, from 0. A place is left out whose picture
-        is another group's: it is here because one of this group's is built on it.
+        Each with its place among the group's pictures in order of time, from 0; None for a picture of another group
+        that one of this group's depends on.
     rotation_deg
-        By how much pictures are to be turned clockwise before anybody looks at them: 0, 90, 180 or 270.
+        Clockwise rotation to be applied to its pictures: 0, 90, 180 or 270.
     trouble
-        Why no picture of it can be decoded, in words; empty if they can.
+        Why its pictures cannot be decoded, in words; empty if they can.
     """
 
     format: str
@@ -209,11 +209,11 @@ class Frame:
     Attributes
     ----------
     sequence
-        Counts the frames of one recording from 0; a gap is a frame that was taken but not stored.
+        Number of the frame in its recording, from 0; a gap is a frame that was taken but not stored.
     captured_ns
         Best estimate of mid-exposure, realtime.
     captured_sigma_ns
-        Its standard deviation; None where nobody can say.
+        Its standard deviation; None if unknown.
     encoded
         The picture, byte for byte as the camera sent it; of a video its packet, as an access unit in Annex B.
     sha256
@@ -224,20 +224,20 @@ class Frame:
     zoom_position
         The camera's own zoom position, 0 (wide) to 100 (tele) percent, if it says.
     format
-        What `encoded` is: `jpeg`, `png`, `webp`, `h264` or `h265`.
+        Format of `encoded`: `jpeg`, `png`, `webp`, `h264` or `h265`.
     rotation_deg
-        By how much a video says that its pictures are to be turned clockwise: 0, 90, 180 or 270.
+        Clockwise rotation of its pictures that a video asks for: 0, 90, 180 or 270.
     origin
         Where a video's picture came from; None for other pictures.
     readout_s
-        How long the camera takes from the first row of its sensor to the last; None where nobody knows.
+        Read-out time of the camera's sensor, from the first row to the last; None if unknown.
     fixes
-        Positions that came with it; a reader has them from `Flight.fixes`, and not here.
+        Positions that came with it; empty in a reader, which has them in `Flight.fixes`.
     sound
-        What was heard beside it; a reader has it from `Flight.heard`, and not here.
+        Sound that came with it; empty in a reader, which has it in `Flight.heard`.
     group, place
-        The group of pictures that a video's picture is decoded with, and which of its pictures it is in the order of
-        time; None and 0 where a flight is not read for its pictures.
+        The group of pictures that a video's picture is decoded with, and its place there in order of time; None and 0
+        if a flight is not read for its pictures.
     """
 
     sequence: int
@@ -261,7 +261,7 @@ class Frame:
 
     def with_encoded(self, encoded: bytes) -> Frame:
         """Copy the frame with this picture."""
-        return Frame(  # `replace` costs four times that, for each frame that is read
+        return Frame(  # `replace` takes four times as long, for each frame that is read
             self.sequence,
             self.captured_ns,
             encoded,
@@ -299,16 +299,16 @@ class CameraStatus:
     Attributes
     ----------
     state
-        What the camera does now, e.g. `connected`, `lost`, `finished`.
+        The camera's present state, e.g. `connected`, `lost`, `finished`.
     reason
-        Why it changed, in words; empty where the state says it all.
+        Why it changed, in words; empty if the state is explanation enough.
     dropped
         Frames that were taken but not stored since the recording began.
     sequence
         The frame this is about, if it is about one.
     camera_clock_offset_ns, camera_clock_sigma_ns
-        By how much the camera's clock, as it stands in EXIF, is ahead of UTC, and its standard deviation; None where
-        this is not about the clock.
+        How far the camera's clock, as in EXIF, is ahead of UTC, and its standard deviation; None if this is not about
+        the clock.
     """
 
     state: str
@@ -326,13 +326,13 @@ class Health:
     Attributes
     ----------
     free_bytes
-        Room left where the recordings lie; None if the system does not say.
+        Free space for the recordings; None if the system does not say.
     frame_rate_hz
         Frames stored per second since the health message before.
     stored, dropped
         Frames since the recording began.
     queued
-        Frames that wait to be written; None where that means nothing (a replay that waits for the disk).
+        Frames waiting to be written; None where that is meaningless (a replay that waits for the disk).
     drops_by_reason
         `dropped`, split by reason.
     temperatures_c
@@ -340,7 +340,7 @@ class Health:
     clock
         `system` or `simulated`.
     clock_offset_ns
-        Realtime minus monotonic clock: it is constant unless somebody sets the clock.
+        Realtime minus monotonic clock: constant unless the clock is set.
     """
 
     free_bytes: int | None

@@ -2,7 +2,7 @@
 
 The order of `TOPICS` is part of the format: our writer registers the channels in this order, so that their ids are 1
 to 9 in each of our files; those that do not need them lack the last ones. MCAP keeps the channel records only in the
-chunk in which they come first; a reader that finds this chunk lost goes on with this table.
+chunk in which they come first; if this chunk is lost, a reader uses this table.
 
 Times in JSON are `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles.
 """
@@ -218,7 +218,7 @@ _HEALTH_SCHEMA = _schema(
 )
 
 
-# Foxglove's map shows what is called so and has its fields; what else it holds, it passes over.
+# Foxglove's map shows messages of this name with its fields, and ignores further ones.
 _FIX_SCHEMA = _schema(
     "foxglove.LocationFix",
     ["timestamp", "frame_id", "position_covariance_type", "fix", "file", "time"],
@@ -324,7 +324,7 @@ class Clocks(msgspec.Struct, frozen=True):
 
     @property
     def reading(self) -> ClockReading:
-        """What both said."""
+        """Both readings."""
         return ClockReading(self.realtime.time_ns, self.monotonic.time_ns)
 
 
@@ -351,7 +351,7 @@ class HostClocks(msgspec.Struct, frozen=True):
 
 
 class MalformedMessageError(ValueError):
-    """A message whose bytes are whole but which is not what its topic promises; the reader turns it into a loss."""
+    """A message whose bytes are whole but do not fit its topic; the reader turns it into a loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,7 +363,7 @@ class Image:
 
 
 def json_bytes(document: dict[str, Any]) -> bytes:
-    """Encode a document without what is None."""
+    """Encode a document, leaving out what is None."""
     present = {key: value for key, value in document.items() if value is not None}
     return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
@@ -374,7 +374,7 @@ def time_or_none(time_ns: int | None) -> dict[str, int] | None:
 
 
 def picture_topic(frame: Frame) -> str:
-    """Tell which topic a frame's picture is on."""
+    """Return the topic of a frame's picture."""
     return VIDEO_TOPIC if frame.format in VIDEO_FORMATS else IMAGE_TOPIC
 
 
@@ -435,7 +435,7 @@ class _OriginRecord(msgspec.Struct, frozen=True):
 
 
 class _FrameRecord(msgspec.Struct, frozen=True):
-    """What `encode_frame` writes, as far as it is asked for again."""
+    """What `encode_frame` writes, as far as it is read again."""
 
     sequence: Whole
     captured: Moment
@@ -453,7 +453,7 @@ class _FrameRecord(msgspec.Struct, frozen=True):
 
 
 class _Report(msgspec.Struct, frozen=True):
-    """Of a camera status or a health report."""
+    """The fields read of a camera status or a health report."""
 
     dropped: Whole
 

@@ -1,8 +1,7 @@
 """Read a flight: one or several segments of a recording, finished, unfinished or damaged.
 
-A frame is delivered only if its chunk fits its CRC and its JPEG fits its SHA-256; whatever else is in the files is a
-`Loss`. Memory holds one chunk at a time.
-Some frames are picked by reading only the chunks they are in.
+A frame is delivered only if its chunk fits its CRC and its JPEG fits its SHA-256; anything else is a `Loss`. Memory
+holds one chunk at a time. Selected frames are read from only the chunks they are in.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ def count_images(segment: Segment) -> ImageCounts:
 
 
 def picked(segment: Segment, counts: ImageCounts, wanted: Container[int]) -> Iterator[tuple[ChunkPlace, Frame] | Loss]:
-    """Read the wanted frames of a segment, by image rank, each with its chunk; or the loss in its place.
+    """Read the wanted frames of a segment, by image rank, each with its chunk, or the loss instead.
 
     Raises
     ------
@@ -108,7 +107,7 @@ def sampled(segment: Segment, counts: ImageCounts, wanted: Container[int]) -> It
 
 
 class CaptureTimes:
-    """Capture times of a segment's images; caches those of the chunk that was read last."""
+    """Capture times of a segment's images, with those of the last chunk read cached."""
 
     def __init__(self, segment: Segment, counts: ImageCounts) -> None:
         self._segment = segment
@@ -195,9 +194,9 @@ class Flight:
     paths
         Its files in the order of their segments.
     session
-        Of the first segment; see `segments` for the others.
+        Of the first segment; the others' are in `segments`.
     attachments
-        Content by name; from the first segment that has it whole.
+        Content by name; from the first segment with an undamaged copy.
     """
 
     def __init__(self, segments: Sequence[Segment], attachments: Mapping[str, bytes]) -> None:
@@ -222,7 +221,7 @@ class Flight:
         Parameters
         ----------
         part
-            Of `range(count())`. Only the chunks are read that such frames are in, and only their losses are noted.
+            Of `range(count())`. Only the chunks with these frames are read, and only their losses noted.
 
         Raises
         ------
@@ -241,14 +240,14 @@ class Flight:
             yield frame
 
     def shown(self, part: range | None = None) -> Iterator[Frame]:
-        """Iterate as `frames`, but in the order of time, each picture of a video with the group that it is decoded by.
+        """Iterate as `frames`, but in order of time, each picture of a video with the group needed to decode it.
 
-        They are numbered in the order of time too: pictures of a video exchange the numbers that they are stored under.
+        They are also numbered in order of time: a video's pictures exchange their stored numbers.
 
         Parameters
         ----------
         part
-            Of `range(count())`, in the order of time. Of a video, reading begins with a key frame before it.
+            Of `range(count())`, in order of time. A video is read from a key frame before it.
 
         Raises
         ------
@@ -266,9 +265,9 @@ class Flight:
             yield from (frame for rank, frame in enumerate(group, start=first) if rank in part)
 
     def _groups_from(self, rank: int) -> Iterator[tuple[int, list[Frame]]]:
-        """Iterate over a video's groups from the one on that holds the picture of this rank, each with its first rank.
+        """Iterate over a video's groups, starting at the picture of this rank, each with its first rank.
 
-        A rank counts in the order of time: pictures of the group before that follow its key frame are counted with it.
+        Ranks are in order of time: pictures that follow a key frame but belong to the group before count with that.
         """
         total, key = self.count(), rank
         while True:
@@ -334,7 +333,7 @@ class Flight:
     def fixes(self) -> Iterator[GpsFix]:
         """Iterate over the positions in the order they were recorded; those that cannot be read are losses.
 
-        Only the chunks are read that hold any, by their indexes.
+        Only the chunks that contain any are read, by their indexes.
 
         Raises
         ------
@@ -344,7 +343,7 @@ class Flight:
         return self._beside({FIX_TOPIC: decode_fix})
 
     def heard(self) -> Iterator[Sound]:
-        """Iterate over what is kept of the sound, as `fixes` over the positions: its strongest tones, or packets too.
+        """Iterate over what is kept of the sound: its strongest tones, possibly also packets.
 
         Raises
         ------
@@ -366,7 +365,7 @@ class Flight:
                         self._note(Loss(segment.path, place.offset, place.length, str(error), LossKind.DAMAGED))
 
     def count(self) -> int:
-        """Count the frames that the files' own indexes list, damaged ones included.
+        """Count the frames in the files' own indexes, damaged ones included.
 
         Raises
         ------
@@ -378,9 +377,8 @@ class Flight:
     def sample_frames(self, count: int) -> Iterator[Frame]:
         """Iterate over at most `count` frames spread evenly from first to last; always the same ones.
 
-        Reads only the chunks they are in, and of a video the groups: a key frame stands for what follows it, unless
-        another frame of its group was chosen before. A chosen frame that is damaged is left out; `frames` is what
-        reports it.
+        Only their chunks are read, and of a video their groups: a key frame replaces those after it, unless another
+        frame of its group was chosen before. A damaged one is left out; `frames` reports it.
 
         Raises
         ------
@@ -404,14 +402,14 @@ class Flight:
             before = rank
 
     def _group_of(self, rank: int) -> tuple[int, list[Frame]]:
-        """Read the group that holds the picture of this rank; the one that was read last is kept."""
+        """Read the group with the picture of this rank; the last one read is cached."""
         first, group = self._held
         if not first <= rank < first + len(group):
             self._held = next(self._groups_from(rank), (rank, []))
         return self._held
 
     def captured_ns(self, rank: int) -> int | None:
-        """Return the capture time of a frame by its rank in the order of time; None if it is damaged.
+        """Return the capture time of a frame by its rank in order of time; None if it is damaged.
 
         Raises
         ------
@@ -470,7 +468,7 @@ def open_flight(paths: Sequence[Path]) -> Flight:
     FlightNotReadableError
         A file does not exist, is a directory, or may not be read.
     NotAFlightError
-        A file is empty or no MCAP.
+        A file is empty or not MCAP.
     MixedFlightsError
         The files belong to different recordings, or a segment is given twice.
     """

@@ -1,13 +1,13 @@
-"""The MCAP records and chunks that a flight is read from, parsed without trusting a single length.
+"""The MCAP records and chunks of a flight, parsed without trusting any length.
 
-A record is: opcode u8, length u64, content; all little-endian. What is read here and how damage shows in it:
+A record is: opcode u8, length u64, content; all little-endian. What is read here and how damage is detected:
 
 | record     | opcode | checked by                                                        |
 | ---------- | ------ | ----------------------------------------------------------------- |
 | Chunk      | 0x06   | its two lengths agree; CRC of the uncompressed records            |
-| MsgIndex   | 0x07   | its two lengths agree; only counts are taken from it              |
+| MsgIndex   | 0x07   | its two lengths agree; only its counts are used                   |
 | Attachment | 0x09   | its lengths agree; its own CRC                                    |
-| Statistics | 0x0B   | its lengths agree; only what is plausible is taken from it        |
+| Statistics | 0x0B   | its lengths agree; only plausible values are used                  |
 | Metadata   | 0x0C   | its lengths agree; our digest inside (see `session`)              |
 
 Source: https://mcap.dev/spec. The `mcap` package checks no attachment CRC and stops at the first damaged chunk, hence
@@ -42,7 +42,7 @@ _U64 = struct.Struct("<Q")
 
 
 class Opcode(IntEnum):
-    """Opcodes of the records that may stand in a flight."""
+    """Opcodes of the records of a flight."""
 
     HEADER = 0x01
     FOOTER = 0x02
@@ -62,11 +62,11 @@ class Opcode(IntEnum):
 
 
 class DamagedRecordError(ValueError):
-    """A record that is not what was written; the reader turns it into a loss."""
+    """A record differs from what was written; the reader turns it into a loss."""
 
 
 class MisplacedRecordError(ValueError):
-    """A record that is whole but does not belong where it stands; the reader turns it into a loss."""
+    """A record is whole but misplaced; the reader turns it into a loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ class Fields:
             raise DamagedRecordError("a text in a record is not UTF-8") from error
 
     def expect_end(self) -> None:
-        """Raise if anything is left over."""
+        """Raise DamagedRecordError if anything is left over."""
         if self.position != len(self._content):
             raise DamagedRecordError("a record is longer than its fields")
 
@@ -231,7 +231,7 @@ def most_unpacked(file_bytes: int) -> int:
 
 
 class ByteSource(Protocol):
-    """A source of bytes at absolute positions; fewer bytes than asked for means the end of the file."""
+    """A source of bytes at absolute offsets; returning fewer bytes than asked for means the end of the file."""
 
     @property
     def size(self) -> int:
@@ -247,7 +247,7 @@ class ByteSource(Protocol):
 class ChunkPlace:
     """Position of a chunk: `offset` of its record, `length` of the whole record with its opcode and length, bytes.
 
-    `messages` counts by channel id, as far as the indexes after the chunk tell; it is empty if they do not.
+    `messages` has counts by channel id from the indexes after the chunk; empty without them.
     """
 
     offset: int
@@ -290,12 +290,12 @@ def read_chunk(source: ByteSource, place: ChunkPlace, *, needs_crc: bool) -> mem
     ----------
     needs_crc
         Whether a chunk without a CRC is refused. A finished file of another writer may have none; in an unfinished one,
-        a CRC of zero is what a power cut leaves behind.
+        a CRC of zero is left by a power cut.
 
     Raises
     ------
     DamagedRecordError
-        If a single bit is not as it was written.
+        If any bit differs from what was written.
     """
     records, crc = unchecked_chunk(source, place)
     if crc == 0 and needs_crc:
@@ -306,12 +306,12 @@ def read_chunk(source: ByteSource, place: ChunkPlace, *, needs_crc: bool) -> mem
 
 
 def unchecked_chunk(source: ByteSource, place: ChunkPlace) -> tuple[memoryview, int]:
-    """Read a chunk's records, uncompressed, and the CRC that it states; 0 for none.
+    """Read a chunk's records, uncompressed, and its stated CRC; 0 for none.
 
     Raises
     ------
     DamagedRecordError
-        If they cannot be got at.
+        If they cannot be unpacked.
     """
     record = memoryview(source.read_at(place.offset, place.length))
     if len(record) != place.length:
@@ -341,7 +341,7 @@ def _stored(data: memoryview, _size: int) -> memoryview:
 
 
 def _lz4(data: memoryview, size: int) -> memoryview:
-    # One byte more than promised is enough to see that the promise is wrong; a bomb is never unpacked.
+    # One byte more than stated shows that the stated size is wrong; a bomb is never unpacked.
     return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
 
 

@@ -1,8 +1,8 @@
-"""Put a segment together again that a power cut or a bad disk left behind.
+"""Recover a segment after a power cut or from a bad disk.
 
-Chunk by chunk, with one of them in memory: from a chunk that fits its CRC, every frame is kept whose picture fits its
-SHA-256, byte for byte and with the times it was written with. The result is a finished segment like any other; only its
-`end` record says that it was recovered, and where something is missing.
+It is read chunk by chunk, with one in memory: from a chunk that fits its CRC, every frame whose picture fits its
+SHA-256 is kept, byte for byte and with its times. The result is a normal finished segment; only its `end` record says
+that it was recovered, and where something is missing.
 
 | what there is                     | what becomes of it                                                        |
 | --------------------------------- | ------------------------------------------------------------------------- |
@@ -12,7 +12,7 @@ SHA-256, byte for byte and with the times it was written with. The result is a f
 | `NAME.mcap`, cut or damaged       | `NAME.recovered.mcap`; the damaged file is kept                           |
 | `NAME.mcap`, whole                | left alone                                                                |
 
-A key signs only what the file itself proves to be that key's work, and nothing that somebody put there:
+A key signs only what the file itself proves to be that key's work, and nothing added later:
 
 | what the file has of the key                                | what is signed                                 |
 | ----------------------------------------------------------- | ---------------------------------------------- |
@@ -20,10 +20,10 @@ A key signs only what the file itself proves to be that key's work, and nothing 
 | a genuine checkpoint, and the session that its name claims  | what stands before the last such checkpoint    |
 | neither                                                     | nothing: it is recovered unsigned, and says so |
 
-Whole frames behind the last checkpoint go into a file of their own, `NAME.mcap.unproven`, which says so too: they are
-what was written in the moment of a power cut, or what somebody added.
+Whole frames after the last checkpoint go into a file of their own, `NAME.mcap.unproven`, which says so too: they were
+written at the moment of a power cut, or added by somebody.
 
-Doing it again after it was cut off itself does no harm: the new file is made aside, as `NAME.mcap.recovering`.
+An interrupted recovery can be repeated: the new file is first written as `NAME.mcap.recovering`.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ _NOT_PROVEN = "; it is not signed: it stood behind the last checkpoint, where no
 
 @dataclass(frozen=True, slots=True)
 class Repacked:
-    """What a new file has: frames, chunks, the SHA-256 of its bytes; and what of the old file it has not."""
+    """The new file's frames, chunks and SHA-256, and what is lost of the old file."""
 
     frames: int
     chunks: int
@@ -106,7 +106,7 @@ class Repacked:
 def repack(
     scan: FileScan, source: ByteSource, file: DurableFile, *, at: ClockReading, remark: str = "", from_bytes: int = 0
 ) -> Repacked:
-    """Copy what is whole of a damaged file.
+    """Copy the undamaged parts of a damaged file.
 
     Parameters
     ----------
@@ -117,9 +117,9 @@ def repack(
     at
         The clocks now.
     remark
-        What the end record's reason says besides, such as `; it is not signed`.
+        Addition to the end record's reason, such as `; it is not signed`.
     from_bytes
-        Where in the damaged file to begin; what stands before the chunks is copied in any case.
+        Where in the damaged file to begin; what precedes the chunks is always copied.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def repack(
 
 
 class _Repacking:
-    """The state of one repacking: what was copied so far, and where the chain stands."""
+    """The state of one repacking: what was copied so far, and the value of the chain."""
 
     def __init__(self, segment: Segment, source: ByteSource, writer: Writer, from_bytes: int) -> None:
         self._segment = segment
@@ -182,7 +182,7 @@ class _Repacking:
         )
 
     def _copy_chunk(self, place: ChunkPlace) -> None:
-        # A chunk that breaks off is refused before any of it is copied.
+        # A truncated chunk is refused before any of it is copied.
         records = list(split_chunk(read_chunk(self._source, place, needs_crc=not self._segment.finished)))
         for channel in (record for record in records if isinstance(record, Channel)):
             self._topics[channel.id] = channel.topic
@@ -273,13 +273,13 @@ class Recovery:
     path
         Where its flight is now.
     frames
-        Frames in it; not counted where nothing was done.
+        Frames in it; not counted if nothing was done.
     losses
-        What could not be recovered; that there was no end record is not among them.
+        What could not be recovered; a missing end record does not count.
     signed
-        Whether it has a signature now that was made with the key.
+        Whether it now has a signature made with the key.
     unproven, unproven_frames
-        Where the frames are that nothing proves, and how many; None and 0 if there are none, or there is no key.
+        File and number of unproven frames; None and 0 if there are none, or no key.
     """
 
     source: Path
@@ -298,18 +298,18 @@ def recover_segment(path: Path, *, at: ClockReading, signer: Signer | None = Non
     Parameters
     ----------
     at
-        The clocks now; stands in the `end` record.
+        The clocks now; goes into the `end` record.
     signer
-        Signs what it can be seen to have written; None for no signature.
+        Signs what it provably wrote; None for no signature.
 
     Raises
     ------
     FlightNotReadableError, NotAFlightError
-        The file cannot be read, or is no MCAP.
+        The file cannot be read, or is not MCAP.
     NothingToRecoverError
         Nothing that was recorded is left in it.
     FlightNotWrittenError
-        There is no room for the new file, or it may not be written. The file that was given is untouched.
+        There is no room for the new file, or it may not be written. The given file is unchanged.
     """
     if not path.name.endswith(PART_SUFFIX):
         return _Recovery(path, at, signer).of_finished_file()
@@ -320,7 +320,7 @@ def recover_segment(path: Path, *, at: ClockReading, signer: Signer | None = Non
 
 
 class _Recovery:
-    """One recovery: what was found in the file, what of it is proven, and who signs."""
+    """One recovery: the file's contents, how much of it is proven, and who signs."""
 
     def __init__(self, path: Path, at: ClockReading, signer: Signer | None) -> None:
         self._path = path
@@ -339,7 +339,7 @@ class _Recovery:
         return prove_file(self._path, source, self._scan.checkpoints, self._signer.public_key)
 
     def of_file_in_work(self) -> Recovery:
-        """Give it its final name, whole or put together again."""
+        """Give it its final name, whole or recovered."""
         signed = self._proof.signed_by is not None
         if not self._final.exists() and (signed or not self._proof.proven_bytes) and _is_whole(self._segment):
             rename_durably(self._path, self._final)
@@ -349,7 +349,7 @@ class _Recovery:
         return recovery
 
     def of_finished_file(self) -> Recovery:
-        """Copy what is whole into a file of its own."""
+        """Copy the undamaged parts into a new file."""
         if _is_whole(self._segment):
             return Recovery(self._path, self._path, Outcome.NOTHING_TO_DO)
         return self._put_together(_recovered_name(self._path, 1))
@@ -367,7 +367,7 @@ class _Recovery:
         return self._with_unproven(recovery, proven_bytes)
 
     def _with_unproven(self, recovery: Recovery, proven_bytes: int) -> Recovery:
-        """Copy the frames behind the proven bytes into a file of their own."""
+        """Copy the frames after the proven bytes into a file of their own."""
         behind = tuple(place for place in self._segment.chunks if place.offset >= proven_bytes)
         lost = (loss for loss in self._segment.losses if loss.kind is not LossKind.NO_END)
         outside = tuple(loss for loss in lost if loss.offset >= proven_bytes)
@@ -381,12 +381,12 @@ class _Recovery:
         return replace(recovery, losses=losses, unproven=target, unproven_frames=frames)
 
     def _copied(self, extent: _Extent, names: Iterator[Path], *, signer: Signer | None) -> tuple[Path, Repacked]:
-        """Copy a part of the file under the first name that is free, or holds just that already."""
+        """Copy a part of the file under the first name that is free or already contains just that."""
         wanted = next(names)
         aside = wanted.with_name(wanted.name + _ASIDE_SUFFIX)
         try:
             repacked = self._repack_into(aside, extent)
-            # A name that holds these frames already is left from a recovery that was itself cut off.
+            # A file that already contains these frames is left from an interrupted recovery.
             free = (name for name in chain([wanted], names) if name != self._path)
             target = next(name for name in free if not name.exists() or _is_done(name, aside, signer))
             if not target.exists():
@@ -419,7 +419,7 @@ class _Recovery:
 
 @dataclass(frozen=True, slots=True)
 class _Extent:
-    """Which bytes of the file are copied, and what the copy's end record says of it."""
+    """The bytes of the file to copy, and what the copy's end record says of it."""
 
     start: int
     end: int
@@ -469,7 +469,7 @@ def _same_frames(one: Path, two: Path) -> bool:
 
 
 def _inherit_owner(path: Path, from_path: Path) -> None:
-    # An operator may recover as root what the recorder shall manage afterwards.
+    # An operator may recover as root what the recorder is to manage afterwards.
     with suppress(PermissionError):
         owner = from_path.stat()
         os.chown(path, owner.st_uid, owner.st_gid)

@@ -1,12 +1,12 @@
-"""Walk a file from record to record, without reading what is in the chunks.
+"""Walk a file from record to record, without reading the chunks' contents.
 
-Works on finished, unfinished and damaged files alike: it never uses the summary. Where a record makes no sense, the
-walk goes on at the next chunk whose CRC fits; what lies between is a loss. So a damaged length cannot lead it astray:
-a jump lands either on a record whose lengths agree with each other, or is undone by the search for a chunk that its
-CRC proves.
+Works on finished, unfinished and damaged files alike: it never uses the summary. After a record that makes no sense,
+the walk continues at the next chunk whose CRC fits; the bytes between are a loss. So a damaged length cannot mislead
+it: a jump either lands on a record whose lengths agree with each other, or is undone by the search for a chunk whose
+CRC fits.
 
-What our writer never writes is a loss, however sound it is: a second record of a name that stands in a segment once, a
-second attachment of a name, or a chunk behind the end record. Another reader might believe it.
+What our writer never writes is a loss, even if intact: a second record of a name that occurs in a segment once, a
+second attachment of a name, or a chunk after the end record. Another reader might accept it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _CHUNK_START = re.compile(
     re.DOTALL,
 )
 _CHUNK_START_BYTES = RECORD_HEADER.size + CHUNK_HEAD_BYTES
-# Most damage is short: a search begins with little, and reads on in ever larger steps.
+# Most damage is short: a search begins with a small step, and reads on in ever larger ones.
 _FIRST_REACH_BYTES = 2**12
 
 _HEAD_BYTES = 12
@@ -75,13 +75,13 @@ class FileScan:
     Attributes
     ----------
     finished
-        Whether the file ends as MCAP asks: footer and magic.
+        Whether the file ends as MCAP requires: footer and magic.
     metadata
-        The records by name, but for the checkpoints; the first where there are several.
+        The records by name, except checkpoints; the first if there are several.
     attachments
         Those whose CRC fits (or which have none, in a finished file).
     places
-        Offsets and lengths of the chunks, attachments and metadata records, bytes: what an index must say.
+        Offsets and lengths of the chunks, attachments and metadata records, bytes: what an index must list.
     end_of_data
         Where the data section ends; None if it has no end.
     """
@@ -101,7 +101,7 @@ class FileScan:
 
 
 def is_video(head: bytes) -> bool:
-    """Whether a file that begins so is an MP4 or MOV, an MKV, or an AVI."""
+    """Whether a file with this beginning is an MP4 or MOV, an MKV, or an AVI."""
     if is_heif(head):
         return False
     return head[4:8] in _BOXES or head.startswith(_EBML) or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
@@ -257,14 +257,14 @@ def _is_finished(source: ByteSource) -> bool:
 
 
 class _ChunkSearch:
-    """Searches for chunks behind damage; gives up on a file full of what only looks like chunks."""
+    """Searches for chunks after damage; gives up on a file full of bytes that only look like chunks."""
 
     def __init__(self, source: ByteSource) -> None:
         self._source = source
-        self._left_bytes = most_unpacked(source.size)  # to be spent on what turns out to be no chunk
+        self._left_bytes = most_unpacked(source.size)  # limit on unpacking what turns out not to be a chunk
 
     def first_from(self, start: int) -> int | None:
-        """Offset of the first chunk at or behind `start` that its CRC proves to be one; None if none is found."""
+        """Return the offset of the first chunk at or after `start` whose CRC fits; None if there is none."""
         position, reach = start, _FIRST_REACH_BYTES
         while position < self._source.size:
             window = self._source.read_at(position, reach + _CHUNK_START_BYTES)

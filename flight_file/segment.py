@@ -1,4 +1,4 @@
-"""One file of a flight: what it says about itself, and where its chunks are."""
+"""One file of a flight: its statements about itself, and the places of its chunks."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ class Segment:
     Attributes
     ----------
     session
-        From its `session` record; where that is lost, recording and segment number come from the file's name.
+        From its `session` record; if that is lost, recording and segment number come from the file's name.
     end
         From its `end` record; None if there is none.
     finished
-        Whether the file ends as MCAP asks.
+        Whether the file ends as MCAP requires.
     size_bytes
         Of the file when it was opened.
     losses
-        What was lost outside of the chunks.
+        What was lost outside the chunks.
     start_of_chain
-        Value of the chain before the first frame; empty where there is no chain, or a record it starts from is lost.
+        Value of the chain before the first frame; empty if there is no chain, or a record it starts from is lost.
     checkpoints
-        Those that stand in it, genuine or not (see `verification`).
+        Those in it, genuine or not (see `verification`).
     is_ours
         Whether it says that a recorder wrote it: profile `flight`.
     places
@@ -100,7 +100,7 @@ def open_segment(path: Path) -> tuple[Segment, dict[str, bytes]]:
     Raises
     ------
     FlightNotReadableError, NotAFlightError
-        If the file cannot be read, or is no MCAP.
+        If the file cannot be read, or is not MCAP.
     """
     with opened(path) as source:
         return segment_of(scan_file(path, source))
@@ -137,7 +137,7 @@ def _start_of_chain(scan: FileScan, session: Session) -> str:
 
 
 def attachment_digests(scan: FileScan, attachments: Mapping[str, bytes]) -> dict[str, str]:
-    """Return the record that lists the attachments: as in the file or, where that is damaged, made anew."""
+    """Return the record that lists the attachments: from the file or, if damaged there, made anew."""
     stated = scan.metadata.get(ATTACHMENTS_RECORD, {})
     if is_sound(stated):
         return stated

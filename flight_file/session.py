@@ -1,4 +1,4 @@
-"""What a segment says about itself: its name, its metadata records, and the chain that ties its frames together.
+"""A segment's statements about itself: its name, its metadata records, and the chain that links its frames.
 
 | name                       | what                                                                              |
 | -------------------------- | --------------------------------------------------------------------------------- |
@@ -6,18 +6,17 @@
 | `NAME_0001.mcap.part`      | one in work                                                                       |
 | `NAME_0001.mcap.begun`     | one whose head is being written; what a power cut leaves of it is removed         |
 | `NAME_0001.recovered.mcap` | what is whole of a damaged finished one; `.recovered-2` and so on for another     |
-| `NAME_0001.mcap.unproven`  | frames that a recovery did not sign; `.unproven-2` and so on. No `*.mcap` finds it |
+| `NAME_0001.mcap.unproven`  | frames that a recovery did not sign; `.unproven-2` and so on. `*.mcap` misses it  |
 
 Four digits sort by name for ten thousand segments, almost a week of one-minute ones; readers sort by number in any
 case.
 
 The records are `session` at its start, `attachments`, and `end`. MCAP gives metadata no CRC. Each of our records
-therefore carries the SHA-256 of its own items, and a reader believes only a record that fits its digest.
+therefore contains the SHA-256 of its own items, and a reader accepts only a record that fits its digest.
 
-The chain is one value that depends on every frame recorded so far, and on the order they came in.
+The chain is a value that depends on all frames recorded so far, and on their order.
 
-A value is a SHA-256, written as 64 hexadecimal digits. Each comes from the one before and from something that was
-recorded:
+A value is a SHA-256, written as 64 hexadecimal digits. Each is computed from the one before and something recorded:
 
     link(before, content) = SHA-256(the digits of `before` as ASCII, then `content`)
 
@@ -27,8 +26,8 @@ recorded:
 | start of a segment   | end of the segment before | digits of the digests of its `session`, `attachments` records   |
 | after a frame        | after the frame before    | the frame's record up to its last member, `chain`               |
 
-The content of a frame is the bytes that stand in the file: nobody has to agree on how JSON is written. It holds the
-SHA-256 of the picture, the sequence number, all times and the EXIF, so all of these are chained.
+The content of a frame is its bytes in the file, so no convention on writing JSON is needed. It contains the SHA-256 of
+the picture, the sequence number, all times and the EXIF, so all of these are chained.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ BEGUN_SUFFIX = ".begun"
 SESSION_RECORD = "session"
 ATTACHMENTS_RECORD = "attachments"
 END_RECORD = "end"
-CHECKPOINT_RECORD = "checkpoint"  # the only one that may stand in a segment more than once; see `signature`
+CHECKPOINT_RECORD = "checkpoint"  # the only one that may occur in a segment more than once; see `signature`
 DIGEST_KEY = "sha256"
 _VERSION_PREFIX = "version."
 _ORIGINAL_PREFIX = "original."
@@ -80,7 +79,7 @@ class Original:
     sha256
         Of all its bytes, hexadecimal.
     facts
-        What else it says of itself, by name, each in words: its codec, its clocks.
+        Its further statements about itself, by name, each in words: its codec, its clocks.
     """
 
     name: str
@@ -90,7 +89,7 @@ class Original:
 
     @property
     def has_sound(self) -> bool:
-        """Whether it has sound that was listened to."""
+        """Whether it has sound that was processed."""
         return self.facts.get("sound", NO_SOUND) != NO_SOUND
 
 
@@ -109,17 +108,17 @@ class Session:
     clock
         `system`, or `simulated` for a replay that runs as fast as possible.
     boot_id, host
-        Which boot of which machine; empty where that was kept out on purpose.
+        Boot and machine; empty if left out on purpose.
     camera_driver, camera_model, camera_serial
         Empty where unknown when the segment was opened.
     versions
         Version by name of software.
     chain
-        Value that the chain goes on from; empty in a file without a chain.
+        Value from which the chain continues; empty in a file without a chain.
     time_of_day
-        Which clock says when the pictures were taken: empty for the recorder's and the camera's own, `start` where a
-        person said it, `creation`, `timecode` or `gps` for a video's; UNKNOWN if none does. Then times count from 1970,
-        and only their differences mean anything.
+        Which clock the pictures' times are by: empty for the recorder's and the camera's own, `start` if a person gave
+        it, `creation`, `timecode` or `gps` for a video's; UNKNOWN if none does. Then times count from 1970, and only
+        their differences are meaningful.
     originals
         Video files that the flight was made of, in their order.
     """
@@ -161,7 +160,7 @@ class EndRecord:
     chain
         Value of the chain after the last frame; empty in a file without a chain.
     recovered
-        Whether the segment was put together again after a power cut or damage, so that frames may be lost at its end.
+        Whether the segment was recovered after a power cut or damage, so that frames may be lost at its end.
     lost_before
         Sequence numbers of frames before which a recovery found something lost.
     """
@@ -236,7 +235,7 @@ def _originals_from_metadata(record: Mapping[str, str]) -> Iterator[Original]:
 
 
 def session_from_metadata(record: Mapping[str, str]) -> Session:
-    """Decode the `session` record; raises KeyError or ValueError if it is none of ours."""
+    """Decode the `session` record; raises KeyError or ValueError if it is not ours."""
     return Session(
         recording=record["recording"],
         segment=_number(record["segment"]),
@@ -271,7 +270,7 @@ def end_to_metadata(end: EndRecord) -> dict[str, str]:
 
 
 def end_from_metadata(record: Mapping[str, str]) -> EndRecord:
-    """Decode the `end` record; raises KeyError or ValueError if it is none of ours."""
+    """Decode the `end` record; raises KeyError or ValueError if it is not ours."""
     return EndRecord(
         reason=record["reason"],
         frames=_number(record["frames"]),
@@ -307,9 +306,9 @@ def start_of_segment(before: str, session_digest: str, attachments_digest: str) 
     Parameters
     ----------
     before
-        The value that the segment before ended with; `first_value` for the first segment.
+        The previous segment's last value; `first_value` for the first segment.
     session_digest, attachments_digest
-        What the two metadata records say their items' digests are, hexadecimal.
+        The digests stated in the two metadata records, hexadecimal.
     """
     return link(before, (session_digest + attachments_digest).encode("ascii"))
 
@@ -328,7 +327,7 @@ def sealed_frame(record: bytes, before: str) -> tuple[bytes, str]:
 
 
 def opened_frame(record: bytes) -> tuple[bytes, str]:
-    """Split a frame's record into its content and the chain value that it states; empty if it states none."""
+    """Split a frame's record into its content and its stated chain value; empty if there is none."""
     match = _SEALED.fullmatch(record)
     return (match["content"], match["value"].decode("ascii")) if match else (record, "")
 
@@ -351,13 +350,13 @@ def claimed_place(path: Path) -> tuple[str, int] | None:
 
 
 def unproven_names(segment: Path) -> Iterator[Path]:
-    """Iterate over the names for a segment's unproven frames; the first free one is to be taken."""
+    """Iterate over the names for a segment's unproven frames; use the first free one."""
     yield segment.with_name(segment.name + UNPROVEN_SUFFIX)
     yield from (segment.with_name(f"{segment.name}{UNPROVEN_SUFFIX}-{number}") for number in count(2))
 
 
 def is_unproven(path: Path) -> bool:
-    """Whether the file says by its name that nothing proves it."""
+    """Whether the file is unproven by its name."""
     return path.suffix.startswith(UNPROVEN_SUFFIX)
 
 

@@ -1,4 +1,4 @@
-"""What a box signs: a finished segment in `NAME.mcap.sig` beside it, and one in work in the checkpoints inside.
+"""A box's signatures: of a finished segment in `NAME.mcap.sig`, of one in work in the checkpoints inside.
 
 Both are a short text and its Ed25519 signature (RFC 8032); keys and signatures are written in base64, in its only
 canonical form. Each line of a text ends with a line feed.
@@ -10,17 +10,17 @@ The file `NAME.mcap.sig` has four lines, of which the first three are signed:
     public-key 11qYAYKxCrfVS/7TyWQHOg7hcvPapiMlrwIaaPcHURo=
     signature ...
 
-It covers every byte of the file, the index at its end included, and can be checked without knowing what MCAP is.
+It covers every byte of the file, including the index at its end, and can be checked without knowledge of MCAP.
 
-A checkpoint is an MCAP metadata record `checkpoint` behind each chunk. Its item `text` is what is signed, its item
-`signature` the signature; `bytes` is where the record begins, `sha256` covers all that stands before it:
+A checkpoint is an MCAP metadata record `checkpoint` after each chunk. Its item `text` is what is signed, its item
+`signature` the signature; `bytes` is where the record begins, `sha256` covers everything before it:
 
     flight checkpoint 1
     bytes 73612
     sha256 60303ae22b998861bce3b28f33eec1be758a213c86c93c076dbe9f558c11c752
     public-key 11qYAYKxCrfVS/7TyWQHOg7hcvPapiMlrwIaaPcHURo=
 
-So a segment that was cut off is proven up to its last checkpoint. `verification` says what a signature proves.
+So a truncated segment is proven up to its last checkpoint. `verification` explains what a signature proves.
 
 Keys are Ed25519 in PEM files, as openssl reads and writes them. Only the functions that use a key load the package
 `cryptography`: a box that does not sign does not pay for it.
@@ -69,11 +69,11 @@ class Signature:
     Attributes
     ----------
     sha256
-        Of the bytes that the text is about, hexadecimal.
+        Of the covered bytes, hexadecimal.
     covered_bytes
-        How many they are, from the start of the file; None for all.
+        Number of covered bytes, from the start of the file; None for all.
     public_key
-        Of who signed, 32 bytes.
+        Of the signer, 32 bytes.
     message, signature
         What was signed, and the 64 bytes that prove it.
     """
@@ -86,7 +86,7 @@ class Signature:
 
 
 class MalformedSignatureError(ValueError):
-    """A signature's file, or a checkpoint, that does not say what it should."""
+    """A signature's file or a checkpoint is malformed."""
 
 
 def signature_path(segment: Path) -> Path:
@@ -114,7 +114,7 @@ def write_signature(segment: Path, sha256: str, signer: Signer) -> None:
 
 
 def checkpoint(covered_bytes: int, sha256: str, signer: Signer) -> dict[str, str]:
-    """Make the metadata record that proves the bytes before it, of this count and SHA-256 (hexadecimal)."""
+    """Make the metadata record that proves the bytes before it, given their count and SHA-256 (hexadecimal)."""
     text = b"flight checkpoint 1\nbytes %d\n" % covered_bytes + _about(sha256, signer)
     return sealed({"text": text.decode("ascii"), "signature": base64.b64encode(signer.sign(text)).decode("ascii")})
 
@@ -175,7 +175,7 @@ def _from_base64(text: bytes, length: int) -> bytes:
         content = base64.b64decode(text, validate=True)
     except binascii.Error as error:
         raise MalformedSignatureError(text) from error
-    # Base64 has bits to spare in its last letter: without this, several texts would be the same signature.
+    # Base64 has unused bits in its last letter: without this, several texts would be the same signature.
     if len(content) != length or base64.b64encode(content) != text:
         raise MalformedSignatureError(text)
     return content

@@ -1,15 +1,15 @@
-"""The index and summary of a file: its length by three short reads, and whether its indexes tell what its chunks hold.
+"""A file's index and summary: its duration by three short reads, and whether its indexes match its chunks.
 
     ... statistics ... summary offsets, footer, magic
             ^            |      ^          |
             └────────────┘      └──────────┘
 
-The `mcap` package reads all of a summary and believes its lengths; a file that lies about them fills the memory.
+The `mcap` package reads all of a summary and trusts its lengths; a file with false ones fills the memory.
 
-Other readers go by the indexes and believe them. Three things are checked of a finished segment: the two CRCs that MCAP
-keeps over what no chunk's CRC covers (the data section's, and the index's at the end); that nothing is defined twice in
-different ways; and that each index lists just what is there. A file of another writer may have fewer indexes than ours,
-so of it only the CRCs are checked.
+Other readers trust the indexes. Three things are checked in a finished segment: MCAP's two CRCs over what no chunk's
+CRC covers (of the data section, and of the index at the end); that nothing is defined twice in different ways; and that
+each index lists exactly what exists. A file of another writer may have fewer indexes than ours, so only its CRCs are
+checked.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from flight_file.segment import Segment
 from flight_file.thresholds import BLOCK_BYTES, MAX_SMALL_BYTES
 from flight_file.untrusted import open_regular
 
-_FOOTER_BODY = struct.Struct("<QQI")  # where the summary begins, where its offsets do, CRC
+_FOOTER_BODY = struct.Struct("<QQI")  # start of the summary, start of its offsets, CRC
 _OFFSET = struct.Struct("<BQQ")  # opcode of a group of records, where it begins, its length
 _STATISTICS = struct.Struct("<QHIIIIQQI")  # six counts, first and last log time, bytes of the counts by channel
 _COUNT = struct.Struct("<HQ")  # channel, messages
@@ -70,9 +70,9 @@ def recorded_ns(path: Path) -> int:
     Raises
     ------
     OSError
-        It cannot be read, or is no regular file; a link is none.
+        It cannot be read, or is not a regular file; a link is not one.
     DamagedRecordError
-        It is not finished, or its statistics are not where and what they should be.
+        It is not finished, or its statistics are misplaced or wrong.
     """
     descriptor = open_regular(path, through_links=False)
     try:
@@ -120,16 +120,16 @@ def _piece(source: ByteSource, start: int, length: int) -> bytes:
 
 
 class Contents:
-    """The contents of a segment's chunks, learnt chunk by chunk.
+    """The contents of a segment's chunks, collected chunk by chunk.
 
     Attributes
     ----------
     topics
         By channel id.
     misfit
-        What is defined so that another reader may take it for something else; empty if nothing is.
+        A definition that another reader may misunderstand; empty if there is none.
     misfit_of_index
-        Which index does not list what is there; empty if all do. A file that was cut off may lack one.
+        An index that does not list what exists; empty if all do. A truncated file may lack one.
     """
 
     def __init__(self) -> None:
@@ -159,7 +159,7 @@ class Contents:
         self.topics[number] = topic
 
     def check_indexes(self, source: ByteSource, place: ChunkPlace, messages: Sequence[tuple[Message, int]]) -> None:
-        """Compare the message indexes behind a chunk with its messages, each with its offset in the chunk."""
+        """Compare the message indexes after a chunk with its messages, each with its offset in the chunk."""
         self._messages += len(messages)
         wanted: dict[int, list[tuple[int, int]]] = {}
         for message, offset in messages:
@@ -205,12 +205,12 @@ class Contents:
 
 
 def unfitting_index(segment: Segment, source: ByteSource, contents: Contents) -> tuple[FindingKind, str] | None:
-    """Find what does not fit outside of a finished file's chunks; None if all fits.
+    """Find what does not fit outside a finished file's chunks; None if all fits.
 
     Parameters
     ----------
     contents
-        What all its chunks hold.
+        Contents of all its chunks.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def unfitting_index(segment: Segment, source: ByteSource, contents: Contents) ->
 
 
 def _unfitting_section(segment: Segment, source: ByteSource, index: int, index_crc: int) -> str:
-    """Say what does not fit its CRC; empty if all fits. A CRC of 0 means that there is none."""
+    """Describe what does not fit its CRC; empty if all fits. A CRC of 0 means none."""
     footer = source.size - FOOTER_BYTES - len(MAGIC)
     end_of_data = index - _DATA_END.size
     if not len(MAGIC) <= end_of_data <= footer - _DATA_END.size:
@@ -248,7 +248,7 @@ def _unfitting_section(segment: Segment, source: ByteSource, index: int, index_c
 
 
 def _message_indexes(source: ByteSource, offset: int) -> Iterator[tuple[int, int, list[tuple[int, int]]]]:
-    """Where each message index behind a chunk stands, its channel, and its entries: log time and offset."""
+    """Iterate over the message indexes after a chunk: offset, channel, and entries (log time and offset)."""
     while len(head := source.read_at(offset, RECORD_HEADER.size)) == RECORD_HEADER.size:
         opcode, length = RECORD_HEADER.unpack(head)
         end = offset + RECORD_HEADER.size + length

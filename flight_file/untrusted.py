@@ -1,7 +1,7 @@
-"""What strangers wrote: opened without waiting, and made harmless where it leaves the file.
+"""Untrusted files and texts: opened without blocking, and made harmless for output.
 
-Files are opened only if they are regular: a FIFO waits for its writer, a device may have no end, a link may lead to
-either. A refusal is an `OSError` like any other, so that a reader has one kind of failure to put into words.
+Only regular files are opened: a FIFO waits for its writer, a device may have no end, a link may lead to either. A
+refusal is a normal `OSError`, so that a reader has one kind of failure to report.
 
 Text is made safe for file names, paths, terminals and spreadsheets. Plain text stays unchanged.
 """
@@ -29,7 +29,7 @@ from flight_file.thresholds import (
 
 _MARK_DIGITS = 8
 _NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|]')
-# Devices, with any ending, for the file systems of memory sticks and network drives.
+# Device names, with any extension, for the file systems of memory sticks and network drives.
 _DEVICE = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³])\s*(\..*)?", re.IGNORECASE)
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
@@ -45,13 +45,13 @@ def open_regular(path: Path, *, through_links: bool = True) -> int:
     Raises
     ------
     OSError
-        It is not there, may not be read, or is no regular file; or no file can have this name.
+        It does not exist, may not be read, or is not a regular file; or no file can have this name.
     """
-    # O_NONBLOCK is for FIFOs and devices; to a regular file it means nothing.
+    # O_NONBLOCK is for FIFOs and devices; it has no effect on a regular file.
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY | (0 if through_links else os.O_NOFOLLOW)
     try:
         descriptor = os.open(path, flags)
-    except ValueError as error:  # a NUL, or what is no character
+    except ValueError as error:  # a NUL, or an invalid character
         raise OSError(errno.EINVAL, "no file can have this name", str(path)) from error
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
@@ -63,7 +63,7 @@ def open_regular(path: Path, *, through_links: bool = True) -> int:
 
 
 def read_regular(path: Path, *, limit_bytes: int, through_links: bool = True) -> bytes:
-    """Read a regular file whole.
+    """Read a whole regular file.
 
     Raises
     ------
@@ -78,18 +78,18 @@ def read_regular(path: Path, *, limit_bytes: int, through_links: bool = True) ->
 
 
 def read_beside(folder: Path, name: str, *, limit_bytes: int = MAX_READ_BYTES) -> bytes:
-    """Read a file that another one in this folder names: a regular file in the folder or below, and no other.
+    """Read a file named by another one in this folder: only a regular file in the folder or below.
 
     Raises
     ------
     OSError
-        As `read_regular`, with a reason that goes on after "cannot be read: "; or the name leads out of the folder.
+        As `read_regular`, with a reason that continues "cannot be read: "; or the name leads out of the folder.
     """
     return _read_in((folder,), name, limit_bytes)
 
 
 def read_named_in(file: Path, name: str, *, limit_bytes: int = MAX_READ_BYTES) -> bytes:
-    """Read what is named in `file`: beside it as `read_beside`; if it is a link, also beside what it leads to.
+    """Read a file named in `file`: beside it as `read_beside`; if `file` is a link, also beside its target.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def _read_in(folders: Sequence[Path], name: str, limit_bytes: int) -> bytes:
 
 
 def leads_out(name: str) -> bool:
-    """Whether a name is no path to a file in its own folder or below."""
+    """Whether a name is not a path to a file in its own folder or below."""
     path = PurePosixPath(name)
     return not path.name or path.is_absolute() or ".." in path.parts or "\\" in name or not name.isprintable()
 
@@ -131,20 +131,20 @@ def regular_names(directory: Path) -> list[str]:
 def _is_regular(entry: os.DirEntry[str]) -> bool:
     try:
         return entry.is_file(follow_symlinks=False)
-    except OSError:  # on a disk with damage a single name may not be looked at
+    except OSError:  # on a damaged disk a single name may be unreadable
         return False
 
 
 def file_name(text: str, *, otherwise: str = "flight") -> str:
-    """Turn a text into a name that a file can have in any folder, on every file system.
+    """Turn a text into a valid file name for every file system.
 
-    A text that is such a name stays as it is. Any other is changed and gets eight digits of its SHA-256 behind it, so
-    that no two become one name.
+    A valid name stays as it is. Any other text is changed and gets eight digits of its SHA-256 appended, so that no two
+    become one name.
 
     Parameters
     ----------
     otherwise
-        Stands for a text of which nothing is left.
+        Used if nothing is left of the text.
     """
     plain = _NOT_IN_NAMES.sub("_", "".join(each if each.isprintable() else "_" for each in text))
     plain = plain.strip(" ").rstrip(". ")
@@ -156,14 +156,14 @@ def file_name(text: str, *, otherwise: str = "flight") -> str:
 
 
 def file_names(texts: Iterable[str]) -> dict[str, str]:
-    """Give each text a `file_name` of its own, also where the file system does not tell capitals from small letters."""
+    """Give each text a `file_name` of its own, also on file systems that ignore case."""
     names = {text: file_name(text) for text in texts}
     counts = Counter(map(name_key, names.values()))
     return {text: name if counts[name_key(name)] == 1 else _marked(name, text) for text, name in names.items()}
 
 
 def name_key(name: str) -> str:
-    """Give what two names have in common that some file system takes for one."""
+    """Return a key that is equal for names that some file system takes for one."""
     return unicodedata.normalize("NFC", name.casefold())
 
 
@@ -177,7 +177,7 @@ def _cut(text: str, size_bytes: int) -> str:
 
 
 def printable(text: str) -> str:
-    """Escape whatever would do something on a terminal instead of being seen there; a line break too."""
+    """Escape characters that would control a terminal instead of being shown; a line break too."""
     return text if text.isprintable() else "".join(each if each.isprintable() else _escaped(each) for each in text)
 
 
@@ -198,12 +198,12 @@ def say_json(document: object) -> None:
 
 
 def to_cell(text: str) -> str:
-    """Keep a spreadsheet from taking a text for a formula, by an apostrophe before it."""
+    """Keep a spreadsheet from taking a text for a formula, by a leading apostrophe."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
 def from_cell(cell: str) -> str:
-    """Give back the text that `to_cell` was given."""
+    """Reverse `to_cell`."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 
@@ -213,6 +213,6 @@ def read_yaml_file(path: Path) -> bytes:
     Raises
     ------
     OSError
-        It cannot be read, is no regular file, or is larger than MAX_YAML_BYTES.
+        It cannot be read, is not a regular file, or is larger than MAX_YAML_BYTES.
     """
     return read_regular(path, limit_bytes=MAX_YAML_BYTES)

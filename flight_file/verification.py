@@ -1,7 +1,7 @@
-"""Whether a recording fits: names, CRCs, digests, chain, proof; and if not, which frame is the first that does not.
+"""Verification of a recording: names, CRCs, digests, chain, proof; and the first frame that does not fit.
 
 A genuine signature beside a segment proves every byte; a genuine checkpoint inside proves every byte before it, and
-nothing of what follows. docs/evidence.md has the model behind this, and what each check shows.
+nothing after it. docs/evidence.md describes the model, and what each check shows.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class Proof:
     checkpointed_by
         Public key of the last genuine checkpoint, 32 bytes; None if there is none.
     proven_bytes
-        How many bytes, from the start of the file, are proven.
+        Number of proven bytes, from the start of the file.
     finding
-        What is wrong with signature or checkpoints.
+        Error in signature or checkpoints.
     """
 
     signed_by: bytes | None = None
@@ -47,7 +47,7 @@ class Proof:
 
     @property
     def key(self) -> bytes | None:
-        """Who vouches for the file, or for its beginning; None if nobody does."""
+        """Key that proves the file, or its beginning; None if there is none."""
         return self.signed_by or self.checkpointed_by
 
 
@@ -57,7 +57,7 @@ def prove(segment: Segment, public_key: bytes | None) -> Proof:
     Parameters
     ----------
     public_key
-        Whose signature and checkpoints count, 32 bytes; None: anybody's.
+        Key whose signature and checkpoints count, 32 bytes; None for any.
 
     Raises
     ------
@@ -71,8 +71,8 @@ def prove(segment: Segment, public_key: bytes | None) -> Proof:
 def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint], public_key: bytes | None) -> Proof:
     """Find what proves an open file.
 
-    What lies beside a file in work may sign it, if only its final name is missing; or it signs what a recovery made of
-    it that was cut off itself. So there it counts only if it fits.
+    A signature beside a file in work may be its own, if only the final name is missing, or that of an interrupted
+    recovery's result. So there it counts only if it fits.
     """
     in_work = path.name.endswith(PART_SUFFIX)
     try:
@@ -107,7 +107,7 @@ def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint]
 def _misfit(
     seal: Signature | None, sha256: str, public_key: bytes | None, covered_bytes: int | None = None
 ) -> tuple[FindingKind, str] | None:
-    """Why a signature, or the checkpoint at this byte, proves nothing; None if it does."""
+    """Return why a signature, or the checkpoint at this byte, proves nothing; None if it does."""
     what = "its signature" if covered_bytes is None else f"its checkpoint at byte {covered_bytes}"
     if seal is None or not is_genuine(seal):
         return FindingKind.WRONG_SIGNATURE, f"{what} was not made with the key that it names"
@@ -127,7 +127,7 @@ def _parsed(point: Checkpoint) -> Signature | None:
 
 
 def _digests(source: ByteSource, ends: Iterable[int]) -> dict[int, str]:
-    """SHA-256, hexadecimal, of the bytes before each of these places."""
+    """Compute the SHA-256, hexadecimal, of the bytes before each of these offsets."""
     digest, position, found = hashlib.sha256(), 0, {}
     for end in sorted(ends):
         for offset in range(position, end, BLOCK_BYTES):
@@ -151,17 +151,17 @@ class SegmentCheck:
     Attributes
     ----------
     frames
-        Frames whose record is there.
+        Frames whose record exists.
     chain_end
         Value of the chain by its end record; empty if there is none.
     signed_by
         Public key of a signature that fits, 32 bytes; None if there is none.
     findings
-        What was found in it, in its order.
+        In the order of the segment.
     checkpointed_by
-        Public key of the last genuine checkpoint, where no signature fits, 32 bytes; None if there is none.
+        Public key of the last genuine checkpoint, if no signature fits, 32 bytes; None if there is none.
     proven_frames
-        How many of its frames the signature or that checkpoint proves.
+        Number of its frames proven by the signature or that checkpoint.
     """
 
     segment: Segment
@@ -174,7 +174,7 @@ class SegmentCheck:
 
     @classmethod
     def of(cls, segment: Segment, counted: Counted, proof: Proof, findings: Sequence[Finding]) -> Self:
-        """Combine what was found of a segment."""
+        """Combine the findings on a segment."""
         return cls(
             segment=segment,
             frames=counted.frames,
@@ -200,7 +200,7 @@ class RecordingCheck:
 
     @property
     def first_fault(self) -> Finding | None:
-        """What does not fit first: the first frame, if it is about a frame at all."""
+        """The first fault: that of the first frame, if any is about a frame."""
         faults = [finding for finding in self.findings if finding.is_fault]
         return next((fault for fault in faults if fault.sequence is not None), faults[0] if faults else None)
 
@@ -220,19 +220,19 @@ def verdict_of(findings: Sequence[Finding]) -> Verdict:
 def verify(paths: Sequence[Path], *, public_key: bytes | None = None) -> list[RecordingCheck]:
     """Verify flight files; those of one recording are checked together.
 
-    Which files belong together is told by their names, `RECORDING_0000.mcap`, and each name is held against what the
-    file says inside. A file whose name claims nothing belongs where its own session says.
+    Files belong together by their names, `RECORDING_0000.mcap`, and each name is compared with the file's contents. A
+    file with another name belongs where its own session says.
 
     Parameters
     ----------
     public_key
-        Who must have signed, 32 bytes. None: nobody must; but if anybody vouches for a part of a recording, the same
-        key must vouch for all of it.
+        Key that must have signed, 32 bytes. None: no signature is needed; but if a part of a recording is signed, the
+        same key must have signed all of it.
 
     Raises
     ------
     FlightNotReadableError, NotAFlightError
-        A file cannot be read, or is no MCAP.
+        A file cannot be read, or is not MCAP.
     MixedFlightsError
         A segment of a recording is given twice.
     """
@@ -274,7 +274,7 @@ def _in_their_places(recording: str, segments: Sequence[Segment]) -> list[Segmen
 
 
 def _misnamed(segment: Segment) -> Finding | None:
-    """Find what a segment's name claims wrongly."""
+    """Find a wrong claim of a segment's name."""
     claimed, session = claimed_place(segment.path), segment.session
     if claimed is None or claimed == (session.recording, session.segment):
         return None
@@ -316,7 +316,7 @@ def _findings_outside(segment: Segment, contents: Contents) -> Iterator[Finding]
 
 
 def _findings_of_proof(segment: Segment, proof: Proof, counted: Counted, key: bytes | None) -> Iterator[Finding]:
-    """Find what a segment's proof lacks; `key` must vouch for it, None if nobody must."""
+    """Find what a segment's proof lacks; `key` must have signed it, None if no key must."""
     path = segment.path
     if proof.finding is not None:
         yield proof.finding

@@ -1,11 +1,11 @@
 """Walk through a segment chunk by chunk: whole frames for a reader, every record for a verification, and each loss.
 
 A frame's record and image belong together if they name the same capture time, and are delivered only if the image has
-the digest that the record states. Our writer puts both into one chunk, one right behind the other; another writer may
-part them, so each waits for its partner until the next chunk has been read. One without the other is a loss.
+the digest that the record states. Our writer puts both into one chunk, one right after the other; another writer may
+separate them, so each waits for its partner until the next chunk has been read. One without the other is a loss.
 
-Where a chunk does not fit its CRC, what can still be read of it tells which frame was hit. The numbers and times in
-MCAP's own message heads help: no digest covers them, but a bit does not flip twice.
+If a chunk does not fit its CRC, what can still be read of it shows which frame was damaged. The numbers and times in
+MCAP's own message heads help: no digest covers them, but damage in both places is unlikely.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _NUMBERS = 2**32  # MCAP numbers messages by 32 bits
 
 @dataclass(frozen=True, slots=True)
 class Unpaired:
-    """A frame that cannot be delivered: why, the chunk it came in (offset and length, bytes), its record if known."""
+    """A frame that cannot be delivered: the reason, its chunk (offset and length, bytes), its record if known."""
 
     reason: str
     offset: int
@@ -98,9 +98,9 @@ class Pairing:
         return waiting
 
     def end_chunk(self) -> list[Unpaired]:
-        """Finish a chunk, or the file behind the last; return what has waited a whole chunk in vain."""
+        """Finish a chunk, or the file after the last; return what has waited a whole chunk in vain."""
         late = list(takewhile(lambda waiting: waiting.round < self._round, self._waiting.values()))
-        for waiting in late:  # the first of all, so each is also the first of its time
+        for waiting in late:  # the oldest of all, so each is also the first of its time
             self._take_first(isinstance(waiting.item, Frame), waiting.item.captured_ns)
         self._round += 1
         return [
@@ -111,7 +111,7 @@ class Pairing:
 
 
 class Records:
-    """The records of some frames, to find the one that an image belongs to."""
+    """Records of frames, to find the one that an image belongs to."""
 
     def __init__(self, records: Iterable[Frame]) -> None:
         self._fitting: dict[tuple[int, str], Frame] = {}
@@ -121,7 +121,7 @@ class Records:
             self._of_time.setdefault(record.captured_ns, record)
 
     def paired(self, image: Image) -> Frame | str:
-        """Pair an image with the first record of its time that fits it; or say why there is none."""
+        """Pair an image with the first fitting record of its time; or return why there is none."""
         record = self._fitting.get((image.captured_ns, hashlib.sha256(image.encoded).hexdigest()))
         if record is not None:
             return record.with_encoded(image.encoded)
@@ -195,7 +195,7 @@ def items_of(
     Raises
     ------
     DamagedRecordError, MalformedMessageError
-        If the chunk, or a message in it, is not what was written.
+        If the chunk, or a message in it, differs from what was written.
     """
     for record in split_chunk(read_chunk(source, place, needs_crc=not segment.finished)):
         if isinstance(record, Channel):
@@ -213,7 +213,7 @@ def beside(
     channels: dict[int, str],
     decoders: Mapping[str, Callable[[memoryview], _Beside]],
 ) -> Iterator[_Beside]:
-    """Iterate over what a chunk holds beside its frames, as `items_of` over these; `decoders` by topic."""
+    """Iterate over a chunk's messages beside its frames, as `items_of` over these; `decoders` by topic."""
     for record in split_chunk(read_chunk(source, place, needs_crc=not segment.finished)):
         if isinstance(record, Channel):
             channels[record.id] = record.topic
@@ -231,20 +231,20 @@ def decoded(message: Message, channels: Mapping[int, str]) -> Frame | Image | No
 
 @dataclass(frozen=True, slots=True)
 class FrameRecord:
-    """A frame as it stands in the file.
+    """A frame as it is in the file.
 
     Attributes
     ----------
     sequence, captured_ns
-        What its record says; None if it cannot be read.
+        From its record; None if it cannot be read.
     head_number
-        How the message of its picture, or else of its record, is numbered.
+        Number in the head of its picture's message, or else its record's.
     content, stated
-        The bytes of its record as far as the chain covers them, and the value that it states.
+        The bytes of its record that the chain covers, and the stated value.
     record_misfit, picture_misfit
-        What of it is not as it was recorded, in words; empty if nothing, as far as this frame alone can tell.
+        What was changed in it, in words; empty if nothing, as far as this frame alone shows.
     heads_fit
-        Whether the heads of its two messages say what the record says.
+        Whether the heads of its two messages agree with the record.
     """
 
     sequence: int | None
@@ -258,7 +258,7 @@ class FrameRecord:
 
     @property
     def misfit(self) -> str:
-        """What of it is not as it was recorded; empty if nothing."""
+        """What was changed in it; empty if nothing."""
         return self.record_misfit or self.picture_misfit or ("" if self.heads_fit else "its messages' heads differ")
 
 
@@ -269,7 +269,7 @@ class ChunkRecords:
     Attributes
     ----------
     damage
-        Why the chunk is not as it was written; empty if it is. Then the frames are those that can still be read.
+        How the chunk was damaged; empty if it was not. If damaged, the frames are those that can still be read.
     complete
         Whether it could be read to its end.
     """
@@ -306,7 +306,7 @@ def walk_records(segment: Segment, contents: Contents) -> Iterator[ChunkRecords 
 
 
 def _foreign(segment: Segment) -> Iterator[ChunkRecords | Loss]:
-    # Other writers may part a frame's two halves, and chain nothing.
+    # Other writers may separate a frame's two halves, and have no chain.
     for found in walk(segment):
         if isinstance(found, Loss):
             yield found

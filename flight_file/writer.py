@@ -1,8 +1,8 @@
 """Write one segment of a flight.
 
-While it is in work the file is `NAME.mcap.part`. It gets that name when its head is on the disk, with the first
-checkpoint; before, it is `NAME.mcap.begun`, which holds no picture and which the next start removes. So a power cut
-leaves no file in work that lacks what says where it belongs and who wrote it. Its layout:
+While in work, the file is `NAME.mcap.part`. It gets that name when its head is on the disk, with the first checkpoint;
+before, it is `NAME.mcap.begun`, which contains no picture and which the next start removes. So a power cut leaves no
+file in work without its identity and its writer. Its layout:
 
     header        profile `flight`, our library string
     metadata      `session`, then `attachments` (name to SHA-256)
@@ -10,7 +10,7 @@ leaves no file in work that lacks what says where it belongs and who wrote it. I
     chunk         all schemas and channels, and the camera's status
     metadata      `checkpoint`, if the box has a key                         <- synced before it is named
     chunk ...     whole pictures: the record and the image of a frame are always in one chunk
-    metadata ...  `checkpoint` behind each chunk
+    metadata ...  `checkpoint` after each chunk
     metadata      `end` with the reason
     summary
 
@@ -90,7 +90,7 @@ def packed_head(
     attachments: Mapping[str, bytes],
     log_ns: int,
 ) -> Writer:
-    """Write all that stands before the chunks; gives the writer for the rest.
+    """Write everything before the chunks; return the writer for the rest.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def packed_head(
     attachments
         Content by name.
     log_ns
-        What the attachments say they were recorded at.
+        Log time of the attachments.
 
     Raises
     ------
@@ -123,14 +123,14 @@ def packed_head(
 
 
 def registered_topics(writer: Writer) -> dict[str, int]:
-    """Put the schemas and channels that every file has into the chunk that is open; gives channel ids by topic."""
+    """Put the schemas and channels that every file has into the open chunk; return channel ids by topic."""
     return {topic.name: _registered(writer, topic) for topic in TOPICS if topic.name not in LATE_TOPICS}
 
 
 def register_late(writer: Writer, channels: dict[str, int], name: str) -> None:
-    """Put a late topic's schema and channel into the chunk that is open, unless that is done; those before it too.
+    """Put schemas and channels up to this late topic into the open chunk, unless that is done.
 
-    So channels have the ids that a reader takes them to have who has lost the chunk that says so.
+    So channels have the ids that a reader assumes if it has lost the chunk that defines them.
     """
     if name in LATE_TOPICS and name not in channels:
         for topic in TOPICS:
@@ -147,22 +147,22 @@ def _registered(writer: Writer, topic: Topic) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Remains:
-    """What a segment leaves that could not be written on, and where another one goes on.
+    """The remains of a segment that could not be continued, and where the next one continues.
 
     Attributes
     ----------
     path
         The file in work; None if nothing but its head was on the disk, then it was removed.
     synced_bytes
-        How much of it is on the disk for certain; what lies behind may be anything.
+        How much of it is on the disk for certain; the bytes after it may be anything.
     segment
         Number of the next segment.
     chain
-        What the next segment goes on from.
+        Value from which the next segment continues.
     frames
-        How many are in what is on the disk for certain.
+        Number of frames on the disk for certain.
     gone
-        The file, still open, if somebody took its name away from it; close it.
+        The file, still open, if its name was taken away; close it.
     """
 
     path: Path | None
@@ -181,24 +181,24 @@ class SegmentWriter:
     path
         Final path, `....mcap`; the file is written beside it with `.part` appended.
     session
-        What the segment says about itself; its `started` anchors the log times. If it names no `chain` to go on from,
-        the segment is the first of its recording.
+        The segment's statements about itself; its `started` anchors the log times. Without a `chain` to continue, the
+        segment is the first of its recording.
     status
         The camera's state at this moment.
     attachments
         Content by name.
     signer
-        Signs each chunk with all before it, into the file, and the finished file, into one of its own beside it; None
-        for no signatures.
+        Signs each chunk with everything before it, in the file, and the finished file, in a file beside it; None for no
+        signatures.
     log_clock
         Of the recording; None for the first segment of one.
 
     Attributes
     ----------
     chain
-        Value of the chain after the last frame; what the next segment goes on from.
+        Value of the chain after the last frame; the next segment continues from it.
     unsynced
-        How many frames and reports, the last that were given, are not on the disk for certain.
+        Number of frames and reports, counted from the last, not on the disk for certain.
 
     Raises
     ------
@@ -239,7 +239,7 @@ class SegmentWriter:
             self._synced = 0
             self._file.rename(path.with_name(path.name + PART_SUFFIX))
         except BaseException:
-            self._file.discard()  # nothing is in it yet, and whoever tries again shall not litter the disk
+            self._file.discard()  # nothing is in it yet, and retries must not litter the disk
             raise
 
     def _start(self, attachments: Mapping[str, bytes]) -> Writer:
@@ -256,7 +256,7 @@ class SegmentWriter:
 
     @property
     def written_bytes(self) -> int:
-        """Size of the file and of what waits to be written to it, bytes."""
+        """Size of the file, including what waits to be written, bytes."""
         return self._file.tell() + self._chunk_bytes
 
     def write_frame(self, frame: Frame, at: ClockReading) -> None:
@@ -267,7 +267,7 @@ class SegmentWriter:
         frame
             Its host times may be of another boot (a replayed flight): they are stored, not used.
         at
-            The recorder's clocks; a frame's log time follows the monotonic one and never runs back (see `LogClock`).
+            The recorder's clocks; a frame's log time follows the monotonic one and never goes back (see `LogClock`).
         """
         self.unsynced += 1
         log_ns = self._log_clock.time_ns(at)
@@ -301,11 +301,11 @@ class SegmentWriter:
         self._report(LOG_TOPIC, encode_log(line, at), at)
 
     def tick(self, at: ClockReading) -> None:
-        """Sync if it is time; call it about each second while no frames come."""
+        """Sync if it is time; call it about every second while no frames come."""
         self._sync_if_due(at)
 
     def sync(self, at: ClockReading) -> None:
-        """Close the open chunk and come back when everything written so far is on the disk."""
+        """Close the open chunk and return when everything written so far is on the disk."""
         self._close_chunk()
         self._file.sync()
         self._note_synced()
@@ -337,7 +337,7 @@ class SegmentWriter:
             write_signature(self.path, self._file.sha256, self._signer)
         self._file.refuse_gone()
         rename_durably(self._file.path, self.path)
-        self._file.close()  # only now: closing gives up the lock that keeps others from recovering the file in work
+        self._file.close()  # only now: closing releases the lock that keeps others from recovering the file in work
         return self.path
 
     def abandon(self) -> None:
@@ -345,7 +345,7 @@ class SegmentWriter:
         self._file.close()
 
     def remains(self) -> Remains:
-        """Close the file as it is, for somebody who will write again what is not on the disk for certain."""
+        """Close the file as it is, for a writer that rewrites what is not on the disk for certain."""
         if not self._synced:
             self._file.discard()
             return Remains(None, 0, self.session.segment, self._given_chain)
@@ -357,7 +357,7 @@ class SegmentWriter:
 
     @property
     def is_gone(self) -> bool:
-        """Whether somebody deleted, renamed or replaced the file in work."""
+        """Whether the file in work was deleted, renamed or replaced."""
         return self._file.is_gone
 
     def refuse_gone(self) -> None:

@@ -1,10 +1,10 @@
 """Groups of pictures: from a key frame up to the next, in the order of time.
 
-A picture of a video is built on others: a key frame on none, the rest on those since the last key frame. Pictures that
-follow a key frame in the file and precede it in time (an open group's leading pictures) are built on both groups; they
-are the earlier group's, which brings the key frame along for them.
+A picture of a video depends on others: a key frame on none, the rest on those since the last key frame. Pictures that
+follow a key frame in the file and precede it in time (an open group's leading pictures) depend on both groups; they
+belong to the earlier group, which includes the key frame for them.
 
-A coded picture is an access unit in Annex B: NAL units, each behind 00 00 01. A key frame has its parameter sets before
+A coded picture is an access unit in Annex B: NAL units, each after 00 00 01. A key frame has its parameter sets before
 it. Sources: ITU-T H.264 table 7-1, H.265 table 7-1; foxglove.CompressedVideo.
 """
 
@@ -26,12 +26,12 @@ _ENDLESS = "the video has no key frame for too long; encode it again with ffmpeg
 
 
 def begins_group(frame: Frame) -> bool:
-    """Whether parameter sets stand before a video's coded picture, as they do before each key frame."""
+    """Whether parameter sets precede a video's coded picture, as they do for each key frame."""
     return has_parameter_sets(frame.encoded, frame.format)
 
 
 def has_parameter_sets(data: bytes, kind_of_video: str) -> bool:
-    """Whether they stand before the coded picture of an access unit of `h264` or `h265`."""
+    """Whether they precede the coded picture of an access unit of `h264` or `h265`."""
     at = data.find(_START)
     while 0 <= at < len(data) - len(_START):
         first = data[at + len(_START)]
@@ -45,15 +45,15 @@ def has_parameter_sets(data: bytes, kind_of_video: str) -> bool:
 
 
 def in_groups(frames: Iterable[Frame]) -> Iterator[list[Frame]]:
-    """Cut frames into groups, each in the order of time; what is no video is a group of its own.
+    """Cut frames into groups, each in order of time; a frame that is not video is a group of its own.
 
-    Frames are numbered in that order: those of a video exchange the numbers that they were stored under.
+    Frames are numbered in that order: those of a video exchange their stored numbers.
 
-    Memory holds one group and the beginning of the next. Of a group that is too large for that, the rest comes without
-    what it takes to decode it.
+    Memory holds one group and the beginning of the next. The rest of a group too large for that comes without the
+    packets needed to decode it.
     """
     own: list[Frame] = []
-    given: list[Frame] = []  # leading pictures of this group's key frame, which the group before has shown
+    given: list[Frame] = []  # leading pictures of this group's key frame, already in the group before
     key: Frame | None = None
     leading: list[Frame] = []
     size_bytes = 0
@@ -86,7 +86,7 @@ def in_groups(frames: Iterable[Frame]) -> Iterator[list[Frame]]:
 def _closed(
     own: Sequence[Frame], given: Sequence[Frame], key: Frame | None, leading: Sequence[Frame]
 ) -> Iterator[list[Frame]]:
-    """Give a group, unless it is empty: its own pictures, and those of the next that come before that one's key."""
+    """Yield a group, unless it is empty: its own pictures, and those of the next that precede its key frame in time."""
     row = [*own, key, *leading] if key is not None and leading else list(own)
     stored = [*own[:1], *given, *row[1:]]
     sound = stored[: _unbroken(stored)] if own and begins_group(own[0]) else []

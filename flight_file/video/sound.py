@@ -1,4 +1,4 @@
-"""Sound beside the pictures: the messages of `/sound/peaks` and `/sound/packet`, as bytes, and as players take them."""
+"""Sound beside the pictures: the messages of `/sound/peaks` and `/sound/packet`, encoded and playable."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _Levels = Annotated[tuple[Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)], ...],
 
 
 class _PeaksRecord(msgspec.Struct, frozen=True):
-    """What is written of a window's peaks."""
+    """The JSON record of a window's peaks."""
 
     time: Moment
     window_s: Annotated[float, msgspec.Meta(gt=0, le=60)]
@@ -35,7 +35,7 @@ class _PeaksRecord(msgspec.Struct, frozen=True):
 
 
 class _PacketRecord(msgspec.Struct, frozen=True):
-    """What is written of a packet of sound."""
+    """The JSON record of a packet of sound."""
 
     time: Moment
     codec: str
@@ -52,12 +52,12 @@ _PACKET_RECORD = msgspec.json.Decoder(_PacketRecord)
 
 
 def sound_topic(sound: Sound) -> str:
-    """Tell which topic it is on."""
+    """Return its topic."""
     return PEAKS_TOPIC if isinstance(sound, SoundPeaks) else PACKET_TOPIC
 
 
 def encode_sound(sound: Sound) -> bytes:
-    """Encode what was heard as JSON, without the frame that it was stored with."""
+    """Encode sound as JSON, without the frame that it was stored with."""
     if isinstance(sound, SoundPeaks):
         return json_bytes(
             {
@@ -108,7 +108,7 @@ def _base64(content: bytes) -> str:
 
 
 def playable(packet: SoundPacket) -> bytes:
-    """Put before a packet what players need to find it in a row of such: an ADTS head for AAC, for others nothing.
+    """Prepend the header that players need in a stream of packets: ADTS for AAC, nothing for others.
 
     Source: ISO/IEC 14496-3, 1.6.2.1 and 1.A.3.2.
     """
