@@ -7,7 +7,7 @@ A record is: opcode u8, length u64, content; all little-endian. What is read her
 | Chunk      | 0x06   | its two lengths agree; CRC of the uncompressed records            |
 | MsgIndex   | 0x07   | its two lengths agree; only its counts are used                   |
 | Attachment | 0x09   | its lengths agree; its own CRC                                    |
-| Statistics | 0x0B   | its lengths agree; only plausible values are used                  |
+| Statistics | 0x0B   | its lengths agree; only plausible values are used                   |
 | Metadata   | 0x0C   | its lengths agree; our digest inside (see `session`)              |
 
 Source: https://mcap.dev/spec. The `mcap` package checks no attachment CRC and stops at the first damaged chunk, hence

@@ -1,7 +1,7 @@
-"""The fit of a reader to a flight: align a sample, learn appearance, estimate pivots; repeated until it stays.
+"""The fit of a reader to a flight: align a sample, learn appearance, estimate pivots; repeated until it converges.
 
-Each round unwraps the sample around the pivots as they are, and tells how far they still are from where needles turn.
-What is left in the end is added to the readings' uncertainty.
+Each round unwraps the sample around the present pivots, and estimates their distance from where needles turn. The
+remaining distance is added to the readings' uncertainty.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from decoder.registration.pivot import Pivot
 from decoder.registration.placement import Placement
 
 ROUNDS = 8
-# The nearer a needle is cut to its pivot, the more surely that is found.
+# Repeated, since a pivot is found more surely the nearer to it the needle is cut.
 FAR_ROUNDS = 3
 
 
@@ -66,17 +66,17 @@ class FittedReader:
     Attributes
     ----------
     panel
-        As drawn, with angles that are right around the pivots.
+        As drawn, with angles corrected for the pivots.
     uncertainties
-        By quantity: what its readings are uncertain by beyond what their frames tell.
+        By quantity: uncertainty of its readings beyond that from their frames.
     moved_px
-        By gauge, for those whose needles turn elsewhere than the panel says: (x, y).
+        By gauge whose needles turn elsewhere than the panel says: (x, y).
     unsettled
-        The gauges whose needles turn where no round had them.
+        Gauges whose pivots did not converge.
     has_points
-        Whether angles were taken for points around the centres that are drawn.
+        Whether angles were taken as points around the drawn centres.
     sampled
-        In how many frames of the sample the panel was found.
+        Number of the sample's frames in which the panel was found.
     """
 
     reader: PanelReader
@@ -89,7 +89,7 @@ class FittedReader:
 
     @property
     def findings(self) -> dict[str, tuple[str, ...]]:
-        """By gauge what the fit found that its drawer should know."""
+        """Findings by gauge for the person who drew it."""
         return {gauge.name: tuple(self._found(gauge)) for gauge in self.panel.gauges}
 
     def _found(self, gauge: Gauge) -> Iterator[str]:
@@ -116,23 +116,23 @@ class FittedReader:
             )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
-        """(N,): what readings of a quantity at these angles are uncertain by beyond what their frames tell."""
+        """(N,): uncertainty of a quantity's readings at these angles beyond that from their frames."""
         return self.uncertainties[name].sigma_deg(angles_deg)
 
     @property
     def budgets(self) -> dict[str, Budget]:
-        """By quantity what of that has which cause, over its values."""
+        """By quantity: the causes of that uncertainty, over its values."""
         quantities = [quantity for gauge in self.panel.gauges for quantity in gauge.quantities]
         return budgets(quantities, self.panel.combinations, lambda name, at: self.uncertainties[name].parts_deg(at))
 
     def allowed_sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
-        """(N,): what of that neither this panel nor this flight tells, but is allowed for."""
+        """(N,): the part of that which is an allowance, not estimated from this panel or flight."""
         return np.full_like(angles_deg, self.uncertainties[name].seen_deg)
 
 
 @dataclass(frozen=True, slots=True)
 class _Round:
-    """What one round tells: the reader with what it learned, its readings by frame, and by gauge the pivot."""
+    """The result of a round: the reader that has learned, its readings by frame, and the pivots by gauge."""
 
     reader: PanelReader
     found: Sequence[Mapping[str, Reading]]
@@ -140,7 +140,7 @@ class _Round:
 
 
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
-    """Fit a reader to the flight of which `sample` gives some frames, in so many rounds at most."""
+    """Fit a reader to the flight from which `sample` takes frames, in at most this many rounds."""
     source, gauges = reader.source, reader.source.panel.gauges
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
@@ -155,7 +155,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         if around is None:
             break
         tell(f"finding where needles turn, round {round_}")
-        del reader, samples, last  # they need not lie in memory beside those of the next round
+        del reader, samples, last  # frees memory for those of the next round
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
@@ -187,7 +187,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
-    """Learn a first time: in the colours in which needles show, and of lost dials where their marks are even."""
+    """Learn a first time: in the colours in which needles show best, lost dials centred on their rings of marks."""
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
@@ -196,7 +196,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     starts = _middles_of_marks(gauges, begun.paths, last.found)
     if coloured is placed and not any(starts):
         return begun, last
-    del begun, last, samples  # what they hold need not lie in memory beside what is unwrapped later
+    del begun, last, samples  # frees memory for what is unwrapped later
     tell("choosing colours in which needles show, and centring rings of marks")
 
     def again(starts: Sequence[Vector | None]) -> tuple[_Recentred, _Round]:
@@ -208,7 +208,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
         None if {needle.name for needle in gauge.turning} & doubted else start
         for gauge, start in zip(gauges, starts, strict=True)
     ]
-    if told != starts:  # there no needle tells either that its dial lies there
+    if told != starts:  # at these starts needles are not found either
         del begun, last
         begun, last = again(told)
     return begun, last
@@ -217,7 +217,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
 def _middles_of_marks(
     gauges: Sequence[Gauge], paths: Sequence[PivotPath], found: Sequence[Mapping[str, Reading]]
 ) -> list[Vector | None]:
-    """By gauge that was hardly read where it is drawn: where its marks are even, if that is elsewhere; else None."""
+    """By gauge hardly read as drawn: the centre around which its marks are even, if that is elsewhere; else None."""
     doubted = _doubted(found)
     return [
         middle_of_marks_px(gauge) if not path.is_far and {each.name for each in gauge.turning} & doubted else None
@@ -228,14 +228,14 @@ def _middles_of_marks(
 def _begun(
     reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, starts: Sequence[Vector | None], tell: Tell
 ) -> tuple[_Recentred, _Round]:
-    """Find pivots that are far off, from where some are thought to be, and learn a first time."""
+    """Find pivots that are far off, given starts for some, and learn a first time."""
     aligned = _around_far_pivots(reader, samples, sample, starts)
     tell(f"learning from {len(aligned.samples)} frames what the instruments look like")
     return aligned, _learned(aligned.reader, aligned.samples, aligned.paths)
 
 
 def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> PanelReader:
-    """Learn from a sample of a flight what it tells; with too few usable frames the reader stays as it was."""
+    """Learn from a sample of a flight; with too few usable frames the reader stays as it was."""
     samples = unwrapped(reader, frames)
     found = _read(reader, samples)
     return with_usual_place(learn_appearance(reader, lit_views(reader, samples), found), samples)
@@ -247,7 +247,7 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     reader, found = with_seen_faces(reader, views, found, lambda bared: _read(bared, samples))
     reader = with_usual_place(learn_appearance(reader, views, found), samples)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())
-    if reader.placement.dials_move or missing:  # then each tilt counts; else its fit needs no better guess
+    if reader.placement.dials_move or missing:  # then every tilt is used; else the fit's guess is good enough
         found = _read(reader, samples)
     reader, found = learn_likely_needles(reader, samples, views, found)
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
@@ -260,10 +260,10 @@ def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Sequence[Ma
 
 @dataclass(frozen=True, slots=True)
 class _Recentred:
-    """A reader that has learned nothing yet, around the pivots of gauges whose centres are drawn far from them.
+    """A reader that has not learned yet, around pivots that are far from the drawn centres.
 
-    `samples` are unwrapped by it, `paths` tell by gauge how far its pivot was moved, and `log_odds` how likely
-    marks are points, and not angles.
+    `samples` are unwrapped by it, `paths` say by gauge how far its pivot was moved, and `log_odds` how likely marks are
+    points rather than angles.
     """
 
     reader: PanelReader
@@ -275,7 +275,7 @@ class _Recentred:
 def _around_far_pivots(
     reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, starts: Sequence[Vector | None]
 ) -> _Recentred:
-    """Search for pivots that are far beside their centres, and unwrap a sample around them."""
+    """Search for pivots far from the drawn centres, and unwrap a sample around them."""
     drawn = reader.source.panel.gauges
     paths = [PivotPath()] * len(drawn)
     if len(samples) < FRAMES_TO_LEARN:
@@ -309,7 +309,7 @@ def _around_far_pivots(
 def _log_odds(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], drawn: Sequence[Gauge], paths: Sequence[PivotPath]
 ) -> float:
-    """Tell how likely angles of a panel are points, by its scales and by those needles that turn far off."""
+    """Return the log odds that a panel's angles are points, by its scales and the needles that turn far off."""
     is_far = [
         math.hypot(*path.beside_px) > FAR_PART * gauge.radius[1] for path, gauge in zip(paths, drawn, strict=True)
     ]
@@ -327,7 +327,7 @@ def _log_odds(
 def _seen(
     reader: PanelReader, samples: Sequence[UnwrappedFrame]
 ) -> Iterator[tuple[Instrument, UnwrappedGauge, list[UnwrappedGauge]]]:
-    """By gauge: it, as the panel picture shows it, and the frames of the sample in its light."""
+    """Iterate over the gauges: instrument, panel picture, and the sample's frames in its light."""
     drawn = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, strict=True)
     parts = zip(drawn, reader.own_gauges, lit_views(reader, samples), strict=True)
     for index, (instrument, own, views) in enumerate(parts):
@@ -337,20 +337,20 @@ def _seen(
 def _around_pivots(
     last: _Round, steps: Sequence[Vector | None], drawn: Sequence[Gauge], *, is_retold: bool
 ) -> PanelReader | None:
-    """Unwrap the panel around its pivots as they were estimated; None where they and the lifts are right already.
+    """Unwrap the panel around the estimated pivots; None if they and the lifts are right already.
 
-    It `is_retold` where angles are points now that were none before, or the other way round.
+    `is_retold`: whether angles have become points, or points angles.
     """
     placed = last.reader.placement
     lifts = placed.lifts or (0.0,) * len(steps)
-    missing = lifts_missing(lifts, last.pivots) if placed.dials_move else ()  # then none has a lift
+    missing = lifts_missing(lifts, last.pivots) if placed.dials_move else ()  # otherwise none has a lift
     if not any(steps) and not any_lift_is_off(missing) and not is_retold:
         return None
     return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 
 
 def _completed(last: _Round) -> PanelReader:
-    """Tell the reader which needles are doubted."""
+    """Mark doubted needles in the reader."""
     doubted = _doubted(last.found)
     if not doubted:
         return last.reader
@@ -358,7 +358,7 @@ def _completed(last: _Round) -> PanelReader:
 
 
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
-    """Name the needles that are missing in most of the sampled frames, of enough of them to tell."""
+    """List the needles that are missing in most of the sampled frames; none if there are too few frames."""
     if len(found) < FRAMES_TO_LEARN:
         return frozenset()
     return frozenset(
@@ -369,7 +369,7 @@ def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
 
 
 def reader_from_panel(source: PanelPictures, method: Method) -> PanelReader:
-    """Make a reader that knows its needles and dials as the panel gives them.
+    """Make a reader with needles and dials as in the panel.
 
     Raises
     ------
@@ -387,16 +387,16 @@ def around_pivots(
     drawn: Sequence[Gauge],
     lifts_missing: Sequence[float] = (),
 ) -> PanelReader:
-    """Return a reader of the panel with its pivots some steps on, which has learned nothing around them yet.
+    """Return a reader of the panel with its pivots moved by these steps, which has not learned around them yet.
 
     Parameters
     ----------
     steps_px
         By gauge, in its dial's own plane; None for a pivot that stays.
     drawn
-        The gauges, with angles as they are seen from their pivots; their centres are not looked at.
+        The gauges, with angles as seen from their pivots; their centres are ignored.
     lifts_missing
-        By gauge how far its needles go beyond its dial, besides what is known; none if nothing is missing.
+        By gauge: correction of its needles' lift above the dial; none if nothing is missing.
     """
     source, placed, own = reader.source, reader.placement, reader.source.optics.own
     lifts = placed.lifts or (0.0,) * len(steps_px)
@@ -426,7 +426,7 @@ def around_pivots(
 
 
 def _moved(centre: Point, plane: DialPlane | None, own: Alignment, step_px: Vector) -> Point:
-    """Move a gauge's centre by a step that is told in the dial's own plane."""
+    """Move a gauge's centre by a step in the dial's own plane."""
     if plane is None:
         return centre[0] + step_px[0], centre[1] + step_px[1]
     there = plane.to_panel(np.array(step_px)[:, None])[:, 0]

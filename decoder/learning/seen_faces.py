@@ -1,8 +1,9 @@
-"""The dial behind a needle of the panel picture, as frames show it.
+"""The dial behind a needle of the panel picture, learned from frames.
 
-A needle cut from one picture is cut with the marks behind it. Where these outshine a dim needle, they match themselves
-in every frame, and the needle seems to stand still where the panel picture has it. If the frames mostly show something
-else there, that is the dial. Without this a thin needle, or one before a numeral, is found in no frame of some flights.
+A needle cut from one picture includes the marks behind it. If these are brighter than a dim needle, they match
+themselves in every frame, and the needle seems to stay where it is in the panel picture. If most frames show something
+else there, that is the dial. Without this, a thin needle, or one over a numeral, is not found in any frame of some
+flights.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from decoder.panel.kind import Pointer
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.thresholds import NOISE_LEVELS
 
-# Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
+# The dial behind a needle is taken from the third of the frames that differ most there from the panel picture.
 ELSEWHERE = 3
 
 Found = Sequence[Mapping[str, Reading]]
@@ -39,9 +40,9 @@ Read = Callable[[PanelReader], Found]
 
 
 def with_seen_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
-    """Show the reader the dials behind the panel picture's needles, where frames show them; return its readings too.
+    """Correct the reader's faces behind the panel picture's needles, where frames show them; return its readings too.
 
-    A needle that is `found` to move, by frame, is not in doubt: the marks behind it are not what is matched.
+    A needle that moves in the readings by frame, `found`, needs none: it is not the marks behind it that match.
     """
     bared = _with_usual_faces(reader, views, found)
     if bared is not reader:
@@ -50,7 +51,7 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Found, read: Re
 
 
 def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> PanelReader:
-    """Show the dials behind needles that mostly stand elsewhere, as most frames have them."""
+    """Correct the faces behind needles that are elsewhere in most frames, from the median of the frames."""
     source, before = reader.source, reader.appearance
     own = reader.own_gauges
     faces, templates = list(before.faces), dict(before.templates)
@@ -76,9 +77,9 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> Pan
 
 @dataclass(frozen=True, slots=True)
 class _Apart:
-    """A needle that may stand elsewhere in some frames: those most unlike the panel picture there, and the most like.
+    """A needle that may be elsewhere in some frames: the frames most unlike the panel picture there, and most like it.
 
-    `face` and `template` are what the unlike ones tell.
+    `face` and `template` follow from the unlike ones.
     """
 
     needle: Pointer
@@ -89,7 +90,7 @@ class _Apart:
     template: NeedleTemplate
 
     def is_told(self, found: Found) -> bool:
-        """Tell whether frames say the same that were read with this face: the needle is not where it seemed to be."""
+        """Whether the readings with this face confirm it: the needle is not where it seemed to be."""
         at_home = [_is_at_home(self.needle, readings) for readings in found]
         elsewhere = [
             not own and readings[self.needle.name].status is not Status.MISSING
@@ -102,9 +103,9 @@ class _Apart:
 
 
 def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
-    """Show the dials behind needles that seem to stand still, as the frames have them that differ most there.
+    """Correct the faces behind needles that seem to stand still, from the frames that differ most there.
 
-    These may show a reflection: it only counts where the needles then are not found there any more.
+    These frames may show a reflection, so a correction is kept only if the needles are then no longer found there.
     """
     source, before, own = reader.source, reader.appearance, reader.own_gauges
     apart: dict[int, list[_Apart]] = {}
@@ -130,11 +131,11 @@ def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: 
 
 
 def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None], found: Found) -> _Apart | None:
-    """Return what the frames tell that differ most from the panel picture where a needle was cut.
+    """Learn a face from the frames that differ most from the panel picture where a needle was cut.
 
-    Frames in which another needle lies there do not count, nor those in which it moved there by a little itself: what
-    is printed behind a needle is matched just where it was cut. None where the frames are no more like each other than
-    like the picture, or where they do not show that the needle is gone.
+    Frames with another needle there are left out, and those in which the needle itself is slightly off its place: print
+    behind a needle matches exactly where it was cut. None if the frames are no more like each other than like the
+    picture, or do not show that the needle is gone.
     """
     rows = _window(needle, dial.grid, dial.templates[needle.name])
     taken = _rows_of_others(dial, needle, found)[:, rows].any(axis=1)
@@ -158,7 +159,7 @@ def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None],
 
 
 def _is_bared(dial: _Dial, needle: Pointer, rows: Mask, other: Floats) -> bool:
-    """Tell whether other frames show rows of a dial without a needle, and otherwise than these were thought to be."""
+    """Whether `other` frames show a dial's rows without the needle, and different from the face so far."""
     is_gone = np.abs(dial.drawn[rows] - _in_light_of(dial.drawn[rows], other)) > 3 * NOISE_LEVELS
     is_other = np.abs(dial.face[rows] - other) > 3 * NOISE_LEVELS
     return (
@@ -169,25 +170,25 @@ def _is_bared(dial: _Dial, needle: Pointer, rows: Mask, other: Floats) -> bool:
 
 
 def _is_at_home(needle: Pointer, readings: Mapping[str, Reading]) -> bool:
-    """Tell whether a needle is found where the panel picture has it."""
+    """Whether a needle is found where it is in the panel picture."""
     return readings[needle.name].status is not Status.MISSING and _off_home_deg(needle, readings) <= APART_DEG
 
 
 def _off_home_deg(needle: Pointer, readings: Mapping[str, Reading]) -> float:
-    """Return how far from where the panel picture has it a needle matches best."""
+    """Return how far a needle's best match is from its place in the panel picture."""
     at = 0.0 if needle.at_deg is None else needle.at_deg
     return abs(float(shortest(np.array(readings[needle.name].angle_deg - at), FULL_CIRCLE_DEG)))
 
 
 def _over(dial: _Dial, face: UnwrappedGauge, needle: Pointer) -> NeedleTemplate:
-    """Return a needle of the panel picture over a face."""
+    """Make a panel picture's needle template over a face."""
     cut = dial.templates[needle.name]
     return layer_over(cut.pixels, face_behind(face, dial.grid, needle.at_deg, cut.rows), cut.step_deg)
 
 
 @dataclass(frozen=True, slots=True)
 class _Dial:
-    """One unwrapped gauge: in the panel picture, as frames mostly show it, and as it was thought to be bare."""
+    """One unwrapped gauge: in the panel picture, in the median of the frames, and its bare face so far."""
 
     gauge: Gauge
     grid: PolarGrid
@@ -198,7 +199,7 @@ class _Dial:
 
 
 def may_be_lost(gauge: Gauge, found: Found) -> bool:
-    """Whether one of its needles is not read in some frame, or mostly where the panel picture has it."""
+    """Whether one of its needles is missing in some frame, or read mostly where it is in the panel picture."""
     return any(
         _seems_still(needle, found) or any(readings[needle.name].status is Status.MISSING for readings in found)
         for needle in gauge.over_face
@@ -206,7 +207,7 @@ def may_be_lost(gauge: Gauge, found: Found) -> bool:
 
 
 def _seems_still(needle: Pointer, found: Found) -> bool:
-    """Tell whether a needle is mostly read where the panel picture has it, or not at all."""
+    """Whether a needle is mostly missing or read where it is in the panel picture."""
     still = [readings[needle.name].status is Status.MISSING or _is_at_home(needle, readings) for readings in found]
     return 2 * sum(still) > len(still)
 
@@ -214,22 +215,22 @@ def _seems_still(needle: Pointer, found: Found) -> bool:
 def _may_be_bared(
     gauge: Gauge, grid: PolarGrid, templates: Mapping[str, NeedleTemplate], face: UnwrappedGauge, seen: Sequence[Floats]
 ) -> bool:
-    """Tell whether frames mostly show another dial in a needle's window than was thought."""
+    """Whether the frames' median in a needle's window differs from the face so far."""
     windows = [_window(needle, grid, templates[needle.name]) for needle in _cut_needles(gauge)]
     off = (np.abs(face[rows] - median_of(np.stack([view[rows] for view in seen]))) for rows in windows)
     return any(float((each > 3 * NOISE_LEVELS).mean()) > NEEDLE_PART for each in off)
 
 
 def _cut_needles(gauge: Gauge) -> list[Pointer]:
-    """Name those that are cut from the panel picture."""
+    """List the needles that are cut from the panel picture."""
     return [each for each in gauge.over_face if each.hides_deg is not None]
 
 
 def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mask]) -> list[Pointer]:
-    """Name the needles that mostly stand elsewhere, and behind which there is another dial than was thought.
+    """List the needles that are elsewhere in most frames, with a dial behind them that differs from the face so far.
 
-    A needle that moved by less than its width has gone from its edges alone: along its axis the dial still shows the
-    needle, however much moves beside it. What `others` show, by needle, (frames, R), is not the needle itself.
+    A needle that moved by less than its width is gone only at its edges: its axis is still covered, however much moves
+    beside it. `others`, (frames, R) by needle, marks rows that show other needles.
     """
     needles = _cut_needles(dial.gauge)
     windows = [_window(needle, dial.grid, dial.templates[needle.name]) for needle in needles]
@@ -256,7 +257,7 @@ def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mas
 
 
 def _axis_part(dial: _Dial, needle: Pointer, is_gone: Mask) -> float:
-    """Return the part of a needle's axis, in [0, 1], that is gone from its window, (rows, C)."""
+    """Return the part of a needle's axis, in [0, 1], where it `is_gone` from its window, (rows, C)."""
     template = dial.templates[needle.name]
     shown = template.outline[template.rows // 2]
     rows = np.flatnonzero(_window(needle, dial.grid, template))
@@ -265,7 +266,7 @@ def _axis_part(dial: _Dial, needle: Pointer, is_gone: Mask) -> float:
 
 
 def _rows_of_others(dial: _Dial, needle: Pointer, found: Found) -> Mask:
-    """(frames, R): the rows that show another needle of the dial, one that is found to move, or its tail."""
+    """(frames, R): rows that show another, moving needle of the dial, or its tail."""
     rows = np.zeros((len(found), dial.grid.rows), bool)
     angles_deg = dial.grid.start_deg + dial.grid.step_deg * np.arange(dial.grid.rows)
     for other in dial.gauge.over_face:
@@ -280,7 +281,7 @@ def _rows_of_others(dial: _Dial, needle: Pointer, found: Found) -> Mask:
 
 
 def _in_light_of(wanted: Floats, seen: Floats) -> Floats:
-    """Bring a part of a dial into the light of another picture of it, so that other light makes no other dial."""
+    """Bring a part of a dial into another picture's light, so that a change of light is not taken for another dial."""
     spread = seen - seen.mean()
     gain = float((spread * (wanted - wanted.mean())).sum()) / max(float((spread * spread).sum()), 1.0)
     lit: Floats = wanted.mean() + gain * spread
@@ -288,11 +289,11 @@ def _in_light_of(wanted: Floats, seen: Floats) -> Floats:
 
 
 def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
-    """(R,): which rows of the gauge a needle of the panel picture was cut from."""
+    """(R,): the rows of the gauge from which a needle of the panel picture was cut."""
     rows: Mask = np.abs(np.arange(grid.rows) - _axis_row(needle, grid)) <= (template.rows - 1) / 2
     return rows
 
 
 def _axis_row(needle: Pointer, grid: PolarGrid) -> float:
-    """Return the row on which the axis of a needle of the panel picture lies."""
+    """Return the row of the axis of a panel picture's needle."""
     return row_of_angle(grid, 0.0 if needle.at_deg is None else needle.at_deg)
