@@ -1,8 +1,8 @@
-"""Sampling: the grey levels of a panel's unwrapped gauges, straight from a frame's own pixels, as they are asked for.
+"""Sampling: grey levels of a panel's unwrapped gauges, straight from a frame's pixels, on demand.
 
-The samples of all gauges are numbered through, gauge by gauge, row by row; so a number means the same place in every
-frame. What is searched of gauges is taken at once, the rest of them as windows are looked at; gauges that are not
-searched are taken whole, all together when the first is asked for.
+The samples of all gauges are numbered consecutively, gauge by gauge, row by row; so a number means the same place in
+every frame. The searched samples of gauges are taken at once, their others as windows are needed; gauges that are not
+searched are taken whole, all together when the first is needed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Samples(Protocol):
     """(S,) float32 or uint8: of each gauge what is searched, as `searching.interleave_rows` has it."""
 
     def runs(self, first: Indices, size: int) -> Levels:
-        """(len(first), size): from each of these numbers on so many samples."""
+        """(len(first), size): runs of samples starting at these numbers."""
         ...
 
     def strip(self, first: int, shape: tuple[int, int]) -> Levels:
@@ -46,14 +46,14 @@ class Samples(Protocol):
 
 
 class GaugeSampler:
-    """Samples the gauges of one panel; `searched` are those that are searched, by their places in the panel.
+    """Samples the gauges of one panel; `searched` are the indexes of those that are searched.
 
     Attributes
     ----------
     first
-        By gauge the number of its first sample.
+        Number of the first sample by gauge.
     shapes
-        By gauge its rows and columns.
+        Rows and columns by gauge.
     """
 
     def __init__(self, unwrapper: Unwrapper, searched: Sequence[int]) -> None:
@@ -68,11 +68,11 @@ class GaugeSampler:
         self.searched_parts = [slice(first, end) for first, end in pairwise(ends)]
 
     def _searched_numbers(self, index: int) -> Indices:
-        """List the numbers of what is searched of a gauge, as `Samples.searched` has it."""
+        """List the numbers of a gauge's searched samples, in the order of `Samples.searched`."""
         return interleave_rows(np.arange(self.first[index], self.first[index + 1]).reshape(self.shapes[index]))
 
     def of_frame(self, frame: GreyPicture, alignment: Alignment, in_colour: Coloured | None = None) -> Samples:
-        """Sample a frame where the panel lies in it; needles that stand above their dials move with the camera."""
+        """Sample a frame at the panel's place in it; needles raised above their dials shift with the camera."""
         if not self._is_flat:
             return self.of_unwrapped(self._unwrapper.unwrap(frame, alignment, in_colour))
         plain = self._of_luma(frame, alignment)
@@ -92,7 +92,7 @@ class GaugeSampler:
             return _FrameSamples(self._points, frame, alignment, np.empty(0, np.uint8), self._whole)
         places = self._map.places(alignment)
         for left, top, right, bottom in places.reshape(-1)[self._ends].astype(np.intp).tolist():
-            # Points around a dial lie scattered in memory, each to be waited for: row by row the processor reads ahead.
+            # A dial's points are scattered in memory, each a cache miss: row by row the processor prefetches.
             frame[top : bottom + 2, left : right + 2].copy()
         searched = levels_at(frame, places)[: self._map.slices[-1].stop]
         return _FrameSamples(self._points, frame, alignment, searched, self._whole)
@@ -119,7 +119,7 @@ class GaugeSampler:
 
     @cached_property
     def _whole(self) -> _WholeGauges | None:
-        """The gauges that are not searched, where there are any."""
+        """The gauges that are not searched, if there are any."""
         numbers = {
             first: np.arange(first, end)
             for index, (first, end) in enumerate(pairwise(self.first))
@@ -132,7 +132,7 @@ class GaugeSampler:
 
     @cached_property
     def _mixed_maps(self) -> dict[int, PointMap]:
-        """By gauge that is not sampled in luma: what is searched of it."""
+        """The searched points by gauge that is not sampled in luma."""
         numbers = {index: self._searched_numbers(index) for index in self.searched if index in self._unwrapper.mixed}
         return {index: PointMap.of([self._points[its.ravel()].T]) for index, its in numbers.items()}
 
@@ -143,14 +143,14 @@ class GaugeSampler:
 
 @dataclass(frozen=True, slots=True)
 class _WholeGauges:
-    """Gauges that are taken together: their points, and by the number of a gauge's first sample its part of them."""
+    """Gauges sampled together: their points, and each gauge's slice by the number of its first sample."""
 
     points: PointMap
     parts: Mapping[int, slice]
 
 
 class _FrameSamples:
-    """`origin` is the pixel of a frame at which that part of it begins which is sampled."""
+    """Samples of a frame, or of a part of it that begins at the pixel `origin`."""
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class _FrameSamples:
 
 
 class _MixedSamples:
-    """Samples of a frame of which some gauges are looked at in a grey of their own; `first` as of `GaugeSampler`."""
+    """Samples of a frame with some gauges in their own mixture of colours; `first` as in `GaugeSampler`."""
 
     def __init__(self, first: Sequence[int], plain: _FrameSamples, mixed: Mapping[int, _FrameSamples]) -> None:
         self._first, self._plain, self._mixed = first, plain, mixed
@@ -207,7 +207,7 @@ class _MixedSamples:
 
 
 class _UnwrappedSamples:
-    """`first` are the numbers of the gauges' first samples."""
+    """Samples of unwrapped gauges; `first` are the numbers of their first samples."""
 
     def __init__(self, gauges: Sequence[UnwrappedGauge], first: Sequence[int], searched: Sequence[int]) -> None:
         self._gauges, self._first = [gauge.ravel() for gauge in gauges], first
@@ -227,9 +227,9 @@ class _UnwrappedSamples:
 
 
 def _ends(points: Floats, parts: Sequence[slice]) -> Indices:
-    """(N, 4): of boxes around points (M, 2), which of their numbers are the left, top, right and bottom ends.
+    """(N, 4): indexes, among the coordinates of points (M, 2), of the left, top, right and bottom ends of boxes.
 
-    Parts side by side share a box; there are none where they hold more pixels than stay at hand.
+    Parts side by side share a box; there are no boxes if they hold more pixels than fit the cache.
     """
     boxes: list[Indices] = []
     for part in sorted(parts, key=lambda part: float(points[part, 1].min())):
@@ -246,7 +246,7 @@ def _ends(points: Floats, parts: Sequence[slice]) -> Indices:
 
 
 def _runs(values: Levels, size: int) -> Levels:
-    """(N - size + 1, size, ...): a view on (N, ...) that shows for each of them the next so many."""
+    """(N - size + 1, size, ...): a view of all runs of (N, ...)."""
     stride, *others = values.strides
     shape = (len(values) - size + 1, size, *values.shape[1:])
     return np.ndarray(shape, values.dtype, values, strides=(stride, stride, *others))
@@ -256,7 +256,7 @@ class Reader(Protocol):
     """Reads all instruments of one kind on a panel, in many frames at once."""
 
     def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
-        """Read F frames; `place_sigmas_deg` (F, gauges) is how uncertain dials' places make angles."""
+        """Read F frames; `place_sigmas_deg` (F, gauges) is the angles' uncertainty from the dials' places."""
         ...
 
 

@@ -51,7 +51,7 @@ def learn_appearance(
     found
         For each frame, the readings in it.
     of
-        Of which gauges; the others stay as they are known. None for all.
+        Indexes of the gauges to learn; the others stay as known. None for all.
     """
     if len(found) < FRAMES_TO_LEARN:
         return reader
@@ -90,10 +90,10 @@ def learn_appearance(
 def learn_likely_needles(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
 ) -> tuple[PanelReader, Sequence[Readings]]:
-    """Learn gauges again from needles that are likely where they match, for as long as fewer are missing each time.
+    """Learn gauges again from needles' likely matches, as long as each time fewer needles are missing.
 
-    A frame in which one needle is missing teaches nothing of the dial below the others, and a needle that stands over
-    print in only few frames is missing until the dial is known there. Returned with the reader are its readings.
+    A frame with one missing needle teaches nothing about the dial below the others, and a needle that is over print in
+    only a few frames is missing until the dial there is known. Return the reader with its readings.
     """
     gauges = reader.source.panel.gauges
     of = {index for index, gauge in enumerate(gauges) if isinstance(reader.grids[index], PolarGrid)}
@@ -114,7 +114,7 @@ def learn_likely_needles(
 
 
 def _as_likely(reading: Reading) -> Reading:
-    """Take a needle that is missing, but likely where it matches, for one that is found."""
+    """Treat a missing needle with a likely match as found."""
     is_likely = reading.status is Status.MISSING and reading.score >= LIKELY_SCORE and math.isfinite(reading.angle_deg)
     return replace(reading, status=Status.EDGE) if is_likely else reading
 

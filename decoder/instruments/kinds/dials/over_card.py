@@ -1,9 +1,9 @@
 """Needles and bugs over a card that turns: each is read in the card's own frame.
 
-First the card is read, as it is by itself. Turned back by that the dial has a face that stands still, the card, and
-over it turn needles, as on any other dial: they are found, learned and doubted as needles are. What stands on the card
-below a needle is its angle there; where it points on the dial is that and the card's turn. A needle hides a part of
-the card: once it is found the card is read again without what lies below it.
+First the card is read, as without needles. With the dial turned back by its turn, the card becomes a fixed face with
+needles over it, as on any other dial: they are found, learned and doubted like other needles. A needle's angle there is
+its place on the card; its angle on the dial is that plus the card's turn. Needles hide parts of the card: once they are
+found, the card is read again without these parts.
 """
 
 from __future__ import annotations
@@ -74,34 +74,34 @@ from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_TH
 
 ROUNDS = 3
 NO_PARALLAX = CardParallax()
-# Frames that show a needle elsewhere tell what lies behind it: a third of them, the most different ones.
+# The dial behind a needle is taken from the third of the frames that differ most there from the panel picture.
 ELSEWHERE = 3
 LIGHT_PASSES = 2
-# By so much the panel picture may be sharper than frames, or these than it.
+# Blurs to try where the panel picture is sharper than the frames, or they than it.
 BLURS_PX = (0.0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
 
 
 @dataclass(frozen=True, slots=True)
 class OverCardPicture:
-    """What a card under needles looks like.
+    """The appearance of a card under needles.
 
     Attributes
     ----------
     card
-        As it is read.
+        Appearance of the card by itself.
     face
-        (R, C) float32: the dial with the card as it lies in the panel picture, on the gauge's grid, without needles.
+        (R, C) float32: the dial without needles on the gauge's grid, with the card as in the panel picture.
     templates
         By needle.
     drawn
-        (R, C) float32: the panel picture with needles, and, once it is known, without what stands still over the card.
+        (R, C) float32: the panel picture with needles, without what stands still over the card once that is known.
     over
-        (P, C): where something stands still over the card, in one turn of the dial.
+        (P, C): where something fixed lies over the card, in one turn of the dial.
     best_status
-        Of needles that no frame of the flight surely tells from the marks behind them in the panel picture: EDGE for
-        those that never moved, MISSING for those that did.
+        Of needles that no frame clearly distinguishes from the marks behind them in the panel picture: EDGE for those
+        that never moved, MISSING for those that did.
     parallaxes
-        By needle, where a flight told it.
+        By needle, if learned from a flight.
     """
 
     card: CardPicture
@@ -115,7 +115,7 @@ class OverCardPicture:
 
 @dataclass(frozen=True)
 class _Dial:
-    """One gauge on its grid, which is more than a turn and may reach across the centre; and the card's part of it."""
+    """One gauge on its grid, of more than a turn and perhaps across the centre; and the card's part of it."""
 
     gauge: Gauge
     grid: PolarGrid
@@ -123,53 +123,53 @@ class _Dial:
 
     @property
     def bare_gauge(self) -> Gauge:
-        """What it is in the card's frame: needles over a face that stands still."""
+        """The gauge in the card's frame: needles over a fixed face."""
         return self.gauge.model_copy(update={"card": None})
 
     @property
     def needle_kind(self) -> Kind:
-        """How needles are read there."""
+        """The kind that reads the needles there."""
         return next(kind for kind in self.needle_kinds if kind.owns(self.bare_gauge))
 
     @property
     def rows(self) -> int:
-        """How many rows are one turn."""
+        """Number of rows in one turn."""
         return round(FULL_CIRCLE_DEG / self.grid.step_deg)
 
     @property
     def _outward_px(self) -> Floats:
-        """(C,): how far columns lie from the centre, those across it left out."""
+        """(C,): radii of the columns, without those across the centre."""
         return self.grid.radii_px[self.grid.tail_columns :]
 
     @property
     def _ring(self) -> int:
-        """From which of these on the card's marks lie."""
+        """Index of the first of these columns with the card's marks."""
         first_px = None if self.gauge.card is None else self.gauge.card.ring
         return 0 if first_px is None else int(np.searchsorted(self._outward_px[:-1], first_px))
 
     @property
     def card_grid(self) -> PolarGrid:
-        """The part of the grid on which the card is read: one turn, and as far outwards as its marks lie."""
+        """The part of the grid on which the card is read: one turn, at the radii of its marks."""
         columns = self.grid.columns - self.grid.tail_columns - self._ring
         inner_px = float(self._outward_px[self._ring])
         return replace(self.grid, rows=self.rows + 1, inner_px=inner_px, columns=columns, tail_columns=0)
 
     def part(self, strip: NDArray[Any]) -> NDArray[Any]:
-        """(P, C): all of a gauge, (R, C + tail), once."""
+        """(P, C): one turn of a gauge (R, C + tail), without the columns across the centre."""
         return strip[: self.rows, self.grid.tail_columns :]
 
     def card_part(self, part: NDArray[Any]) -> NDArray[Any]:
-        """Of it the card's, (P, N)."""
+        """(P, N): the card's columns of such a turn."""
         return part[:, self._ring :]
 
     def whole(self, part: Floats) -> Floats:
-        """(R, C + tail): a gauge by its card's part, which holds all of it once."""
+        """(R, C + tail): a gauge from one turn of it; reverses `part`."""
         tail = self.grid.tail_columns
         across = np.roll(part, self.rows // 2, axis=0)[:, :tail][:, ::-1]
         return np.concatenate([across, part], axis=1)[np.arange(self.grid.rows) % self.rows]
 
     def blurred(self, strip: UnwrappedGauge, blur_px: float) -> UnwrappedGauge:
-        """(R, C + tail): a gauge as a lens shows it that blurs by so many pixels."""
+        """(R, C + tail): a gauge blurred by so many pixels."""
         if blur_px == 0.0:
             return strip
         part, grid = self.part(strip), self.grid
@@ -181,7 +181,7 @@ class _Dial:
         return self.whole(np.asarray(around[self.rows : 2 * self.rows], np.float32))
 
     def in_light(self, wanted: Floats, seen: Floats, what: Floats | None = None) -> Floats:
-        """Bring a gauge (R, C + tail), or others that were taken in its light, into another's light, by its card."""
+        """Bring a gauge (R, C + tail), or `what` has the same light, into another's light, by the card."""
         known, own = (self.card_part(self.part(each)) for each in (wanted, seen))
         is_like = np.ones(own.shape, bool)
         for _ in range(LIGHT_PASSES):
@@ -192,7 +192,7 @@ class _Dial:
         return lit
 
     def with_rows(self, strip: UnwrappedGauge, first: int, rows: Floats) -> UnwrappedGauge:
-        """(R, C + tail): a gauge with other rows from one on, everywhere where these show."""
+        """(R, C + tail): a gauge with rows replaced from `first` on, wherever the grid shows them."""
         tail, part = self.grid.tail_columns, self.part(strip).copy()
         where = (first + np.arange(len(rows))) % self.rows
         part[where] = rows[:, tail:]
@@ -200,7 +200,7 @@ class _Dial:
         return self.whole(part)
 
     def hidden(self, templates: Mapping[str, NeedleTemplate], found: Mapping[str, Reading], rows: float) -> Mask:
-        """(P, C): where needles that were found in the card's frame hide a card that has turned so far."""
+        """(P, C): where needles found in the card's frame hide a card that has turned by `rows`."""
         hidden = np.zeros((self.grid.rows, self.grid.columns), bool)
         for name, reading in found.items():
             if reading.status is not Status.MISSING:
@@ -218,7 +218,7 @@ class _Seen:
     turn
         The card's, without what needles hide.
     back_rows, back
-        By how much the gauge was turned back to find needles, and (R, C) what it was then.
+        By how much the gauge was turned back to find needles, and the result, (R, C).
     found
         By needle, in the card's frame.
     """
@@ -229,11 +229,11 @@ class _Seen:
     found: Mapping[str, Reading]
 
     def at_deg(self, name: str, step_deg: float) -> float:
-        """Return where a needle is seen on the dial."""
+        """Return a needle's angle on the dial."""
         return self.found[name].angle_deg + self.back_rows * step_deg
 
     def turned_deg(self, step_deg: float) -> float:
-        """Return how far the card is turned."""
+        """Return the card's turn."""
         return self.turn.rows * step_deg
 
 
@@ -252,11 +252,11 @@ class OverCardReader:
         )
 
     def turn(self, strip: UnwrappedGauge) -> Turn:
-        """Tell how far the card has turned in a gauge (R, C), needles and all."""
+        """Find the card's turn in a gauge (R, C), needles included."""
         return self._card.turn(self._dial.card_part(self._dial.part(strip)))
 
     def on_card(self, backs: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
-        """Find needles in gauges (R, C) that are turned back; `place_sigmas_deg` (F, 1) as of `Reader`."""
+        """Find needles in gauges (R, C) turned back; `place_sigmas_deg` (F, 1) as in `Reader`."""
         return self._needles.read([self._sampler.of_unwrapped([back]) for back in backs], place_sigmas_deg)
 
     def read(self, strips: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
@@ -279,7 +279,7 @@ class OverCardReader:
         return [_Seen(self._turn_without(strip, turn, own), turn.rows, back, own) for strip, turn, back, own in parts]
 
     def _as_shown(self, name: str, reading: Reading, turn: Turn) -> Reading:
-        """Doubt a needle by as much of its width as it is hidden by what stands still over the card."""
+        """Increase a needle's sigma by the part of its width that is hidden by what stands still over the card."""
         over, template = self._picture.over, self._picture.templates[name]
         if reading.status is Status.MISSING or not over.any():
             return reading
@@ -292,22 +292,22 @@ class OverCardReader:
         return Reading(status, reading.angle_deg, sigma_deg, reading.score)
 
     def _turn_without(self, strip: UnwrappedGauge, turn: Turn, found: Mapping[str, Reading]) -> Turn:
-        """Read a card again that has turned about so far, without what needles hide."""
+        """Read a card again without what needles hide, given its approximate turn."""
         dial = self._dial
         hidden = dial.hidden(self._picture.templates, found, turn.rows)
         if not hidden.any():
             return turn
-        # All of a turn is needed to tell the light on it.
+        # The whole turn is needed to estimate the light on it.
         bare = self._with_card(dial.part(strip), turn, hidden)
         return self._card.turn_without(dial.card_part(bare), dial.card_part(hidden), turn)
 
     def turned_back(self, strip: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:
-        """(R, C): a gauge turned back; the card, as it is turned, in the place of what stands still over it."""
+        """(R, C): a gauge turned back, with the card drawn where something fixed lies over it."""
         over, seen = self._picture.over, self._dial.part(strip)
         return self._dial.whole(turned(self._with_card(seen, turn, over) if over.any() else seen, -turn.rows))
 
     def _with_card(self, seen: UnwrappedGauge, turn: Turn, instead: Mask) -> UnwrappedGauge:
-        """(P, C): one turn of a dial with the card in the place of some of it, in the light of the rest."""
+        """(P, C): one turn of a dial with the card drawn at `instead`, in the light of the rest."""
         face = turned(self._dial.part(self._picture.face), turn.rows)
         rest = (~instead).astype(np.float32).ravel()
         face_mean, seen_mean = ((rest @ each.ravel()) / rest.sum() for each in (face, seen))
@@ -317,7 +317,7 @@ class OverCardReader:
         return np.where(instead, gain * shown + seen_mean, seen)
 
     def _readings(self, seen: _Seen, place_sigma_deg: float) -> dict[str, Reading]:
-        """Tell all quantities."""
+        """Return the readings of all quantities."""
         turn, found = seen.turn, seen.found
         gauge, step_deg = self._dial.gauge, self._dial.grid.step_deg
         card = self._card.reading(turn)
@@ -346,14 +346,14 @@ class OverCardReader:
         return readings
 
     def sigma_on_card_deg(self, seen: _Seen, name: str) -> float:
-        """Return how uncertain a needle's place on the card is."""
+        """Return the standard deviation of a needle's place on the card."""
         return math.hypot(seen.found[name].sigma_deg, self._card.reading(seen.turn).sigma_deg)
 
 
 def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCardPicture) -> OverCardPicture:
-    """Return card, face and needles from frames (R, C) in the panel picture's light, as far as these tell.
+    """Learn card, face and needles from frames (R, C) in the panel picture's light, as far as possible.
 
-    A card that hardly turned is known only with what stands still over it, but without the needles.
+    A card that hardly turned is only known together with what stands still over it, but without needles.
     """
     parts = [dial.part(strip) for strip in strips]
     card = learn_card(dial.gauge, dial.card_grid, [dial.card_part(part) for part in parts], given.card)
@@ -376,9 +376,9 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
 
 
 def _unmoved(dial: _Dial, frames: Sequence[_Seen]) -> Iterator[str]:
-    """Name the needles that were only found where the panel picture has them on a card that turned.
+    """List needles found on a card that turned only where they are in the panel picture.
 
-    A mark of the card would be, too.
+    A mark of the card would be found there, too.
     """
     if arc_deg([seen.turn.rows for seen in frames], dial.grid) <= APART_DEG:
         return
@@ -393,7 +393,7 @@ def _unmoved(dial: _Dial, frames: Sequence[_Seen]) -> Iterator[str]:
 
 
 def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) -> dict[str, CardParallax]:
-    """By needle that is read on the card alone, as a bug is: those that somebody sets stay there for a while."""
+    """Estimate parallaxes of needles read only on the card, such as bugs: once set, they stay there for a while."""
     step_deg, found = dial.grid.step_deg, {}
     for needle in dial.gauge.needles:
         own = [seen for seen in frames if seen.found[needle.name].status is Status.READ]
@@ -406,12 +406,12 @@ def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) ->
 
 
 def _without_overlays(dial: _Dial, known: OverCardPicture, parts: Sequence[UnwrappedGauge]) -> OverCardPicture:
-    """Show the dial, as frames (P, C) have it if turned back, where something stands still over it in the picture."""
+    """Draw the dial, from frames (P, C) turned back, where something fixed lies over it in the panel picture."""
     if not known.card.is_learned:
         return known
     reader = CardReader(dial.gauge, dial.card_grid, known.card)
     all_ = shared([(part, reader.turn(dial.card_part(part)).rows) for part in parts])
-    # Frames that are turned back not quite right, or seen askew, differ at all marks as far out.
+    # Frames turned back inexactly, or seen askew, differ at all marks at this radius.
     usual = np.median(all_.weights, axis=0) / OUTLIER_SPREADS**2
     clearly = np.asarray(all_.weights < np.minimum(usual, MIN_CONTRAST_PART), np.uint8)
     over = cv2.dilate(clearly, np.ones((3, 3), np.uint8)) > 0  # its rim is blurred by a pixel
@@ -427,7 +427,7 @@ def _learned(
     known: OverCardPicture,
     views: Sequence[tuple[UnwrappedGauge, Mapping[str, Reading]]],
 ) -> OverCardPicture:
-    """Learn needles and what lies below them from gauges (R, C) that are turned back, with what was found in each."""
+    """Learn needles and the face below them from gauges (R, C) turned back, with the readings in each."""
     backs, found = [back for back, _ in views], [own for _, own in views]
     turn = turn_rows(dial.gauge, dial.grid)
     learner = NeedleLearner(dial.gauge.turning, dial.grid, turn, backs, given.face, given.templates)
@@ -440,9 +440,9 @@ def _learned(
 def _bared(
     dial: _Dial, given: OverCardPicture, backs: Sequence[UnwrappedGauge]
 ) -> tuple[OverCardPicture, list[dict[str, Reading]]]:
-    """Show the card behind the panel picture's needles, as those frames have it that differ most from the picture.
+    """Correct the card behind the panel picture's needles, from the frames that differ most from the picture there.
 
-    A dim needle is cut with brighter marks behind it, and these would match themselves in every frame.
+    A dim needle is cut together with brighter marks behind it, which would match themselves in every frame.
     """
     usual = np.median(backs, axis=0).astype(np.float32)
     picture_px, frames_px = _blurs_px(dial, given.drawn, usual)
@@ -476,7 +476,7 @@ def _bared(
 
 
 def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
-    """By how much the panel picture, and by how much frames, must be blurred to be as sharp as the other; pixels."""
+    """Find the blurs in pixels, of the panel picture and of frames, that make both equally sharp."""
     ways = [(blur_px, 0.0) for blur_px in BLURS_PX] + [(0.0, blur_px) for blur_px in BLURS_PX]
     pairs = [(dial.blurred(drawn, picture_px), dial.blurred(usual, frames_px)) for picture_px, frames_px in ways]
     left = [float(np.abs(frame - dial.in_light(frame, picture)).mean()) for picture, frame in pairs]
@@ -484,9 +484,9 @@ def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tupl
 
 
 def _found_apart(dial: _Dial, known: OverCardPicture, back: UnwrappedGauge) -> dict[str, Reading]:
-    """By needle that is told from marks: where a gauge (R, C) differs from the bare card as the panel picture does.
+    """Find needles distinguished from marks: where a gauge (R, C) differs from the bare card as the panel picture does.
 
-    One picture does not tell how a needle looks over other marks, but where it makes the card another one.
+    One picture does not show how a needle looks over other marks, only where it changes the card.
     """
     grid, found = dial.grid, {}
     left = np.abs(back - known.face)
@@ -519,12 +519,12 @@ class _OverCards:
 
 
 def _name(gauge: Gauge) -> str:
-    """Under which what is learned of it stands: its card's."""
+    """Return the name under which its learned picture is kept: its card's."""
     return gauge.quantities[0].name
 
 
 class OverCardKind(Still):
-    """Needles over a card that turns; `needle_kinds` say how needles are read that turn over a face."""
+    """Needles over a card that turns; `needle_kinds` read needles over a fixed face."""
 
     is_searched = False
 
@@ -570,7 +570,7 @@ class OverCardKind(Still):
         return {name: learn_over_card(self._dial(instrument.gauge, instrument.grid), strips, known[name])}
 
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
-        """Return where the card turns, or, where it stands still, the needles."""
+        """Return the card's pivot or, if it stands still, the needles'."""
         dial = self._dial(instrument.gauge, instrument.grid)
         picture: OverCardPicture = appearance.pictures[_name(dial.gauge)]
         reader = CardReader(dial.gauge, dial.card_grid, picture.card)

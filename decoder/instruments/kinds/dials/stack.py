@@ -1,9 +1,8 @@
-"""Stacks: several needles on one dial, read by what is known of all the others, in many frames at once.
+"""Stacks: several needles on one dial, each read given all the others, in many frames at once.
 
-An altimeter has such needles, or a clock; and a pair is read so where its needles cannot be told one after the other.
-Each needle is searched for with those below it drawn over the face that lies behind it, and without the pixels of
-those above it. As better places of one make better places of the others, this is done a few times over, from the
-uppermost needle down.
+Altimeters and clocks have such needles; a pair is read so too if its needles cannot be read one after the other. Each
+needle is searched for with the needles below it drawn on the face, and without the pixels of those above it. As better
+places of one improve those of the others, this is repeated a few times, from the uppermost needle down.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ ROUNDS = 3
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Where one needle seems to be in F frames, how surely, and how much of its contrast shows; (F,) each.
+    """Where one needle seems to be in F frames, its certainty, and the visible part of its contrast; (F,) each.
 
-    `rival` is its next best score; `under` the number of the needle below which nothing would show of it, if there is
-    just one place for that, else -1; and `reach_rows` how far from that it would still not show.
+    `rival` is its next best score; `under` the index of the needle that could hide it completely, if there is only one
+    such place, else -1; and `reach_rows` how far from that place it would still be hidden.
     """
 
     row: Floats
@@ -50,7 +49,7 @@ class _Places:
 
     @property
     def is_sure(self) -> Mask:
-        """Whether what shows of the needle matches well enough, and nowhere else."""
+        """Whether the visible part of the needle matches well enough, and nowhere else."""
         needed = np.where(self.visible >= HALF, SCORE_THRESHOLD, SURE_SCORE)
         alone = 1.0 - np.maximum(self.rival, 0.0) ** 2 > CLEARLY_WORSE * (1.0 - np.minimum(self.score, 1.0) ** 2)
         sure: Mask = (self.visible >= MIN_VISIBLE) & (self.score >= needed) & alone
@@ -78,7 +77,7 @@ class StackReader:
         self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
         self._axes = [needle.axis for needle in needles]
         self._half_widths_rows = [needle.half_width_rows for needle in needles]
-        # Those of which each matches where the other is, by their form.
+        # Pairs of such similar shape that each matches where the other is.
         self._alike = [
             (one, other)
             for one, other in combinations(range(len(needles)), 2)
@@ -87,7 +86,7 @@ class StackReader:
 
     @property
     def has_alike(self) -> bool:
-        """Whether some of its needles are of one form."""
+        """Whether some of its needles have the same shape."""
         return bool(self._alike)
 
     def read(self, strips: Floats) -> Found:
@@ -105,7 +104,7 @@ class StackReader:
         return found
 
     def tell_apart(self, strips: Floats, found: Found) -> Found:
-        """Two needles that were both found in F frames by other means, (F, 2): of one form maybe exchanged, or lost."""
+        """Check two needles found in F frames by other means, (F, 2): of one shape, they may be exchanged."""
         found = found.part(np.arange(len(strips)))
         if self._alike:
             every, none = np.ones(len(strips)), np.full(len(strips), -1)
@@ -121,10 +120,10 @@ class StackReader:
     def _tell_apart(
         self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], drawn: Floats, found: Found
     ) -> None:
-        """Exchange two needles of one form where that explains clearly more; where neither does, none is read.
+        """Exchange two needles of one shape if that explains clearly more; if neither order does, none is read.
 
-        Each by itself matches in any light; both together tell which is the brighter one. One alone may be either. Of
-        two that touch each is as far off as the other, at most.
+        Each alone matches in any light; only together do they show which is brighter. A needle found alone may be
+        either. If two touch, each is off by no more than their distance.
         """
         one, other = both
         seen = np.isin(found.status[:, both], (READ, EDGE))
@@ -164,7 +163,7 @@ class StackReader:
         found.sigma_rows[touching, both] = np.hypot(found.sigma_rows[touching, both], apart_rows[touching])
 
     def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
-        """Find the best places for one needle, the others where they seem to be."""
+        """Find the best places for one needle, given the others'."""
         others = {other: place for other, place in places.items() if other != index}
         behind = self._drawn(
             strips, [o for o in reversed(self._order) if o in others and o not in self._above[index]], others
@@ -207,7 +206,7 @@ class StackReader:
         )
 
     def _searched(self, strips: Floats, behind: Floats, masks: Floats, index: int) -> tuple[Indices, Floats, Floats]:
-        """Return the rows (N,) that are searched, the NCC of what shows there, and how much that is: (F, N) each."""
+        """Return the searched rows (N,), and the NCC there with the visible part of the needle: (F, N) each."""
         template = self._coarse[index]
         seen, face, mask = (each[:, ::COARSE_STEP, ::COARSE_STEP] for each in (strips, behind, masks))
         scores, moments = partial_normxcorr(seen, face, template, mask)
@@ -219,7 +218,7 @@ class StackReader:
     def _hiding_places(
         self, rows: Indices, visible: Floats, index: int, others: dict[int, _Places]
     ) -> tuple[Indices, Floats]:
-        """Return which needle above can hide this one wholly, and how far from its axis this one's can then be."""
+        """Return which needle above can hide this one completely, and how far from its axis this one's can then be."""
         under, reach_rows = np.full(len(visible), -1), np.zeros(len(visible))
         first = np.zeros(len(visible))
         shows = np.where(self._allowed[rows] & (visible >= MIN_VISIBLE), rows, np.inf)
@@ -239,7 +238,7 @@ class StackReader:
         return np.where(clash, -1, under), reach_rows
 
     def _elsewhere(self, rows: Indices, scores: Floats, best: Floats, reach_rows: float) -> Floats:
-        """Return the highest peak of the scores (F, N) that is not this one's."""
+        """Return the highest peak of the scores (F, N) outside the best one's reach."""
         peaks = np.zeros(scores.shape, bool)
         peaks[:, 1:-1] = (scores[:, 1:-1] >= scores[:, :-2]) & (scores[:, 1:-1] >= scores[:, 2:])
         for turn in same_rows(0.0, self._turn_rows):
@@ -248,7 +247,7 @@ class StackReader:
         return highest
 
     def _drawn(self, strips: Floats, order: Sequence[int], places: dict[int, _Places]) -> Floats:
-        """(F, R, C): the face with those needles drawn on it that are likely, the lowest first."""
+        """(F, R, C): the face with the likely needles drawn on it, the lowest first."""
         pictures = np.repeat(self._face[None], len(strips), axis=0)
         for index in order:
             template = self._templates[index]
@@ -262,7 +261,7 @@ class StackReader:
         return pictures
 
     def _found(self, strips: Floats, index: int, places: dict[int, _Places], drawn: Floats) -> Found:
-        """Judge one needle's places: it must explain, with all the others, what is seen around it."""
+        """Judge one needle's places: with all the others, it must explain the picture around it."""
         own = places[index]
         sure, covered = own.is_sure, own.under >= 0
         above = [places[other] for other in range(len(self._templates))]
@@ -288,7 +287,7 @@ def _part(places: _Places, frames: Indices) -> _Places:
 
 
 def _likeness(one: NeedleTemplate, other: NeedleTemplate) -> float:
-    """Correlate the forms of two needles, which may be as dark or as bright as they like."""
+    """Correlate the shapes of two needles, whatever their brightness."""
     middles = ((len(each.transparency) - 1) // 2 for each in (one, other))
     half = min((one.rows - 1) // 2, (other.rows - 1) // 2)
     forms = [
@@ -299,7 +298,7 @@ def _likeness(one: NeedleTemplate, other: NeedleTemplate) -> float:
 
 
 def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
-    """(F,): whether all needles where they seem to be explain what is seen around these rows."""
+    """(F,): whether all needles, as placed, explain the picture around these rows."""
     windows = [slice(max(row - axis, 0), row + axis + 1) for row in np.rint(rows).astype(int).tolist()]
     parts = zip(drawn, strips, windows, strict=True)
     correlations = [_correlation(one[window], other[window]) for one, other, window in parts]
@@ -308,14 +307,14 @@ def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
 
 
 def _correlation(one: Floats, other: Floats) -> float:
-    """Correlate two pictures; 0 where either is flat."""
+    """Correlate two pictures; 0 if either is flat."""
     one, other = one - one.mean(), other - other.mean()
     spread = math.sqrt(float((one * one).sum()) * float((other * other).sum()))
     return float((one * other).sum()) / spread if spread > 0 else 0.0
 
 
 def without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
-    """Return a template without what lies beyond the needle's tip, where a first picture takes numerals for needle."""
+    """Return a template without what is beyond the needle's tip, where a first picture may include numerals."""
     axis = (template.rows - 1) // 2
     covered = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > HALF
     beyond = np.zeros(grid.columns, bool)
@@ -327,15 +326,15 @@ def without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
 
 
 def _beyond_tip(covered: Mask) -> Mask:
-    """(C,): which columns, from the centre outwards, lie beyond a needle that covers its axis in some of them."""
+    """(C,): whether columns, from the centre outwards, are beyond a needle, given where it covers its axis."""
     bare = ~covered
     ends = np.flatnonzero(bare[:-2] & bare[1:-1] & bare[2:] & (np.cumsum(covered)[:-2] > 0))
-    first = int(ends[0]) + 1 if ends.size else len(covered)  # the tip's own blurred edge is the needle's
+    first = int(ends[0]) + 1 if ends.size else len(covered)  # the tip's own blurred edge belongs to the needle
     return np.arange(len(covered)) >= first
 
 
 def all_above(needles: Sequence[Needle], names: Sequence[str], index: int) -> tuple[int, ...]:
-    """All needles that turn above one, the next first."""
+    """Return the needles above one, the nearest first."""
     above: list[int] = []
     cover = needles[index].covered_by
     while cover is not None:
