@@ -1,7 +1,7 @@
-"""The `decode` command line: which commands there are, and how expected failures end.
+"""The `decode` command line: its commands, and how expected failures end.
 
-`decode FLIGHT` is `decode flight FLIGHT`: decoding is what the program is for, so it needs no verb. What a command is
-for stands in a table, and its module is imported when it is run: `decode --help` imports none of them, and is quick.
+`decode FLIGHT` is `decode flight FLIGHT`: decoding is the program's purpose, so it needs no verb. The help of commands
+is in a table, and a command's module is imported when it is run: `decode --help` imports none of them, and is quick.
 """
 
 from __future__ import annotations
@@ -92,10 +92,10 @@ class CommandGroup(click.Group):
 
 
 class DecodeGroup(CommandGroup):
-    """A table of commands; an argument that names none of them is a flight to decode."""
+    """A table of commands; an argument that is not one of them is a flight to decode."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put the default command before arguments that start with no command."""
+        """Put the default command before arguments that do not start with a command."""
         if args and args[0] not in self.table and args[0] not in ("--help", "--version"):
             args = [DEFAULT_COMMAND, *args]
         return super().parse_args(ctx, args)

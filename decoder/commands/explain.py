@@ -42,6 +42,6 @@ def command(flight_data: Path, name: str, *, frame: int | None, at_s: float | No
 
 
 def _alignments(flight_data: Path) -> Table | None:
-    """Read where the panel lay in each frame, if that was written and is still there."""
+    """Read the panel's place in each frame, if that was written and still exists."""
     path = flight_data.with_name(f"{flight_data.stem}_alignment.tsv")
     return read_table(path, "\t") if path.is_file() else None

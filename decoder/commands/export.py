@@ -1,4 +1,4 @@
-"""`decode export FLIGHT_DATA -o FILE`: flight data in somebody else's format."""
+"""`decode export FLIGHT_DATA -o FILE`: flight data in another program's format."""
 
 from __future__ import annotations
 

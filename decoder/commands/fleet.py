@@ -85,12 +85,12 @@ def command(
     signal.signal(signal.SIGTERM, _interrupt)  # as Ctrl-C: processes and temporary files go, too
     flights = grouped(flight_files(sources, root))
     order = make_order(output, method=method, formats=formats, with_images=with_images, panel=panel, camera=camera)
-    _write_index(Index(), order)  # what cannot be written is told before anything is decoded
+    _write_index(Index(), order)  # an index that cannot be written fails before decoding
     sys.exit(_decode(flights, order, scheduler, jobs))
 
 
 def _decode(flights: Sequence[FleetFlight], order: Order, scheduler: str | None, jobs: int | None) -> int:
-    """Decode a fleet and write its index, whatever ends it; returns the exit code."""
+    """Decode a fleet and write its index, even if interrupted; return the exit code."""
     index, counts = Index(), Counter[str]()
     try:
         with _workers(scheduler, jobs) as workers:
@@ -120,7 +120,7 @@ def _workers(scheduler: str | None, jobs: int | None) -> Workers:
 
 
 def _shown(outcomes: Iterable[Outcome], total: int) -> Iterator[Outcome]:
-    """Show how many flights went by, on a terminal only."""
+    """Show the number of flights done, on a terminal only."""
     return iter(tqdm(outcomes, desc="decode", total=total, unit=" flights", disable=None, leave=False, smoothing=0))
 
 

@@ -1,6 +1,6 @@
 """`decode FLIGHT...`: a flight file in, flight data out.
 
-What takes time to import is imported when the flight has been opened and named.
+Slow imports are made after the flight has been opened and named.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _truth(
     wants_limits: bool,
     formats: tuple[str, ...],
 ) -> TruthRequest | None:
-    """Gather what the report shall hold the flight against; refuse options that say nothing without another."""
+    """Gather what the report compares the flight with; refuse options that are useless without another."""
     if file is None and (names or time_column or offset is not None or wants_limits):
         raise click.UsageError("--map, --time, --offset and --limits need a --truth")
     if file is not None and "html" not in formats:
@@ -164,7 +164,7 @@ def _truth(
 
 
 def _panel(flight: Flight, panel_file: Path | None) -> str:
-    """Which panel it is, in words; raises PanelMissing if there is none."""
+    """Name the panel in words; raises PanelMissing if there is none."""
     if panel_file is None and PANEL_FILE not in flight.attachments:
         raise PanelMissing(str(flight.paths[0]))
     return "the panel it carries" if panel_file is None else str(panel_file)
@@ -176,7 +176,7 @@ def _frames(flight: Flight, part: FlightPart | None) -> str:
 
 
 def _picture_bytes(flight: Flight, part: FlightPart | None) -> int:
-    """About how many bytes of pictures are to be read; of a video, had they been JPEGs."""
+    """Estimate the bytes of pictures to be read; for a video, as if they were JPEGs."""
     whole = sum(segment.size_bytes for segment in flight.segments)
     first = next(flight.frames(range(1)), None)
     if first is not None and first.format in VIDEO_FORMATS:

@@ -1,4 +1,4 @@
-"""What `decode FLIGHT` does once the flight is open: decode, write, and report."""
+"""The work of `decode FLIGHT` on an open flight: decode, write, and report."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def decode_and_write(
     resume: bool,
     columns: Mapping[str, Mapping[str, Any]],
 ) -> bool:
-    """Decode a flight, write its files and say what came out; whether anything was lost on the way.
+    """Decode a flight, write its files and report; return whether anything was lost.
 
-    A truth that cannot be read is told of before anything is decoded.
+    An unreadable truth is reported before decoding.
     """
     known = None if truth is None else read_truth(truth)
     pool = WorkerPool(jobs) if jobs > 1 else None
@@ -75,7 +75,7 @@ def decode_and_write(
 
 @contextmanager
 def _kept(journal: DecodeJournal) -> Iterator[None]:
-    """Say, where a decode is broken off, what is kept of it."""
+    """If decoding is interrupted, say what is kept."""
     try:
         yield
     except FlightUnreadable:

@@ -113,7 +113,7 @@ def _rows(data: FlightData, at_s: tuple[float, ...], step: int | None, *, wants_
 
 
 def _write(decoded: Decoded, rows: Rows, gauge_names: Sequence[str], directory: Path) -> list[Path]:
-    """Draw and write one frame after the other; a frame whose picture is damaged is named and left out."""
+    """Draw and write one frame after the other; a frame with a damaged picture is reported and left out."""
     data, wanted = decoded.data, set(rows.tolist())
     places = ReadingPlaces(decoded.source, data)
     reasons = {missing.frame: missing.reason for missing in data.missing_frames}
@@ -146,7 +146,7 @@ def _pictures(
     gauge_names: Sequence[str],
     told: tuple[str, str],
 ) -> dict[str, bytes]:
-    """JPEGs by name: one of the whole frame, or one of each gauge that was asked for and that is in it."""
+    """Return JPEGs by name: one of the whole frame, or one of each requested gauge in it."""
     if not gauge_names:
         return {f"{stem}.jpg": as_jpeg(drawn(picture, whole_view(picture), gauges, told))}
     names = file_names(gauge_names)

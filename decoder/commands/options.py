@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share; imports nothing that takes time."""
+"""Arguments and options that several commands share; without slow imports."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _offset(_context: click.Context, _option: click.Parameter, value: str | None
 
 
 def _names(_context: click.Context, _option: click.Parameter, value: str | None) -> Names | None:
-    """Take a name for that of a file, unless it has an equals sign and there is no such file."""
+    """Take a name as that of a file, unless it has an equals sign and there is no such file."""
     if value is None or "=" not in value or Path(value).exists():
         return None if value is None else Path(value)
     pairs = tuple((needle, column) for needle, _, column in (each.partition("=") for each in value.split(",")))
@@ -89,7 +89,7 @@ def truth_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _columns(_context: click.Context, _option: click.Parameter, values: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """By column what is said of it: `alt_2_ft=altitude`, `airspeed_kt>160`, `airspeed_kt<45`."""
+    """Parse statements by column: `alt_2_ft=altitude`, `airspeed_kt>160`, `airspeed_kt<45`."""
     said: dict[str, dict[str, Any]] = {}
     for value in values:
         found = _COLUMN.fullmatch(value)
@@ -134,12 +134,12 @@ end_option = click.option("--to", "end", callback=_time, metavar="T", help="Only
 
 
 def asked_part(flight: Flight, asked: AskedPart) -> FlightPart | None:
-    """Find the frames that were asked for; None if they are all.
+    """Find the requested frames; None if they are all.
 
     Raises
     ------
     PartError
-        If there are none, or nobody knows the time of day that was given.
+        If there are none, or a time of day was given that the flight does not know.
     """
     if not flight.session.knows_time_of_day and any(
         end is not None and end.since != "start" for end in (asked.start, asked.end)
@@ -158,7 +158,7 @@ format_option = click.option(
 
 
 def end_with_losses(losses: Sequence[object]) -> None:
-    """Say what was lost of a flight, and end with the exit code for that; come back if nothing was."""
+    """Report what was lost of a flight, and exit with the code for that; return if nothing was."""
     for loss in losses:
         say(f"lost: {loss}", err=True)
     if losses:
@@ -166,7 +166,7 @@ def end_with_losses(losses: Sequence[object]) -> None:
 
 
 def refuse_unheld_images(formats: Sequence[str], *, with_images: bool) -> None:
-    """End with wrong usage where pictures are wanted and no format can hold them."""
+    """Exit with a usage error if pictures are wanted and no format can contain them."""
     if with_images and not any(FORMATS[name].takes_images for name in formats):
         raise click.UsageError("--with-images needs --format mcap")
 
@@ -175,7 +175,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def camera_output(command: Command) -> Command:
-    """`-o CAMERA`: what is measured takes its place in that file."""
+    """Add `-o CAMERA`: the measurements take their place in that file."""
     return click.option(
         "-o", "--output", "camera_file", type=click.Path(path_type=Path, dir_okay=False), default="camera.yaml",
         show_default=True, metavar="CAMERA", help="The camera.yaml that this goes into; what else it says is kept.",

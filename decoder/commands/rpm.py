@@ -1,4 +1,4 @@
-"""`decode rpm FLIGHT`: the engine's speed by its sound, a tachometer that owes nothing to the panel's."""
+"""`decode rpm FLIGHT`: the engine's speed by its sound, a tachometer independent of the panel's."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _why_silent(flight: Flight) -> str:
 
 
 def _beside(flight_data: Path, speed: EngineSpeed, began_ns: int) -> list[HeldAgainstSound]:
-    """Hold the tachometers of the flight data beside the output against the sound; none if there are no such data."""
+    """Compare the tachometers of the flight data beside the output with the sound; none without such data."""
     try:
         return held_against_sound(flight_table(read_table(flight_data)), speed, began_ns)
     except TableError as error:
@@ -175,7 +175,7 @@ def _counts(speed: EngineSpeed) -> dict[str, int]:
 
 
 def _often(speed: EngineSpeed) -> list[list[int]]:
-    """Gather what it may be, to a hundred rpm, the most frequent first."""
+    """List possible speeds, to a hundred rpm, the most frequent first."""
     counted = Counter(tuple(sorted({100 * round(each / 100) for each in others})) for others in speed.others if others)
     return [list(others) for others, _ in counted.most_common(_MOST_OFTEN)]
 

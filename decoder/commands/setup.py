@@ -82,20 +82,20 @@ def command(
 def _session(
     pictures: tuple[Path, ...], panel_file: Path | None, target: Path, camera_file: Path | None, *, is_new: bool = False
 ) -> SetupSession:
-    """Open what the page or the proposal is about."""
+    """Open the flight or picture for the page or the proposal."""
     import cv2  # noqa: PLC0415
 
     from decoder.panel.camera import camera_from_file  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 
-    cv2.setNumThreads(1)  # as `decode` does: what is tried here is what will be read there
+    cv2.setNumThreads(1)  # as in `decode`, so that trials give the same readings
     camera = None if camera_file is None else camera_from_file(camera_file)
     return SetupSession(open_source(pictures), panel_file, target, camera=camera, is_new=is_new)
 
 
 def _propose(pictures: tuple[Path, ...], target: Path, camera_file: Path | None, *, as_json: bool) -> None:
-    """Write a draft of what was found, and say it."""
+    """Write a draft of what was found, and report it."""
     from decoder.outputs.outputs import refuse_unwritable  # noqa: PLC0415
     from decoder.panel.errors import OutputError  # noqa: PLC0415
     from decoder.setup.proposing.draft import drafted  # noqa: PLC0415

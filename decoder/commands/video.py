@@ -120,7 +120,7 @@ def _all_rows(decoded: Decoded) -> Rows:
 
 
 def _known_rows(decoded: Decoded) -> Rows:
-    """Iterate over the frames that the flight data have, and tell of others."""
+    """Iterate over the frames in the flight data, and report the others."""
     rows = {number: row for row, number in enumerate(decoded.data.frame.tolist())}
     unknown = 0
     for frame in decoded.frames():
@@ -133,7 +133,7 @@ def _known_rows(decoded: Decoded) -> Rows:
 
 
 class _Film:
-    """A film to be written, and how many frames and packets of sound went into it; of which flight, if sound does."""
+    """A film being written, with its numbers of frames and packets of sound, and the flight whose sound it gets."""
 
     def __init__(
         self, decoded: Decoded, chosen: Callable[[Decoded], Rows], height_px: int, crf: int, heard: Flight | None
@@ -143,7 +143,7 @@ class _Film:
         self.drawn = self.packets = 0
 
     def write(self, stream: IO[bytes]) -> None:
-        """Write it to where a file has been made for it: FFmpeg opens that by its name."""
+        """Write it to an existing file, which FFmpeg opens by its name."""
         data, rows = self._decoded.data, self._chosen(self._decoded)
         first = next(rows, None)
         began_ns = None if first is None or not data.knows_time_of_day else int(data.time_ns[first[0]])
