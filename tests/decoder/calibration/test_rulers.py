@@ -1,4 +1,4 @@
-"""Rulers: their ticks, pixels per radian, the quadratic over the zooms, and camera.yaml that keeps what is there."""
+"""Rulers: their ticks, pixels per radian, the quadratic over the zooms, and camera.yaml with its content kept."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def between(scene: Scene, first_mm: float, last_mm: float, across_mm: float) -> 
 def test_ticks_are_where_they_are(
     pixels_per_radian: float, across_mm: float, first_mm: float, last_mm: float, graduation: str, within_px: float
 ) -> None:
-    """Whatever the zoom and the edge of the ruler; the graduation is told, the length need only be roughly right."""
+    """Whatever the zoom and the edge of the ruler; the graduation is given, the length need only be roughly right."""
     scene = Scene(pixels_per_radian, turn_deg=2, tilt_deg=2, place_mm=(200, across_mm))
     line = between(scene, first_mm, last_mm, across_mm)
     ticks = find_ticks(picture(scene), line, 1.04 * (last_mm - first_mm) / MM_PER_INCH)

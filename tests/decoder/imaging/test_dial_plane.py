@@ -97,7 +97,7 @@ def plane_of(panel: Panel, camera: Camera | None) -> DialPlane | None:
 
 
 def angle_errors_deg(plane: DialPlane, pose: Pose, lens: Lens, *, y_up: bool = False) -> np.ndarray:
-    """What a needle at each angle would be read as too much."""
+    """Errors of a needle's reading at each angle, degrees."""
     seen = lens.undistorted(pose.pixels(on_dial(ANGLES_DEG, y_up=y_up), lens).T)
     x, y, depth = np.linalg.inv(plane.matrix) @ np.vstack([seen, np.ones(seen.shape[1])])
     found = np.degrees(np.arctan2(y / depth, x / depth))
@@ -149,7 +149,7 @@ def test_marks_square_up_a_dial(
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (-25.0, 20.0), (35.0, 0.0)])
 @pytest.mark.parametrize("points", [5, 16])
 def test_rim_squares_up_its_dial(yaw: float, pitch: float, points: int) -> None:
-    """Points on a circle about the pivot do it without reference points; 0 degrees then is right in the picture."""
+    """Points on a circle about the pivot suffice without reference points; 0 degrees is then right in the picture."""
     lens = camera_of().lens(FOCAL_MM, SIZE_PX)
     pose = pose_of(yaw, pitch, 0.0)
     plane = plane_of(panel_of(pose, lens, rim=points), None)
@@ -175,26 +175,26 @@ def test_radius_is_in_pixels_where_the_dial_is_largest(yaw: float) -> None:
 
 @pytest.mark.parametrize(("points", "camera"), [(3, None), (0, camera_of())], ids=["three, no camera", "none"])
 def test_too_few_points_leave_the_dial_as_it_is(points: int, camera: Camera | None) -> None:
-    """Without a rim too it counts as seen square on."""
+    """Without a rim as well, it counts as seen square on."""
     lens = camera_of().lens(FOCAL_MM, SIZE_PX)
 
     assert plane_of(panel_of(pose_of(20.0, 0.0, 0.0), lens, points=points), camera) is None
 
 
 def on_a_line(content: dict[str, Any]) -> None:
-    """Reference points of which each lies on a line with the others."""
+    """Reference points that all lie on one line."""
     for step, point in enumerate(content["reference_points"]):
         point |= {"inches": [step, 0], "at": [100 + 90 * step, 300]}
 
 
 def exchanged(content: dict[str, Any]) -> None:
-    """Two `inches` stand beside each other's `at`."""
+    """Two points have exchanged their `inches`."""
     one, other, *_ = content["reference_points"]
     one["inches"], other["inches"] = other["inches"], one["inches"]
 
 
 def no_circle(content: dict[str, Any]) -> None:
-    """A point of the rim stands elsewhere."""
+    """A point of the rim is misplaced."""
     content["gauges"][0]["rim"][-1] = [40, 900]
 
 

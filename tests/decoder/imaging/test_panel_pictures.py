@@ -69,7 +69,7 @@ def test_panel_comes_with_its_pictures(load: Load, files: Files) -> None:
 def test_missing_or_damaged_picture_is_named(
     load: Load, files: Files, name: str, path: str, content: bytes | None
 ) -> None:
-    """A picture that is not there, or a file that is none, is named, and the key that asks for it."""
+    """The message names a missing picture, or a file that is not one, and the key that refers to it."""
     del files[name]
     says = "cannot be read: (?!None)" if content is None else "the picture "
     with pytest.raises(PanelError, match=f"{path}: {name}:? {says}"):

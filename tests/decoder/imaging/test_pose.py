@@ -99,7 +99,7 @@ def test_points_through_a_distorting_lens_are_straightened() -> None:
 
 
 def test_y_may_be_counted_upwards() -> None:
-    """The same camera, its y with the other sign; roll, pitch and yaw do not care."""
+    """The same camera, with the other sign of y; roll, pitch and yaw are the same."""
     pixels = OBLIQUE.pixels(TRIANGLE, LENS)
     down = pose_from_points(TRIANGLE, pixels, LENS)[0]
     up = pose_from_points(TRIANGLE * [1, -1], pixels, LENS)[0]
@@ -109,7 +109,7 @@ def test_y_may_be_counted_upwards() -> None:
 
 
 def test_a_plumb_edge_tells_the_solutions_of_three_points_apart() -> None:
-    """The one in which it stands upright comes first; a fourth point leaves one."""
+    """The one in which the edge is vertical comes first; a fourth point leaves one."""
     pixels = OBLIQUE.pixels(TRIANGLE, LENS)
     edge = OBLIQUE.pixels(np.array([[1.0, 1.0], [1.0, 5.0]]), LENS)
     solutions = pose_from_points(TRIANGLE, pixels, LENS, plumb_px=edge)
@@ -122,7 +122,7 @@ def test_a_plumb_edge_tells_the_solutions_of_three_points_apart() -> None:
 
 
 def test_an_uncertain_lens_makes_the_distance_uncertain() -> None:
-    """A percent of the one is a percent of the other, square on."""
+    """Seen square on, a percent of one is a percent of the other."""
     square = np.array([[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0], [0.0, 2.0]])
     pose = pose_at((0.0, 0.0, 30.0), (0.0, 0.0, 0.0))
     lens = Lens(SIZE_PX, PRINCIPAL_POINT_PX, PIXELS_PER_RADIAN, pixels_per_radian_sigma=17.0)
@@ -143,7 +143,7 @@ def test_points_that_are_marked_worse_than_said_widen_the_covariance() -> None:
 
 
 def test_two_solutions_that_fall_together_are_not_trusted() -> None:
-    """Straight above the circle through the points the two solutions are one, and noise may leave none."""
+    """Directly above the circle through the points the two solutions coincide, and noise may leave none."""
     about = np.radians([90, 210, 330])
     circle = 5 * np.column_stack([np.cos(about), np.sin(about)])
     turned = cv2.Rodrigues(np.array([0.35, 0.0, 0.0]))[0]
@@ -217,7 +217,7 @@ ROLLS = st.floats(-20, 20)
 def test_pinned_point_goes_where_it_is_pinned(
     panel: tuple[float, float], frame: tuple[float, float], roll_deg: float
 ) -> None:
-    """Whatever the roll, the pinned point of the panel lies on its place in the frame."""
+    """Whatever the roll, the pinned point of the panel is at its place in the frame."""
     alignment = Alignment.pinned(panel, frame, roll_deg, 0.9)
 
     assert alignment.to_frame(panel) == pytest.approx(frame, abs=1e-3)

@@ -1,4 +1,4 @@
-"""Unwrapping: what is known at every point is known in polar coordinates too."""
+"""Unwrapping: a picture known at every point is known in polar coordinates."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_linear_ramp_is_unwrapped_to_its_formula(slope_x: int, slope_y: int, ali
 
 
 def test_samples_outside_the_frame_repeat_its_border() -> None:
-    """Beyond the frame there is its last pixel, and `inside` says that there is a beyond."""
+    """Samples beyond the frame repeat its last pixel, and `inside` says that there are any."""
     grid = polar_grid((5.0, 50.0), (10.0, 20.0), 170.0, 190.0)
     (unwrapped,) = Unwrapper([grid]).unwrap(ramp(2, 0), IDENTITY)
 

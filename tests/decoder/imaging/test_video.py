@@ -38,7 +38,7 @@ def shown(folder: Path, source: Path) -> list[Frame]:
 
 
 def full_range(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Television's levels carried to all of them, by the formula."""
+    """Television's range of levels expanded to the full range, by the formula."""
     return np.clip(np.rint((luma.astype(float) - 16) * 255 / 219), 0, 255).astype(np.uint8)
 
 
@@ -119,7 +119,7 @@ def test_full_range_stays_as_it_is_and_ten_bits_become_eight(tmp_path: Path) -> 
 
 
 def test_a_picture_that_is_built_on_a_lost_one_is_refused(frames: tuple[list[Frame], Path]) -> None:
-    """It would look whole and be wrong."""
+    """It would look intact but be wrong."""
     frame = frames[0][3]
     assert frame.group is not None
     broken = GroupPicture(replace(frame.group, packets=(), trouble="a picture is lost"), 0)

@@ -13,7 +13,7 @@ PANEL_DEG = (20.0, 140.0, 250.0)
 
 
 def marks(turn_ft: float) -> list[list[float]]:
-    """A scale that begins at the top."""
+    """Marks of a scale that begins at the top."""
     return [[270.0, 0.0], [450.0, turn_ft / 2]]
 
 

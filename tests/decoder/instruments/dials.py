@@ -1,4 +1,4 @@
-"""Dials of every kind, drawn from formulas four times too large and averaged down: what readings are held against.
+"""Dials of every kind, drawn from formulas at four times the size and averaged down: the truth for readings.
 
 Angles are the panel's, degrees, 0 = right, clockwise positive. Nothing of the decoder's geometry is used to draw.
 """
@@ -90,7 +90,7 @@ class Canvas:
 
 
 def apart(one: float, other: float, turn: float = 360.0) -> float:
-    """How far two angles, or two values that begin again after a turn, lie apart the short way round."""
+    """Distance of two angles, or two values that repeat after a turn, the short way round."""
     return float(abs(shortest(np.array(one - other), turn)))
 
 

@@ -86,7 +86,7 @@ class Drawn:
         return WindowGrid.of((one, two, three, four), Digits.margin_part)
 
     def _at(self, x: float, u: float, v: float) -> tuple[float, float]:
-        """Where a place of a cell, u across and v down in half heights, lies in the picture."""
+        """Place in the picture of a point of a cell, u across and v down in half heights."""
         y = v * self.height / 2
         return x + u * self.width + self.slant * (self.height - y), self.at[1] + y
 

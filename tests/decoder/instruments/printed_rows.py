@@ -20,7 +20,7 @@ PAD_PX = 8
 
 @cache
 def grotesque(digit: int, height_px: float) -> Floats:
-    """A digit as high as that, in a font that comes with Pillow: fine pixels, ink 1."""
+    """A digit of this height in a font that comes with Pillow: fine pixels, ink 1."""
     font = ImageFont.load_default(height_px * FINE / 0.72)
     picture = Image.new("L", (round(height_px * FINE), round(1.4 * height_px * FINE)))
     middle = picture.width / 2, picture.height / 2
@@ -112,7 +112,7 @@ class DrawnRow:
         return np.clip(np.round(levels), 0, 255).astype(np.float32)
 
     def _drum(self, place: float) -> Floats:
-        """What is seen of a drum at a place, in digits."""
+        """View of a drum at a position, in digits."""
         rows, columns = round(self.slot * FINE), self.width * FINE
         seen = np.zeros((3 * rows, columns), np.float32)
         side = -1 if self.goes_down else 1

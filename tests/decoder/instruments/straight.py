@@ -1,4 +1,4 @@
-"""Windows drawn from formulas: what is seen at each of their sample points, and gauges that describe them."""
+"""Windows drawn from formulas: levels at their sample points, and gauges that describe them."""
 
 from __future__ import annotations
 

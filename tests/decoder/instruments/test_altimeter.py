@@ -1,4 +1,4 @@
-"""Three pointers that were read are together one value or none."""
+"""Three pointers together give one value or none."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_altitude_of_a_pointer_that_is_not_seen_is_interpolated() -> None:
 
 
 def test_values_begin_at_the_lowest() -> None:
-    """Below zero an altitude is below zero if the panel says that it can be."""
+    """An altitude is below zero if the panel allows it."""
     own = ALTIMETER["combined"] | {"lowest": -1000}
 
     assert combined([pointing(-40.0)], combined=own).series[-1].value[0] == pytest.approx(-40.0)

@@ -1,4 +1,4 @@
-"""Attitude indicators: bank and pitch as drawn, whatever stands still over the horizon, and nothing where it hides."""
+"""Attitude indicators: bank and pitch as drawn, whatever fixed marks are over the horizon; missing if it is hidden."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def draw(
     hand: float = 0.0,
     turns: tuple[float, float] = (1.0, 1.0),
 ) -> GreyPicture:
-    """Draws one: `plain` has no sky and no ladder, only its line; a `hand` covers such a part of the dial.
+    """Draws one: `plain` has only its line, no sky and ladder; a `hand` covers this part of the dial.
 
-    `turns` are by how much the horizon turns, and the way of its shift, for one degree of bank.
+    `turns` are the turns of the horizon, and of the direction of its shift, for one degree of bank.
     """
 
     def what(canvas: Canvas) -> None:
@@ -125,7 +125,7 @@ def flight(*, ring: bool) -> list[GreyPicture]:
 def test_an_index_that_was_left_out_is_straight_up_wherever_the_ring_turns(
     given: dict[str, float], true_deg: float
 ) -> None:
-    """Seen from the pivot a mark that was clicked lies elsewhere than from a drawn centre; this nobody clicked on."""
+    """A clicked mark has another direction from the pivot than from the drawn centre; this one was not clicked."""
     drawn = described(ring=True)
     gauge = Gauge.model_validate({**drawn, "centre": list(CENTRE), "attitude": {**drawn["attitude"], **given}})
 
@@ -187,7 +187,7 @@ def test_it_is_read_at_any_bank_and_inverted(
 
 @pytest.mark.parametrize("pitch_deg", [70.0, -70.0])
 def test_a_horizon_out_of_sight_is_missing(reader: PanelReader, ring: bool, pitch_deg: float) -> None:  # noqa: FBT001
-    """Sky or ground alone tells no pitch; bank is read where a ring shows it."""
+    """Sky or ground alone gives no pitch; bank is read if a ring shows it."""
     read = read_picture(reader, draw(20.0, pitch_deg, 9, ring=ring))
 
     assert read.readings["pitch_deg"].status is Status.MISSING
@@ -207,7 +207,7 @@ def test_a_hand_over_it_makes_no_wrong_value(reader: PanelReader, ring: bool, pa
 
 @pytest.mark.slow
 def test_uncertainties_hold(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
-    """Nearly all values lie within two standard uncertainties, as frames tell them."""
+    """Nearly all values are within two standard uncertainties, as estimated from frames."""
     rng = np.random.default_rng(5)
     rolls, pitches = rng.uniform(-70, 70, 20), rng.uniform(-15, 15, 20)
     off: dict[str, list[float]] = {"roll_deg": [], "pitch_deg": []}
@@ -224,7 +224,7 @@ def test_uncertainties_hold(reader: PanelReader, ring: bool) -> None:  # noqa: F
 @pytest.mark.slow
 @pytest.mark.parametrize("sample", ["none", "five", "straight and level"])
 def test_little_teaches_nothing_wrong(ring: bool, sample: str) -> None:  # noqa: FBT001
-    """By the panel picture alone, by five frames, or by a flight that hardly moves: it is right, or missing."""
+    """Learned from the panel picture alone, five frames, or a flight that hardly moves: it is right, or missing."""
     level = [draw(0.2 * index, 0.1 * index, 70 + index, ring=ring) for index in range(10)]
     taught = {"none": [], "five": flight(ring=ring)[:5], "straight and level": level}[sample]
     reader = reader_for([described(ring=ring)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring), taught)
@@ -299,7 +299,7 @@ def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
 
 
 def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:
-    """Nothing is printed to draw it by: a panel that has it turn by half of bank is read as well as a right one."""
+    """No print shows it: a panel that states a turn by half of bank is read as well as a right one."""
     turns = 1.5, 0.75
     described_wrongly = described(ring=True)
     apart = math.radians((turns[0] - turns[1]) * PANEL_ROLL_DEG)

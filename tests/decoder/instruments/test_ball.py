@@ -55,7 +55,7 @@ def draw(
 
 
 def gauge(off_px: tuple[float, float] = (0.0, 0.0), width_px: float = WIDTH_PX) -> dict[str, Any]:
-    """A tube that is drawn so far beside where it is."""
+    """A tube drawn this far from its place."""
     tube = [[*np.add(place(value), off_px).tolist(), value] for value in (-1.0, 0.0, 1.0)]
     return {"name": "slip", "ball": {"name": "ball", "tube": tube, "width": width_px}}
 
@@ -81,7 +81,7 @@ def value_of(reader: PanelReader, frame: GreyPicture) -> tuple[Status, float, fl
 
 @pytest.mark.parametrize("levels", [(205.0, 25.0), (40.0, 220.0)], ids=["dark", "bright"])
 def test_ball_is_read_along_its_tube(levels: tuple[float, float]) -> None:
-    """Nobody says what it looks like, nor where it is in the panel picture; at its stops too it is right."""
+    """Its look and its place in the panel picture are not given; it is also right at its stops."""
     reader = fitted(gauge(), levels)
 
     for number, value in enumerate([-1.0, -0.93, -0.61, -0.2, -0.03, 0.0, 0.31, 0.77, 1.0]):
@@ -92,7 +92,7 @@ def test_ball_is_read_along_its_tube(levels: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize("off_px", [(0.0, 1.5), (-1.1, -1.1)])
 def test_tube_that_is_drawn_beside_its_place_is_read_as_it_is_drawn(off_px: tuple[float, float]) -> None:
-    """A ball is as far off as its tube, which sigma knows, and no farther: no far pivot is looked for."""
+    """A ball is as far off as its tube, which sigma covers, and no farther: no far pivot is searched for."""
     reader = fitted(gauge(off_px, WIDTH_PX + 3.0))
 
     for number, value in enumerate([-0.9, -0.3, 0.0, 0.6]):
@@ -112,7 +112,7 @@ def test_ball_that_is_covered_or_gone_is_missing() -> None:
 
 
 def test_ball_that_never_moves_is_missing() -> None:
-    """What does not move along the tube is not known to be a ball."""
+    """A feature that does not move along the tube is not known to be a ball."""
     frames = [draw(PANEL_VALUE, seed) for seed in range(16)]
     reader = fit_to_flight(reader_for([gauge()], draw(PANEL_VALUE, 1)), lambda _: frames).reader
 
@@ -120,7 +120,7 @@ def test_ball_that_never_moves_is_missing() -> None:
 
 
 def test_tube_tells_the_dial() -> None:
-    """Its circle, its width and its values; a straight one is bent so little that nobody sees it."""
+    """Its circle, its width and its values; a straight one is bent invisibly."""
     own = Gauge.model_validate(gauge())
     straight = Gauge.model_validate(
         {"name": "slip", "ball": {"name": "ball", "tube": [[10, 50, -1], [60, 50, 0], [110, 50, 1]], "width": 9}}

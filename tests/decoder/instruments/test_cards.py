@@ -1,4 +1,4 @@
-"""Moving cards: the value under the index, whatever stands still over the card."""
+"""Moving cards: the value under the index, whatever fixed marks are over the card."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_card_is_read_at_any_turn(reader: PanelReader, turn_deg: float, seed: in
 
 
 def test_card_that_turned_little_is_read_as_well() -> None:
-    """A flight that went straight ahead but for one turn tells the card from what lies over it."""
+    """A flight straight ahead except for one turn distinguishes the card from what is over it."""
     frames = [draw(30.0 + 2.5 * step, 200 + step) for step in range(16)]
     reader = reader_for([CARD], draw(PANEL_TURN_DEG, 1), frames)
 
@@ -109,7 +109,7 @@ def test_card_that_turned_little_is_read_as_well() -> None:
 
 @pytest.mark.parametrize("turn_deg", [100.0, 280.0])
 def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
-    """Most of what is seen stands still and the flight shows two turns only: no heading is read that is not there."""
+    """Most of the picture stands still and the flight has only two turns: no false heading is read."""
 
     def over(canvas: Canvas) -> None:
         canvas.bar(20, (-60, 60), (9, 9), 220)
@@ -126,13 +126,13 @@ def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
 
 
 def learned(rows: Sequence[float], unexplained: float) -> Learned:
-    """A card of which nothing else counts."""
+    """A card whose other properties do not matter."""
     blank = np.ones((2, 2), np.float32)
     return Learned(CardPicture(blank * unexplained, blank), np.array(rows), unexplained)
 
 
 def test_card_is_the_one_that_explains_frames_clearly_better_than_any_other() -> None:
-    """Cards that turn all frames alike are one; a second that leaves little more unexplained makes both doubtful."""
+    """Cards that give all frames the same turns are one; a second with a residual little larger makes both doubtful."""
     step_deg = 0.5
     best, same = learned([0] * 6 + [100] * 5, 0.01), learned([90] * 6 + [400] + [189] * 4, 0.011)
     other = learned([0] * 6 + [280] * 5, 0.1)
@@ -203,7 +203,7 @@ def draw_rose(turn_deg: float, seed: int = 0) -> GreyPicture:
 
 
 def test_light_that_stands_still_over_a_card_is_not_taken_for_it() -> None:
-    """Glass that mirrors more light than the print reflects holds no card back, nor turns it to the next letter."""
+    """Glass that mirrors more light than the print reflects does not hold the card, nor turn it to the next letter."""
     card = {**CARD, "radius": [50, 68]}
     frames = [draw_rose(turn_deg, 400 + seed) for seed, turn_deg in enumerate([40.0] * 8 + [75.0, 110.0, 145.0, 180.0])]
     reader = reader_for([card], draw_rose(PANEL_TURN_DEG, 1), frames)

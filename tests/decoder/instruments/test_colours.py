@@ -1,4 +1,4 @@
-"""Needles that show in their colour: read in the mixture of colours that tells them, and in luma where that does."""
+"""Needles that show by their colour: read in the mixture of colours that shows them, or in luma if that does."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def read_of(fitted: FittedReader, frames: Sequence[bytes]) -> list[FrameReadings
 
 
 def test_red_needle_as_bright_as_its_dial_is_read_in_its_colour() -> None:
-    """As well as any other; what it is read in is said. The dial beside it is read in luma."""
+    """As well as any other, and its mixture is reported. The dial beside it is read in luma."""
     fitted = fitted_to(RED, TEAL)
     read = [each.readings for each in read_of(fitted, flight_of(RED, TEAL))]
 
@@ -127,7 +127,7 @@ def test_red_needle_as_bright_as_its_dial_is_read_in_its_colour() -> None:
 
 @pytest.mark.parametrize("face", [TEAL, GREY], ids=["teal", "grey"])
 def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
-    """Of a white needle colours tell no more, and nothing is decompressed for them."""
+    """Colours do not help with a white needle, and nothing is decompressed for them."""
     fitted = fitted_to(WHITE, face)
     block = fitted.reader.block
 
@@ -137,7 +137,7 @@ def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
 
 
 def test_needle_that_luma_does_not_show_at_all_is_no_fault_of_the_panel() -> None:
-    """The page says nothing against it, though its template is flat in luma; without its colours it does."""
+    """The page accepts it, though its template is flat in luma; without its colours it objects."""
     document = {**CONTENT, "gauges": [{**CONTENT["gauges"][0], "radius": [39, 49]}]}  # type: ignore[dict-item]
     picture = draw(AT_DEG, RED, TEAL, 0)
     grey = {"panel.jpg": grey_picture(picture)}

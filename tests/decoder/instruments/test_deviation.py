@@ -40,7 +40,7 @@ def draw(course: float, slope: float, seed: int = 0, *, blur: float = 0.7, noise
 
 
 def described(off_px: tuple[float, float], course: float, slope: float) -> list[dict[str, Any]]:
-    """Both as a hand draws them that has the pivot so far beside where it is; marks are its clicks on the dots."""
+    """Both as drawn by a hand with the pivot this far off; marks are its clicks on the dots."""
     pivot = PIVOT[0] + off_px[0], PIVOT[1] + off_px[1]
 
     def seen_deg(value: float) -> float:
@@ -76,7 +76,7 @@ def described(off_px: tuple[float, float], course: float, slope: float) -> list[
 
 @pytest.mark.parametrize(("off_px", "blur"), [((0.0, 0.0), 1.3), ((2.0, -3.0), 0.7), ((-2.0, 4.0), 1.3)])
 def test_both_are_read_within_two_percent(off_px: tuple[float, float], blur: float) -> None:
-    """A needle's centre is where it swings about, wherever that lies; what moves in parallel slides along a scale."""
+    """A needle's centre is its pivot, wherever that is; a bar that moves in parallel slides along a scale."""
     rng = np.random.default_rng(4)
     places = rng.uniform(-9.5, 9.5, (40, 2)).tolist()
     frames = [draw(course, slope, 100 + seed, blur=blur) for seed, (course, slope) in enumerate(places[:16])]

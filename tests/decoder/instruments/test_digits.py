@@ -1,4 +1,4 @@
-"""Displays of seven segments: what they show is read for certain, or not at all."""
+"""Displays of seven segments: they are read with certainty, or not at all."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def taught() -> tuple[WindowGrid, Display]:
 def test_all_digits_are_read_though_the_panel_picture_shows_a_few(
     taught: tuple[WindowGrid, Display], light: float
 ) -> None:
-    """Where segments are tells what every digit looks like, in any light on the panel."""
+    """The places of the segments determine every digit's look, in any light on the panel."""
     grid, display = taught
     frames = [
         sampled(grid, exposed(PLAIN.picture(text), light=light, ground=10.0 + 40.0 * light, seed=number))
@@ -69,7 +69,7 @@ def test_all_digits_are_read_though_the_panel_picture_shows_a_few(
     ("drawn", "seed"), [(PLAIN, 0), (Drawn(slant=0.0, stroke=2.4, height=17.0, width=9.0, pitch=14.0), 1)]
 )
 def test_dark_digits_on_light_ground_drawn_around_by_hand(drawn: Drawn, seed: int) -> None:
-    """A hand that is off by a pixel and a half loses nothing, and a liquid crystal is read as light is."""
+    """An error of a pixel and a half in drawing loses nothing, and a liquid crystal is read like a lit display."""
     grid = drawn.grid(np.random.default_rng(seed).uniform(-1.5, 1.5, 8).tolist())
     frames = [
         sampled(grid, exposed(drawn.picture(text), light=-0.8, ground=140.0, seed=number))
@@ -96,9 +96,9 @@ def test_a_dark_display_and_one_between_two_values_have_none(taught: tuple[Windo
 @pytest.mark.slow
 @pytest.mark.parametrize(("dead", "least"), [((4, "e"), 4), ((3, "g"), 0), ((2, "b"), 0)])
 def test_a_dead_segment_makes_no_other_digit(dead: tuple[int, str], least: int) -> None:
-    """Where a segment is dark though a digit needs it, no digit is read that it may have made of another.
+    """A dead segment may turn one digit into another: no such digit is read.
 
-    In a cell in which the panel picture seems to show another digit than it does, hardly any is.
+    In a cell whose digit in the panel picture is mistaken, hardly any digit is read.
     """
     drawn = Drawn(dead=(dead,))
     grid = drawn.grid()
@@ -114,7 +114,7 @@ def test_a_dead_segment_makes_no_other_digit(dead: tuple[int, str], least: int) 
 
 
 def test_a_reflection_across_it_is_read_through_or_nothing_is(taught: tuple[WindowGrid, Display]) -> None:
-    """Light that changes along the window is light; what hides digits hides them."""
+    """Light may vary along the window; hidden digits are missing."""
     grid, display = taught
     shown = PLAIN.picture("116.82")
     across = np.arange(shown.shape[1]) - np.linspace(0.0, shown.shape[1], 12)[:, None]
@@ -151,7 +151,7 @@ def test_zeros_in_front_may_be_dark_and_a_code_keeps_them() -> None:
 
 @pytest.mark.parametrize("shows", [SHOWS, "545.72"])
 def test_a_picture_that_shows_something_else_teaches_nothing_wrong(shows: str) -> None:
-    """Wherever a window is drawn, and whatever is there: it is the display, or is missing."""
+    """Wherever the window is drawn, and whatever is there: the display is read, or missing."""
     picture = exposed(PLAIN.picture(shows))
     for off_px in (np.zeros(8), np.random.default_rng(2).uniform(-6.0, 6.0, 8)):
         grid = PLAIN.grid(off_px.tolist())

@@ -1,4 +1,4 @@
-"""Reading through a glare: soft light does not move a reading, and what it drowns is not guessed."""
+"""Reading through glare: soft light does not shift a reading, and what it saturates is not guessed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_soft_light_does_not_move_the_reading(
 @pytest.mark.parametrize("angle_deg", [160.0, 271.8, 381.5])
 @pytest.mark.parametrize("levels", [180.0, 260.0, 800.0])
 def test_what_a_glare_drowns_is_not_guessed(reader: PanelReader, angle_deg: float, levels: float) -> None:
-    """The more of the needle is white, the fewer readings there are; one that there is, is right or unsure."""
+    """The more of the needle is saturated, the fewer readings; each is right or uncertain."""
     frame = draw({"speed_kt": angle_deg, "al_lb": 160.0, "fr_lb": 300.0}, noise=2.0, seed=int(angle_deg))
     reading = under_glare(reader, frame, on_needle(angle_deg, 35.0), levels)
 

@@ -73,7 +73,7 @@ def test_light_and_camera_do_not_turn_the_needle(
 def test_needle_beyond_its_sweep_is_read_for_four_degrees_and_then_missing(
     reader: PanelReader, angle_deg: float, *, is_read: bool
 ) -> None:
-    """It is read where it is; one that points where the scale has nothing is not pulled to the scale's end."""
+    """It is read where it is; a needle beyond the scale is not pulled to the scale's end."""
     reading = speed(reader, draw(hands(angle_deg)))
 
     assert reading.status is (Status.READ if is_read else Status.MISSING)

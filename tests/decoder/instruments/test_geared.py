@@ -81,7 +81,7 @@ def test_any_altitude_is_found_again_or_none_is(readers: dict[str, PanelReader],
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_nearly_all_altitudes_have_a_value(readers: dict[str, PanelReader], kind: str) -> None:
-    """Whatever the pointers look like: one that cannot be seen does not take the others with it."""
+    """Whatever the pointers look like: one that is not seen does not affect the others."""
     told = [
         altitude(readers[kind], drawn(angles_of(each), KINDS[kind], seed)) for seed, each in enumerate(ALTITUDES_FT)
     ]
@@ -97,7 +97,7 @@ def test_nearly_all_altitudes_have_a_value(readers: dict[str, PanelReader], kind
 
 @pytest.mark.slow
 def test_pointer_below_another_is_where_the_value_has_it(readers: dict[str, PanelReader]) -> None:
-    """The middle pointer lies wholly below the long one: it is hidden, and the value is read."""
+    """The middle pointer is completely below the long one: it is hidden, and the value is read."""
     altitude_ft = 51_111.1
     found = read_picture(readers["slim below"], drawn(angles_of(altitude_ft), SLIM_BELOW)).readings
 
@@ -109,7 +109,7 @@ def test_pointer_below_another_is_where_the_value_has_it(readers: dict[str, Pane
 
 @pytest.mark.slow
 def test_value_that_few_frames_show_needs_all_of_its_pointers(readers: dict[str, PanelReader]) -> None:
-    """The one that shows may be sure of itself, but does not count its own turns."""
+    """The visible pointer may be certain, but its own turns are not known."""
     reader, hides = readers["slim below"], drawn(angles_of(51_111.1), SLIM_BELOW)
     doubtful = frozenset({"thousands_ft", "altitude_ft"})
     dim, rare = (
@@ -169,7 +169,7 @@ def test_dial_that_does_not_add_up_tells_no_wrong_value(
 
 
 def _may_hide(altitude_ft: float) -> bool:
-    """Whether the lowest pointer would lie below another one at some altitude at which these are where they are."""
+    """Whether the lowest pointer would be below another at some altitude that fits the others."""
     _, *others = angles_of(altitude_ft)
     lowest = [angles_of(altitude_ft % 10_000.0 + turns * 10_000.0)[0] for turns in range(10)]
     return min(apart(one, other) for one in lowest for other in others) < 12.0

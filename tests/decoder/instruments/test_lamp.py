@@ -62,7 +62,7 @@ TAUGHT = learn_lamp(LAMP, GRID, sample(*[0.0] * 12), first_lamp(GRID, drawn(0.0)
 )
 @settings(max_examples=30, deadline=None)
 def test_the_sun_lights_no_lamp(light: float, sun: float, slope: float, seed: int) -> None:
-    """A lamp is read as it is, though no frame of the sample showed it lit, from wherever the sun comes."""
+    """A lamp's state is read, wherever the sun comes from, though no frame of the sample showed it lit."""
     (found,) = read(TAUGHT, drawn(light, sun=sun, slope=slope, seed=seed))
 
     assert found["low_fuel_on"].status is Status.READ
@@ -71,7 +71,7 @@ def test_the_sun_lights_no_lamp(light: float, sun: float, slope: float, seed: in
 
 @pytest.mark.parametrize("legend", [False, True], ids=["whole", "words that light up"])
 def test_how_bright_it_is(*, legend: bool) -> None:
-    """Its light is told in percent of white, and more light is more."""
+    """Its light is reported in percent of white, and more light is more."""
     told = [
         read(TAUGHT, drawn(light, seed=7, legend=legend))[0]["low_fuel_light_pct"].angle_deg for light in (40, 80, 120)
     ]
@@ -81,7 +81,7 @@ def test_how_bright_it_is(*, legend: bool) -> None:
 
 
 def test_what_a_flight_showed_lit_is_told_nearer_to_it() -> None:
-    """A dim lamp that the sample shows is lit at that light, and not told halfway there."""
+    """A dim lamp shown lit by the sample is lit at that light, and no state is read halfway."""
     taught = learn_lamp(LAMP, GRID, sample(*[0.0] * 8, *[45.0] * 4), first_lamp(GRID, drawn(0.0)))
     dim, half, dark = (found["low_fuel_on"] for found in read(taught, drawn(40.0), drawn(14.0), drawn(0.0)))
 
@@ -116,7 +116,7 @@ def test_a_lamp_that_is_lit_half_of_the_time_is_never_told_wrongly(part: float, 
 
 @pytest.mark.parametrize("lit", [False, True])
 def test_a_panel_that_has_its_state_wrong_tells_nothing(*, lit: bool) -> None:
-    """Where a flight shows it darker than what is called off, or brighter than what is called lit, nothing is read."""
+    """If a flight shows it darker than the stated off, or brighter than the stated lit, nothing is read."""
     lamp = Lamp(name="low_fuel_on", lit=lit)
     shown, other = (0.0, 90.0) if lit else (90.0, 0.0)
     taught = learn_lamp(lamp, GRID, sample(*[shown] * 8, *[other] * 4), first_lamp(GRID, drawn(shown)))
@@ -127,7 +127,7 @@ def test_a_panel_that_has_its_state_wrong_tells_nothing(*, lit: bool) -> None:
 
 
 def test_what_lies_over_it_makes_it_missing() -> None:
-    """A hand over window and surroundings, and the edge of a shadow across it, are no lamp."""
+    """A hand over window and surroundings, or a shadow's edge across it, make it missing."""
     hand = drawn(0.0)
     hand[:, : GRID.columns * 2 // 3] = np.random.default_rng(3).normal(
         170.0, 25.0, hand[:, : GRID.columns * 2 // 3].shape
@@ -140,7 +140,7 @@ def test_what_lies_over_it_makes_it_missing() -> None:
 
 
 def test_frames_beside_it_change_nothing() -> None:
-    """A frame is read to the bit the same whatever lies beside it."""
+    """A frame is read the same to the bit, whatever frames are read with it."""
     frames = sample(0.0, 80.0, 20.0, 0.0)
 
     assert [read(TAUGHT, frame)[0] for frame in frames] == read(TAUGHT, *frames)

@@ -95,7 +95,7 @@ def test_needle_that_stands_still_is_still_read(reader: PanelReader) -> None:
 
 
 def test_needle_that_few_frames_show_must_match_as_one_that_was_learned(reader: PanelReader) -> None:
-    """What is found of it may be what lay behind it in the panel picture, where nothing else was ever seen."""
+    """A match may be with the dial behind it in the panel picture, where nothing else was ever seen."""
     dark = {"speed_kt": 42.0}  # as the dial
     flight = [draw(angles_of(seed), levels=dark if seed % 4 else None, seed=seed, noise=2.0) for seed in range(16)]
     fitted = fit_to_flight(reader, lambda _: flight).reader

@@ -1,4 +1,4 @@
-"""Pointers on straight scales are read where they stand, in any light; in doubt nothing is."""
+"""Pointers on straight scales are read where they are, in any light; if in doubt, nothing is read."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_it_is_read_where_it_stands(at_y: float, light: tuple[float, float]) -> 
 
 
 def test_two_pointers_are_none() -> None:
-    """Where two places look like the pointer nothing is read, nor where none does."""
+    """If two places look like the pointer, or none does, nothing is read."""
     (double,) = read(TAUGHT, window(50.0, 5, doubled=100.0))
     (none,) = read(TAUGHT, window(-40.0, 6))
 
@@ -77,7 +77,7 @@ def test_two_pointers_are_none() -> None:
 
 
 def test_frames_beside_it_change_nothing() -> None:
-    """A frame is read to the bit the same whatever lies beside it."""
+    """A frame is read the same to the bit, whatever frames are read with it."""
     frames = [window(at_y, 7) for at_y in (30.0, 55.0, 90.0)]
 
     assert [read(TAUGHT, frame)[0] for frame in frames] == read(TAUGHT, *frames)

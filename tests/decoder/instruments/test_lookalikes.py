@@ -1,4 +1,4 @@
-"""What is not a needle's tip is never read for it: its tail, a bug or line of its brightness, the stop beside it."""
+"""Nothing but a needle's tip is read for it: not its tail, a bug or line of its brightness, or a stop beside it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def reader_with(tail_px: float, sweep: tuple[float, float], *, tail: bool) -> Pa
 @pytest.mark.parametrize("sweep", SWEEPS.values(), ids=SWEEPS)
 @pytest.mark.parametrize(("tail_px", "tail"), [(30.0, True), (60.0, True), (45.0, False)])
 def test_tip_is_read_whatever_the_tail(tail_px: float, sweep: tuple[float, float], *, tail: bool) -> None:
-    """A tail of the needle's width and brightness is one at every angle; a shorter one even without the key."""
+    """A tail with the needle's width and brightness is not its tip at any angle; a shorter one even without the key."""
     reader, draw = reader_with(tail_px, sweep, tail=tail), draw_with(tail_px)
     angles_deg = np.random.default_rng(5).uniform(*sweep, 20)
     readings = [read_picture(reader, draw(angle, seed)).readings["rpm"] for seed, angle in enumerate(angles_deg)]
@@ -161,7 +161,7 @@ def test_needle_is_read_from_stop_to_stop(stopped: PanelReader, angle_deg: float
 
 
 def test_needle_beyond_its_stops_is_missing(stopped: PanelReader) -> None:
-    """The nearest stop is not taken for it, nor is a needle at rest read where the panel knows of no stops."""
+    """The nearest stop is not read instead, nor is a needle at rest read if the panel has no stops."""
     unknowing = reader_for([{key: own for key, own in PRESSURE.items() if key != "stops"}], pressure(214.0, 1))
 
     for reader, angle_deg in ((stopped, 76.0), (stopped, 108.0), (unknowing, 118.0)):
@@ -183,7 +183,7 @@ def draw_aeroplane(turned_deg: float, seed: int = 0) -> GreyPicture:
 
 
 def test_symbol_with_two_wings_alike_is_read_by_both_within_its_sweep() -> None:
-    """An aeroplane that never turns over is a needle with a tail: which wing is which its sweep tells."""
+    """An aeroplane that never turns over is a needle with a tail: the sweep distinguishes its wings."""
     gauge = {
         "name": "turn",
         "radius": [20, 62],
@@ -208,7 +208,7 @@ def test_symbol_with_two_wings_alike_is_read_by_both_within_its_sweep() -> None:
 def test_two_needles_of_one_form_are_never_taken_for_each_other(
     level: float, least: float, gain: float, below: dict[str, str]
 ) -> None:
-    """By form each is where the other is; their tones tell them apart in any light, and else nothing does."""
+    """Each matches the other by shape; only their tones distinguish them, in any light."""
 
     def draw(one_deg: float, other_deg: float, seed: int, gain: float = 1.0) -> GreyPicture:
         def what(canvas: Canvas) -> None:

@@ -1,4 +1,4 @@
-"""Many frames at once: what is read of a frame does not depend on its company."""
+"""Many frames at once: a frame's readings do not depend on the others."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def claiming(jpeg: bytes, height_px: int, width_px: int) -> bytes:
 
 @pytest.mark.parametrize("size", [(12_000, 12_000), (65_535, 65_535), (40_000, 2_000)], ids=str)
 def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPicture], size: tuple[int, int]) -> None:
-    """A damaged header is no reason to make room for a picture that its bytes cannot hold; it is said instead."""
+    """No memory is allocated for a picture that its bytes cannot contain; the damaged header is reported instead."""
     jpeg, block = claiming(encoded(pictures[0]), *size), PictureBlock()
     said = f"says that it is {size[1]} x {size[0]}, but has {len(jpeg)} bytes"
 
@@ -147,7 +147,7 @@ def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPict
 
 
 def test_one_large_picture_is_no_reason_for_room_for_many(pictures: list[GreyPicture]) -> None:
-    """It has memory of its own; those beside it lie where they would."""
+    """It has its own memory; the others' places do not change."""
     stream = io.BytesIO()
     Image.new("L", (4000, 3000)).save(stream, "JPEG")
     block, small = PictureBlock(), encoded(pictures[0])
@@ -163,7 +163,7 @@ def test_one_large_picture_is_no_reason_for_room_for_many(pictures: list[GreyPic
 def test_first_rows_alone_give_the_same_bits(
     flight: Flight, reader: PanelReader, together: list[str], rows: int | None
 ) -> None:
-    """Those in which the panel lies need not be decompressed further; where they are too few the frame is, whole."""
+    """Only the rows with the panel are decompressed; if they are too few, the whole frame is."""
     enough = reader.placement.rows
     assert enough is not None
     assert enough < reader.source.picture.shape[0]

@@ -49,7 +49,7 @@ ARROW = Hand(tip=62.0, tail=44.0)
 def with_bug(
     turn_deg: float, bug: float | None, seed: int = 0, level: float = BUG_LEVEL, parallax_deg: float = 0.0
 ) -> GreyPicture:
-    """Draws the card with a bug on it, darker than its marks, at a heading; seen from the left it lies to the right."""
+    """Draws the card with a bug, darker than its marks, at a heading; seen from the left it shifts to the right."""
 
     def over(canvas: Canvas) -> None:
         if bug is not None:
@@ -79,7 +79,7 @@ def off(reading: Reading, marks: Sequence[Sequence[float]], truth: float) -> flo
 
 @pytest.fixture(scope="module")
 def bugged() -> PanelReader:
-    """A reader of a card with a bug that stood at four headings in flight; in the panel picture before a numeral."""
+    """A reader of a card with a bug that was at four headings in flight, and over a numeral in the panel picture."""
     frames = [with_bug(3.0 + 22.5 * step, (60.0, 10.0, 275.0, 148.0)[step % 4], 100 + step) for step in range(16)]
     return fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
 
@@ -92,7 +92,7 @@ def pointed() -> PanelReader:
 
 
 def is_free(at_deg: float) -> bool:
-    """Whether neither index nor wings, which stand still, lie over a needle."""
+    """Whether a needle is clear of the fixed index and wings."""
     return apart(at_deg, 0.0, 90.0) > 20.0
 
 
@@ -104,7 +104,7 @@ def is_honest(reading: Reading, marks: Sequence[Sequence[float]], truth: float) 
 @given(turn_deg=st.floats(0.0, 360.0), bug=st.floats(0.0, 360.0), seed=st.integers(0, 1000))
 @settings(max_examples=15)
 def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: float, seed: int) -> None:
-    """At any heading of bug and card; less of it where it lies below what stands still. It does not pull the card."""
+    """At any heading of bug and card, with less certainty below fixed marks. It does not pull the card."""
     readings = read_picture(bugged, with_bug(turn_deg, bug, seed)).readings
     own, card = readings["bug_deg"], readings["heading_deg"]
 
@@ -115,7 +115,7 @@ def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: floa
 
 @pytest.mark.parametrize("level", [60.0, BUG_LEVEL])
 def test_bug_that_never_moved_may_be_a_mark_of_its_card(level: float) -> None:
-    """It goes round with the card as a mark would: what is found in its place is never more than `edge`."""
+    """It turns with the card like a mark: a match in its place is never more than `edge`."""
     frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 100 + step, level) for step in range(16)]
     reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, level), frames)
     readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
@@ -129,7 +129,7 @@ def test_bug_that_never_moved_may_be_a_mark_of_its_card(level: float) -> None:
 
 @pytest.mark.parametrize(("level", "light"), [(60.0, 1.0), (BUG_LEVEL, 0.4), (BUG_LEVEL, 0.25)])
 def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float) -> None:
-    """Where the card turned little, or in dim light, nothing tells the two apart; the bug was set elsewhere."""
+    """If the card turned little, or in dim light, the two cannot be distinguished; the bug was set elsewhere."""
     settings_ = [PANEL_BUG] * 6 + [148.0] * 5 + [275.0] * 5
     drawn = [with_bug(3.0 + 3.0 * step, bug, 100 + step, level) for step, bug in enumerate(settings_)]
     first, *frames = (
@@ -143,7 +143,7 @@ def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float) -> 
 
 
 def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
-    """It swings by its height above the card as it goes round, and stays where it was set: the swing is taken off."""
+    """It swings by its height above the card as the card turns, but stays where it was set: the swing is removed."""
     parallax_deg, settings_ = 1.2, [60.0] * 6 + [148.0] * 6 + [275.0] * 6
     at_deg = INDEX_DEG + PANEL_TURN_DEG + PANEL_BUG
     drawn = copy.deepcopy(BUG)
@@ -179,7 +179,7 @@ def test_parallax_is_told_by_what_goes_round_with_its_card(right_deg: float, dow
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_parallax_is_told_by_what_does_not_show_it(seed: int) -> None:
-    """What goes its own ways, what hardly goes round, and what is seen from straight ahead."""
+    """A needle that moves independently, one that hardly goes round, and one seen from straight ahead."""
     rng = np.random.default_rng(seed)
     seen_deg, set_deg, noise_deg = rng.uniform(0, 360, 24), np.repeat([10.0, 200.0], 12), rng.normal(0, 0.03, 24)
 
@@ -194,7 +194,7 @@ def test_no_parallax_is_told_by_what_does_not_show_it(seed: int) -> None:
 def test_pointer_is_read_on_the_dial_and_on_the_card(
     pointed: PanelReader, turn_deg: float, at_deg: float, seed: int
 ) -> None:
-    """What it shows on the card is what it shows on the dial, and the card's heading; it does not pull the card."""
+    """Its value on the card follows from its angle on the dial and the card's heading; it does not pull the card."""
     readings = read_picture(pointed, with_pointer(turn_deg, at_deg, seed)).readings
     bearing, track, card = (readings[name] for name in ("bearing_deg", "track_deg", "heading_deg"))
     truth = (at_deg - INDEX_DEG) % 360.0
@@ -212,7 +212,7 @@ def test_bug_that_is_not_there_is_missing(bugged: PanelReader, turn_deg: float) 
 
 
 def test_bug_that_stood_still_in_the_flight_is_not_guessed_later() -> None:
-    """What lies behind it is not known then, and is not read in its place once it has been moved."""
+    """The dial behind it is then unknown, and is not read in its place after it has been moved."""
     frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 300 + step) for step in range(16)]
     reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
 
@@ -222,7 +222,7 @@ def test_bug_that_stood_still_in_the_flight_is_not_guessed_later() -> None:
 
 
 def test_bug_is_drawn_where_the_card_has_taken_it() -> None:
-    """Its line follows the card; where no heading is known nobody knows where it lies."""
+    """Its line follows the card; without a heading its place is unknown."""
     gauge = Gauge.model_validate({"centre": [104.4, 94.7], **copy.deepcopy(BUG)})
     lines = gauge.lines({"heading_deg": 350.0, "bug_deg": 5.0})
 

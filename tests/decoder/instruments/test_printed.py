@@ -1,4 +1,4 @@
-"""Printed digits: what drums, wheels and dots show is read for certain as far as pictures taught it, or not at all."""
+"""Printed digits on drums, wheels and dots: read with certainty as far as learned from pictures, or not at all."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_drums_are_read_half_way_and_through_a_carry(drawn: DrawnRow) -> None:
 
 @pytest.mark.parametrize("goes_down", [False, True])
 def test_drums_at_zero_are_not_at_their_highest_count(goes_down: bool) -> None:  # noqa: FBT001 - a case
-    """An altimeter at sea level is no altimeter at its top: noise puts each of its drums a little below 0 or above."""
+    """An altimeter at sea level is not at its highest count: noise puts each drum slightly below or above 0."""
     drawn = DrawnRow(goes_down=goes_down)
     grid = drawn.grid(hand_px=0.5)
     taught = (*ALL_DIGITS, 7905, 2061.0, 4350, 6127, 8543, 786)
@@ -97,7 +97,7 @@ def test_drums_at_zero_are_not_at_their_highest_count(goes_down: bool) -> None: 
 
 @pytest.mark.parametrize(("font", "height"), [(grotesque, 16.0), (plotted, 20.0), (dotted, 16.0)])
 def test_a_digit_that_no_picture_showed_is_missing(font: Font, height: float) -> None:
-    """However much it looks like one that was taught: a 0 is no 6, an 8 no 3."""
+    """However similar to a learned one: a 0 is not read as 6, nor an 8 as 3."""
     drawn = DrawnRow(font=font, height=height, pitch=1.4 * height, slot=1.4 * height)
     grid = drawn.grid()
     taught = ("1264", "7365")
@@ -137,7 +137,7 @@ def test_small_and_blurred_digits_are_right_or_missing(height: float, blur: floa
 
 
 def test_what_covers_a_digit_is_no_other_digit() -> None:
-    """A reflection that falls off across it is light; what hides strokes hides the value."""
+    """A reflection with a gradient is only light; hidden strokes make the value missing."""
     drawn = DrawnRow()
     grid = drawn.grid()
     reader = reader_of(drawn, ALL_DIGITS, grid, rolls="up", pitch=drawn.pitch)
@@ -230,7 +230,7 @@ def test_another_picture_teaches_what_the_panel_picture_does_not_show() -> None:
     ],
 )
 def test_a_picture_of_another_size_needs_its_own_window(window: str, sentence: str) -> None:
-    """Where the window lies in it nobody could know."""
+    """Its window's place would be unknown."""
     drawn = DrawnRow()
     panel = parse_panel(panel_of(f'shows: "1206", also: [{{picture: other.png, shows: "3405"{window}}}]'))
     pictures = {"p.png": drawn.picture(1206).astype(np.uint8), "other.png": np.zeros((200, 90), np.uint8)}

@@ -1,4 +1,4 @@
-"""Dials that go all the way round: no angle is another than any other, and values begin again after a turn."""
+"""Dials that go all the way round: all angles are equivalent, and values repeat after a turn."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def clock_reader() -> PanelReader:
 def test_two_needles_cross_the_seam_together(clock_reader: PanelReader, long_deg: float, off_deg: float) -> None:
     """Needles beside each other are read wherever they are, one on each side of the seam as well.
 
-    Where their soft edges mingle the covered one is told less well, and says so.
+    If their soft edges overlap, the covered one is less certain, and reports it.
     """
     readings = read_picture(clock_reader, clock(long_deg + off_deg, long_deg, seed=5)).readings
 
@@ -116,7 +116,7 @@ def test_two_needles_cross_the_seam_together(clock_reader: PanelReader, long_deg
     angle_deg=st.floats(-720.0, 720.0),
 )
 def test_round_scale_repeats_every_turn(first_deg: float, rising: bool, wraps: float, angle_deg: float) -> None:  # noqa: FBT001
-    """A turn on, the value is the same; values lie in one turn, and lead back to the angle."""
+    """A turn later the value is the same; values are within one turn, and lead back to the angle."""
     sign = 1.0 if rising else -1.0
     marks = [(first_deg, 0.25 * wraps), (first_deg + 90.0, 0.25 * wraps + sign * 0.1 * wraps)]
     scale = Scale.of(marks, wraps)

@@ -1,4 +1,4 @@
-"""Tapes and drums are read as far as a flight shows them; where they were never seen, or look alike, nothing is."""
+"""Tapes and drums are read as far as a flight shows them; parts never seen, or alike, are not read."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BLOCK_DEG = 30.0
 
 
 def numeral(block: Floats, part: Floats, y: Floats, kinds: int) -> Floats:
-    """Blots that stand for a numeral: two of them in each block, of a form that goes with its number."""
+    """Blots in place of a numeral: two in each block, with a shape for each number."""
     digits = np.random.default_rng(5).uniform(0.2, 1.0, (kinds, 2, 3))
     which = np.mod(block, kinds).astype(np.intp)
     blots = np.zeros_like(part)
@@ -53,7 +53,7 @@ def drum(heading: float, grid: WindowGrid, seed: int = 0, *, kinds: int = 12, li
 
 
 def marks_at(heading: float, off_px: float = 0.0) -> list[list[object]]:
-    """Where marks each 5 degrees are in sight, as a hand may draw them."""
+    """Places of the visible marks, every 5 degrees, as a hand may draw them."""
     at_index = math.asin((INDEX_PX - MIDDLE_PX) / RADIUS_PX)
     told: list[list[object]] = []
     for number, value in enumerate(range(-30, 40, 10)):
@@ -63,7 +63,7 @@ def marks_at(heading: float, off_px: float = 0.0) -> list[list[object]]:
 
 
 def compass(off_px: float = 0.0) -> tuple[Gauge, WindowGrid]:
-    """A compass as it is described, its marks drawn so far beside where they are."""
+    """A compass as described, its marks drawn this far off."""
     tape = {"name": "heading_deg", "moves": "across", "index": [INDEX_PX, 38.0], "turn": 360, "drum": True}
     return gauge_of(CORNERS, tape={**tape, "marks": marks_at(DRAWN_AT, off_px)})
 
@@ -105,7 +105,7 @@ def test_it_is_read_as_far_as_the_flight_shows_it(off_px: float) -> None:
 
 
 def test_what_looks_alike_everywhere_is_not_told() -> None:
-    """Of a card on which every numeral looks the same no heading is read, but for what the panel picture says."""
+    """On a card with equal numerals no heading is read, except near that of the panel picture."""
     gauge, grid = compass()
     picture = learned(gauge, grid, np.linspace(40.0, 250.0, 16), kinds=1)
     headings = np.arange(0.0, 360.0, 17.0)
@@ -124,7 +124,7 @@ def test_a_card_that_never_turned_is_not_told_from_its_line() -> None:
 
 
 def test_frames_beside_it_change_nothing() -> None:
-    """A frame is read to the bit the same whatever lies beside it."""
+    """A frame is read the same to the bit, whatever frames are read with it."""
     gauge, grid = compass()
     picture = learned(gauge, grid, np.linspace(20.0, 80.0, 12))
     frames = [drum(h, grid, 9) for h in (25.0, 52.0, 77.0, 200.0)]
@@ -177,7 +177,7 @@ def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
 
 @pytest.mark.parametrize("line", [0.0, 1.0])
 def test_a_line_along_the_ticks_makes_no_two_parts_look_alike(line: float) -> None:
-    """A bright line on which all ticks stand is part of every picture, wherever the tape is: it tells of no place."""
+    """A bright line along all ticks is in every picture, wherever the tape is: it does not indicate a place."""
     marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
     gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
     own = DrawnTape.of(gauge, grid)

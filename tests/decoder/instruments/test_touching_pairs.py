@@ -1,4 +1,4 @@
-"""Two needles of one dial, one over the other: at any distance each is read, or doubted, or not made up."""
+"""Two needles of one dial, one over the other: at any distance each is read, uncertain or missing, never invented."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CLEAR = ("alike", "dim below")
 
 @cache
 def pairs_of(kind: str) -> list[tuple[float, Reading, Reading]]:
-    """How far the lower needle is from the upper one, thirty degrees to either side, and what is read of both."""
+    """Distances of the lower needle from the upper one, up to thirty degrees to either side, and both readings."""
     levels = LEVELS[kind]
     reader = reader_of(panel=draw(PANEL_ANGLES_DEG, levels=levels))
     pairs = []
@@ -41,7 +41,7 @@ def pairs_of(kind: str) -> list[tuple[float, Reading, Reading]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", LEVELS)
 def test_pair_is_right_or_doubted_at_any_distance(kind: str) -> None:
-    """No value is sure and wrong; a hidden needle is where its cover is, no surer than that, and does not show."""
+    """No certain value is wrong; a hidden needle is at its cover's place, no more certain than that, and invisible."""
     for apart_deg, lower, upper in pairs_of(kind):
         for reading, truth_deg in ((lower, COVER_DEG + apart_deg), (upper, COVER_DEG)):
             if reading.status is not Status.MISSING:
@@ -73,7 +73,7 @@ def test_lower_needle_is_hidden_then_an_edge_then_whole(kind: str) -> None:
 
 @pytest.mark.parametrize("cover_deg", [119.0, 417.0])
 def test_pair_at_an_end_of_the_scale_is_right_or_doubted(reader: PanelReader, cover_deg: float) -> None:
-    """Each needle lies where its reading says, or its sigma says how far beside it."""
+    """Each reading is right, or off within its sigma."""
     for apart_deg in (-2.7, -1.4, -0.2, 0.4, 1.3, 4.0):
         there_deg = {"al_lb": float(np.clip(cover_deg + apart_deg, 118.0, 422.0)), "fr_lb": cover_deg}
         assert_right_or_doubted(reader, draw(there_deg), there_deg)
@@ -89,7 +89,7 @@ def assert_right_or_doubted(reader: PanelReader, frame: GreyPicture, there_deg: 
 
 @pytest.mark.parametrize("apart_deg", [-4.5, -3.0, -2.0, 1.5, 2.5, 3.7])
 def test_mirrored_pair_is_no_surer_than_it_is(reader: PanelReader, apart_deg: float) -> None:
-    """Two needles of one shade look the same with the one on either side: then neither is told, or sigma spans both."""
+    """Two needles of one shade look the same mirrored: then neither is read, or sigma covers both."""
     for cover_deg in (150.3, 287.2):
         there_deg = {"al_lb": cover_deg + apart_deg, "fr_lb": cover_deg}
         assert_right_or_doubted(reader, draw(there_deg, noise=4.0, seed=79), there_deg)
@@ -107,7 +107,7 @@ def tuned(reader: PanelReader) -> PanelReader:
 
 @pytest.mark.parametrize("apart_deg", [-5.0, -4.2, 4.2, 5.0])
 def test_learned_needles_tell_on_which_side_the_lower_one_lies(tuned: PanelReader, apart_deg: float) -> None:
-    """From four degrees apart on, two needles of one shade are both read in their places, for all their soft edges."""
+    """From four degrees apart, two needles of one shade are both read in their places despite their soft edges."""
     for cover_deg in (152.3, 287.2):
         there_deg = {"al_lb": cover_deg + apart_deg, "fr_lb": cover_deg}
         readings = read_picture(tuned, draw(there_deg, noise=2.0, seed=int(cover_deg))).readings
@@ -130,7 +130,7 @@ def test_what_is_read_of_a_pair_does_not_depend_on_the_frames_beside_it(tuned: P
 
 
 def test_hidden_needle_s_sigma_spans_where_it_may_be(reader: PanelReader) -> None:
-    """Three degrees apart, with a mirrored pair as likely, the lower needle is less sure than right below its cover."""
+    """Three degrees apart, with a mirrored pair as likely, the lower needle is less certain than below its cover."""
     apart, below = (
         read_picture(reader, draw({"al_lb": 233.0 + off, "fr_lb": 233.0})).readings["al_lb"] for off in (2.5, 0.0)
     )
@@ -159,7 +159,7 @@ UNSEEN: dict[str, tuple[GreyPicture, set[Status], float | None]] = {
 def test_lower_needle_that_is_not_seen_is_not_made_up(
     reader: PanelReader, frame: GreyPicture, statuses: set[Status], upper_deg: float | None
 ) -> None:
-    """No edge of its cover, of noise or of a light is read for it, nor is it hidden where its cover is not seen."""
+    """No edge of its cover, noise or light is read for it, nor is it hidden if its cover is not seen."""
     readings = read_picture(reader, frame).readings
 
     assert readings["al_lb"].status in statuses

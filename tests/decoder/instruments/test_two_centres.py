@@ -1,4 +1,4 @@
-"""Two needles with their own centres in one case: each is a gauge, and the other's needle is no needle of it."""
+"""Two needles with their own centres in one case: each is a gauge, and never read for the other."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def places() -> list[tuple[float, float]]:
 
 
 def test_each_needle_is_read_by_its_own_centre(reader: PanelReader) -> None:
-    """Wherever the two are, none is taken for the other, and where tips cross a reading is right or none."""
+    """Wherever the two are, neither is taken for the other, and where tips cross a reading is right or missing."""
     errors: dict[str, list[float]] = {"oil_c": [], "oil_psi": []}
     missing = 0
     for seed, (left_deg, right_deg) in enumerate(places()):

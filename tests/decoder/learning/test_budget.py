@@ -1,4 +1,4 @@
-"""Uncertainty budgets: what of a quantity's sigma has which cause, over its values."""
+"""Uncertainty budgets: the causes of a quantity's sigma, over its values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MARKS = ((20.0, 0.0), (110.0, 50.0), (200.0, 200.0))
 
 
 def quantity(name: str, marks: tuple[tuple[float, float], ...], wraps: float | None = None) -> Quantity:
-    """One that somebody drew."""
+    """A drawn quantity."""
     return Quantity(name, "dial", "ft", marks, wraps, None, None)
 
 
@@ -46,7 +46,7 @@ def test_a_degree_counts_as_much_beside_a_mark_as_it_does_in_the_value(
     wraps: float | None,
     falls: bool,  # noqa: FBT001
 ) -> None:
-    """It is worth more where the interval reaches over a mark to a steeper side, whichever way the scale goes round."""
+    """It counts more where the interval reaches over a mark to a steeper part, whichever way the scale runs."""
     marks = ((20.0, 200.0), (40.0, 33.0), (200.0, 0.0)) if falls else ((20.0, 0.0), (180.0, 167.0), (200.0, 200.0))
     scale = Scale.of(marks, wraps)
     reach_deg = 1.96 * float(np.linalg.norm(list(parts_deg("speed", np.array(marks[1][0])).values())))
@@ -62,7 +62,7 @@ def test_a_degree_counts_as_much_beside_a_mark_as_it_does_in_the_value(
 
 @given(st.floats(0.0, 99_999.0))
 def test_a_combined_value_has_its_finest_pointers(value: float) -> None:
-    """Thousands of feet, or any turn: the hand of hundreds stands where it stands in the first."""
+    """At thousands of feet, or in any turn, the hundreds' hand has the same place as in the first."""
     finest = quantity("hundreds", ((0.0, 0.0), (180.0, 500.0)), 1000.0)
     coarse = quantity("thousands", ((0.0, 0.0), (180.0, 5000.0)), 10_000.0)
     together = Combination(quantity("altitude", coarse.marks, 100_000.0), ("hundreds", "thousands"), 10_000.0, 0.2)

@@ -1,4 +1,4 @@
-"""Centres drawn far beside where needles and cards turn: they are found, or left where they are."""
+"""Centres drawn far from where needles and cards turn: pivots are found, or stay as drawn."""
 
 from __future__ import annotations
 
@@ -79,13 +79,13 @@ def test_needle_turns_where_it_turns_however_its_centre_is_drawn(part: float, to
 
 
 def test_centre_stays_where_no_needle_tells_another() -> None:
-    """A needle that stands still, and one that turns about a centre that is drawn right, move nothing."""
+    """A needle that stands still, and one that turns about a correctly drawn centre, move nothing."""
     assert not fitted_to(np.full(16, PANEL_DEG), 0.08, 20.0).moved_px
     assert not fitted_to(np.linspace(125, 415, 16), 0.0, 0.0).moved_px
 
 
 def test_marks_are_taken_to_be_drawn_as_carelessly_as_centres() -> None:
-    """Where a centre turns out to be drawn far beside its pivot, a reading is less certain for its scale."""
+    """If a centre turns out to be drawn far from its pivot, its scale makes readings less certain."""
     angles_deg = np.linspace(125, 415, 16)
     careful, careless = (fitted_to(angles_deg, part, 20.0).uncertainties["speed_kt"] for part in (0.0, 0.06))
 
@@ -108,7 +108,7 @@ def test_card_is_read_however_its_centre_is_drawn(towards_deg: float) -> None:
 
 
 def clicked(part: float, towards_deg: float) -> dict[str, Any]:
-    """The gauge as somebody clicks it who misses the centre by a part of the radius: its marks are points."""
+    """The gauge as clicked by a hand that misses the centre by a part of the radius: its marks are points."""
     gauge = drawn_beside(GAUGE, part, towards_deg)
     missed_px = gauge["centre"][0] - CENTRE[0], gauge["centre"][1] - CENTRE[1]
     around = partial(seen_from, missed_px, RADIUS_PX)
@@ -130,7 +130,7 @@ def as_often(gauge: dict[str, Any], towards_deg: float, drawn: Draws) -> list[di
 @pytest.mark.parametrize("towards_deg", [110.0])
 @pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
 def test_marks_are_right_whether_they_are_points_or_angles(drawn: Draws, towards_deg: float) -> None:
-    """The needles in the panel picture tell which of them the hand drew that missed the centres."""
+    """The needles in the panel picture show which of the two a hand drew that missed the centres."""
     frames = [draw(angle_deg, 50 + seed) for seed, angle_deg in enumerate(np.linspace(125, 415, 16).tolist())]
     fitted = fit_to_flight(reader_for(as_often(GAUGE, towards_deg, drawn), draw(PANEL_DEG, 1)), lambda _: frames)
 
@@ -146,7 +146,7 @@ def test_marks_are_right_whether_they_are_points_or_angles(drawn: Draws, towards
 @pytest.mark.parametrize("towards_deg", [20.0, 180.0])
 @pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
 def test_marks_of_a_lone_gauge_may_be_points_or_angles(drawn: Draws, towards_deg: float) -> None:
-    """One needle is too few to decide; sigma holds what either would mean."""
+    """One needle is too few to decide; sigma covers both."""
     frames = [draw(angle_deg, 50 + seed) for seed, angle_deg in enumerate(np.linspace(125, 415, 16).tolist())]
     fitted = fit_to_flight(reader_for([drawn(0.08, towards_deg)], draw(PANEL_DEG, 1)), lambda _: frames)
     off, sigma = offs(fitted, fitted.panel.gauges[0])
@@ -155,7 +155,7 @@ def test_marks_of_a_lone_gauge_may_be_points_or_angles(drawn: Draws, towards_deg
 
 
 def offs(fitted: FittedReader, gauge: Gauge) -> tuple[Floats, Floats]:
-    """Of values read off at some angles: how far they are off, and their sigmas; a degree is worth one."""
+    """Errors of values read at some angles, and their sigmas; a degree is worth one."""
     scale, (needle,) = Scale.of(gauge.scale), gauge.needles
     angles_deg = np.array([130.0, 200.0, 260.0, 330.0, 400.0])
     found = [read_picture(fitted.reader, draw(angle_deg, 9)).readings[needle.name] for angle_deg in angles_deg]
@@ -183,7 +183,7 @@ def test_point_is_seen_from_elsewhere_and_back(offset: tuple[float, float], angl
 @pytest.mark.parametrize("towards_deg", [20.0, 250.0])
 @pytest.mark.parametrize("drawn", [clicked, partial(drawn_beside, GAUGE)], ids=["points", "angles"])
 def test_even_scale_tells_points_from_angles(drawn: Draws, towards_deg: float) -> None:
-    """A circle's marks are even as seen from its centre only; two marks, or a pivot that stays, tell nothing."""
+    """A circle's marks are even only as seen from its centre; two marks, or an unmoved pivot, decide nothing."""
     gauge = reader_for([drawn(0.08, towards_deg)], draw(PANEL_DEG, 1)).source.panel.gauges[0]
     marks = tuple((120.0 + 50.0 * mark, 50.0 * mark) for mark in range(7))
     even = gauge.model_copy(update={"scale": marks})

@@ -36,7 +36,7 @@ def reader(flight: Flight, panel: PanelPictures) -> PanelReader:
 
 @pytest.mark.parametrize("rows", [None, 640, 400])
 def test_picture_of_the_sample_is_read_as_its_frame(flight: Flight, reader: PanelReader, rows: int | None) -> None:
-    """What is decompressed already is not decompressed again, and every bit is read alike; it is given up once."""
+    """Decompressed pictures are not decompressed again, and every bit is read alike; they are released once."""
     sample = FlightSample(flight, rows)
     taken = list(sample(8))
     (fresh,) = batches(flight.frames(), 20)
@@ -63,7 +63,7 @@ def test_sample_is_the_same_each_time(flight: Flight) -> None:
 def test_first_rows_fit_a_reader_as_whole_pictures_do(
     flight: Flight, panel: PanelPictures, reader: PanelReader
 ) -> None:
-    """Those in which the panel may lie, and those that turn out to be too few."""
+    """The rows in which the panel may lie, and rows that turn out to be too few."""
     (batch,) = batches(flight.frames(), 20)
     for rows in (reader_from_panel(panel, Method.NORMXCORR).placer.rows_at_first(), 320):
         fitted = fit_to_flight(reader_from_panel(panel, Method.NORMXCORR), FlightSample(flight, rows)).reader

@@ -1,4 +1,4 @@
-"""A panel with one anchor and no level edge: a camera that rolls, leans or never moves is found out by the flight."""
+"""A panel with one anchor and no level edge: the flight shows whether the camera rolls, leans or never moves."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def frame(motion: Floats, seed: int) -> GreyPicture:
 
 
 def aligned(motions: list[Floats]) -> tuple[PanelReader, float]:
-    """The reader once a flight's frames are aligned, and how far any of them puts the gauge's rim off, px."""
+    """The reader after aligning a flight's frames, and the largest error of the gauge's rim in any of them, px."""
     document = {**document_of(()), "anchors": [ANCHOR]}
     source = PanelPictures(parse_panel(yaml.safe_dump(document)), {"panel.png": boxes()}, "0" * 64)
     frames = [frame(motion, seed) for seed, motion in enumerate(motions)]
@@ -54,7 +54,7 @@ def aligned(motions: list[Floats]) -> tuple[PanelReader, float]:
 def test_lone_anchor_holds_dials_in_place_however_the_camera_moves(
     motions: list[Floats], *, is_upright: bool | None
 ) -> None:
-    """The rim lies within two pixels wherever the camera is; what rolls keeps rolling where a pivot is moved."""
+    """The rim is right to two pixels wherever the camera is; a rolling camera still rolls after a pivot is moved."""
     reader, off_px = aligned(motions)
 
     assert off_px < 2.0

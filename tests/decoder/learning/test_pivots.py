@@ -1,4 +1,4 @@
-"""Pivots: needles tell where they turn, to some hundredths of a pixel, and a panel that is right is left alone."""
+"""Pivots: found from needles to some hundredths of a pixel, and unchanged if the panel is right."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ offsets_px = st.floats(-2.0, 2.0)
 
 
 def moved(x_px: float, y_px: float) -> Callable[[dict[str, Any]], None]:
-    """A panel whose speed gauge is said to turn elsewhere than it does."""
+    """A panel whose speed gauge is drawn off its pivot."""
 
     def change(content: dict[str, Any]) -> None:
         between_marks(content)
@@ -43,7 +43,7 @@ def standing(angle_deg: float) -> list[GreyPicture]:
 
 
 def reader_moved(x_px: float, y_px: float) -> PanelReader:
-    """A reader of a panel whose speed gauge is said to turn elsewhere than it does."""
+    """A reader of a panel whose speed gauge is drawn off its pivot."""
     return reader_of(moved(x_px, y_px), panel=draw(BETWEEN_MARKS_DEG, ticks=True))
 
 
@@ -53,7 +53,7 @@ def frames() -> list[GreyPicture]:
 
 
 def tilts_about(x_px: float, y_px: float, angles_deg: list[float], own_px: float, noise_px: float = 0.0) -> list[Tilt]:
-    """The tilts of a needle that turns about a point beside where the dial is unwrapped."""
+    """The tilts of a needle that turns about a point off the centre of the unwrapped dial."""
     rng = np.random.default_rng(7)
     return [
         Tilt(
@@ -94,7 +94,7 @@ def test_needle_that_stands_still_tells_nothing() -> None:
 
 
 def test_needle_in_two_places_moves_no_pivot() -> None:
-    """What spoils one of them, a mark that the needle hides all flight, would be taken for the pivot."""
+    """An error in one place, such as from a mark always hidden by the needle, would be taken for the pivot."""
     tilts = tilts_about(0.0, 3.0, [200.0] * 14 + [208.0] * 3, 0.1, noise_px=0.01)
     pivot = pivot_of_tilts(tilts)
 
@@ -105,7 +105,7 @@ def test_needle_in_two_places_moves_no_pivot() -> None:
 
 
 def test_needle_that_stands_still_is_told_by_where_the_panel_picture_has_it() -> None:
-    """A pivot that is right is known to be right without a turn in flight, where that was half a pixel's doubt."""
+    """A right pivot is known to be right without a turn in flight, which otherwise leaves half a pixel's doubt."""
     reader = reader_moved(0.0, 0.0)
     still = standing(305.0)
     fitted = fit_to_flight(reader, lambda _: still)
@@ -123,7 +123,7 @@ def test_too_few_tilts_tell_nothing() -> None:
 
 
 def test_tilts_that_scatter_less_than_they_claim_tell_more() -> None:
-    """Their noise is then less than what their pixels leave unexplained has one think."""
+    """Their noise is then less than the residuals of their pixels suggest."""
     angles = list(range(150, 330, 12))
     claims = [Tilt("a", angle, 0.1 + noise, 0.1) for angle, noise in zip(angles, (0.01, -0.01) * 8, strict=False)]
     honest = [Tilt("a", angle, 0.1 + 10 * noise, 0.1) for angle, noise in zip(angles, (0.01, -0.01) * 8, strict=False)]
@@ -147,7 +147,7 @@ def test_spread_of_the_pivot_is_what_it_claims() -> None:
 
 
 def test_panel_with_a_pivot_beside_the_true_one_is_put_right() -> None:
-    """The gauge is unwrapped where its needle turns, and reads as one that was right; that is left alone."""
+    """The gauge is unwrapped around its pivot, and reads like a correct one; a correct one is left alone."""
     fitted = fit_to_flight(reader_moved(0.8, -0.5), lambda _: frames())
 
     assert fitted.moved_px["speed"] == pytest.approx((-0.8, 0.5), abs=0.05)
@@ -160,7 +160,7 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right() -> None:
 
 
 def test_pivot_that_was_not_found_is_told() -> None:
-    """A gauge whose needles do not turn where the last round has them is named, and its needle is more in doubt."""
+    """A gauge whose needles do not turn about the last round's pivot is named, and its needle is less certain."""
     reader = reader_moved(-1.6, 1.2)
     found, not_found = (fit_to_flight(reader, lambda _: frames(), rounds=rounds) for rounds in (8, 2))
     doubts_px = [fitted.uncertainties["speed_kt"].pivot.sigma_px for fitted in (found, not_found)]
@@ -173,7 +173,7 @@ def test_pivot_that_was_not_found_is_told() -> None:
 
 
 def test_doubt_about_the_pivot_grows_away_from_the_needles_zero() -> None:
-    """Where the template was cut a wrong pivot does no harm; across the dial it does."""
+    """A wrong pivot does no harm where the template was cut, but does on the other side of the dial."""
     reader = reader_moved(0.0, 0.0)
     still = standing(225.0)
     fitted = fit_to_flight(reader, lambda _: still)
@@ -184,7 +184,7 @@ def test_doubt_about_the_pivot_grows_away_from_the_needles_zero() -> None:
 
 
 def test_frames_of_another_shape_are_fitted_to_as_any_others() -> None:
-    """Of a picture that was cut the panel lies where it lay, and no pivot moves."""
+    """In a cropped picture the panel is where it was, and no pivot moves."""
     reader = reader_from_panel(panel_from_file(FIXTURES / "panel.yaml"), Method.NORMXCORR)
     cut = np.ascontiguousarray(reader.source.picture[:-200])
     fitted = fit_to_flight(reader, lambda _: [cut] * 6)
@@ -197,7 +197,7 @@ def test_frames_of_another_shape_are_fitted_to_as_any_others() -> None:
 
 
 def test_pivot_that_settled_in_small_steps_is_less_certain() -> None:
-    """A first step that went a third of the way tells the rest with three times its error; one that arrived, none."""
+    """After a first step of a third, the rest is known with three times its error; after a full one, with none."""
     covariance = np.diag([0.0009, 0.0004])
     slowly = Pivot((0.0, -0.05), covariance).settled((0.0, -0.2), (0.0, -0.55))
     at_once = Pivot((0.01, 0.0), covariance).settled((0.4, 0.0), (0.38, 0.0))

@@ -1,4 +1,4 @@
-"""What the other gauges of a panel tell of a gauge's pivot, and the steps to where its needles turn."""
+"""A gauge's pivot given a panel's other gauges, and the steps to it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ REACH_PX = 8.0
 
 
 def seen(x_px: float, y_px: float, sigma_px: float, moved_px: tuple[float, float] = HERE) -> Pivot:
-    """The pivot of a gauge whose needles say that it is there, to so much, with the prior of any panel."""
+    """The pivot of a gauge by its needles, with this uncertainty, and with the prior of any panel."""
     covariance = np.eye(2) / (1 / sigma_px**2 + 1 / PRIOR_PX**2)
     x, y = (covariance / sigma_px**2 @ np.subtract((x_px, y_px), moved_px)).tolist()
     return Pivot((x, y), covariance)
 
 
 def together(*pivots: Pivot) -> tuple[Pivot, ...]:
-    """None of them moved."""
+    """Combine pivots of which none has been moved."""
     return empirical_bayes(pivots, [HERE] * len(pivots), [REACH_PX] * len(pivots))
 
 
@@ -37,7 +37,7 @@ CARELESS = [seen(x, y, 0.02) for x, y in ((0.4, 0.1), (-0.3, 0.5), (0.6, -0.2), 
 
 
 def test_needle_that_stands_still_is_believed_where_the_others_are_drawn_well() -> None:
-    """Half a pixel's doubt becomes a sixth of one: one gauge in ten may still be drawn without care."""
+    """Half a pixel's uncertainty becomes a sixth: one gauge in ten may still be drawn carelessly."""
     *others, still = together(*CAREFUL, UNKNOWN)
 
     assert 0.1 < sigma_px(still) < 0.2
@@ -45,7 +45,7 @@ def test_needle_that_stands_still_is_believed_where_the_others_are_drawn_well() 
 
 
 def test_needle_that_stands_still_is_doubted_where_the_others_are_drawn_badly() -> None:
-    """Nothing speaks for it then, and what the others' needles say of themselves is hardly touched."""
+    """There is then no evidence for it, and the others' pivots by their own needles hardly change."""
     *others, still = together(*CARELESS, UNKNOWN)
 
     assert sigma_px(still) > 0.3
@@ -57,7 +57,7 @@ def test_needle_that_stands_still_is_doubted_where_the_others_are_drawn_badly() 
 def test_pivot_that_few_places_tell_goes_no_further_than_they_say(
     way: float, far_px: float, along_px: float, across_px: float
 ) -> None:
-    """Its own doubt leaves no pull with nothing behind it, and no panel's care makes it surer than it was."""
+    """Its own uncertainty leaves no unfounded pull, and the panel's care makes it no surer than it was."""
     axis = np.array([np.cos(way), np.sin(way)])
     information = np.outer(axis, axis) / along_px**2 + (np.eye(2) - np.outer(axis, axis)) / across_px**2
     covariance = np.linalg.inv(information + np.eye(2) / PRIOR_PX**2)
@@ -81,7 +81,7 @@ def test_pivot_that_is_surely_elsewhere_stays_there() -> None:
 
 
 def test_careless_hand_is_known_by_the_others_and_goes_no_further_than_any_hand() -> None:
-    """A pivot that is told but roughly is believed where the others are off, within what its dial allows."""
+    """A roughly known pivot is accepted if the others are off too, within what its dial allows."""
     far = [seen(x, y, 0.05) for x, y in ((3.0, 1.0), (-2.0, 4.0), (4.0, -1.0), (-1.0, -3.0))]
     doubtful, alone = together(*far, seen(5.0, 0.0, 1.0))[-1], together(*CAREFUL, seen(5.0, 0.0, 1.0))[-1]
     tiny = empirical_bayes([*far, UNKNOWN], [HERE] * 5, [REACH_PX] * 4 + [1.0])[-1]
@@ -93,7 +93,7 @@ def test_careless_hand_is_known_by_the_others_and_goes_no_further_than_any_hand(
 
 
 def test_needle_that_seems_to_turn_where_no_hand_draws_it_tells_nothing() -> None:
-    """A runaway turns back to where it is drawn."""
+    """A runaway returns to the drawn centre."""
     path = PivotPath(far_px=(3.0, 0.0), moved_px=(1.0, 0.0))
 
     assert path.within_reach(left(2.0, 0.0), REACH_PX) == left(2.0, 0.0)
@@ -101,7 +101,7 @@ def test_needle_that_seems_to_turn_where_no_hand_draws_it_tells_nothing() -> Non
 
 
 def test_pivot_that_was_moved_is_held_against_where_it_was_drawn() -> None:
-    """What is told together does not depend on the point around which the gauge is unwrapped."""
+    """The combined estimate does not depend on the point around which the gauge is unwrapped."""
     moved = [(0.3, -0.1), HERE, (0.1, 0.1), HERE, HERE, (-0.2, 0.4)]
     places = [(0.41, 0.1), (-0.29, 0.5), (0.6, -0.2), (-0.1, -0.4), (0.2, 0.3), (0.1, 0.2)]
     stayed = together(*(seen(x, y, 0.1) for x, y in places))
@@ -116,7 +116,7 @@ def test_pivot_that_was_moved_is_held_against_where_it_was_drawn() -> None:
 
 @pytest.mark.parametrize("care_px", [0.01, 0.05, 0.3])
 def test_doubt_is_what_it_claims(care_px: float) -> None:
-    """Of panels drawn with some care, but for a tenth of the gauges, whose needles tell their pivots well or badly."""
+    """For panels drawn with some care, except a tenth of the gauges, with pivots that needles show well or badly."""
     rng = np.random.default_rng(7)
     chi2 = []
     for _ in range(80):
@@ -139,17 +139,17 @@ BELOW = np.array([0.05, -0.5])
 
 
 def left(x_px: float, y_px: float, covariance_px2: Floats = SURELY) -> Pivot:
-    """What tilts tell in a round, almost without doubt."""
+    """Offset by a round's tilts, almost without uncertainty."""
     return Pivot((x_px, y_px), covariance_px2, tilts=16)
 
 
 def told(path: PivotPath, gain: float) -> Pivot:
-    """What tilts tell along the way: a needle that hardly turns tells its other direction `gain` times as far."""
+    """Offset by tilts on the way: a needle that hardly turns shows its other direction `gain` times as far."""
     return left(*(np.diag([gain, 0.9]) @ (THERE - path.moved_px)).tolist())
 
 
 def roughly_told(path: PivotPath, gain: float) -> Pivot:
-    """What tilts of such a needle tell; as places and readings are rounded, not quite the same a last bit beside."""
+    """Offset by such a needle's tilts; rounding makes it differ when a last bit differs."""
     rough = 0.1 * np.sin(1e7 * np.array(path.moved_px) + (0.0, 1.0)) * SPREADS_PX
     x, y = (np.diag([gain, 0.7]) @ (BELOW - path.moved_px) + rough).tolist()
     return left(x, y, np.diag(SPREADS_PX**2))
@@ -157,7 +157,7 @@ def roughly_told(path: PivotPath, gain: float) -> Pivot:
 
 @pytest.mark.parametrize("gain", [0.5, 1.0])
 def test_last_bits_move_a_pivot_by_less_than_its_doubt(gain: float) -> None:
-    """Nor are they followed for rounds, even where steps fall short."""
+    """Nor are they followed over rounds, even if steps fall short."""
     ends, settled = [], []
     for bits in range(16):
         path = PivotPath((1e-6 * bits, 0.0))
@@ -172,7 +172,7 @@ def test_last_bits_move_a_pivot_by_less_than_its_doubt(gain: float) -> None:
 
 
 def test_offset_is_told_where_it_is_more_than_its_doubt() -> None:
-    """The same length says something in the direction that needles tell, and little in the other."""
+    """The same length is significant in the direction that needles show well, and hardly in the other."""
     covariance_px2 = np.diag(SPREADS_PX**2)
 
     assert left(0.15, 0.0, covariance_px2).shrunk_px == pytest.approx((0.03, 0.0), abs=0.01)
@@ -181,7 +181,7 @@ def test_offset_is_told_where_it_is_more_than_its_doubt() -> None:
 
 
 def test_lift_is_taken_where_it_is_sure_and_then_followed() -> None:
-    """A lift that comes and goes with last bits moves dials by tenths of a pixel where the camera moves far."""
+    """A lift that comes and goes with last bits would move dials by tenths of a pixel when the camera moves far."""
     doubted, sure = (Pivot((0.0, 0.0), SURELY, lift=0.011, lift_sigma=sigma) for sigma in (0.006, 0.003))
 
     assert lifts_missing([0.0, 0.0], [doubted, sure]) == pytest.approx([0.0, 0.0102], abs=1e-4)

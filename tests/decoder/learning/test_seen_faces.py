@@ -40,7 +40,7 @@ def drawn(slow_deg: float, fast_deg: float, seed: int = 0) -> GreyPicture:
 
 @pytest.mark.parametrize("moved_deg", [1.5, 3.0])
 def test_needle_that_moved_by_less_than_its_width_is_no_face(moved_deg: float) -> None:
-    """Most of it stays where the panel picture has it: only its edges show the dial, while another needle turns."""
+    """Most of it stays as in the panel picture: only its edges uncover the dial, while another needle turns."""
     truth = [{"slow_pct": SLOW_DEG + moved_deg, "fast_pct": 190.0 + 20.0 * frame} for frame in range(16)]
     frames = [drawn(*angles.values(), seed=1 + frame) for frame, angles in enumerate(truth)]
     reader = fit_to_flight(reader_for([DIAL], drawn(SLOW_DEG, FAST_DEG)), lambda _: frames).reader
@@ -85,7 +85,7 @@ def with_bug(
 
 
 def bug_readings(level: float, print_at_deg: Mapping[float, float]) -> list[Reading]:
-    """The bug's in a flight in every third frame of which it is set elsewhere."""
+    """Readings of the bug in a flight that has it elsewhere in every third frame."""
     frames = [with_bug(angles, level, print_at_deg, 1 + number) for number, angles in enumerate(FLIGHT)]
     first = with_bug((BUG_DEG, 240.0), level, print_at_deg)
     reader = fit_to_flight(reader_for([EGT], first), lambda _: frames).reader
@@ -94,7 +94,7 @@ def bug_readings(level: float, print_at_deg: Mapping[float, float]) -> list[Read
 
 @pytest.mark.parametrize("level", [50.0, 60.0, 100.0])
 def test_print_behind_a_bug_is_not_read_for_it(level: float) -> None:
-    """In the panel picture and in most frames it stands there: the others show the print alone."""
+    """It is there in the panel picture and most frames; the others show only the print."""
     found = bug_readings(level, {BUG_DEG: 150.0, BUG_MOVED_DEG: 150.0})
 
     assert {reading.status for reading in found} <= {Status.READ, Status.EDGE, Status.MISSING}
@@ -104,7 +104,7 @@ def test_print_behind_a_bug_is_not_read_for_it(level: float) -> None:
 
 
 def test_dial_is_learned_from_frames_in_which_a_needle_is_likely() -> None:
-    """The bug is found over print only once that is known, and the frames that show it lack the bug."""
+    """The bug is found over print only once the print is known, from frames without the bug there."""
     found = bug_readings(120.0, {BUG_MOVED_DEG: 140.0})
     moved = [reading for reading, (bug_deg, _) in zip(found, FLIGHT, strict=True) if bug_deg == BUG_MOVED_DEG]
 

@@ -68,14 +68,14 @@ def uncertainty_of_speed(reader: PanelReader, *, pivot: Pivot = KNOWN, dials_mov
 
 
 def _drawn_sigma_deg(uncertainty: QuantityUncertainty, angles_deg: Floats) -> Floats:
-    """(N,): what of it the panel's drawing leaves in doubt: its marks and its pivot."""
+    """(N,): the part from the panel's drawing: its marks and its pivot."""
     parts = uncertainty.parts_deg(angles_deg)
     sigma_deg: Floats = np.hypot(parts[Cause.DRAWN], parts[Cause.PIVOT])
     return sigma_deg
 
 
 def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() -> None:
-    """Scatter below a needle's own noise says nothing."""
+    """Scatter below a needle's own noise is not significant."""
     scattered, quiet = replace(KNOWN, scatter_px2=0.09, tilts=40), replace(KNOWN, scatter_px2=-0.02, tilts=40)
     reader = reader_of()
 
@@ -93,7 +93,7 @@ def test_tilts_that_scatter_say_that_dials_are_not_where_they_are_unwrapped() ->
 def test_what_is_cut_beyond_the_tip_and_stands_still_may_be_no_needle(
     *, inner_px: int, moves: bool, is_needle: bool, ring_level: float
 ) -> None:
-    """The dial beyond a tip matches itself in each frame; a needle that stands still is one by where it comes from."""
+    """The dial beyond a tip matches itself in each frame; a needle that stands still is known by where it came from."""
 
     def frame(angle_deg: float, seed: int) -> GreyPicture:
         def what(canvas: dials.Canvas) -> None:
@@ -114,7 +114,7 @@ def test_what_is_cut_beyond_the_tip_and_stands_still_may_be_no_needle(
 
 
 def test_all_parts_add_in_squares() -> None:
-    """The drawing, the place and the pivot know nothing of each other."""
+    """Drawing, place and pivot are independent."""
     pivot = replace(KNOWN, covariance_px2=0.04 * np.eye(2))
     uncertainty = QuantityUncertainty(0.03, 0.04, 0.1, 50.0, pivot, (0.0, 0.0), 50.0, 20.0)
     drawn_deg = math.hypot(0.03, math.degrees(0.2 * 2.0 / 50.0))
@@ -127,7 +127,7 @@ def test_all_parts_add_in_squares() -> None:
 
 @pytest.mark.parametrize("view_deg", [0.0, 25.0])
 def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(view_deg: float) -> None:
-    """A camera before the panel sees every dial a little from the side, drawn so or not."""
+    """A camera in front of the panel sees every dial slightly from the side, whether drawn so or not."""
     drawn = reader_of().source.with_planes()
     squeezed = DialPlane.of(np.diag([1.0, math.cos(math.radians(view_deg)), 1.0]))
     oblique = replace(drawn, planes=(squeezed,) * len(drawn.panel.gauges))
@@ -141,7 +141,7 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
 
 
 def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -> None:
-    """Mark and needle are seen from the same wrong centre: there one makes up for the other but for their distances."""
+    """Mark and needle are seen from the same wrong centre: there the errors cancel except for the different radii."""
     drawn = reader_of().source
     gauge = drawn.panel.gauges[0]
     (zero_deg,) = (needle.at_deg for needle in gauge.turning)
@@ -159,7 +159,7 @@ def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -
 
 
 def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
-    """By a part of it, the more pixels an inch has; all round, since a shadow falls anywhere."""
+    """By a part of the height, more with more pixels an inch; in all directions, since a shadow may fall anywhere."""
     folder = FIXTURES / "oblique" / "t1a_small"
     camera = parse_camera((folder / "camera.yaml").read_bytes(), source="camera.yaml")
     drawn = replace(panel_from_file(folder / "panel.yaml"), camera=camera)
@@ -175,7 +175,7 @@ def test_height_of_needles_leaves_doubt_of_their_pivots() -> None:
 
 @pytest.mark.parametrize("part", [0.0, 0.05])
 def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> None:
-    """Seen from beside its middle a ring's marks are uneven by a wave; without the worth of a turn they may be."""
+    """Seen from off its middle, a ring's marks are uneven by a wave; without a value for a turn they may really be."""
     drawn = reader_of().source
     angles_deg = np.arange(0.0, 360.0, 36.0)
     marks = tuple((seen_from((0.0, part), 1.0, angle_deg), angle_deg) for angle_deg in angles_deg.tolist())
@@ -196,7 +196,7 @@ def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> 
 
 @pytest.mark.parametrize(("marks", "is_told"), [(10, True), (5, True), (3, False)])
 def test_marks_that_were_clicked_on_a_ring_tell_its_middle(marks: int, *, is_told: bool) -> None:
-    """From there they are even; three are even from somewhere, whatever they are."""
+    """From there they are even; any three marks are even from some point."""
     drawn = reader_of().source.panel.gauges[0]
     missed_px, radius_px = (3.0, -4.0), drawn.radius[1]
     angles_deg = [360.0 / marks * number for number in range(marks)]
@@ -210,7 +210,7 @@ def test_marks_that_were_clicked_on_a_ring_tell_its_middle(marks: int, *, is_tol
 
 
 def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
-    """Of marks that are said to lie two degrees beside where they are drawn, one sigma; of the other gauges nothing."""
+    """One sigma for marks stated to be two degrees off as drawn; nothing for the other gauges."""
     drawn = panel_from_file(FIXTURES / "panel.yaml")
     first, *others = drawn.panel.gauges
     doubted = replace(
@@ -226,7 +226,7 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
 
 
 def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
-    """The last two marks, each as far off as any, tell it there: half as far beyond as they lie apart, by 1.6 times."""
+    """Extrapolated from the last two marks, each with its own error: by 1.6 times at half their distance beyond."""
     uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, (0.0, 40.0, 100.0))
     sigma_deg = _drawn_sigma_deg(uncertainty, np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
 
@@ -234,7 +234,7 @@ def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
 
 
 def test_a_horizon_is_doubted_by_how_uneven_its_marks_of_bank_are() -> None:
-    """They tell how far beside its middle the dial is drawn, and pitch is measured from there."""
+    """They show how far from its middle the dial is drawn, and pitch is measured from there."""
     drawn = panel_from_file(FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml")
     (gauge,) = drawn.panel.gauges
     uneven = gauge.model_copy(

@@ -15,7 +15,7 @@ Image = NDArray[np.float32]
 
 
 def random_image(seed: int, rows: int = 60, columns: int = 12) -> Image:
-    """Grey levels of nothing in particular."""
+    """Random grey levels."""
     return np.random.default_rng(seed).uniform(0, 255, (rows, columns)).astype(np.float32)
 
 
@@ -26,7 +26,7 @@ def even(template: Image) -> Image:
 
 @pytest.mark.parametrize("rows", [(7, 31), (0, 51), (20, 33)])
 def test_two_planted_targets_are_both_found(rows: tuple[int, int]) -> None:
-    """In noise, the two places that score 1 are those of the target, and one in negative is the worst there is."""
+    """In noise, only the two targets score 1, and a target in negative has the lowest score."""
     template, image = random_image(4, rows=9), random_image(5)
     for row in rows:
         image[row : row + 9] = template
@@ -80,7 +80,7 @@ NO_CONTRAST: dict[str, tuple[Image, Image, float]] = {
 
 @pytest.mark.parametrize(("image", "template", "weight"), NO_CONTRAST.values(), ids=NO_CONTRAST)
 def test_nothing_to_match_scores_zero_everywhere(image: Image, template: Image, weight: float) -> None:
-    """Without contrast, but for rounding, or with nothing to trust: where OpenCV says 1, or there would be NaN."""
+    """Without contrast, except rounding, or without weights: where OpenCV gives 1, or NaN would result."""
     assert normxcorr(image, template, weight * even(template)).tolist() == [0.0] * 52
 
 
@@ -105,7 +105,7 @@ def test_plain_correlation_prefers_light_to_likeness() -> None:
 
 @given(top=st.floats(-0.49, 0.49), bend=st.floats(0.1, 10.0), height=st.floats(-5.0, 5.0))
 def test_peak_of_a_parabola_is_exact(top: float, bend: float, height: float) -> None:
-    """Three samples of a parabola give its top to the fraction of a row."""
+    """Three samples of a parabola give its vertex to the fraction of a row."""
     scores = height - bend * (np.arange(7) - 3 - top) ** 2
 
     index, place = peaks_of(scores, np.ones(7, bool))
@@ -115,7 +115,7 @@ def test_peak_of_a_parabola_is_exact(top: float, bend: float, height: float) -> 
 
 @pytest.mark.parametrize("scores", [[3.0, 2.0, 1.0], [1.0, 2.0, 3.0], [-np.inf, 3.0, 1.0], [1.0, 1.0, 1.0]])
 def test_peak_is_never_further_than_half_a_row_from_the_highest_score(scores: list[float]) -> None:
-    """Also at an end, beside a row that was ruled out, and where all are alike."""
+    """Also at an end, beside an excluded row, and with equal scores."""
     index, place = peaks_of(np.array(scores), np.ones(3, bool))
 
     assert scores[int(index)] == max(scores)

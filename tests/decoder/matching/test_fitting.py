@@ -37,7 +37,7 @@ def speed(reader: PanelReader, frame: GreyPicture) -> Reading:
 @pytest.mark.slow
 @pytest.mark.parametrize(("angle_deg", "noise"), [(200.0, 4.0), (263.3, 16.0), (390.4, 8.0)])
 def test_sigma_is_the_spread_of_the_error(reader: PanelReader, noise: float, angle_deg: float) -> None:
-    """Over a hundred noisy frames the readings spread as widely as they say, within a factor of two."""
+    """Over a hundred noisy frames the spread of readings is their sigma, within a factor of two."""
     clean = draw({"speed_kt": angle_deg, "al_lb": 160.0, "fr_lb": 300.0}).astype(np.float64)
     rng = np.random.default_rng(71)
     readings = []
@@ -73,7 +73,7 @@ def over_face(needle: NeedleTemplate, face: UnwrappedGauge, row: float) -> Unwra
 
 
 def settled(needle: NeedleTemplate, face: UnwrappedGauge, strip: UnwrappedGauge, place: float) -> Settled:
-    """Where a window comes to rest that is expected at a place of a gauge."""
+    """The row at which a window settles that starts at a place of a gauge."""
     axis, fitter = (needle.rows - 1) // 2, WindowFitter([needle], [0.5])
 
     def fit(_: Indices, rows: Indices, guess_rows: Floats) -> Fits:
@@ -87,7 +87,7 @@ def settled(needle: NeedleTemplate, face: UnwrappedGauge, strip: UnwrappedGauge,
 def test_shifted_needle_is_found_to_a_twentieth_of_a_row(
     needle: NeedleTemplate, face: UnwrappedGauge, row: float, off: float
 ) -> None:
-    """A needle put on its own face at any fractional row is found there, from wherever nearby it is expected."""
+    """A needle drawn on its own face at any fractional row is found there, from any start nearby."""
     found = settled(needle, face, over_face(needle, face, row), row + off)
 
     assert found.is_settled.all()
@@ -107,7 +107,7 @@ def test_light_does_not_move_a_needle(needle: NeedleTemplate, face: UnwrappedGau
 
 
 def test_a_light_that_changes_over_the_window_is_taken_out(needle: NeedleTemplate, face: UnwrappedGauge) -> None:
-    """A slope of light moves the needle that is fitted with a constant, and leaves the one that is fitted with it."""
+    """A gradient of light shifts a needle fitted with constant light, but not one fitted with a gradient."""
     axis, row = (needle.rows - 1) // 2, 251
     window = blocks_of(over_face(needle, face, row), needle.rows)[[row - axis]]
     down = np.linspace(-1, 1, needle.rows).repeat(face.shape[1]).astype(np.float32)

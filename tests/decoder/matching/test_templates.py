@@ -1,4 +1,4 @@
-"""What templates say: how wide a needle is, what a dial shows without it, and dials drawn with needles over them."""
+"""Templates: a needle's width, a dial without it, and dials drawn with needles over them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SHAPE = (3, 4)
 
 @given(st.integers(1, 20), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 def test_the_face_is_the_median_of_what_no_needle_covers(frames: int, covered: float, seed: int) -> None:
-    """Pixel by pixel, to the bit; of two values that differ, or fewer, nothing is learned."""
+    """Pixel by pixel, to the bit; from two different values, or fewer, nothing is learned."""
     rng = np.random.default_rng(seed)
     strips = rng.integers(0, 30, (frames, *SHAPE)).astype(np.float32)
     places = rng.random((frames, *SHAPE)) < covered
@@ -84,7 +84,7 @@ def test_needle_is_drawn_where_it_points_all_the_way_round(row: int) -> None:
 
 @given(row=st.floats(0.0, TURN - 1.0))
 def test_thin_dial_is_every_third_row_and_column_of_the_whole(row: float) -> None:
-    """So coarse drawings are to be had without the fine ones."""
+    """So coarse drawings need no fine ones."""
     rows = np.array([[row]])
     thin, whole = (LayeredDial(face(), [template()], step).drawn(rows) for step in (3, 1))
 

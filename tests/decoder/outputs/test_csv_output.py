@@ -123,7 +123,7 @@ def test_time_is_utc_to_the_microsecond(time_ns: int, text: str) -> None:
 )
 @settings(max_examples=20)
 def test_cells_come_back_and_end_in_line(rows: list[list[str]]) -> None:
-    """Splitting a line at blanks gives its cells, and every cell but the first ends where its column's rule ends."""
+    """Splitting a line at blanks gives its cells, and all but the first end where their column's rule ends."""
     header, rule, *lines = text_table(rows[0], rows[1:]).splitlines()
     ends = [place for place in range(1, len(rule) + 1) if rule[place - 1] == "-" and rule[place : place + 1] != "-"]
 
@@ -149,7 +149,7 @@ def flight_of(panel: Panel) -> FlightData:
 
 
 def test_rows_tell_score_failures_and_motion() -> None:
-    """Shift, roll and scale are those at the picture's middle; lost frames name what was sought; the JSON counts it."""
+    """Shift, roll and scale are at the picture's middle; lost frames name what was not found; the JSON counts them."""
     text = io.StringIO()
     data = flight_of(panel_of(("north", "south")))
     write_alignment(data, SIZE_PX, text)

@@ -28,7 +28,7 @@ SHIFT, ROLL_DEG = (3.3, -2.2), 1.2
 
 
 def rolled(point: tuple[float, float]) -> NDArray[np.float64]:
-    """Where the drawing's camera has a point of the panel."""
+    """Place of a point of the panel in the drawing's camera."""
     cos, sin = math.cos(math.radians(ROLL_DEG)), math.sin(math.radians(ROLL_DEG))
     x, y = point
     return np.array([cos * x - sin * y + SHIFT[0], sin * x + cos * y + SHIFT[1]])
@@ -48,7 +48,7 @@ def built(panel: Panel, readings: Mapping[str, Reading], alignment: Alignment) -
 
 
 def test_needle_lies_on_the_drawn_needle(reader: PanelReader) -> None:
-    """In a frame that is shifted and rolled, bottom and tip of each needle are where the drawing has them."""
+    """In a shifted and rolled frame, bottom and tip of each needle are where they were drawn."""
     truth = {"speed_kt": 300.0, "al_lb": 170.0, "fr_lb": 290.0}
     frame = draw(truth, shift_px=SHIFT, roll_deg=ROLL_DEG, noise=1.0, seed=3)
     builder = FlightDataBuilder(reader.source.panel)
@@ -67,7 +67,7 @@ def test_needle_lies_on_the_drawn_needle(reader: PanelReader) -> None:
 
 
 def test_needle_is_drawn_on_a_dial_that_moved_by_itself(reader: PanelReader) -> None:
-    """Where dials were found one by one each is drawn at its own place, in lost frames too, which have none."""
+    """Dials found one by one are drawn at their own places; lost frames have none."""
     found = {"speed_kt": reading(214.0), "al_lb": reading(200.0), "fr_lb": reading(330.0)}
     builder = FlightDataBuilder(reader.source.panel)
     builder.add_missing(0, 0, "knob not found")
@@ -88,7 +88,7 @@ def test_needle_is_drawn_on_a_dial_that_moved_by_itself(reader: PanelReader) -> 
 
 
 def test_combined_value_has_a_label_but_no_needle(document: dict[str, Any]) -> None:
-    """What several pointers show together is written beside their gauge."""
+    """The combined value of several pointers is written beside their gauge."""
     content = copy.deepcopy(document)
     gauge = content["gauges"][1]
     gauge |= {"sweep": [0, 360], "unit": "ft", "scale": [[0, 0], [360, 1000]], "wraps": 1000}
@@ -142,7 +142,7 @@ def near(image: Image.Image, place: tuple[float, float], colour: tuple[int, int,
 
 @pytest.mark.parametrize("status", Status)
 def test_pointer_stands_outside_the_rim_in_its_colour(status: Status) -> None:
-    """Where the needle points stands a mark in the status's colour, opposite none; without a value nothing is drawn."""
+    """A mark in the status's colour is where the needle points, not opposite; without a value nothing is drawn."""
     picture, ground = np.full((400, 1600, 3), 60, np.uint8), (60, 60, 60)
     image = drawn(picture, whole_view(picture), [gauge(status)], ("frame 0", ""))
     (x, y), is_read = CENTRE, status is not Status.MISSING
@@ -177,7 +177,7 @@ def test_gauge_view_is_the_gauge_enlarged() -> None:
 
 
 def test_frames_are_chosen_by_time_step_or_doubt() -> None:
-    """The nearest frame to each time, every n-th, and those with anything interpolated, missing or hard to believe."""
+    """The nearest frame to each time, every n-th, and those with anything interpolated, missing or doubtful."""
     frames: list[Mapping[str, Reading] | str] = [
         {"speed_kt": reading(200.0 + 0.1 * (number % 3))} for number in range(24)
     ]

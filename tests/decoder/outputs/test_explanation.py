@@ -1,4 +1,4 @@
-"""What is said of one value, from the files that were written of a flight."""
+"""The explanation of one value, from the files written of a flight."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def data() -> FlightData:
 
 @given(row=st.sampled_from([0, 5, 17, 30, 59]))
 def test_the_shares_add_up_to_sigma(data: FlightData, row: int) -> None:
-    """In squares; what the panel's budget does not explain is the frame's own."""
+    """In squares; the part not in the panel's budget is the frame's own."""
     told = explained(table_of(data), NAME, row)
     shares = {share.cause: share.sigma for share in told.shares}
 
@@ -69,7 +69,7 @@ def test_the_shares_add_up_to_sigma(data: FlightData, row: int) -> None:
 
 
 def test_a_gap_is_told_with_what_was_seen_around_it(data: FlightData) -> None:
-    """When the needle was last and next seen, and that its gauge is drawn beside its pivot."""
+    """It says when the needle was last and next seen, and that its gauge is drawn off its pivot."""
     text = explanation_text(explained(table_of(data), NAME, 22))
 
     assert f"{NAME} in frame 22 (2018-05-04T12:00:05.500000Z, 5.500000 s): interpolated" in text
@@ -88,7 +88,7 @@ def test_a_lost_frame_is_told_with_its_reason(data: FlightData) -> None:
 
 
 def test_what_other_instruments_say_is_told(data: FlightData) -> None:
-    """Of a cross-check whose disagreement the frame is in, and of one that has none there; not of other columns'."""
+    """A cross-check with a disagreement in this frame, and one without; not those of other columns."""
     check = {"columns": [NAME, "n2_pct"], "unit": "%", "frames_compared": 60, "disagreements": []}
     apart = {"first_frame": 3, "last_frame": 5, "apart": 4.0, "explained": 1.5}
     description = {
@@ -108,7 +108,7 @@ def test_what_other_instruments_say_is_told(data: FlightData) -> None:
 
 
 def test_frames_and_times_that_are_not_there_are_refused(data: FlightData) -> None:
-    """With what there is."""
+    """The message says which there are."""
     flight = table_of(data)
 
     assert row_of_frame(flight, 7) == 7
@@ -126,7 +126,7 @@ def test_frames_and_times_that_are_not_there_are_refused(data: FlightData) -> No
 def test_a_column_without_any_number_is_named(
     data: FlightData, column: str, find: Callable[[FlightTable, int], int]
 ) -> None:
-    """Nothing is said of the rows between two that are not there."""
+    """No rows are assumed between two that exist."""
     blank = with_column(table_of(data), column, ("",) * len(data.frame))
 
     with pytest.raises(TableError, match=f"has no number in `{column}`"):
@@ -134,7 +134,7 @@ def test_a_column_without_any_number_is_named(
 
 
 def test_a_row_whose_frame_was_deleted_is_refused(data: FlightData) -> None:
-    """As a spreadsheet may leave it; the others are told all the same."""
+    """As a spreadsheet may leave it; the others are still explained."""
     flight = table_of(data)
     frames = ("", *flight.table.columns["frame"][1:])
     spoilt = with_column(flight, "frame", frames)
@@ -167,7 +167,7 @@ CAUSES = ("values", "turn", *(cause.value for cause in Cause))
 def test_a_description_that_somebody_spoilt_takes_no_value_away(
     data: FlightData, said: dict[str, Any], budget: dict[str, Any]
 ) -> None:
-    """Whatever stands in the JSON, what the CSV has is told."""
+    """Whatever is in the JSON, the CSV's values are explained."""
     if not isinstance(said["needles"], dict):
         said["needles"] = {NAME: {"uncertainty": budget}}
     told = explained(table_of(data, said), NAME, 4)

@@ -34,7 +34,7 @@ WRONG_NS = st.integers(-(10**16), 5_000) | st.integers(24_000 * NS, 10**16)
 
 @given(st.lists(FORWARD_NS | WRONG_NS, min_size=1, max_size=30))
 def test_a_film_runs_forward_whatever_the_clock_did(steps_ns: list[int]) -> None:
-    """Each frame later than the one before by what the clock says, if it can; otherwise by the step before."""
+    """Each frame is later than the one before by the clock, if possible, otherwise by the previous step."""
     clock = FilmClock()
     taken_ns = 1_500_000_000 * NS + np.cumsum([0, *steps_ns])
     shown = [clock.tick(each) for each in taken_ns.tolist()]
@@ -78,7 +78,7 @@ def test_every_picture_of_a_film_has_the_size_of_the_first() -> None:
 
 
 def test_a_clock_that_was_set_is_told() -> None:
-    """Once, with how often; every frame is in the film."""
+    """Once, with the number of times; every frame is in the film."""
     data = make_report(6).data
     report = make_report(data=replace(data, time_ns=data.time_ns - 10**12 * (np.arange(6) // 3)))
     told: list[str] = []

@@ -53,7 +53,7 @@ def log(found: FlightTable, mapping: Mapping[str, MappedName] | None = None) -> 
     ],
 )
 def test_name_tells_the_column(name: str, column: str | None) -> None:
-    """Stem, engine and unit are told apart; what a G1000 has no column for is in none."""
+    """Stem, engine and unit are distinguished; a value for which a G1000 has no column is left out."""
     found = column_of(name)
 
     assert (found and found.name) == column
@@ -72,7 +72,7 @@ def test_an_aircrafts_attitude_and_what_its_six_instruments_show_are_all_there(t
 
 
 def test_last_word_of_a_name_tells_the_column_that_no_other_has(tmp_path: Path) -> None:
-    """Where two headings are there, the one that is called so by its whole name is the log's."""
+    """Of two headings, the log has the one whose whole name is that."""
     alone = plan(flight(tmp_path, {"hi_heading_deg": [10.0]}, [0.0]), {})
     beside = plan(flight(tmp_path, {"hi_heading_deg": [10.0], "heading_deg": [20.0]}, [0.0]), {})
 
@@ -98,7 +98,7 @@ def test_head_is_that_of_a_garmin(tmp_path: Path) -> None:
 
 
 def test_second_has_its_nearest_frame(tmp_path: Path) -> None:
-    """If it is within half a second and was seen: a log cannot say `interpolated`; all seconds are there."""
+    """If it is within half a second and was read, since a log cannot say `interpolated`; no second is missing."""
     values = [1.0, 2.0, (3.0, "edge"), (4.0, "hidden"), (5.0, "interpolated"), None]
     found = flight(tmp_path, {"airspeed_kt": values}, [0.2, 0.7, 1.1, 3.6, 5.0, 6.0])
 
@@ -106,7 +106,7 @@ def test_second_has_its_nearest_frame(tmp_path: Path) -> None:
 
 
 def test_mapping_goes_before_names(tmp_path: Path) -> None:
-    """A flow by mass is no gallons an hour, unless a mapping says so: 900 pph at 6.7 lb a gallon are 134.33 gph."""
+    """A mass flow is not in gallons an hour unless a mapping says so: 900 pph at 6.7 lb a gallon are 134.33 gph."""
     found = flight(tmp_path, {"airspeed_kt": [1.0], "fuel_flow_pph": [900.0], "n1_pct": [90.0]}, [0.0])
     left_out = plan(found, {}).left_out
     assert left_out["fuel_flow_pph"] == "there is no way from 'pph' (mass flow) to 'gph' (volume flow)"

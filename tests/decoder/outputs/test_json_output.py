@@ -51,7 +51,7 @@ def test_sources_times_and_pivots_are_told() -> None:
 
 
 def test_gaps_name_needle_frames_and_status() -> None:
-    """Each run of flagged frames is one gap; its needle tells unit, scale, frames by status and the lowest score."""
+    """Each run of flagged frames is one gap; a needle has its unit, scale, frames by status and lowest score."""
     worse = Reading(Status.MISSING, 333.0, 0.5, 0.2)
     content = described([{"speed_kt": reading} for reading in (GOOD, BAD, worse, GOOD, BAD)])
 
@@ -70,7 +70,7 @@ def test_gaps_name_needle_frames_and_status() -> None:
 
 
 def test_frames_without_panel_are_told_once_not_as_gaps() -> None:
-    """Neighbouring frames with one reason are one run, whatever their scores; another reason starts another."""
+    """Neighbouring frames with one reason are one run, whatever their scores; another reason starts a new one."""
     lost = ["anchor knob not found (score 0.12)", "anchor knob not found (score 0.33)"]
     content = described([{}, *lost, "the picture is damaged", {}, lost[0]])
 
@@ -83,7 +83,7 @@ def test_frames_without_panel_are_told_once_not_as_gaps() -> None:
 
 
 def test_flight_without_frames_is_valid_json() -> None:
-    """Nothing recorded is described as nothing, without NaN."""
+    """An empty recording is described without NaN."""
     content = described([])
 
     assert (content["frames"], content["start_utc"], content["duration_s"]) == (0, None, 0.0)

@@ -1,4 +1,4 @@
-"""`NAME.mcap`, read with the makers' own reader and checked against the schemas in the file itself."""
+"""`NAME.mcap`, read with MCAP's own reader and checked against the schemas in the file itself."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def data() -> FlightData:
 
 
 def frame(sequence: int, focal_length_mm: float | None = None) -> Frame:
-    """A frame whose picture nobody decodes."""
+    """A frame whose picture is not decoded."""
     clock = ClockReading(0, 0)
     return Frame(
         sequence=sequence,
@@ -90,7 +90,7 @@ def messages(content: bytes, topic: str) -> Iterator[tuple[Any, Any, Any]]:
 
 
 def test_each_needle_is_a_topic_of_flat_json(data: FlightData, panel: PanelPictures) -> None:
-    """Every message fits the schema in the file, which has plain types alone, and no number is a text."""
+    """Every message fits the schema in the file, which has only plain types, and no number is a text."""
     jsonschema = pytest.importorskip("jsonschema")
     content = written(data, panel)
 
@@ -146,7 +146,7 @@ def test_annotations_draw_needles_and_values(data: FlightData, panel: PanelPictu
 
 
 def test_pictures_go_in_as_they_were_recorded(data: FlightData, panel: PanelPictures) -> None:
-    """With images each frame's JPEG stands at its capture time, byte for byte."""
+    """With images each frame's JPEG is at its capture time, byte for byte."""
     content = written(data, panel, [frame(number) for number in range(4)])
     found = list(messages(content, "/camera/image"))
 

@@ -22,7 +22,7 @@ def says(text: str) -> Callable[[IO[bytes]], None]:
 
 
 def fails(error: BaseException) -> Callable[[IO[bytes]], None]:
-    """A writer that breaks off after some bytes."""
+    """A writer that fails after some bytes."""
 
     def write(stream: IO[bytes]) -> None:
         stream.write(b"half")
@@ -32,7 +32,7 @@ def fails(error: BaseException) -> Callable[[IO[bytes]], None]:
 
 
 def test_broken_off_writer_leaves_earlier_outputs_as_they_were(tmp_path: Path) -> None:
-    """Interrupted or without room, nothing half is left; a full disk is named, with what to do."""
+    """Interrupted, or on a full disk, nothing incomplete is left; a full disk is reported, with advice."""
     write_all(tmp_path, {"a.csv": says("old\n"), "a.json": says("old\n")})
     with pytest.raises(KeyboardInterrupt):
         write_all(tmp_path, {"a.csv": says("new\n"), "a.json": fails(KeyboardInterrupt())})
@@ -43,7 +43,7 @@ def test_broken_off_writer_leaves_earlier_outputs_as_they_were(tmp_path: Path) -
 
 
 def test_final_name_that_cannot_be_taken_leaves_no_part(tmp_path: Path) -> None:
-    """Where a directory has a final file's name, no file of the set is put in place and no part is left."""
+    """If a directory has a final file's name, no file of the set is put in place and no part is left."""
     (tmp_path / "a.json").mkdir()
     with pytest.raises(OutputError):
         write_all(tmp_path, {"a.csv": says("1\n"), "a.json": says("{}\n")})

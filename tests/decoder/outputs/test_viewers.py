@@ -36,7 +36,7 @@ def panel(document: dict[str, Any]) -> PanelPictures:
 
 @pytest.fixture
 def data() -> FlightData:
-    """A flight with all that is there to be left out."""
+    """A flight in which everything optional is missing somewhere."""
     gone = {"speed_kt": reading(271.0, Status.MISSING, 0.41)}
     return fly([gone, {"speed_kt": reading(270.0)}, "knob not found", {"speed_kt": reading(345.0, Status.EDGE, 0.9)}])
 
@@ -50,7 +50,7 @@ def snaked(given: Any) -> Any:  # noqa: ANN401 - of JSON
 
 
 def test_each_panel_of_a_layout_is_what_foxglove_publishes() -> None:
-    """Every setting is one of its type's, with a value that it may have, and comes back from the SDK as it was."""
+    """Every setting belongs to its type, with an allowed value, and comes back unchanged from the SDK."""
     types = pytest.importorskip("foxglove.layouts", reason="needs foxglove-sdk, which is not part of the project")
     configs = {"Image": types.ImageConfig, "Plot": types.PlotConfig, "StateTransitions": types.StateTransitionsConfig}
     layout = json.loads((ROOT / "docs" / "foxglove-layout.json").read_text(encoding="utf-8"))
@@ -62,7 +62,7 @@ def test_each_panel_of_a_layout_is_what_foxglove_publishes() -> None:
 
 
 def test_a_layout_arranges_each_of_its_panels_once() -> None:
-    """The frame of the layout is a tree of two parts each, as the app exports it, with all panels for leaves."""
+    """The layout is a binary tree, as the app exports it, with the panels as leaves."""
     layout = json.loads((ROOT / "docs" / "foxglove-layout.json").read_text(encoding="utf-8"))
 
     def leaves(part: Any) -> list[str]:  # noqa: ANN401 - a name, or a part with two
@@ -97,7 +97,7 @@ def split(line: str) -> list[str]:
 
 
 def is_number(text: str) -> bool:
-    """Whether it makes a point of a curve of it."""
+    """Whether PlotJuggler plots it as a number."""
     return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) is not None
 
 

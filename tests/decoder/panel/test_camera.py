@@ -1,4 +1,4 @@
-"""camera.yaml: one calibration for every zoom and size, what is wrong by its path; its lens, held against OpenCV."""
+"""camera.yaml: one calibration for every zoom and size, errors by path; its lens model compared with OpenCV."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_a_rational_lens_is_opencv_s(k1: float, k2: float, k4: float, k5: float,
 
 @given(k1=st.floats(-0.05, 0.1), k2=small, k3=small, k4=st.floats(-0.001, 0.001))
 def test_a_fisheye_is_opencv_s(k1: float, k2: float, k3: float, k4: float) -> None:
-    """Both ways, up to 83 degrees off the axis: from there a pinhole's picture is soon endless."""
+    """Both ways, up to 83 degrees off the axis: beyond, a pinhole's picture is soon infinite."""
     bent = Lens(SIZE, (800.3, 611.9), 700.0, distortion=Fisheye((k1, k2, k3, k4)))
     angle, around = np.meshgrid(np.radians(np.linspace(0, 83, 40)), np.linspace(0, 2 * np.pi, 12))
     tangents = np.tan(angle.ravel()) * np.stack([np.cos(around.ravel()), np.sin(around.ravel())])
@@ -182,7 +182,7 @@ def test_a_fisheye_is_opencv_s(k1: float, k2: float, k3: float, k4: float) -> No
 
 
 def test_behind_a_fisheye_there_is_no_number() -> None:
-    """What it sees at the side or from behind has no place in a pinhole's picture; all else has, up to its corners."""
+    """Points at the side or behind have no place in a pinhole's picture; all others have, up to its corners."""
     wide = Lens(SIZE, (807.5, 605.5), 500.0, distortion=Fisheye())
     seen = wide.undistorted(np.array([[807.5, 1500.0, 1607.5], [605.5, 605.5, 605.5]]))
 
@@ -194,7 +194,7 @@ def test_behind_a_fisheye_there_is_no_number() -> None:
 
 
 def test_a_lens_that_does_not_zoom_needs_no_focal_length() -> None:
-    """Films do not tell one."""
+    """Films do not state one."""
     fixed = parse_camera(camera_text(lambda c: c["focal"].update(range_mm=[4.45, 4.45])))
 
     assert Optics((1616, 1212), camera=fixed).lens == fixed.lens(4.45, (1616, 1212))
@@ -202,14 +202,14 @@ def test_a_lens_that_does_not_zoom_needs_no_focal_length() -> None:
 
 
 def test_a_pinhole_changes_nothing() -> None:
-    """Not a bit of it."""
+    """To the bit."""
     assert not lens(0.0).distorts
     assert np.array_equal(lens(0.0).undistorted(grid()), grid())
     assert np.array_equal(lens(0.0).distorted(grid()), grid())
 
 
 def test_where_no_line_of_sight_arrives_there_is_no_number() -> None:
-    """A barrel lens sees nothing beyond its fold; what is near the axis is not disturbed by it."""
+    """A barrel lens sees nothing beyond its fold; points near the axis are not affected."""
     bent = lens(-0.15)
     points = bent.undistorted(np.array([[810.0, 9000.0], [600.0, 9000.0]]))
 

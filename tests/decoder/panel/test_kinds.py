@@ -1,4 +1,4 @@
-"""Kinds of instrument: what does not go with one is said in a sentence, before anything is read."""
+"""Kinds of instrument: a key that does not go with one is reported in a sentence, before anything is read."""
 
 from __future__ import annotations
 

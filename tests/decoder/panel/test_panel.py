@@ -1,4 +1,4 @@
-"""panel.yaml: what is right is taken, and what is wrong is named with its full path."""
+"""panel.yaml: correct panels are accepted, and wrong values are named with their full path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def spoil(content: dict[str, Any], path: str, value: object) -> None:
-    """Sets what lies at a path such as `gauges.1.sweep`; `None` takes it away."""
+    """Sets the value at a path such as `gauges.1.sweep`; `None` removes it."""
     parts: list[Any] = [int(part) if part.isdigit() else part for part in path.split(".")]
     *parents, last = parts
     owner: Any = functools.reduce(operator.getitem, parents, content)
@@ -94,7 +94,7 @@ def test_wrong_value_is_named_with_its_path(
 
 
 def refused(document: dict[str, Any], path: str, problem: str) -> None:
-    """The first wrong value of a panel is named, by its path in the file that it stands in."""
+    """The path, in its own file, of a panel's first wrong value."""
     with pytest.raises(PanelError) as caught:
         parse_panel(yaml.safe_dump(document), source="panel.yaml in flight.mcap")
 
@@ -118,7 +118,7 @@ def refused(document: dict[str, Any], path: str, problem: str) -> None:
 def test_turn_that_does_not_close_is_refused(
     document: dict[str, Any], key: str, value: list[object], problem: str
 ) -> None:
-    """A scale all the way round is one turn and one turn's value, and has no stops."""
+    """A scale all the way round spans exactly one turn and one turn's value, and has no stops."""
     document["gauges"][0] |= {"sweep": [0, 360], "wraps": 360, "scale": [[0, 0], [90, 90]], key: value}
     refused(document, "gauges[0]", problem)
 
@@ -144,7 +144,7 @@ COMBINED_WRONG = [
 def test_pointers_that_do_not_combine_are_refused(
     document: dict[str, Any], change: dict[str, Any], path: str, problem: str
 ) -> None:
-    """Pointers of one value are of one gauge, go all the way round, and count whole turns of the next."""
+    """Pointers of one value are on one gauge, go all the way round, and count whole turns of the next."""
     gauge = document["gauges"][1]
     gauge |= {"sweep": [0, 360], "wraps": 100, "scale": [[0, 0], [90, 25]]}
     gauge["needles"][0] |= {"wraps": 1000, "scale": [[0, 0], [90, 250]]}
@@ -166,6 +166,6 @@ def test_number_of_further_mistakes_is_told(document: dict[str, Any]) -> None:
 
 @given(text=st.text(max_size=200) | st.binary(max_size=200))
 def test_any_text_is_refused_as_a_panel_error(text: str | bytes) -> None:
-    """No text at all makes the parser raise anything but PanelError."""
+    """No text makes the parser raise anything but PanelError."""
     with pytest.raises(DecoderError):
         parse_panel(text)

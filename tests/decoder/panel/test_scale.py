@@ -40,7 +40,7 @@ def test_angle_and_value_lead_to_each_other(scale: Scale, part: float) -> None:
 
 @given(scale=scales(), part=st.floats(-0.2, 1.2), sigma_deg=st.floats(0.01, 20.0))
 def test_interval_holds_all_values_that_the_angles_interval_has(scale: Scale, part: float, sigma_deg: float) -> None:
-    """However uneven the marks, a value's 95 % interval reaches as far as its angle's, on the further side."""
+    """However uneven the marks, a value's 95 % interval covers its angle's, by the longer side."""
     angle_deg = np.array([scale.angles_deg[0] + part * np.ptp(scale.angles_deg)])
     reach_deg = 1.96 * sigma_deg * np.array([-1.0, 0.0, 1.0])
     low, value, high = scale.values_at(angle_deg + reach_deg)
@@ -52,7 +52,7 @@ def test_interval_holds_all_values_that_the_angles_interval_has(scale: Scale, pa
 
 
 def test_interval_goes_on_through_the_seam_of_a_full_turn() -> None:
-    """Next to north a compass is as sure as elsewhere, and steeper marks behind the seam count."""
+    """Next to north a compass is as certain as elsewhere, and steeper marks beyond the seam count."""
     even, uneven = Scale.of([(-90, 0), (90, 180)], 360.0), Scale.of([(0, 0), (90, 180)], 360.0)
     north_deg, sigma_deg = np.array([-90.01, -90.0, 269.9]), np.full(3, 5.0)
 
@@ -75,7 +75,7 @@ def test_interval_goes_on_through_the_seam_of_a_full_turn() -> None:
 def test_known_angles_have_known_values(
     marks: list[tuple[float, float]], angles_deg: list[float], values: list[float]
 ) -> None:
-    """By hand."""
+    """Values computed by hand."""
     assert Scale.of(marks).values_at(np.array(angles_deg, float)).tolist() == pytest.approx(values, nan_ok=True)
 
 
@@ -116,7 +116,7 @@ def test_value_is_told_by_where_its_hands_point(value: float, off_deg: float) ->
 
 @given(direction_deg=st.floats(270.0, 629.0))
 def test_direction_of_the_finest_hand_leaves_as_many_values_as_it_makes_turns(direction_deg: float) -> None:
-    """Each is one turn of it on, all of them within the dial's own turn."""
+    """Each is one turn of it apart, all within the dial's own turn."""
     (values,) = gearing_of(ALTIMETER).values(np.array([direction_deg]))
 
     assert len(values) == 10

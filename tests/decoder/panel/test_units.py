@@ -32,13 +32,13 @@ from decoder.timeseries.flight_part import NS_PER_DAY, NS_PER_S, typed_time
     ],
 )
 def test_equivalents(value: float, source: str, target: str, expected: float) -> None:
-    """Values from the definitions; a unit is itself even if nobody knows it."""
+    """Values from the definitions; an unknown unit equals itself."""
     assert converted(np.array([value]), source, target) == pytest.approx([expected], abs=1e-4)
 
 
 @given(st.floats(-1e4, 1e4), st.sampled_from(sorted(UNITS)), st.sampled_from(sorted(UNITS)))
 def test_there_and_back(value: float, one: str, other: str) -> None:
-    """Between units of a kind every value comes back; between kinds there is no way."""
+    """Between units of a kind every value converts back; between kinds there is no conversion."""
     if UNITS[one].kind != UNITS[other].kind:
         with pytest.raises(UnitError, match="there is no way from"):
             converted(np.array([value]), one, other)
@@ -77,14 +77,14 @@ def test_time_is_what_it_looks_like(text: str, after_s: float) -> None:
     ["", "x", "-5", "1:75", "25:00:00Z", "24:00Z", "2018-02-30 12:00", "2018-05-04", "1e3", "12 s", "nan", "1:2:3:4"],
 )
 def test_anything_else_is_refused(text: str) -> None:
-    """What is no time is said to be none."""
+    """A text that is not a time is reported as such."""
     with pytest.raises(ValueError, match="no time"):
         typed_time(text)
 
 
 @given(began_ns=st.integers(0, 2**62), second=st.integers(0, 86_399))
 def test_time_of_day_is_the_first_one_after_the_start(began_ns: int, second: int) -> None:
-    """A flight over midnight has its early morning behind its late evening."""
+    """A flight over midnight has its early morning after its late evening."""
     text = f"{second // 3600:02d}:{second // 60 % 60:02d}:{second % 60:02d}Z"
     at_ns = typed_time(text).at_ns(began_ns)
 

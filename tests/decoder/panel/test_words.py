@@ -1,4 +1,4 @@
-"""Whatever is wrong with a panel is said in our words, for people who know nothing of the library that finds it."""
+"""Errors in a panel are reported in our words, for people who do not know the validation library."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def places(part: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]: 
 
 
 def damaged() -> Iterator[dict[str, Any]]:
-    """The panel with each of its parts taken away, and then in turn exchanged for what does not belong there."""
+    """The panel with each of its parts removed, then replaced by something wrong."""
     good = whole()
     for path in places(good):
         for bad in (..., *DAMAGE):
@@ -67,7 +67,7 @@ def damaged() -> Iterator[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_no_phrase_of_the_library_is_said_whatever_is_wrong() -> None:
-    """Each value of a panel of every kind is damaged in turn: what is wrong is said, and in words of our own."""
+    """Each value of a panel of every kind is damaged in turn: the error is reported in our own words."""
     assert problems_in(Panel, whole(), thing="panel") == []
     kinds, said, theirs = set(), set(), set()
     for panel in damaged():

@@ -32,7 +32,7 @@ ROLLED = [((0.0, 0.0), roll_deg) for roll_deg in (-3.0, -1.7, 2.25)]
 
 @pytest.mark.parametrize(("shift", "roll_deg"), [*SHAKEN, *JOLTED, *ROLLED], ids=str)
 def test_shift_and_roll_are_recovered(aligner: Aligner, shift: tuple[float, float], roll_deg: float) -> None:
-    """Whatever the needles show, a point far from the anchor is found to a twentieth of a pixel, or a fifth."""
+    """Whatever the needles show, a point far from the anchor is right to a twentieth of a pixel, or a fifth."""
     found = aligner.align(draw(MOVED, shift_px=shift, roll_deg=roll_deg))
     far = abs(roll_deg) > 1.5
 
@@ -48,7 +48,7 @@ def test_shift_and_roll_are_recovered(aligner: Aligner, shift: tuple[float, floa
     [*((x, 0.0) for x in (20.0, 30.0, 34.0)), *((0.0, roll) for roll in (-8, 5, 6))],
 )
 def test_view_at_the_limit_is_right_or_refused(aligner: Aligner, shift_x: float, roll_deg: float) -> None:
-    """A border that repeats outside the frame is not taken for the level edge, nor a search's end for a roll."""
+    """A repeated border outside the frame is not taken for the level edge, nor the end of a search for a roll."""
     shift = (shift_x, 10.0 if shift_x else 0.0)
     try:
         found = aligner.align(draw(MOVED, shift_px=shift, roll_deg=roll_deg))
@@ -89,7 +89,7 @@ def test_frame_without_the_whole_panel_is_lost(aligner: Aligner, frame: GreyPict
 def test_usual_alignment_is_where_the_search_starts(
     document: dict[str, Any], usual: tuple[float, tuple[float, float]], shift: tuple[float, float], roll_deg: float
 ) -> None:
-    """A wrong idea of where the camera mostly was leads to the same place; a right one to a roll that is far off."""
+    """A wrong usual alignment leads to the same place; a right one also to a roll that is far off."""
     frame = draw(MOVED, shift_px=shift, roll_deg=roll_deg)
     found = Aligner(parse(document), draw(HANDS), Alignment.rigid(*usual, 1.0)).align(frame)
 
@@ -128,7 +128,7 @@ def test_roll_is_not_guessed_when_one_of_two_anchors_is_covered(document: dict[s
 
 
 def test_flat_anchor_is_left_out_and_named(document: dict[str, Any]) -> None:
-    """What cannot be found again helps nobody: the others align the frame as they do without it."""
+    """It cannot be found again: the others align the frame as without it."""
     without = Aligner(parse(with_second_anchor(document)), draw(HANDS))
     document["anchors"].insert(1, {"name": "bare metal", "box": [150, 170, 20, 20]})
     aligner = Aligner(parse(document), draw(HANDS))
@@ -147,7 +147,7 @@ def test_flat_anchor_is_left_out_and_named(document: dict[str, Any]) -> None:
     ],
 )
 def test_level_edge_that_cannot_be_found_is_refused(document: dict[str, Any], edge: list[list[int]], says: str) -> None:
-    """One that leaves the panel picture, or is drawn where that is flat, is a mistake in the panel."""
+    """An edge that leaves the panel picture, or is drawn where that is flat, is an error in the panel."""
     document["level"] = edge
 
     with pytest.raises(PanelError, match=says):
@@ -167,7 +167,7 @@ OUTSIDE = r"anchors\[0\]\.box: lies outside the 360 x 220 panel picture"
     ids=["left", "bottom", "flat"],
 )
 def test_anchor_that_cannot_be_found_again_is_refused(document: dict[str, Any], box: list[int], says: str) -> None:
-    """One that reaches beyond the panel picture, or the only one if it has no contrast, is named with its path."""
+    """An anchor that reaches beyond the panel picture, or a single one without contrast, is named with its path."""
     document["anchors"][0]["box"] = box
 
     with pytest.raises(PanelError, match=says):

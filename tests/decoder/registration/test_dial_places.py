@@ -54,7 +54,7 @@ def drawn(angle_deg: float, motion: NDArray[np.float64], *, noise: float = 2.0, 
 
 
 def faint(picture: GreyPicture) -> GreyPicture:
-    """The same with marks that hardly stand out beside the needle."""
+    """The same with faint marks compared to the needle."""
     levels = np.interp(np.arange(256), [0, 45, 212, 225, 255], [0, 45, 80, 235, 255])
     return levels[picture].astype(np.uint8)
 
@@ -90,7 +90,7 @@ def test_dial_is_found_wherever_its_needle_is(placer: GaugePlacer, angle_deg: fl
 @pytest.mark.parametrize("angle_deg", [244.0, 261.0])
 @pytest.mark.parametrize("x_px", [-9.3, 8.6])
 def test_needle_near_where_the_panel_picture_has_it_does_not_pull_the_dial(angle_deg: float, x_px: float) -> None:
-    """Where marks are faint it is the strongest thing there is, but says nothing of where the dial lies."""
+    """With faint marks it has the strongest contrast, but says nothing about the dial's place."""
     placer = GaugePlacer(GAUGE, None, faint(drawn(250.0, np.eye(3), noise=1.0)), IDENTITY)
     place = placer.place(faint(drawn(angle_deg, shifted(x_px, 1.2))), IDENTITY)
 
@@ -100,7 +100,7 @@ def test_needle_near_where_the_panel_picture_has_it_does_not_pull_the_dial(angle
 
 @pytest.mark.parametrize(("x_px", "y_px"), [(2.4, -1.7)])
 def test_short_scale_lies_where_the_other_dials_do(placer: GaugePlacer, x_px: float, y_px: float) -> None:
-    """Its own marks tell little of where its pivot lies, far from them; the others tell it where all move alike."""
+    """Its own marks hardly determine its pivot, far from them; the other dials do if all move alike."""
     short = GAUGE.model_copy(update={"sweep": (262.0, 318.0), "name": "short", "radius": (40.0, 66.0)})
     window = GaugePlacer(short, None, drawn(250.0, np.eye(3), noise=1.0), IDENTITY)
     frames = [drawn(130.0, shifted(x_px, y_px), noise=9.0, seed=seed) for seed in range(40, 52)]
@@ -115,7 +115,7 @@ def test_short_scale_lies_where_the_other_dials_do(placer: GaugePlacer, x_px: fl
 
 
 def test_dial_that_moves_by_itself_is_where_its_own_marks_are(placer: GaugePlacer) -> None:
-    """Where dials lie pixels apart, the others say nothing of one."""
+    """If dials move by different pixels, the others say nothing about one."""
     places = place_all([placer] * 4, drawn(300.0, shifted(5.0, 2.0)), IDENTITY)
     shifts_px = [(4.0, -3.0), (-6.0, 1.0), (1.0, 7.0)]
     known = [replace(place, shift_px=shift) for place, shift in zip(places, shifts_px, strict=False) if place]
@@ -129,7 +129,7 @@ def test_dial_that_moves_by_itself_is_where_its_own_marks_are(placer: GaugePlace
 
 
 def test_another_perspective_is_taken_along(placer: GaugePlacer) -> None:
-    """What stretches the dial stretches where it is looked at."""
+    """What stretches the dial also stretches the window searched."""
     motion = shifted(4.0, 5.0, bend=0.02)
     place = placer.place(drawn(300.0, motion), IDENTITY)
 

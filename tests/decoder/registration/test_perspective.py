@@ -63,7 +63,7 @@ def aligner() -> Aligner:
     ids=lambda value: len(value) if isinstance(value, tuple) else str(value),
 )
 def test_views_are_found(names: tuple[str, ...], motion: dict[str, Any]) -> None:
-    """Two anchors or more tell shift, roll and scale, four the perspective too: to 0.03 pixels all over the picture."""
+    """Two anchors or more determine shift, roll and scale, four the perspective too: to 0.03 pixels everywhere."""
     truth = turn(**motion)
     found = aligner_of(names).align(see(truth, **NOISE))
 
@@ -86,7 +86,7 @@ MISSED: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("view", MISSED)
 def test_anchors_missed_at_first_are_found_by_the_others(aligner: Aligner, view: str) -> None:
-    """What the first guess misses is looked for where the rest has it, in the form in which the rest has it there."""
+    """Anchors missed by the first guess are searched where the others predict them, warped as predicted."""
     truth = turn(**MISSED[view])
     found = aligner.align(see(truth, **NOISE))
 
@@ -96,7 +96,7 @@ def test_anchors_missed_at_first_are_found_by_the_others(aligner: Aligner, view:
 
 @pytest.mark.slow
 def test_hand_in_an_oblique_view_is_right_or_said(aligner: Aligner) -> None:
-    """With one to three of six anchors under a hand the others' own pixels tell the perspective, and how surely."""
+    """With one to three of six anchors under a hand the others' pixels give the perspective, and its uncertainty."""
     chance = np.random.default_rng(2027)
     off_px = []
     for seed in range(15):
@@ -124,7 +124,7 @@ def test_hand_in_an_oblique_view_is_right_or_said(aligner: Aligner) -> None:
 
 @pytest.mark.parametrize("light", [{"gain": 0.5, "offset": 60.0}, {"gain": 0.6, "slope": -0.15}], ids=str)
 def test_light_does_not_move_perspective(aligner: Aligner, light: dict[str, float]) -> None:
-    """Another exposure, or a light that grows over the picture, pulls nothing with it."""
+    """Another exposure, or a gradient of light, causes no shift."""
     truth = turn(shift_px=(2.3, 3.1), tilt=(0.02, 0.01))
 
     assert furthest_px(aligner.align(see(truth, **NOISE, **light)).matrix, truth) < 0.06
@@ -139,7 +139,7 @@ HANDS = {
 
 @pytest.mark.parametrize("hand", HANDS)
 def test_hand_over_anchors_is_left_out(aligner: Aligner, hand: str) -> None:
-    """What a hand covers is named and pulls nothing; the rest holds the frame."""
+    """Covered anchors are named and cause no shift; the rest aligns the frame."""
     (left, top, width, height), covered = HANDS[hand]
     truth = turn(shift_px=(9.0, 5.0), roll_deg=1.0)
     frame = see(truth, **NOISE)
@@ -152,7 +152,7 @@ def test_hand_over_anchors_is_left_out(aligner: Aligner, hand: str) -> None:
 
 @pytest.mark.parametrize("motion", [*SLIGHT[2:5], *OBLIQUE], ids=str)
 def test_identical_knobs_are_told_apart(motion: dict[str, Any]) -> None:
-    """Six knobs of one kind are known by where they stand."""
+    """Six equal knobs are distinguished by their places."""
     truth = turn(**motion)
     found = aligner_of(ALL, twins=True).align(see(truth, twins=True, **NOISE))
 
@@ -171,7 +171,7 @@ def test_frame_after_a_lost_one_is_found(aligner: Aligner) -> None:
 
 
 def test_motion_is_counted_from_the_usual_view() -> None:
-    """With two anchors left, the perspective that is usual in this flight stays what it is."""
+    """With two anchors left, the flight's usual perspective is kept."""
     usual = turn(tilt=(0.15, 0.1), shift_px=(-20.0, 0.0))
     shaken = np.array([[1.0, 0.0, 4.0], [0.0, 1.0, -3.0], [0.0, 0.0, 1.0]]) @ usual
     frame = see(shaken, **NOISE)
@@ -183,7 +183,7 @@ def test_motion_is_counted_from_the_usual_view() -> None:
 
 
 def test_anchors_all_on_one_side_are_not_trusted_with_perspective(aligner: Aligner) -> None:
-    """Four small anchors in a row cannot tell perspective: it is said, and shift, roll and scale serve."""
+    """Four small anchors in a row do not give perspective: this is reported, and shift, roll and scale are used."""
     panel = panel_of(ALL).model_copy(
         update={
             "anchors": tuple(
@@ -202,7 +202,7 @@ def test_anchors_all_on_one_side_are_not_trusted_with_perspective(aligner: Align
 
 
 def test_uncertainty_is_what_the_errors_are(aligner: Aligner) -> None:
-    """Over frames with noise the errors are about as large as the alignment claims, and it claims not much more."""
+    """Over noisy frames the errors are about as large as the claimed uncertainty, and that is not much larger."""
     ratios = []
     for seed in range(12):
         truth = turn(shift_px=(0.13 * seed, -0.21 * seed), roll_deg=0.05 * seed)
@@ -229,7 +229,7 @@ def reader_tuned_on(panel: Panel, motions: list[np.ndarray]) -> PanelReader:
 
 
 def with_small_anchors(panel: Panel, side_px: float) -> Panel:
-    """The same with so little of each anchor that its pixels tell its place, but hardly how it is squeezed."""
+    """The same with anchors so small that their pixels give their places, but hardly their distortion."""
     anchors = []
     for anchor in panel.anchors:
         left, top, width, height = anchor.box
@@ -252,7 +252,7 @@ def place_sigma_px(reader: PanelReader, read: FrameReadings) -> float:
 
 
 def test_a_frame_with_an_anchor_covered_is_as_uncertain_as_the_flight_moves() -> None:
-    """Three of four small anchors tell no perspective: the dial may be off by pixels, and is not said to be certain."""
+    """Three of four small anchors give no perspective: the dial may be off by pixels, and does not claim less."""
     motions = [turn(tilt=tilt) for tilt in TILTS]
     reader = reader_tuned_on(with_small_anchors(panel_of(FOUR), SMALL_PX), motions)
     whole, less, off = [], [], []
@@ -270,7 +270,7 @@ def test_a_frame_with_an_anchor_covered_is_as_uncertain_as_the_flight_moves() ->
 
 
 def test_a_frame_with_an_anchor_covered_is_read_by_what_the_others_look_like() -> None:
-    """Three larger ones tell the perspective by how they are squeezed: the dial is found, and claims less."""
+    """Three larger ones give the perspective by their distortion: the dial is found, with a smaller uncertainty."""
     motions = [turn(tilt=tilt) for tilt in TILTS]
     reader = reader_tuned_on(panel_of(FOUR), motions)
     for motion in motions:

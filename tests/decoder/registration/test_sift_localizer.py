@@ -1,4 +1,4 @@
-"""First sight: the panel is found from elsewhere, at another scale and roll, and nothing is made up where it is not."""
+"""First localization: the panel is found from elsewhere, at another scale and roll, and not where it is absent."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_no_panel_is_no_panel(panel: GreyPicture, kind: str) -> None:
 def test_frame_far_from_all_others_is_aligned(
     panel: GreyPicture, document: dict[str, Any], scale: float, roll_deg: float, tilt: float
 ) -> None:
-    """A hand that rolls the camera loses no frame: the panel is located before it is given up."""
+    """A camera rolled by hand loses no frame: the panel is located with SIFT before it is given up."""
     boxes = [(220, 140), (400, 150), (230, 300), (400, 310)]
     anchors = [{"name": f"anchor {number}", "box": [*box, 40, 40]} for number, box in enumerate(boxes)]
     described = parse_panel(json.dumps({**document, "anchors": anchors, "level": None}))

@@ -1,4 +1,4 @@
-"""Frames of any zoom, size, lens and place: one map; needles above their face are where they are seen."""
+"""Frames of any zoom, size, lens and place: one map; raised needles are where they are seen."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_frames_of_twice_the_size_are_read_with_the_same_panel() -> None:
 
 @pytest.mark.parametrize("size_px", [(480, 640), (900, 400)], ids=str)
 def test_frames_of_another_shape_are_searched_as_any_others(size_px: tuple[int, int]) -> None:
-    """A film of 16:9 with a photograph of 4:3, and one held upright: nothing hangs on how the sensor was cut."""
+    """A film of 16:9 with a photograph of 4:3, and one held upright: the sensor's crop does not matter."""
     aligner = Aligner(panel_of(ALL), see(np.eye(3), noise=1.0, seed=5))
     truth = turn(shift_px=(size_px[0] / 2 - 320.0, size_px[1] / 2 - 240.0), roll_deg=1.0, scale=0.7)
     found = aligner.align(see(truth, size_px=size_px, **NOISE))
@@ -74,7 +74,7 @@ def test_frames_of_another_shape_are_searched_as_any_others(size_px: tuple[int, 
 
 
 def test_a_strip_thinner_than_what_is_searched_for_is_lost_not_a_crash() -> None:
-    """Any shape may come: of one row nothing is left where frames are searched at a part of their size."""
+    """Any shape may occur: of one row nothing is left when frames are searched at reduced size."""
     aligner = Aligner(panel_of(ALL), see(np.eye(3), noise=1.0, seed=5))
     with pytest.raises(AlignmentLost):
         aligner.align(np.random.default_rng(0).integers(0, 255, (1, 640)).astype(np.uint8))
@@ -90,7 +90,7 @@ def test_a_strip_thinner_than_what_is_searched_for_is_lost_not_a_crash() -> None
 def test_frame_of_another_shape_or_uncalibrated_zoom_is_refused(
     size_px: tuple[int, int], focal_length_mm: float, says: str
 ) -> None:
-    """With a camera's calibration: it is missing, and says both sizes, or what is calibrated."""
+    """With a camera's calibration, it is missing, with both sizes or the calibrated zooms as the reason."""
     aligner = Aligner(panel_of(ALL), see(np.eye(3)), optics=Optics(SIZE_PX, 5.0, camera_of(0.0)))
 
     with pytest.raises(PictureError, match=says):
@@ -138,7 +138,7 @@ def test_camera_is_found_over_the_panel(
 def test_raised_points_lie_where_a_camera_sees_them(
     yaw: float, pitch: float, x: float, y: float, height: float
 ) -> None:
-    """In a frame from another place than the panel picture, too: exactly where the model of the camera has them."""
+    """Also in a frame from another place than the panel picture: exactly where the camera model puts them."""
     inches = pose_at((1.0, -2.0, 15.0), (1.0, 8.0, -5.0)).homography(LENS)
     pose = pose_at((x, y, 14.0), (2.0, pitch, yaw))
     alignment = Alignment.of(pose.homography(LENS) @ np.linalg.inv(inches), 1.0, lens=LENS)
@@ -150,7 +150,7 @@ def test_raised_points_lie_where_a_camera_sees_them(
 
 
 def test_height_without_a_camera_is_a_sentence() -> None:
-    """What the camera's position needs and does not have is named."""
+    """The message names what is missing for the camera's position."""
     panel = panel_of(("north", "south"))
     gauge = panel.gauges[0].model_copy(update={"needle_height_inches": 0.1})
     source = PanelPictures(panel.model_copy(update={"gauges": (gauge,)}), {"panel.png": see(np.eye(3))}, "0")
@@ -163,7 +163,7 @@ def test_height_without_a_camera_is_a_sentence() -> None:
 
 
 def test_needle_above_its_face_is_unwrapped_around_where_it_is_seen() -> None:
-    """The grid of a raised needle samples the panel picture beside the face's own points; square on, at its centre."""
+    """A raised needle's grid samples the picture shifted from the face's points; seen square on, at its centre."""
     camera = parse_camera("picture_size: [640, 480]\nfocal: {pixels_per_radian: [800, 0, 0], range_mm: [4, 6]}\n")
     references = [
         {"at": [x, y], "inches": [(x - 319.5) / 80, (y - 239.5) / 80]}

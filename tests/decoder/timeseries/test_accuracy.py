@@ -65,7 +65,7 @@ def test_known_errors_give_known_numbers() -> None:
 def test_percent_of_reading(
     read: list[float], true: list[float], mean_pct: float | None, max_pct: float | None
 ) -> None:
-    """Where the truth is 0 there is none, though the error in units counts; of a negative truth it is positive."""
+    """If the truth is 0 there is none, though the error in units counts; for a negative truth it is positive."""
     errors = compared(FLIGHT | {"n1": read}, TRUTH | {"n1": true}).by_status["all"]
 
     assert errors.frames == 4

@@ -1,4 +1,4 @@
-"""The offset between two clocks: found where curves tell it, with an uncertainty that holds, and refused elsewhere."""
+"""The offset between two clocks: found where curves determine it, with a valid uncertainty, and otherwise refused."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def recorder(
     [(0.0, {}), (-41.37, {}), (-599.0, {}), (5.0, {"gain": 1.852, "constant": 40.0})],
 )
 def test_offset_is_found_in_what_is_added(tmp_path: Path, offset_s: float, truth: dict[str, float]) -> None:
-    """To a hundredth of a second, with its sign: truth's time plus offset; its unit or a constant do not matter."""
+    """To a hundredth of a second, with its sign: truth's time plus offset; units and constants do not matter."""
     curves = {"ias_kt": wandering(1), "n1_pct": wandering(2)}
     found = clock_offset(flight(tmp_path, curves), recorder(curves, offset_s, **truth))
 
@@ -63,7 +63,7 @@ def test_offset_is_found_in_what_is_added(tmp_path: Path, offset_s: float, truth
 
 
 def test_uncertainty_holds(tmp_path: Path) -> None:
-    """With noise as large as a fifth of the curves the offset is within four sigma each time, and sigma is no guess."""
+    """With noise of a fifth of the curves the offset is within four sigma each time, and sigma is realistic."""
     misses = []
     for seed in range(12):
         curves = {"ias_kt": wandering(seed), "n1_pct": wandering(seed + 50), "ftit_c": wandering(seed + 100)}
@@ -76,7 +76,7 @@ def test_uncertainty_holds(tmp_path: Path) -> None:
 
 
 def test_needles_that_disagree_make_the_offset_less_certain(tmp_path: Path) -> None:
-    """A needle that lags its sensor by two seconds is seen in sigma."""
+    """A needle that lags its sensor by two seconds increases sigma."""
     one, other = wandering(4), wandering(5)
     shown = flight(tmp_path, {"ias_kt": one, "itt_c": lambda time_s: other(time_s - 2.0)})
     found = clock_offset(shown, recorder({"ias_kt": one, "itt_c": other}, 0.0), window_s=60)
@@ -95,7 +95,7 @@ def test_needles_that_disagree_make_the_offset_less_certain(tmp_path: Path) -> N
     ids=["another flight", "periodic", "standing"],
 )
 def test_what_does_not_tell_the_offset_is_refused(tmp_path: Path, true: Curve, says: str) -> None:
-    """Curves that are not alike, that repeat themselves, or that stand still: one sentence asks for the offset."""
+    """Curves that differ, are periodic, or constant: one sentence asks for the offset."""
     shown = {"ias_kt": wandering(1) if says.startswith("nowhere") else true}
     with pytest.raises(AccuracyError, match=says) as refused:
         clock_offset(flight(tmp_path, shown), recorder({"ias_kt": true}, 0.0), window_s=100)
@@ -115,7 +115,7 @@ def test_what_does_not_tell_the_offset_is_refused(tmp_path: Path, true: Curve, s
 def test_offset_that_cannot_be_told_is_refused(
     tmp_path: Path, name: str, offset_s: float, window_s: float, says: str
 ) -> None:
-    """Where it lies beyond the window, where no curves overlap, and where a compass is all there is."""
+    """Beyond the window, without overlapping curves, and with only a compass."""
     curves = {name: wandering(1)}
     with pytest.raises(AccuracyError, match=says):
         clock_offset(

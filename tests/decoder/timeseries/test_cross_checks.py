@@ -1,4 +1,4 @@
-"""Instruments that show the same: held against each other, pointed out where they disagree, and nowhere else."""
+"""Instruments that show the same: compared, and pointed out where they disagree, and nowhere else."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def disagreeing(data: FlightData) -> dict[frozenset[str], CrossCheck]:
 
 
 def test_sound_instruments_agree_though_they_lag_and_a_compass_errs_in_turns() -> None:
-    """All that can be compared is, in most of the flight, and nothing is said against it."""
+    """All possible comparisons are made, in most of the flight, and nothing disagrees."""
     checks = cross_checks(flown())
 
     assert len(checks) == 5
@@ -116,7 +116,7 @@ def test_sound_instruments_agree_though_they_lag_and_a_compass_errs_in_turns() -
     ],
 )
 def test_an_instrument_that_fails_is_found_where_it_does(name: str, change: Change, other: str, where: int) -> None:
-    """By the other one that shows the same; the run of time is near, or of a step it is that."""
+    """By the other one that shows the same; its time is about right, and that of a step exact."""
     found = disagreeing(flown({name: change}))
 
     (check,) = (each for columns, each in found.items() if {name, other} <= columns)
@@ -126,7 +126,7 @@ def test_an_instrument_that_fails_is_found_where_it_does(name: str, change: Chan
 
 
 def test_bank_may_be_counted_from_0_to_360() -> None:
-    """A ring that does so says the same, and a frozen one is found as well."""
+    """A ring that does so agrees, and a frozen one is found too."""
     ring: Change = lambda values: np.mod(values, 360.0)  # noqa: E731 - as the others
 
     assert disagreeing(flown({"roll_deg": ring})) == {}
@@ -137,7 +137,7 @@ def test_bank_may_be_counted_from_0_to_360() -> None:
 
 
 def test_a_change_of_the_altimeters_setting_is_no_disagreement_where_a_column_has_it() -> None:
-    """Without that column it is pointed out, with the words that it may be no more than that."""
+    """Without that column it is pointed out, with the remark that it may be only that."""
     setting_inhg = np.where(np.arange(480) < 200, 29.92, 30.42)
     moved = {"altitude_ft": off_from(200, 463.0)}
 
@@ -152,7 +152,7 @@ def test_a_change_of_the_altimeters_setting_is_no_disagreement_where_a_column_ha
 
 
 def test_two_columns_of_one_parameter_are_compared_and_the_panel_can_say_what_they_are() -> None:
-    """A copilot's altimeter by its name; a column that the panel says to be none is left alone."""
+    """A copilot's altimeter is known by its name; a column that the panel declares as none is left out."""
     data = flown()
     values = {each.quantity.name: each.value for each in data.series}
     values["altitude_2_ft"] = off_from(300, 400.0)(values["altitude_ft"].copy())
@@ -174,7 +174,7 @@ def test_two_columns_of_one_parameter_are_compared_and_the_panel_can_say_what_th
 
 
 def test_what_was_not_seen_is_not_compared() -> None:
-    """A disagreement in interpolated values is none, and pictures too far apart tell no rate."""
+    """A disagreement of interpolated values does not count, and pictures too far apart give no rate."""
     data = flown({"altitude_ft": off_from(200, 1000.0)})
     for each in data.series:
         if each.quantity.name == "altitude_ft":

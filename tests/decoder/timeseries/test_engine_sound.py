@@ -1,4 +1,4 @@
-"""The engine's speed by its sound, held against engines whose speed is a formula, in whatever else is to be heard."""
+"""The engine's speed by its sound, for engines with a speed by formula, among other sounds."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_speed_is_right_to_half_a_percent_and_sigma_holds(name: str) -> None:
     ids=["silence", "noise", "wind", "voices", "voices in wind"],
 )
 def test_where_no_engine_is_heard_there_is_no_speed(made: Callable[..., Sound], seed: int) -> None:
-    """Neither a value nor a choice of some, whatever is known of the engine."""
+    """Neither a value nor a list of candidates, whatever is known of the engine."""
     windows = peaks_of(made(COUNT, np.random.default_rng(seed)))
     for known in (LYCOMING, Engine()):
         assert set(engine_speed(windows, known).status) == {SpeedStatus.MISSING}
@@ -57,13 +57,13 @@ def test_where_no_engine_is_heard_there_is_no_speed(made: Callable[..., Sound], 
 
 @pytest.fixture(scope="module")
 def smooth() -> list[SoundPeaks]:
-    """An engine that runs so smoothly that nothing but firings is to be heard."""
+    """An engine so smooth that only its firings are heard."""
     sound, rng = sounding(LYCOMING, STEADY, 4, rough_db=-90.0)
     return peaks_of(in_noise(sound, rng, 10))
 
 
 def spoken_of(speed: EngineSpeed) -> set[int]:
-    """The speeds that it may be, in hundreds of rpm."""
+    """The candidate speeds, in hundreds of rpm."""
     return {round(each / 100) for others in speed.others for each in others}
 
 
@@ -71,7 +71,7 @@ def spoken_of(speed: EngineSpeed) -> set[int]:
     "known", [Engine(cylinders=4), Engine(blades=2), Engine()], ids=["cylinders", "blades", "nothing"]
 )
 def test_what_cannot_be_told_apart_is_listed_and_has_no_value(smooth: list[SoundPeaks], known: Engine) -> None:
-    """What sounds at 80 Hz may be firings, or blades of a propeller with two, three or four."""
+    """A tone at 80 Hz may be firings, or blades of a propeller with two, three or four."""
     speed = engine_speed(smooth, known)
 
     assert SpeedStatus.READ not in speed.status
@@ -80,7 +80,7 @@ def test_what_cannot_be_told_apart_is_listed_and_has_no_value(smooth: list[Sound
 
 
 def test_a_narrower_range_tells_what_was_ambiguous(smooth: list[SoundPeaks]) -> None:
-    """Among speeds that explain the sound alike, the one that the engine can have."""
+    """Among speeds that explain the sound equally, the one in the engine's range."""
     speed = engine_speed(smooth, Engine(cylinders=4, rpm_range=(2000.0, 2700.0)))
 
     assert np.nanmedian(speed.rpm) == pytest.approx(2400, rel=0.001)
@@ -100,7 +100,7 @@ def test_time_alone_gives_no_value() -> None:
 
 
 def test_windows_are_read_alike_in_whatever_order_they_come() -> None:
-    """Pictures of a film are not stored in the order of time, nor is what goes with them."""
+    """Pictures of a film are not stored in order of time, nor is their sound."""
     sound, rng = sounding(SIX, WAVERING, 6)
     windows: Sequence[SoundPeaks] = peaks_of(in_noise(sound, rng, 10))[:60]
     shuffled = [windows[index] for index in rng.permutation(len(windows))]

@@ -1,4 +1,4 @@
-"""Events: limits, steps, phases of flight; and outliers: what leaves its neighbours and comes back."""
+"""Events: limits, steps, phases of flight; and outliers: values that leave their neighbours and come back."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIME_S = np.arange(0.0, 60.0, 0.5)
 
 
 def test_a_limit_is_exceeded_where_a_value_is_beyond_it_by_more_than_it_is_uncertain_by() -> None:
-    """Each run is told with how far it went; what may be within the limit is none."""
+    """Each run is reported with its extreme; values possibly within the limit do not count."""
     airspeed_kt = 100.0 + 40.0 * np.sin(TIME_S / 5.0)
     data = flight(TIME_S, {"airspeed_kt": airspeed_kt}, airspeed_kt=Column(above=130.0, below=60.05))
     found = [event for event in find_events(data) if event.what is What.EXCEEDED]
@@ -44,7 +44,7 @@ def test_what_goes_within_a_frame_and_stays_is_a_step_and_no_outlier() -> None:
 
 
 def test_frames_beside_a_pause_of_the_recording_are_no_outliers() -> None:
-    """What a needle does during twenty seconds without a picture says nothing of the frames at either end."""
+    """A needle's motion during twenty seconds without a picture says nothing about the frames at either end."""
     values = 1000.0 + np.where(np.arange(len(TIME_S)) < 60, 0.0, 50.0)
     values[60] = 3000.0
     whole = flight(TIME_S, {"torque_ft": values})
@@ -116,7 +116,7 @@ def test_what_needles_do_is_no_outlier(shape: str) -> None:
 
 
 def test_outliers_are_pointed_out_and_left_as_they_are() -> None:
-    """Neither value nor status of an outlier changes, and what is interpolated is none."""
+    """Neither value nor status of an outlier changes, and interpolated values are not outliers."""
     angles = smooth()
     angles[20] += 30.0
     rows = course(angles)
@@ -131,7 +131,7 @@ def test_outliers_are_pointed_out_and_left_as_they_are() -> None:
 
 
 def test_a_known_rate_is_a_limit(document: dict[str, Any]) -> None:
-    """A step that no engine makes is pointed out where the panel says how fast it can be."""
+    """An impossibly fast step of an engine is pointed out if the panel states its limit."""
     document["gauges"][0]["needles"][0]["max_rate"] = 50.0  # kt a second; frames are half a second apart
     angles = np.where(np.arange(FRAMES) < 30, 180.0, 195.0)  # 40 kt at once
 
@@ -140,7 +140,7 @@ def test_a_known_rate_is_a_limit(document: dict[str, Any]) -> None:
 
 
 def test_doubt_about_a_value_is_room_for_it() -> None:
-    """A value that is known only roughly may lie off the line."""
+    """An uncertain value may be off the line."""
     angles = smooth()
     angles[20] += 8.0
     rows = course(angles)

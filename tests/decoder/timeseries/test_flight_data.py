@@ -1,4 +1,4 @@
-"""Flight data: readings become values frame by frame; gaps are filled between what was seen, never surer."""
+"""Flight data: readings become values frame by frame; gaps are interpolated, never with more certainty."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.decoder.cockpit import fly, reading
 
 
 def test_sigma_is_in_units_of_the_value(document: dict[str, Any]) -> None:
-    """The spread times the slope of the scale there, also of a falling one; what all may be off by adds in squares."""
+    """The spread times the slope of the scale there, also of a falling one; systematic errors add in squares."""
     data = fly([{"speed_kt": reading(200.0, sigma_deg=0.3)}, {"speed_kt": reading(300.0, sigma_deg=0.3)}])
     both = fly([{"al_lb": reading(200.0, sigma_deg=0.3)}], panel_sigma_deg=0.4)
     document["gauges"][0]["scale"] = [[120, 1000], [420, 0]]
@@ -40,7 +40,7 @@ def seen(angle_deg: float) -> Reading:
 
 
 def speeds(readings: Sequence[Reading | str], **more: Any) -> FlightData:  # noqa: ANN401
-    """A flight of which the speed alone matters, its gaps filled."""
+    """A flight in which only the speed matters, its gaps filled."""
     frames: list[Mapping[str, Reading] | str] = [
         reading if isinstance(reading, str) else {"speed_kt": reading} for reading in readings
     ]
@@ -73,7 +73,7 @@ def test_flagged_readings_lie_on_the_line_between_their_neighbours(
 
 
 def test_line_goes_the_short_way_round(document: dict[str, Any]) -> None:
-    """From 355 to 5 a heading goes by 0, and is no less sure there than anywhere else."""
+    """From 355 to 5 a heading goes through 0, and is as certain there as elsewhere."""
     document["gauges"][0] |= {"sweep": [270, 630], "scale": [[270, 0], [450, 180]], "wraps": 360}
     over = speeds([seen(623.0), seen(625.0), BAD, BAD, BAD, seen(275.0)], content=document)
     away = speeds([seen(423.0), seen(425.0), BAD, BAD, BAD, seen(435.0)], content=document)
@@ -126,7 +126,7 @@ def test_gap_is_never_surer_than_its_ends(angles: list[float | None], sigma_deg:
 
 
 def in_a_gap(angles: NDArray[np.float64], hidden: slice) -> tuple[NDArray[np.bool_], FlightData]:
-    """Which frames of a gap have their true value within 1.96 sigma, and the flight."""
+    """The frames of a gap whose true value is within 1.96 sigma, and the flight."""
     readings = [seen(angle) for angle in angles]
     true = speeds(readings).series[0].value
     readings[hidden] = [BAD] * len(readings[hidden])
@@ -139,7 +139,7 @@ def in_a_gap(angles: NDArray[np.float64], hidden: slice) -> tuple[NDArray[np.boo
 @settings(max_examples=10, deadline=None)
 @given(period=st.floats(10.0, 200.0), phase=st.floats(0.0, 1.0), size=st.floats(1.0, 100.0), frames=st.integers(2, 30))
 def test_intervals_in_gaps_hold_for_a_needle_that_swings(period: float, phase: float, size: float, frames: int) -> None:
-    """However fast, and however long the gap is: how it swings is seen in the rest of the flight."""
+    """However fast, and however long the gap: its swing is estimated from the rest of the flight."""
     angles = 270.0 + size * np.sin(2 * np.pi * (np.arange(240) / period + phase))
     starts = [round(20 + part * period) for part in np.arange(0, 1, 0.05)]  # all through a swing
     holds = [in_a_gap(angles, slice(start, start + frames))[0].mean() for start in starts]
@@ -149,7 +149,7 @@ def test_intervals_in_gaps_hold_for_a_needle_that_swings(period: float, phase: f
 
 @pytest.mark.parametrize("turns_at", [52, 55, 58])
 def test_turn_that_begins_and_ends_in_a_gap_is_within_its_interval(turns_at: int) -> None:
-    """Steady before and after: nobody knows when it turned, and sigma says so."""
+    """Steady before and after: when it turned is unknown, and sigma covers that."""
     holds, data = in_a_gap(np.where(np.arange(120) < turns_at, 200.0, 260.0), slice(50, 60))
 
     assert holds.all()
@@ -177,7 +177,7 @@ HIDING: dict[str, tuple[list[Mapping[str, Reading]], str]] = {
 def test_needle_is_hidden_only_where_it_went_under_its_cover(
     frames: list[Mapping[str, Reading]], expected: str
 ) -> None:
-    """What else looks like it is a glare's: it lies between what was seen before and after, or is missing."""
+    """Other apparent cases are due to glare: they are between the values before and after, or missing."""
     data = fill_gaps(fly(frames))
     value, cover = data.series[1].value, data.series[2].value
     seen = data.series[1].has(Status.READ)
@@ -197,7 +197,7 @@ def test_needle_is_hidden_only_where_it_went_under_its_cover(
     ids=["leaps ahead", "falls back", "stands still"],
 )
 def test_clock_that_jumps_gives_no_value_beyond_its_ends(times_s: tuple[float, ...]) -> None:
-    """Where the clock was set in mid-flight, a flagged frame still lies between its neighbours or is missing."""
+    """If the clock was set in mid-flight, a flagged frame is still between its neighbours or missing."""
     data = speeds([seen(200.0), BAD, seen(210.0), seen(300.0)], times_s=times_s)
     low, high = data.series[0].value[[0, 2]]
 

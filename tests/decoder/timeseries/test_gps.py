@@ -44,7 +44,7 @@ def at(fixes: list[GpsFix], times_s: list[float]) -> dict[str, Floats]:
 
 
 def test_values_lie_on_straight_lines_between_samples_and_not_beyond() -> None:
-    """In the units that the names end with: 3.048 m/s of climb are ten feet a second; none before or after."""
+    """In the units of the names' endings: 3.048 m/s of climb are ten feet a second; none before or after."""
     fixes = [sample(place, 0, 0, altitude_m=304.8 + 3.048 * place, speed_mps=51.4444 * place) for place in range(3)]
     columns = at(fixes, [-0.01, 0.0, 0.25, 1.5, 2.0, 2.01])
 
@@ -64,7 +64,7 @@ def test_track_is_the_way_it_went(bearing_deg: float) -> None:
 
 
 def test_at_a_standstill_there_is_no_track() -> None:
-    """A way that is no longer than the precision, in metres, is noise."""
+    """A distance no longer than the precision, in metres, is noise."""
     for speed_mps, known in ((1.4, False), (1.6, True)):
         fixes = [sample(place / 10, speed_mps * place / 10, 0) for place in range(31)]
 
@@ -90,7 +90,7 @@ def test_the_date_line_is_no_jump() -> None:
 def test_there_is_a_value_only_between_two_samples_with_a_fix_a_second_apart_at_most(
     known: list[bool], steps: list[float]
 ) -> None:
-    """Whatever is lost, and whatever a sample without a fix says all the same."""
+    """Whatever is lost, and whatever values a sample without a fix has."""
     times_s = np.cumsum(steps)[: len(known)]
     fixes = [
         sample(time_s, 0, 0) if has_fix else replace(sample(time_s, 0, 0), fix=NO_FIX)
@@ -108,7 +108,7 @@ def test_there_is_a_value_only_between_two_samples_with_a_fix_a_second_apart_at_
 
 
 def test_a_needle_keeps_its_name() -> None:
-    """What the GPS says of it is left out, and a warning says so."""
+    """The GPS's value is left out, with a warning."""
     quantity = Quantity("gps_speed_kt", "dial", "kt", ((0.0, 0.0), (90.0, 100.0)), None, None, None)
     needle = NeedleSeries(quantity, np.zeros(1, np.uint8), *[np.zeros(1)] * 4)
     found = with_gps(
@@ -123,7 +123,7 @@ def test_a_needle_keeps_its_name() -> None:
 
 
 def test_a_flight_without_samples_has_no_columns() -> None:
-    """So that nothing changes for flights of other cameras; one that never had a fix has empty ones."""
+    """So nothing changes for flights of other cameras; one that never had a fix has empty columns."""
     found = resampled([GpsFix(0)], np.array([0]))
 
     assert resampled([], np.array([0])) is None

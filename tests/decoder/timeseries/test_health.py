@@ -1,4 +1,4 @@
-"""What is said of each gauge: drawn well, or in words what to draw anew and why."""
+"""The verdict on each gauge: drawn well, or what to draw anew and why."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def decoded(folder: Path, shown: int) -> FlightData:
 
 @pytest.mark.parametrize("shown", [FRAMES, 4])
 def test_value_that_few_frames_show_is_named(tmp_path: Path, shown: int) -> None:
-    """It is named with how often it was read; one that is read as a rule is not."""
+    """It is named with how often it was read; one that is mostly read is not."""
     data = decoded(tmp_path, shown)
     (speed,) = (series for series in data.series if series.quantity.name == "speed_kt")
     named = [each for found in data.health.values() for each in found if "is read in" in each]
@@ -74,14 +74,14 @@ def flight_of(*series: NeedleSeries, combinations: tuple[Combination, ...] = ())
     [([5.0, 5.1, 4.95], None, False), ([5.0, 6.0, 5.0], None, True), ([99.95, 0.02, 0.1], 100.0, False)],
 )
 def test_needle_that_hardly_moves_is_named(values: list[float], wraps: float | None, moves: bool) -> None:  # noqa: FBT001
-    """It moves if its values go further than each of them may be off, the short way round."""
+    """It moves if its values differ by more than their possible errors, the short way round."""
     (findings,) = gauge_health(flight_of(series_of(values, wraps=wraps)), {}).values()
 
     assert [each.split(":")[0] for each in findings] == ([] if moves else ["a hardly moves"])
 
 
 def test_pointers_that_contradict_each_other_are_named() -> None:
-    """Where each is read, and what they show together is not."""
+    """Each is read, but their combined value is not."""
     parts = [series_of([1, 2, 3, 4], name="fine"), series_of([10, 20, 30, 40], name="coarse")]
     both = series_of([1, 2, 3, 4], name="both", missing=2)
     combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
@@ -128,7 +128,7 @@ def test_doubt_is_said_with_what_most_of_it_comes_from(cause: Cause, advice: str
 
 @pytest.mark.parametrize("status", [Status.MISSING, Status.INTERPOLATED])
 def test_what_was_not_read_is_not_doubted_once_more(status: Status) -> None:
-    """Only what claims to be read loses the claim."""
+    """Only values claimed as read lose the claim."""
     series = replace(series_of([10, 20]), sigma=np.full(2, 90.0))
     data = flight_of(replace(series, status=np.full(2, CODE[status], np.uint8)))
 

@@ -1,4 +1,4 @@
-"""Panels and cameras of strangers: any one or two values replaced give a decode or one sentence, nothing else."""
+"""Untrusted panels and cameras: replacing any one or two values gives a decode or one sentence, nothing else."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def sentence_of(act: Callable[[], None]) -> str:
 
 @pytest.mark.parametrize("kind", SOUND)
 def test_sound_panel_is_decoded(decode: Callable[..., None], document: Content, kind: str) -> None:
-    """What is spoilt below is whole before."""
+    """The panels spoilt below are valid before."""
     SOUND[kind](document)
 
     decode(document, CAMERA if kind == "oblique" else None)
@@ -131,7 +131,7 @@ def test_sound_panel_is_decoded(decode: Callable[..., None], document: Content, 
 def test_hostile_panel_gives_one_sentence(
     decode: Callable[..., None], document: Content, kind: str, replaced: list[Change]
 ) -> None:
-    """A panel of which one or two values are others is decoded, or refused in one printable sentence."""
+    """A panel with one or two changed values is decoded, or refused in one printable sentence."""
     whole = copy.deepcopy(document)
     SOUND[kind](whole)
     told = sentence_of(lambda: decode(spoilt(whole, replaced), CAMERA if kind == "oblique" else None))

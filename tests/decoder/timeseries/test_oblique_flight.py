@@ -43,7 +43,7 @@ def truth() -> Table:
 
 
 def test_needles_are_read_right(data: FlightData, truth: Table) -> None:
-    """Within 0.3 % of full scale on average, and nothing that is called read is off by 2 %."""
+    """Within 0.3 % of full scale on average, and no value with the status read is off by 2 %."""
     for series in data.series:
         error = np.abs(series.value - truth.numbers(series.quantity.name)) / series.quantity.full_scale
         read = series.status == READ
@@ -65,7 +65,7 @@ def test_uncertainties_are_not_bold(data: FlightData, truth: Table) -> None:
 
 
 def test_needle_under_the_hand_is_not_guessed(data: FlightData, truth: Table) -> None:
-    """Where a hand or lights take four fifths of a needle's contrast, it is not called read."""
+    """If a hand or lights remove four fifths of a needle's contrast, its status is not read."""
     for series in data.series:
         covered = truth.numbers(f"{series.quantity.name}_covered") >= 0.8
 

@@ -1,4 +1,4 @@
-"""A recorder's table brought to the flight data's names, units and clock, and the limits that regulators set."""
+"""A recorder's table converted to the flight data's names, units and clock, and the limits set by regulators."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def flight(tmp_path: Path, values: Mapping[str, Sequence[float]]) -> FlightTable
 
 
 def test_mapped_columns_are_in_our_names_and_units(tmp_path: Path) -> None:
-    """A column gets the needle's name and unit; one that is named like a needle stays; the rest is left out."""
+    """A column gets the needle's name and unit; one named like a needle stays; the rest is left out."""
     found = recorder_truth(
         flight(tmp_path, {"oil_temp_c": [1.0] * 3, "ias_kt": [1.0] * 3, "n1_pct": [1.0] * 3}),
         table(
@@ -67,7 +67,7 @@ def test_mapped_columns_are_in_our_names_and_units(tmp_path: Path) -> None:
 def test_times_count_from_the_first_frame(
     tmp_path: Path, times: list[str], seconds: list[float | None], first: int
 ) -> None:
-    """Plain seconds stay; times of the day and dates are laid beside the flight's own UTC, also of a part of it."""
+    """Plain seconds stay; times of day and dates are aligned with the flight's UTC, also for a part of it."""
     whole = flight(tmp_path, {"n1_pct": [1.0] * 3})
     part = Table(whole.table.path, {name: column[first:] for name, column in whole.table.columns.items()})
     found = recorder_truth(flight_table(part), table({"T": times, "n1_pct": [1, 2, 3]}), {}, "T")
