@@ -32,7 +32,7 @@ from decoder.imaging.unwrapping import (
     windowed,
 )
 from decoder.instruments.found import Needle
-from decoder.instruments.sampling import SeenGauge
+from decoder.instruments.sampling import ALL, Part, SeenGauge
 from decoder.matching.correlation import normxcorr
 from decoder.matching.faces import bare_face
 from decoder.matching.needle_layer import cut_over, first_layer
@@ -168,6 +168,10 @@ class Instrument(Placed):
 
 class Still:
     """Defaults for kinds in which nothing turns around a drawn pivot."""
+
+    def sampled_part(self, _grid: Grid) -> Part:
+        """Return all of it."""
+        return ALL
 
     def pivot(self, _instrument: Instrument, _appearance: Appearance, _frames: Sequence[SeenGauge]) -> Pivot:
         """Return the unknown pivot."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from decoder.imaging.unwrapping import UnwrappedGauge
+from decoder.imaging.unwrapping import Grid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
-from decoder.instruments.sampling import GaugeSampler, Reader, SeenGauge
+from decoder.instruments.sampling import GaugeSampler, Part, Reader, SeenGauge
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import Pivot
@@ -24,6 +24,10 @@ class Kind(Protocol):
 
     def owns(self, gauge: Gauge) -> bool:
         """Whether a gauge is of this kind."""
+        ...
+
+    def sampled_part(self, grid: Grid) -> Part:
+        """Return what of a gauge its reader takes from the sampler as a strip."""
         ...
 
     def reader(

@@ -74,7 +74,9 @@ class InstrumentReaders:
     @cached_property
     def sampler(self) -> GaugeSampler:
         """Samples the panel's gauges."""
-        return GaugeSampler(self._unwrapper, [index for index, kind in enumerate(self._kinds) if kind.is_searched])
+        searched = [index for index, kind in enumerate(self._kinds) if kind.is_searched]
+        parts = [kind.sampled_part(grid) for kind, grid in zip(self._kinds, self._unwrapper.grids, strict=True)]
+        return GaugeSampler(self._unwrapper, searched, dict(enumerate(parts)))
 
     @cached_property
     def _readers(self) -> list[Reader]:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -28,6 +29,9 @@ from decoder.panel.arrays import Floats, Indices
 
 Levels = NDArray[Any]
 """Grey levels, whole ones where a frame is sampled."""
+Part = tuple[slice, slice]
+"""Rows and columns of an unwrapped gauge."""
+ALL: Part = (slice(None), slice(None))
 
 
 class Samples(Protocol):
@@ -40,13 +44,15 @@ class Samples(Protocol):
         """(len(first), size): runs of samples starting at these numbers."""
         ...
 
-    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
-        """(R, C): a whole gauge, by the number of its first sample."""
+    def strip(self, first: int, shape: tuple[int, int], part: Part) -> Levels:
+        """(R', C'): part of a gauge of this shape, by the number of its first sample."""
         ...
 
 
 class GaugeSampler:
     """Samples the gauges of one panel; `searched` are the indexes of those that are searched.
+
+    A strip of a gauge that has one of the `parts`, by place too, is these rows and columns of it.
 
     Attributes
     ----------
@@ -56,15 +62,17 @@ class GaugeSampler:
         Rows and columns by gauge.
     """
 
-    def __init__(self, unwrapper: Unwrapper, searched: Sequence[int]) -> None:
-        self._unwrapper = unwrapper
+    def __init__(
+        self, unwrapper: Unwrapper, searched: Sequence[int], parts: Mapping[int, Part] = MappingProxyType({})
+    ) -> None:
+        self._unwrapper, self._parts = unwrapper, parts
         self.searched = tuple(searched)
         self.shapes = [(grid.rows, grid.columns) for grid in unwrapper.grids]
         self.first: list[int] = np.cumsum([0, *(rows * columns for rows, columns in self.shapes)]).tolist()
         self._is_flat = all(grid.raised is None for grid in unwrapper.grids)
-        parts = [self._searched_numbers(index) for index in self.searched]
-        self.searched_shapes = [own.shape for own in parts]
-        ends = np.cumsum([0, *(own.size for own in parts)]).tolist()
+        numbers = [self._searched_numbers(index) for index in self.searched]
+        self.searched_shapes = [own.shape for own in numbers]
+        ends = np.cumsum([0, *(own.size for own in numbers)]).tolist()
         self.searched_parts = [slice(first, end) for first, end in pairwise(ends)]
 
     def _searched_numbers(self, index: int) -> Indices:
@@ -102,12 +110,9 @@ class GaugeSampler:
         return _UnwrappedSamples(gauges, self.first, self.searched)
 
     def strips(self, frames: Sequence[Samples], index: int) -> Floats:
-        """Unwrap one gauge from frames: (F, R, C) float32."""
-        first, shape = self.first[index], self.shapes[index]
-        strips = np.empty((len(frames), *shape), np.float32)
-        for strip, frame in zip(strips, frames, strict=True):
-            strip[:] = frame.strip(first, shape)
-        return strips
+        """Unwrap one gauge, or its part, from frames: (F, R, C) float32."""
+        first, shape, part = self.first[index], self.shapes[index], self._parts.get(index, ALL)
+        return np.stack([frame.strip(first, shape, part) for frame in frames], dtype=np.float32)
 
     @cached_property
     def _points(self) -> Floats:
@@ -121,14 +126,15 @@ class GaugeSampler:
     def _whole(self) -> _WholeGauges | None:
         """The gauges that are not searched, if there are any."""
         numbers = {
-            first: np.arange(first, end)
+            first: np.arange(first, end).reshape(self.shapes[index])[self._parts.get(index, ALL)]
             for index, (first, end) in enumerate(pairwise(self.first))
             if index not in self.searched
         }
         if not numbers:
             return None
-        points = PointMap.of([self._points[its].T for its in numbers.values()])
-        return _WholeGauges(points, dict(zip(numbers, points.slices, strict=True)))
+        points = PointMap.of([self._points[its.ravel()].T for its in numbers.values()])
+        where = zip(points.slices, (its.shape for its in numbers.values()), strict=True)
+        return _WholeGauges(points, dict(zip(numbers, where, strict=True)))
 
     @cached_property
     def _mixed_maps(self) -> dict[int, PointMap]:
@@ -143,10 +149,10 @@ class GaugeSampler:
 
 @dataclass(frozen=True, slots=True)
 class _WholeGauges:
-    """Gauges sampled together: their points, and each gauge's slice by the number of its first sample."""
+    """Gauges that are taken together: their points, and by a gauge's first sample which are its own and their shape."""
 
     points: PointMap
-    parts: Mapping[int, slice]
+    gauges: Mapping[int, tuple[slice, tuple[int, ...]]]
 
 
 class _FrameSamples:
@@ -174,12 +180,13 @@ class _FrameSamples:
         places = self._alignment.places(_runs(self._points, size)[first], self._origin)
         return levels_at(self._frame, places).reshape(-1, size)
 
-    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
-        if self._whole is not None and first in self._whole.parts:
-            return self._whole_levels[self._whole.parts[first]].reshape(shape)
+    def strip(self, first: int, shape: tuple[int, int], part: Part) -> Levels:
+        if self._whole is not None and first in self._whole.gauges:
+            which, own_shape = self._whole.gauges[first]
+            return self._whole_levels[which].reshape(own_shape)
         rows, columns = shape
-        points = self._points[first : first + rows * columns].reshape(rows, columns, 2)
-        return levels_at(self._frame, self._alignment.places(points, self._origin)).reshape(shape)
+        points = self._points[first : first + rows * columns].reshape(rows, columns, 2)[part]
+        return levels_at(self._frame, self._alignment.places(points, self._origin)).reshape(points.shape[:2])
 
     @cached_property
     def _whole_levels(self) -> Levels:
@@ -202,8 +209,8 @@ class _MixedSamples:
                 runs[its] = samples.runs(first[its], size)
         return runs
 
-    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
-        return self._mixed.get(self._first.index(first), self._plain).strip(first, shape)
+    def strip(self, first: int, shape: tuple[int, int], part: Part) -> Levels:
+        return self._mixed.get(self._first.index(first), self._plain).strip(first, shape, part)
 
 
 class _UnwrappedSamples:
@@ -222,8 +229,8 @@ class _UnwrappedSamples:
             run[:] = self._gauges[index][start : start + size]
         return runs
 
-    def strip(self, first: int, shape: tuple[int, int]) -> Levels:
-        return self._gauges[self._first.index(first)].reshape(shape)
+    def strip(self, first: int, shape: tuple[int, int], part: Part) -> Levels:
+        return self._gauges[self._first.index(first)].reshape(shape)[part]
 
 
 def _ends(points: Floats, parts: Sequence[slice]) -> Indices:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from decoder.imaging.unwrapping import UnwrappedGauge, rows_in_sweep
+from decoder.imaging.unwrapping import Grid, UnwrappedGauge, rows_in_sweep
 from decoder.instruments.appearance import (
     Appearance,
     DrawnInstrument,
@@ -23,7 +23,7 @@ from decoder.instruments.kinds.dials.needles import NeedleReader, is_simple
 from decoder.instruments.kinds.dials.stack import StackReader, without_dial
 from decoder.instruments.needle_lines import pivot_of_tilts, tilts_of
 from decoder.instruments.reading import Readings
-from decoder.instruments.sampling import GaugeSampler, Reader, Samples, SeenGauge
+from decoder.instruments.sampling import ALL, GaugeSampler, Part, Reader, Samples, SeenGauge
 from decoder.matching.pivot_search import drawn_needles_deg, needle_pivot
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -63,6 +63,9 @@ class NeedleKind:
 
     def owns(self, gauge: Gauge) -> bool:
         return _has_still_face(gauge) and is_simple(gauge)
+
+    def sampled_part(self, _grid: Grid) -> Part:
+        return ALL
 
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method

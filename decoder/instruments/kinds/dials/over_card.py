@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import (
+    Grid,
     PolarGrid,
     UnwrappedGauge,
     Unwrapper,
     needle_places,
+    polar,
     row_of_angle,
     turn_rows,
 )
@@ -51,7 +53,7 @@ from decoder.instruments.kinds.dials.card import (
 from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
 from decoder.instruments.needle_learner import NeedleLearner
 from decoder.instruments.reading import Reading, Readings, Status
-from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
+from decoder.instruments.sampling import GaugeSampler, Part, Samples, SeenGauge
 from decoder.instruments.thresholds import (
     APART_DEG,
     CLEAR_PART,
@@ -156,7 +158,7 @@ class _Dial:
 
     def part(self, strip: NDArray[Any]) -> NDArray[Any]:
         """(P, C): one turn of a gauge (R, C + tail), without the columns across the centre."""
-        return strip[: self.rows, self.grid.tail_columns :]
+        return strip[once(self.grid)]
 
     def card_part(self, part: NDArray[Any]) -> NDArray[Any]:
         """(P, N): the card's columns of such a turn."""
@@ -209,6 +211,11 @@ class _Dial:
         return np.roll(self.part(hidden), round(rows), axis=0)
 
 
+def once(grid: PolarGrid) -> Part:
+    """Return the rows and columns that show all of a dial once: one turn, from the centre outwards."""
+    return slice(round(FULL_CIRCLE_DEG / grid.step_deg)), slice(grid.tail_columns, None)
+
+
 @dataclass(frozen=True, slots=True)
 class _Seen:
     """Card and needles in one frame.
@@ -251,32 +258,32 @@ class OverCardReader:
             method,
         )
 
-    def turn(self, strip: UnwrappedGauge) -> Turn:
-        """Find the card's turn in a gauge (R, C), needles included."""
-        return self._card.turn(self._dial.card_part(self._dial.part(strip)))
+    def turn(self, part: UnwrappedGauge) -> Turn:
+        """Find the card's turn in one turn of a dial (P, C), needles included."""
+        return self._card.turn(self._dial.card_part(part))
 
     def on_card(self, backs: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
         """Find needles in gauges (R, C) turned back; `place_sigmas_deg` (F, 1) as in `Reader`."""
         return self._needles.read([self._sampler.of_unwrapped([back]) for back in backs], place_sigmas_deg)
 
-    def read(self, strips: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
-        """Read all quantities in F gauges (R, C)."""
+    def read(self, parts: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> Readings:
+        """Read all quantities in one turn of F dials (P, C)."""
         sigmas_deg = place_sigmas_deg[:, 0].tolist()
         return [
             self._readings(seen, sigma_deg)
-            for seen, sigma_deg in zip(self.seen(strips, place_sigmas_deg), sigmas_deg, strict=True)
+            for seen, sigma_deg in zip(self.seen(parts, place_sigmas_deg), sigmas_deg, strict=True)
         ]
 
-    def seen(self, strips: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> list[_Seen]:
-        """Find card and needles in F gauges (R, C)."""
-        first = [self.turn(strip) for strip in strips]
-        backs = [self.turned_back(strip, turn) for strip, turn in zip(strips, first, strict=True)]
+    def seen(self, parts: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> list[_Seen]:
+        """Find card and needles in one turn of F dials (P, C)."""
+        first = [self.turn(part) for part in parts]
+        backs = [self.turned_back(part, turn) for part, turn in zip(parts, first, strict=True)]
         found = [
             {name: self._as_shown(name, reading, turn) for name, reading in own.items()}
             for own, turn in zip(self.on_card(backs, place_sigmas_deg), first, strict=True)
         ]
-        parts = zip(strips, first, backs, found, strict=True)
-        return [_Seen(self._turn_without(strip, turn, own), turn.rows, back, own) for strip, turn, back, own in parts]
+        told = zip(parts, first, backs, found, strict=True)
+        return [_Seen(self._turn_without(part, turn, own), turn.rows, back, own) for part, turn, back, own in told]
 
     def _as_shown(self, name: str, reading: Reading, turn: Turn) -> Reading:
         """Increase a needle's sigma by the part of its width that is hidden by what stands still over the card."""
@@ -291,20 +298,20 @@ class OverCardReader:
         sigma_deg = math.hypot(reading.sigma_deg, (1.0 - shown) * template.half_width_deg)
         return Reading(status, reading.angle_deg, sigma_deg, reading.score)
 
-    def _turn_without(self, strip: UnwrappedGauge, turn: Turn, found: Mapping[str, Reading]) -> Turn:
+    def _turn_without(self, part: UnwrappedGauge, turn: Turn, found: Mapping[str, Reading]) -> Turn:
         """Read a card again without what needles hide, given its approximate turn."""
         dial = self._dial
         hidden = dial.hidden(self._picture.templates, found, turn.rows)
         if not hidden.any():
             return turn
         # The whole turn is needed to estimate the light on it.
-        bare = self._with_card(dial.part(strip), turn, hidden)
+        bare = self._with_card(part, turn, hidden)
         return self._card.turn_without(dial.card_part(bare), dial.card_part(hidden), turn)
 
-    def turned_back(self, strip: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:
+    def turned_back(self, part: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:
         """(R, C): a gauge turned back, with the card drawn where something fixed lies over it."""
-        over, seen = self._picture.over, self._dial.part(strip)
-        return self._dial.whole(turned(self._with_card(seen, turn, over) if over.any() else seen, -turn.rows))
+        over = self._picture.over
+        return self._dial.whole(turned(self._with_card(part, turn, over) if over.any() else part, -turn.rows))
 
     def _with_card(self, seen: UnwrappedGauge, turn: Turn, instead: Mask) -> UnwrappedGauge:
         """(P, C): one turn of a dial with the card drawn at `instead`, in the light of the rest."""
@@ -361,7 +368,7 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
     known = given
     for number in range(ROUNDS):
         reader = OverCardReader(dial, known, Method.NORMXCORR, SCORE_THRESHOLD)
-        seen = [each for each in reader.seen(strips, np.zeros((len(strips), 1))) if each.turn.score >= LIKELY_SCORE]
+        seen = [each for each in reader.seen(parts, np.zeros((len(parts), 1))) if each.turn.score >= LIKELY_SCORE]
         if len(seen) < FRAMES_TO_LEARN:
             return given
         usual = np.median([each.back for each in seen], axis=0)
@@ -512,8 +519,8 @@ class _OverCards:
     def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
         readings: Readings = [{} for _ in frames]
         for index, reader in self._readers:
-            strips = list(self._sampler.strips(frames, index))
-            for frame, own in zip(readings, reader.read(strips, place_sigmas_deg[:, [index]]), strict=True):
+            parts = list(self._sampler.strips(frames, index))
+            for frame, own in zip(readings, reader.read(parts, place_sigmas_deg[:, [index]]), strict=True):
                 frame.update(own)
         return readings
 
@@ -536,6 +543,9 @@ class OverCardKind(Still):
 
     def owns(self, gauge: Gauge) -> bool:
         return gauge.card is not None and bool(gauge.needles)
+
+    def sampled_part(self, grid: Grid) -> Part:
+        return once(polar(grid))
 
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method
