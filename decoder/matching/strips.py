@@ -64,27 +64,19 @@ def blocks_of(pixels: Floats, height: int) -> Floats:
 
 
 def rows_at(strip: Floats, rows: Floats) -> Floats:
-    """Interpolate an unwrapped gauge at fractional rows by cubics: (len(rows), C); its end rows repeat beyond them."""
-    first = np.floor(rows).astype(np.intp)
-    index = np.minimum(np.maximum(first + np.arange(-1, 3)[:, None], 0), len(strip) - 1)
-    part = rows - first
-    if not part.any():
-        whole: Floats = strip[index[1]]
-        return whole
-    weights = np.stack(cubic_weights(part)).astype(np.float32)
-    interpolated: Floats = np.einsum("kr,krc->rc", weights, strip[index])
-    return interpolated
+    """Interpolate an unwrapped gauge at consecutive rows, maybe fractional: (len(rows), C); see `rows_of_each`."""
+    (there,) = rows_of_each([strip], rows[None])
+    return np.asarray(there)
 
 
 def rows_of_each(strips: Sequence[Floats], rows: Floats) -> Floats:
-    """Do `rows_at` for K unwrapped gauges of one shape, each at rows of its own, (K, H): (K, H, C)."""
+    """Interpolate K unwrapped gauges by cubics, each at consecutive rows of its own, (K, H): (K, H, C).
+
+    The end rows of a gauge repeat beyond them.
+    """
     first = np.floor(rows[:, 0]).astype(np.intp)
-    follow = np.abs(rows[:, -1] - rows[:, 0] - (rows.shape[1] - 1)) < np.finfo(np.float32).eps
-    follow &= (first >= 1) & (np.floor(rows[:, -1]).astype(np.intp) + 2 < len(strips[0])) & (rows.shape[1] > 1)
-    if not follow.all():
-        return np.stack([rows_at(strip, own) for strip, own in zip(strips, rows, strict=True)])
-    height = rows.shape[1] + 3
-    parts = [strip[start : start + height] for strip, start in zip(strips, (first - 1).tolist(), strict=True)]
+    index = first[:, None] + np.arange(-1, rows.shape[1] + 2)
+    parts = [strip.take(own, axis=0, mode="clip") for strip, own in zip(strips, index, strict=True)]
     return rows_between(np.stack(parts, dtype=np.float32), rows[:, 0] - first)
 
 
