@@ -223,7 +223,7 @@ def _sums_over(kernels: list[list[Floats]], *images: Floats) -> Floats:
 def products(left: Floats, right: Floats) -> Floats:
     """(..., K, L): the inner products of a few long rows (..., K, N) with a few others (..., L, N).
 
-    Unlike a matrix product, none of them depends on how many rows there are.
+    None of them depends on how many rows there are, and each is summed more exactly than in a matrix product.
     """
     inner: Floats = np.vecdot(left[..., :, None, :], right[..., None, :, :])
     return inner

@@ -38,7 +38,7 @@ from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_c
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, STILL_ROWS
-from decoder.matching.correlation import explained, is_singular, weighted_correlation
+from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -370,7 +370,7 @@ class _HorizonReader:
         for _ in range(FIT_STEPS):
             columns = self._columns(place, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
-            normal = (weighted @ columns.T).astype(np.float64)
+            normal = products(weighted, columns).astype(np.float64)
             if is_singular(normal):
                 return NOT_SEEN
             inverse = np.linalg.inv(normal)

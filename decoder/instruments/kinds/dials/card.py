@@ -45,7 +45,7 @@ from decoder.instruments.thresholds import (
     STILL_ROWS,
     SURE_SCORE,
 )
-from decoder.matching.correlation import explained, is_singular, weighted_correlation
+from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_between
 from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
@@ -239,7 +239,7 @@ class CardReader:
             np.subtract(card[:-2], card[2:], out=slope)
             slope /= 2
             weighted = columns * weights.ravel()
-            normal = (weighted @ columns.T).astype(np.float64)
+            normal = products(weighted, columns).astype(np.float64)
             if is_singular(normal):  # a card without marks has no direction
                 return start, math.inf, 0.0
             inverse = np.linalg.inv(normal)

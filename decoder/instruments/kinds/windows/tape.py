@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.imaging.sorting import median_of
+from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.appearance import DrawnInstrument, Look
@@ -37,7 +37,7 @@ from decoder.instruments.kinds.windows.tape_shape import (
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS, SURE_SCORE
-from decoder.matching.correlation import explained
+from decoder.matching.correlation import products
 from decoder.matching.searching import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
@@ -306,7 +306,7 @@ class TapeFinder:
                 columns[:, column] = levels.reshape(-1, size)
             flat = (weights * trusted[open_]).reshape(len(here), 1, size)
             weighed = columns * flat
-            normal = (weighed @ columns.swapaxes(1, 2)).astype(np.float64)
+            normal = products(weighed, columns).astype(np.float64)
             hold = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-9
             inverse = np.linalg.inv(normal + hold * np.eye(len(columns[0])))
             sides = (weighed @ seen.reshape(len(here), size, 1)).astype(np.float64)
@@ -323,8 +323,7 @@ class TapeFinder:
             fit = _Fit(seen, weights, mean, weighed, inverse, solution, left, flat)
             self._tell(found, open_[ends], fit.part(ends))
             open_ = open_[moves]
-            for number, off, weight in zip(open_.tolist(), left[moves], weights[moves], strict=True):
-                trusted[number] = explained(off, weight)
+            trusted[open_] = _trusted(left[moves], weights[moves])
         return found
 
     def _tell(self, found: Laid, which: Indices, fit: _Fit) -> None:
@@ -361,14 +360,14 @@ class TapeFinder:
         shown, slopes = self._at(self._picture.levels, where.rows), self._at(self._slopes, where.rows)
         weights = (self._at(self._known, where.rows) > 1 - STILL_ROWS) * self._picture.weights
         lit = (strips - where.lights) / where.gains - shown
-        for left, tape, slope, change, weight in zip(lit, shown, slopes, changes, weights, strict=True):
+        trusted = _trusted(lit, weights)
+        for left, tape, slope, change, weight in zip(lit, shown, slopes, changes, weights * trusted, strict=True):
             own = np.concatenate([[tape.ravel(), slope.ravel(), (tape * self._along).ravel()], self._lights])
-            trusted = (weight * explained(left, weight)).ravel()
-            flat = own * trusted
+            flat = own * weight.ravel()
             both = np.concatenate([change.reshape(kinds, size), left.reshape(1, size)])
             shares = np.linalg.solve(flat @ own.T + 1e-3 * np.eye(len(own)), flat @ both.T)
             rest = both - shares.T @ own
-            weighed = rest * trusted
+            weighed = rest * weight.ravel()
             normal += weighed[:kinds] @ rest[:kinds].T
             sides += weighed[:kinds] @ rest[kinds]
         noise = NOISE_LEVELS**2 * ALIKE * len(strips)
@@ -378,7 +377,7 @@ class TapeFinder:
         """(F,): the NCC of windows with their fits, from the residuals `left`, both without smooth light."""
         flat = weights.reshape(len(seen), 1, -1)
         lights = self._lights * flat
-        normal = (lights @ self._lights.T).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
+        normal = products(lights, self._lights).astype(np.float64) + 1e-6 * np.eye(len(self._lights))
         middle = seen.reshape(len(seen), -1, 1) - seen.mean(axis=(1, 2))[:, None, None]
         part = np.linalg.solve(normal, (lights @ middle).astype(np.float64)).astype(np.float32)
         plain = (flat * (middle[..., 0] - (part.swapaxes(1, 2) @ self._lights)[:, 0])[:, None] ** 2).sum(axis=(1, 2))
@@ -403,6 +402,14 @@ def _profile(picture: TapePicture) -> Floats:
     beyond = levels - np.linalg.lstsq(even.T, levels, rcond=None)[0] @ even
     profile: Floats = beyond / max(float(beyond.std()), NOISE_LEVELS)
     return profile
+
+
+def _trusted(left: Floats, weights: Floats) -> Floats:
+    """(F, R, C): 1 where residuals are no larger than usual for pixels with weight, else 0."""
+    off = np.abs(left)
+    spread = [float(median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
+    most = OUTLIER_SPREADS * np.maximum(MAD_TO_SIGMA * np.array(spread, np.float32), NOISE_LEVELS)
+    return np.asarray(off <= most[:, None, None], np.float32)
 
 
 def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round: bool) -> TapePicture:
