@@ -52,7 +52,7 @@ class Samples(Protocol):
 class GaugeSampler:
     """Samples the gauges of one panel; `searched` are the indexes of those that are searched.
 
-    A strip of a gauge that has one of the `parts`, by place too, is these rows and columns of it.
+    `parts` are the rows and columns, by index, that a strip of a gauge has where it is not all of it.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class GaugeSampler:
 
 @dataclass(frozen=True, slots=True)
 class _WholeGauges:
-    """Gauges that are taken together: their points, and by a gauge's first sample which are its own and their shape."""
+    """Gauges sampled together: their points, and each gauge's slice and shape by the number of its first sample."""
 
     points: PointMap
     gauges: Mapping[int, tuple[slice, tuple[int, ...]]]
