@@ -1,4 +1,4 @@
-"""Engines whose speed is a formula, in what else is to be heard: for the tests, and for the table in docs/sound.md."""
+"""Engines with a speed by formula, among other sounds: for the tests, and for the table in docs/sound.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TURBOPROP = Engine(cylinders=0, blades=4, gearing=15.0, rpm_range=(12_000.0, 34_
 
 
 def peaks_of(sound: Sound) -> list[SoundPeaks]:
-    """What a flight would keep of it; resampled by a Fourier transform."""
+    """The peaks that a flight would keep of it; resampled by a Fourier transform."""
     spectrum = np.fft.rfft(sound)
     kept = np.fft.irfft(spectrum[: len(sound) * KEPT_HZ // RATE_HZ // 2 + 1]) * KEPT_HZ / RATE_HZ
     cut = np.lib.stride_tricks.sliding_window_view(kept, WINDOW)[::STEP]
@@ -36,7 +36,7 @@ def peaks_of(sound: Sound) -> list[SoundPeaks]:
 
 
 def sounding(known: Engine, rpm: Sound, seed: int, **more: float) -> tuple[Sound, np.random.Generator]:
-    """Let an engine sound that is as it is known, with the generator that drew it."""
+    """Make the sound of an engine with these properties, and return the generator that drew it."""
     rng = np.random.default_rng(seed)
     return engine(
         rpm, rng, cylinders=known.cylinders or 0, blades=known.blades or 0, gearing=known.gearing, **more

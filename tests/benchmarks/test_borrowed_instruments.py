@@ -48,7 +48,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.untraced, pytest.mark.xdist_group("b
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One needle of one flight: what was read of it, and in which part of the frames that show it it has a value."""
+    """One needle of one flight: its readings, and the part of the frames showing it that have a value."""
 
     read: Read
     visible_valued: float
@@ -83,7 +83,7 @@ def _decoded(flight: str, folder: Path) -> dict[str, Row]:
 
 
 def _covered(row: Mapping[str, str], name: str) -> float:
-    """How much of what shows a quantity is covered: of several pointers the one that is worst seen."""
+    """The covered part of a quantity's pointer; of several, the worst."""
     return max(float(row[f"{hand.name}_covered"]) for _, hand in HANDS if name in {hand.name, hand.shows})
 
 
@@ -106,7 +106,7 @@ def _known_to_fail(causes: Mapping[tuple[str, str], str]) -> list[object]:
 
 @pytest.mark.parametrize("flight", SOURCES)
 def test_no_value_that_is_read_is_far_off(flights: Flights, flight: str) -> None:
-    """Whatever claims to be read is within two percent of full scale, on every instrument and in every light."""
+    """Every value with the status read is within two percent of full scale, on every instrument and in every light."""
     rows = flights.rows(flight)
 
     assert {name: row.read.largest for name, row in rows.items() if row.read.gross} == {}

@@ -46,7 +46,7 @@ def sampled(grid: WindowGrid, flight: str, number: int) -> Floats:
 @pytest.mark.slow
 @pytest.mark.parametrize("column", DISPLAYS)
 def test_what_is_read_is_right_and_nearly_all_is(column: str) -> None:
-    """Nothing is read that was not shown; drawn on a sharp picture, 97 of 100 blurred ones are read."""
+    """Nothing false is read; drawn on a sharp picture, 97 of 100 blurred ones are read."""
     pattern, shows, corners = DISPLAYS[column]
     digits, grid = Digits(name="own", pattern=pattern, shows=shows), WindowGrid.of(corners, Digits.margin_part)
     row = Row(digits.symbols, np.array(digits.before, float), digits.points, np.array(digits.may_be_blank))

@@ -1,4 +1,4 @@
-"""The newcomer of the benchmark counts what a person does."""
+"""The benchmark's newcomer counts a person's actions."""
 
 from __future__ import annotations
 

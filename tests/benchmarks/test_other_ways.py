@@ -1,4 +1,4 @@
-"""What the benchmarks compare with does what it is for: a comparison with something broken would say nothing."""
+"""The methods that the benchmarks compare with work: a comparison with something broken would be meaningless."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.programs import A1, FIXTURES
 
 @pytest.mark.parametrize(("correlate", "frames"), [(with_opencv, 8), (with_skimage, 2)])
 def test_thesis_way_reads_the_animation(correlate: Correlate, frames: int) -> None:
-    """Within a degree of what each needle shows, which is what a row of its unwrapped gauges allows."""
+    """Within a degree of each needle's angle, as the rows of its unwrapped gauges allow."""
     flight = open_flight([A1])
     source = panel_from_attachments(flight.attachments, flight=A1.name)
     way = PlainWay(source, correlate)

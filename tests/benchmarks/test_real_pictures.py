@@ -1,4 +1,4 @@
-"""Pictures that nobody of us made are read as well as is asked for."""
+"""Pictures made by others are read as well as required."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_dim_or_thin_needle_over_print_is_told_from_it(
 @pytest.mark.slow
 @pytest.mark.untraced
 def test_whole_panel_of_a_flight_is_read_without_a_gross_error(tmp_path: Path) -> None:
-    """Twenty things to read, from the side: whatever is read is right, and what is interpolated is honest."""
+    """Twenty instruments, seen from the side: readings are right, and interpolated values have honest sigmas."""
     found = reads_of("simulator flight, oblique", tmp_path, every=2)
 
     assert {name for name, read in found.items() if read.gross} == set()

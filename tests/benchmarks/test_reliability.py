@@ -1,4 +1,4 @@
-"""What measures reliability sees what is lost: else its table would say nothing."""
+"""The measurement of reliability detects losses: otherwise its table would be meaningless."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole panel of others' pictures: everything a pilot reads is a column, and nothing is sure and wrong."""
+"""The whole panel of others' pictures: everything a pilot reads is a column, and no certain value is wrong."""
 
 from __future__ import annotations
 

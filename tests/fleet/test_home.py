@@ -1,4 +1,4 @@
-"""A fleet on this machine's processes: the same as one by one, and whatever is killed, nothing is half-written."""
+"""A fleet on this machine's processes: the same results as one by one, and nothing half-written, whatever is killed."""
 
 from __future__ import annotations
 

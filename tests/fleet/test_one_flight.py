@@ -67,13 +67,13 @@ def flights(folder: Path) -> list[FleetFlight]:
 
 
 def status(outcome: Outcome) -> State:
-    """What became of a flight; a reason would show in the assertion."""
+    """The status of a flight; a reason would show in the assertion."""
     assert outcome.reason == ""
     return outcome.status
 
 
 def test_finished_flights_are_kept(order: MakeOrder, few: Path, frames: list[Frame], tmp_path: Path) -> None:
-    """Nothing is decoded again but what changed: a flight's content, not its date alone."""
+    """Only a flight whose content changed is decoded again, not one with only a new date."""
     first = [decode_one(flight, order()) for flight in flights(few)]
     os.utime(few / "flight1_0000.mcap", ns=(1, 1))
     (few / "flight2_0000.mcap").unlink()
@@ -119,7 +119,7 @@ def test_formats_have_no_order(order: MakeOrder, flight: FleetFlight, tmp_path: 
 
 
 def test_other_panel_is_decoded_anew(order: MakeOrder, flight: FleetFlight, cockpit: Path) -> None:
-    """A panel of another wording or with another picture is another panel; the same one elsewhere is not."""
+    """A panel with other text or another picture is another panel; the same one elsewhere is not."""
     decode_one(flight, order(panel=cockpit))
     moved = cockpit.parent.rename(cockpit.parents[1] / "moved") / "panel.yaml"
     kept = decode_one(flight, order(panel=moved))
@@ -180,7 +180,7 @@ def test_leftovers_of_a_killed_worker_go(order: MakeOrder, flight: FleetFlight, 
 
 @pytest.mark.parametrize("marker", ["", "half a mark", '{"key": {}}', "[]", "null"])
 def test_marker_that_is_none_is_no_marker(order: MakeOrder, flight: FleetFlight, tmp_path: Path, marker: str) -> None:
-    """Where the marker cannot be understood the results count as somebody else's."""
+    """If the marker cannot be read, the results count as another program's."""
     decode_one(flight, order())
     (tmp_path / "out" / "flight0" / "fleet.done").write_text(marker)
 
@@ -219,7 +219,7 @@ def test_results_of_other_versions_are_not_kept(
 
 @pytest.mark.parametrize("file", ["outputs/report/page/main.js", "outputs/report/page/style.css", "start.py"])
 def test_every_file_of_the_code_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
-    """A report's page decides about bytes as the Python code does; what Python made of that does not."""
+    """A report's page affects results like the Python code; compiled Python files do not."""
     package = tmp_path / "decoder"
     shutil.copytree(decoder.__path__[0], package, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(decoder, "__path__", [str(package)])

@@ -1,4 +1,4 @@
-"""Going through a fleet: few flights in work at a time, however many there are, and their rows on the disk."""
+"""Processing a fleet: few flights in work at a time, however many there are, and their rows on the disk."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def flights(count: int) -> Iterator[FleetFlight]:
 
 
 def test_flights_are_taken_as_there_is_room() -> None:
-    """Of a thousand flights never more than four are taken whose outcome is not told yet."""
+    """Of a thousand flights never more than four without an outcome are taken."""
     taken, told, most = 0, 0, 0
 
     def counted() -> Iterator[FleetFlight]:
@@ -109,7 +109,7 @@ def test_deaths_are_tried_again_once() -> None:
 
 
 def test_cancelled_flight_means_a_lost_scheduler() -> None:
-    """What nobody of us cancelled was lost with the scheduler."""
+    """A flight that we did not cancel was lost with the scheduler."""
     with pytest.raises(ClusterLost, match="finished flights are kept"):
         list(run_fleet(flights(1), ORDER, QuickWorkers({"f000000": [CancelledError()]})))
 

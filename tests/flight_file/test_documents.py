@@ -105,7 +105,7 @@ def test_what_is_not_taken_is_one_sentence(monkeypatch: pytest.MonkeyPatch, text
     ).map("".join)
 )  # fmt: skip
 def test_anything_is_a_document_or_refused(content: str | bytes) -> None:
-    """Nothing else comes out of it, whatever is put together."""
+    """Nothing else results, whatever the input."""
     try:
         parse_yaml(content)
     except NotYamlError as error:
@@ -192,7 +192,7 @@ def test_picture_at_the_limit_is_taken() -> None:
 
 @pytest.mark.parametrize("kind", ["BMP", "GIF", "TIFF", "PPM"])
 def test_other_formats_are_none(kind: str) -> None:
-    """What nobody has set a limit for is not tried."""
+    """Formats without a limit are not tried."""
     assert picture_header(encoded(kind)) is None
 
 

@@ -367,7 +367,7 @@ def test_forgery_of_a_signed_recording_is_found(evidence: Evidence, name: str) -
 
 @pytest.mark.parametrize("name", UNSIGNED_FORGERIES)
 def test_forgery_of_an_unsigned_recording_is_found(evidence: Evidence, name: str) -> None:
-    """Where the chain alone has to tell, and other readers would show something else than what it covers."""
+    """Only the chain can show it, and other readers would show something that the chain does not cover."""
     forge, code, kind = UNSIGNED_FORGERIES[name]
     forge(evidence)
 

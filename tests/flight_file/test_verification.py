@@ -1,4 +1,4 @@
-"""Whoever changes a flight is found out: what was changed, and the first frame that shows it."""
+"""Changes of a flight are detected: what was changed, and the first frame that shows it."""
 
 from __future__ import annotations
 
@@ -300,7 +300,7 @@ def signed(tmp_path: Path, frames: list[Frame], signer: Signer) -> list[Path]:
 
 
 def test_key_is_private_and_what_is_none_is_one_sentence(tmp_path: Path) -> None:
-    """Only its owner may read it, and a second key of the name is refused; so are wrong files and the wrong half."""
+    """Only its owner may read it, and a second key of that name is refused; so are wrong files and the wrong half."""
     key = tmp_path / "key"
     make_key_files(key)
     (tmp_path / "text").write_text("hello")

@@ -79,7 +79,7 @@ def test_new_recording_sorts_after_the_older_ones(start_daemon: StartDaemon, jum
 
 
 def test_slewing_is_no_jump_and_setting_is() -> None:
-    """The kernel slews by at most half a thousandth; 50 ms at once is somebody's hand."""
+    """The kernel slews by at most half a thousandth; 50 ms at once means that the clock was set."""
     wall_clock = WallClock()
     readings = [(0, 0), (10**12 + 5 * 10**8, 10**12), (2 * 10**12 + 10**9, 2 * 10**12), (2 * 10**12, 2 * 10**12)]
     slewed = [wall_clock.jump_ns(ClockReading(*pair)) for pair in readings]
@@ -89,7 +89,7 @@ def test_slewing_is_no_jump_and_setting_is() -> None:
 
 
 def test_log_time_follows_a_clock_that_is_set_right_from_the_next_segment_on() -> None:
-    """A board without a battery starts in 1970; once it knows better, new segments do too. It never runs back."""
+    """A board without a battery starts in 1970; once its clock is right, new segments use it. It never goes back."""
     log_clock = LogClock()
     log_clock.begin_segment(ClockReading(0, 100))
     within = log_clock.time_ns(ClockReading(NOON_NS, 200))

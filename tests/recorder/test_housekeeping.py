@@ -122,7 +122,7 @@ def test_marked_ones_and_strangers_stay_and_signatures_go_along(tmp_path: Path) 
 
 
 def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
-    """Whoever writes to it notices."""
+    """The writer notices it."""
     disk = SmallDisk(tmp_path / "gone", 0)
 
     assert not disk.retention.make_room(disk_is_full=True)

@@ -1,4 +1,4 @@
-"""A disk that fails at any moment, and a directory in which others are at work: the recorder loses nothing unsaid."""
+"""A disk that fails at any moment, and a directory changed by others: every loss of the recorder is reported."""
 
 from __future__ import annotations
 
@@ -317,7 +317,7 @@ def test_file_in_work_that_is_taken_away_is_brought_back(start_box: Callable[...
 
 @pytest.mark.slow
 def test_file_that_is_taken_away_just_before_its_end_is_brought_back(start_box: Callable[..., Box]) -> None:
-    """Every file in work, again and again, also in the second in which nobody looked; finished ones may go at will."""
+    """Every file in work, again and again, also within the second between checks; finished ones may disappear."""
     box = start_box(segment_s=1.5)
     deleted = {Path()}
 

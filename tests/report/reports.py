@@ -1,4 +1,4 @@
-"""Reports of flights that nobody flew: flight data made of arrays, and one picture for all frames."""
+"""Reports of synthetic flights: flight data made of arrays, and one picture for all frames."""
 
 from __future__ import annotations
 

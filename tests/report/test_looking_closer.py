@@ -105,7 +105,7 @@ def test_evidence_enlarges_to_the_whole_frame(page: Page) -> None:
 
 
 def test_of_a_panel_of_many_gauges_all_pictures_are_parts_of_the_whole_frame(open_report: OpenReport) -> None:
-    """One picture a frame, which the gauges show parts of, and which is what they enlarge to."""
+    """One picture a frame: gauges show parts of it, and enlarge to it."""
     panel = round_dials([f"dial_{number}_deg" for number in range(24)])
     page = open_report(written(make_report(20, panel=panel)))
     figures = page.locator("#evidence-strip figure")
@@ -186,7 +186,7 @@ def test_states_and_texts_are_shown_and_given_as_flight_csv_has_them(open_report
 def test_notes_and_a_sign_off_carry_the_hash_of_what_they_are_about(
     page: Page, content: bytes, open_report: OpenReport, tmp_path: Path
 ) -> None:
-    """They are saved as a file, opened on the same data, refused on other data; a change takes a sign-off back."""
+    """They are saved as a file, opened on the same data, and refused on other data; a change withdraws a sign-off."""
     page.fill("#note-name", "A. Reader")
     page.fill("#note-text", "Glare <b>from</b> the left")
     page.locator("#note-form button").click()

@@ -64,7 +64,7 @@ def long_page(long: bytes, open_report: OpenReport) -> Page:
 
 
 def until(page: Page, condition: str, arg: object = None) -> None:
-    """Waits until a condition holds; the page's security policy lets nobody else evaluate code in it."""
+    """Waits until a condition holds; the page's security policy lets no other code be evaluated in it."""
     for _ in range(1200):
         if page.evaluate(condition, arg):
             return
@@ -342,7 +342,7 @@ def test_odd_flights_open(name: str, open_report: OpenReport) -> None:
 
 
 def test_a_flight_of_unknown_time_lies_where_its_seconds_are(open_report: OpenReport) -> None:
-    """Plotly takes some numbers for years; none of the curve's points lies outside what is in view."""
+    """Plotly takes some numbers for years; all of the curve's points are in view."""
     data = replace(make_report(60).data, time_ns=250_000_000 * np.arange(60), time_of_day=UNKNOWN)
     page = open_report(written(make_report(data=data)))
     until(page, "document.querySelector('.plot').calcdata")

@@ -19,7 +19,7 @@ UNSTEADY_PX = 0.6
 
 @dataclass
 class Hand:
-    """Draws on a page; `seed` decides how unsteady each click is."""
+    """Draws on a page; `seed` sets the error of each click."""
 
     page: Page
     seed: int = 5
@@ -28,7 +28,7 @@ class Hand:
         self._chance = np.random.default_rng(self.seed)
 
     def unsteady(self, place: XY) -> XY:
-        """A place as a hand hits it."""
+        """A place as clicked by an unsteady hand."""
         right, down = self._chance.uniform(-UNSTEADY_PX, UNSTEADY_PX, 2)
         return place[0] + float(right), place[1] + float(down)
 

@@ -1,4 +1,4 @@
-"""Advice: what is offered makes all frames of the sample fit better together, says by how much, and comes to an end."""
+"""Advice: offers improve the fit of all the sample's frames together, say by how much, and come to an end."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def trial_of(score: float, moved_px: tuple[float, float] | None, axis_deg: float
 
 
 def offered(after: dict[str, Trial], off_px: float = 1.0) -> list[str]:
-    """What is offered of a gauge a degree and so far off, by how it is tried where centre or axis are elsewhere."""
+    """Offers for a gauge off by a degree and this distance, by trials with another centre or axis."""
 
     def tries(gauge: dict[str, Any]) -> Trial:
         if gauge["centre"] != GAUGE["centre"]:
@@ -142,7 +142,7 @@ def offered(after: dict[str, Trial], off_px: float = 1.0) -> list[str]:
 
 
 def test_only_what_fits_better_is_offered() -> None:
-    """A centre that scores lower, or only swings to the other side, is none; then the axis alone is looked at."""
+    """A centre that scores lower, or only overshoots, is not offered; then only the axis is tried."""
     worse, swung = trial_of(0.94, None, 0.0), trial_of(0.95, (-1.0, 0.0), -1.0)
     assert offered({"centre": worse, "axis": worse}) == []
     assert offered({"centre": swung, "axis": swung}) == []
@@ -155,7 +155,7 @@ def test_only_what_fits_better_is_offered() -> None:
 
 
 def test_a_centre_from_which_the_needle_shows_another_value_is_not_offered() -> None:
-    """Frames tell where a needle turns, and not what it points at there: a scale may go along with it or stay."""
+    """Frames show where a needle turns, but not its value there: the scale may move along or stay."""
     moved = copy.deepcopy(GAUGE) | {"centre": [103.0, 100.0]}
     moved["needles"][0]["template"]["at"] = 90.0 + BESIDE_DEG
     along = moved | {"scale": [[BESIDE_DEG, 0.0], [300.0 + BESIDE_DEG, 10.0]]}

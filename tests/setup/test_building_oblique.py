@@ -1,6 +1,6 @@
 """Dials of an oblique panel, drawn with clicks and keys only, read as well as those written with the truth.
 
-The hand is unsteady, and sees no more than a person does: where marks, needles and labels stand in one frame.
+The hand is unsteady, and sees only what a person does: the places of marks, needles and labels in one frame.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ MOST_OFFERS = 5
 
 
 def take_offers(hand: Hand, gauges: list[str]) -> list[str]:
-    """Takes what the flight shows of where each needle turns, then of its axis; what that was."""
+    """Takes the offers for each needle's pivot, then for its axis; returns them."""
     taken, page = [], hand.page
     tried = page.locator("#outline .of-gauge .count").filter(has_text=re.compile(r"^20/20$"))
     for name in gauges:

@@ -76,7 +76,7 @@ def test_three_clicks_and_two_numbers_make_a_gauge(start: Start, open_page: Open
 
 
 def test_one_number_is_enough_all_the_way_round(start: Start, open_page: OpenPage) -> None:
-    """A turn's value tells the other marks; the sweep is a whole turn; a second pointer's scale follows."""
+    """A turn's value gives the other marks; the sweep is a whole turn; a second pointer's scale follows."""
     running = start()
     page = open_page(running)
     hand = three_marks(page, "altimeter")
@@ -127,7 +127,7 @@ def test_ends_too_near_each_other_to_tell_a_centre_ask_for_the_hub(start: Start,
 
 
 def test_marks_at_both_ends_of_a_turn_coordinator_count_for_the_first(start: Start, open_page: OpenPage) -> None:
-    """Its wings are one needle: a mark that the left one points to stands where the right one then is."""
+    """Its wings are one needle: a mark at the left one counts as the right one's angle then."""
     page = open_page(start())
     hand = ends(page, 0.0, 20.0, 160.0)
     expect(page.locator("#hint")).to_contain_text("Now click the hub")

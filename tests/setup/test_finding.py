@@ -1,4 +1,4 @@
-"""Dials found by themselves: what is drawn is found where it was drawn, and what does not agree is not proposed."""
+"""Automatic finding of dials: drawn dials are found where they were drawn, and inconsistent ones are not proposed."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_a_rose_begins_at_its_own_mark_however_fine_its_ticks_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a tick every 3 degrees, and long ones behind a needle: a step further on all numerals have ticks, too."""
+    """With a tick every 3 degrees, and long ones behind a needle: a step further on, all numerals have ticks, too."""
     marks = {value: 270.0 + value for value in range(0, 360, 30)}
     fine = [angle for angle in np.arange(0.0, 360.0, 3.0) if angle not in {60.0, 240.0}]
 
@@ -144,7 +144,7 @@ def test_numerals_that_disagree_make_no_scale(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_three_numerals_are_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What stands in order by chance is said, and not proposed."""
+    """Numerals that may be in order by chance are reported, and not proposed."""
     few = {value: EVEN[value] for value in (20, 50, 80)}
 
     (dial,) = found(drawn(between(EVEN, 5), EVEN.values()), printed(few), monkeypatch)
@@ -216,7 +216,7 @@ def _stroke(
 
 
 def altimeter(flown: Sequence[float], lengths: Sequence[float], turns_of: Sequence[float]) -> Hands | str:
-    """What is found of hands that turn once for so many of the finest's turns each; two are looked for, and a third."""
+    """Findings on hands with these ratios to the finest's turns; two are searched for, and a third."""
     picture, *others = (hands_at(turns, lengths, turns_of) for turns in flown)
     seen = Pictures(picture, [(other, IDENTITY) for other in others])
     return together(seen, DrawnPlane.square_on(CENTRE), 0.9 * RADIUS_PX, 270.0, (10,), further=10)
@@ -237,7 +237,7 @@ def test_the_flight_tells_which_hand_is_which() -> None:
 
 @pytest.mark.parametrize(("tail", "across"), [(0.25, False), (0.7, True)])
 def test_a_tail_as_long_as_the_tip_is_told(tail: float, *, across: bool) -> None:
-    """Which end of a needle points nobody knows where both reach as far."""
+    """Which end of a needle points is unknown if both are equally long."""
     turned = [0.61, *(0.1 * step for step in range(8))]
 
     assert ("reaches as far" in needle_of([hands_at(turns, (0.75,), (1.0,), tail) for turns in turned])) == across
@@ -245,7 +245,7 @@ def test_a_tail_as_long_as_the_tip_is_told(tail: float, *, across: bool) -> None
 
 @pytest.mark.parametrize(("turns_of", "several"), [((1.0, 2.7), True), ((1.0, 1e6), False)], ids=["moves", "stands"])
 def test_two_needles_on_one_scale_are_told(turns_of: tuple[float, float], *, several: bool) -> None:
-    """Of two hands that both move nobody knows which is asked for; one that stands still is none."""
+    """Of two moving hands it is unknown which is meant; one that stands still does not count."""
     turned = [0.61, *(0.07 + 0.1 * step for step in range(8))]
 
     assert (
@@ -254,7 +254,7 @@ def test_two_needles_on_one_scale_are_told(turns_of: tuple[float, float], *, sev
 
 
 def needle_of(pictures: Sequence[NDArray[np.uint8]]) -> str:
-    """What is not told of what moves on a dial, the first picture drawn."""
+    """What is left open about the moving parts of a dial, the first picture being the panel picture."""
     picture, *others = pictures
     seen = Pictures(picture, [(other, IDENTITY) for other in others])
     return what_is_not_told(seen, DrawnPlane.square_on(CENTRE), 0.9 * RADIUS_PX, 270.0 + 360.0 * 0.61)
@@ -281,7 +281,7 @@ def test_hands_that_do_not_count_for_each_other_are_none(turns_of: tuple[float, 
 def test_values_begin_where_the_flight_never_was(
     values: list[float], begins: float | None, *, is_counted: bool
 ) -> None:
-    """Of two hands an altitude is told within 10,000 ft: around what was flown, or not at all."""
+    """Two hands give an altitude within 10,000 ft: around the altitudes flown, or not at all."""
     assert lowest(np.array(values), (1000.0, 10000.0), is_counted=is_counted) == begins
 
 
@@ -322,7 +322,7 @@ def test_a_bank_scale_is_known_by_its_marks(bank_deg: float) -> None:
 
 
 def test_words_tell_what_is_level() -> None:
-    """Seen from aside they turn along the panel; a few that stand askew change nothing, and too few tell nothing."""
+    """Seen obliquely their directions vary over the panel; a few askew change nothing, and too few give nothing."""
     words = [Text("WORD", (x, y), (60.0, 14.0), 4.0 - x / 200, 0.9) for x in range(0, 800, 100) for y in (50, 400)]
     askew = [Text("WORD", (300.0, 90.0), (60.0, 14.0), 15.0, 0.9)]
 

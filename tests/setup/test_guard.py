@@ -1,4 +1,4 @@
-"""Only the browser that was given the address gets in; what no page asks is refused in a sentence, never a 500."""
+"""Only the browser that was given the address gets in; other requests are refused in a sentence, never a 500."""
 
 from __future__ import annotations
 
@@ -273,7 +273,7 @@ def test_odd_head_is_refused(server: Any, head: str) -> None:  # noqa: ANN401
 def test_fault_of_the_program_is_a_sentence_and_is_logged(
     send: Send, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """What nobody expected is still JSON with a sentence, and the log has the traceback."""
+    """An unexpected error is still JSON with a sentence, and the log has the traceback."""
 
     def fail(*_: object) -> None:
         raise RuntimeError("nobody expected this")

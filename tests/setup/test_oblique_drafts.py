@@ -62,7 +62,7 @@ def test_squared_up_angles_stay_when_a_panel_is_carried_over(written: Draft) -> 
 
 
 def test_height_of_needles_is_offered(written: Draft, tmp_path: Path) -> None:
-    """Where they seem to turn beside their pivot, seen from the side, tells how high above the face needles stand."""
+    """Seen from the side, their apparent offset from the pivot gives the needles' height above the face."""
     session = SetupSession(open_source([FLIGHT]), None, tmp_path / "panel.yaml")
     gauge = written["gauges"][0]
     truth = gauge.pop("needle_height_inches")

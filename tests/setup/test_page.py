@@ -178,7 +178,7 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
 
 
 def test_what_is_on_the_page_is_kept_whatever_was_judged(server: Running, open_page: OpenPage) -> None:
-    """Also what saving refused before it was checked, and what was undone while what came after it was checked."""
+    """Also changes that saving refused before they were checked, and changes undone while later ones were checked."""
 
     def keeps(answer: Response) -> bool:
         return answer.url.endswith("/check") and "460" in (answer.request.post_data or "")

@@ -1,4 +1,4 @@
-"""What is carried along when a panel is drawn over on another picture."""
+"""What moves along when a panel is carried over to another picture."""
 
 from __future__ import annotations
 

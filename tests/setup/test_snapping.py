@@ -1,4 +1,4 @@
-"""Clicks are drawn to what they mean: rings, marks and needles of dials that were drawn from formulas."""
+"""Clicks snap to their targets: rings, marks and needles of dials drawn from formulas."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_clicks_all_round_bend_a_circle_to_a_steep_ellipse() -> None:
 
 
 def test_one_click_bends_the_rim_to_where_it_is() -> None:
-    """A single click beside a rim moves it there, and as little as may be elsewhere."""
+    """A single click beside a rim moves it there, and as little as possible elsewhere."""
     flat = np.full((160, 160), 90, np.uint8)  # with no marks that it could be drawn to
     rim = refined(flat, BLIND, Ring(HERE, RING_PX), [around(0.0, RING_PX + 4.0)])
 
@@ -171,7 +171,7 @@ def test_axis_of_a_needle_with_two_tones(angle_deg: float) -> None:
 
 
 def test_axis_of_a_needle_that_never_moves() -> None:
-    """Without a frame in which the needle is away the plain dial stands for it."""
+    """Without a frame in which the needle is elsewhere, a plain dial is assumed."""
     frames = [(dial(127.3, seed=number), IDENTITY) for number in range(4)]
 
     assert needle_at(Pictures(dial(127.3, seed=9), frames), FULL, 126.8).at_deg == pytest.approx(127.3, abs=0.2)
@@ -189,7 +189,7 @@ def test_what_moves_is_proposed() -> None:
 
 
 def test_how_far_a_card_reaches_is_seen() -> None:
-    """What turns is told from what stands still inside and around it, to a few pixels, from a centre a pixel off."""
+    """The turning part is told from the fixed ones in and around it, to a few pixels, with a centre a pixel off."""
     spots = np.random.default_rng(3).uniform(40.0, 220.0, (90, 45)).astype(np.uint8)  # by angle and radius
 
     def card(turn_deg: float) -> Picture:

@@ -1,4 +1,4 @@
-"""A decode that is broken off goes on where it was: the same readings to the bit, none of them read twice."""
+"""An interrupted decode continues where it was: the same readings to the bit, none of them read twice."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def resumed(path: Path, fitted: Fitted) -> int:
 
 
 def test_torn_line_is_read_again(path: Path, fitted: Fitted) -> None:
-    """Wherever a power cut ended the file, what is whole before that is used, and the next break goes on behind it."""
+    """Wherever a power cut ended the file, the intact part before is used, and continued."""
     broken_off(path, fitted, 3)
     whole = path.read_bytes()
     ends = [index + 1 for index, byte in enumerate(whole) if byte == ord("\n")]
@@ -137,7 +137,7 @@ def test_journal_that_cannot_be_read_is_told(path: Path, fitted: Fitted, resume:
 
 
 def test_frame_that_was_left_out_is_read_again(path: Path, fitted: Fitted) -> None:
-    """What a killed process did not read is no reading: its batch is read anew, those before and behind it are not."""
+    """A batch that a killed process did not read is read anew, those before and after it are not."""
     outcomes = {batch: list(some) for batch, some in fitted.results[:3]}
     outcomes[fitted.batches[1]][2] = LeftOut("the process that read it was killed (SIGKILL) each time")
     journal, _ = journal_at(path)

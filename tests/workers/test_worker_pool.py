@@ -126,7 +126,7 @@ def test_worker_that_is_killed_from_outside_is_replaced(fitted: Fitted, after: i
 
 
 def test_pool_gives_up_when_it_is_not_the_frames(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where workers do nothing but end, somebody has to look."""
+    """If workers keep ending, a person must look."""
     monkeypatch.setattr("decoder.parallel.worker_pool.MAX_DEATHS_IN_A_ROW", 3)
     deadly = tuple(taken_at(batch, 0, Deadly()) for batch in fitted.batches)
     with pytest.raises(WorkersLost, match=r"was killed \(SIGKILL\); try --jobs 1"), WorkerPool(1) as pool:
@@ -192,7 +192,7 @@ def test_interrupt_waits_even_if_another_thread_takes_it() -> None:
 
 
 def test_process_that_is_stopped_while_it_begins_ends_at_once() -> None:
-    """Told to stop before it has anything to clean up, it must raise nothing: its pool would print that."""
+    """Told to stop before there is anything to clean up, it must raise nothing, since its pool would print it."""
     with ProcessPoolExecutor(1, begin(), _begin_worker) as beginning:
         assert beginning.submit(signal.getsignal, signal.SIGTERM).result() == signal.SIG_DFL
 
