@@ -170,7 +170,7 @@ class Still:
     """Defaults for kinds in which nothing turns around a drawn pivot."""
 
     def sampled_part(self, _grid: Grid) -> Part:
-        """Return all of it."""
+        """Return all rows and columns."""
         return ALL
 
     def pivot(self, _instrument: Instrument, _appearance: Appearance, _frames: Sequence[SeenGauge]) -> Pivot:

@@ -27,7 +27,7 @@ class Kind(Protocol):
         ...
 
     def sampled_part(self, grid: Grid) -> Part:
-        """Return what of a gauge its reader takes from the sampler as a strip."""
+        """Return the rows and columns of a gauge that its reader takes from the sampler as a strip."""
         ...
 
     def reader(

@@ -52,7 +52,7 @@ class Samples(Protocol):
 class GaugeSampler:
     """Samples the gauges of one panel; `searched` are the indexes of those that are searched.
 
-    `parts` are the rows and columns, by index, that a strip of a gauge has where it is not all of it.
+    `parts` are the rows and columns of a gauge's strip, by index, if it is not the whole gauge.
 
     Attributes
     ----------
