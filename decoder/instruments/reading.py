@@ -32,7 +32,7 @@ class Reading:
     Attributes
     ----------
     status
-        READ, EDGE, HIDDEN, or MISSING where the score stays below the threshold.
+        READ, EDGE, HIDDEN, or MISSING where the score stays below `SCORE_THRESHOLD`.
     angle_deg, sigma_deg
         Where the needle points and the standard uncertainty of that; of the best match even if it is MISSING.
     score

@@ -1,11 +1,13 @@
 """Thresholds of the instruments. "Drawn" was found by trial on our own renderings, and is held by tests there.
 
+The score below which a needle is missing is `SCORE_THRESHOLD` in `registration/thresholds.py`: anchors share it.
+
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | CLEARLY_WORSE | 2.0 | of unexplained variance | a rival place that leaves no more than this times the best may be the right one | drawn: bugs, tails |
 | SATURATED_LEVEL | 245.0 | grey levels | brighter pixels tell nothing of what lies below | JPEG rings by some levels around 255 |
 | SURE_SCORE | 0.95 | NCC | required of a sliver in a stack, and of a needle that few frames show | drawn: altimeters |
-| MISSING_SPREADS | 5.0 | sigma | anything further off is something else: a lamp from its states, a value from its neighbours, a clock | beyond any chance |
+| BEYOND_CHANCE_SPREADS | 5.0 | sigma | anything further off is something else: a lamp from its states, a value from its neighbours, a clock | beyond any chance |
 | DIMMEST_LEVELS | 25.0 | grey levels | the least light that an untaught lamp adds | a tenth of white |
 | HALF_LIT | 0.45 | of a segment | more of another segment, or less of an own one, and it is not the digit | half, minus noise |
 | STILL_ROWS | 0.01 | rows | a card that moves less has converged | a tenth of its sigma |
@@ -25,7 +27,7 @@ from __future__ import annotations
 CLEARLY_WORSE = 2.0
 SATURATED_LEVEL = 245.0
 SURE_SCORE = 0.95
-MISSING_SPREADS = 5.0
+BEYOND_CHANCE_SPREADS = 5.0
 DIMMEST_LEVELS = 25.0
 HALF_LIT = 0.45
 STILL_ROWS = 0.01

@@ -1,5 +1,7 @@
 """Thresholds of matching. "Drawn" was found by trial on our own renderings, and is held by tests there.
 
+The score below which a needle is missing is `SCORE_THRESHOLD` in `registration/thresholds.py`: anchors share it.
+
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
 | FACE_NOISE_LEVELS | 1.0 | grey levels | a face with less contrast explains only noise | a quiet sensor's noise |

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.instruments.reading import Status
-from decoder.instruments.thresholds import MISSING_SPREADS
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.errors import UnitError
 from decoder.panel.parameters import NONE, parameter_of
@@ -247,7 +247,7 @@ def _of_one_parameter(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossChe
             ranges = np.minimum(
                 *(_ranges_within(time_s, each.values, rows, rows, allowed.lag_s) for each in (one, other))
             )
-            limit = MISSING_SPREADS * np.hypot(one.sigma, other.sigma) + allowed.sizes(one.values) + ranges
+            limit = BEYOND_CHANCE_SPREADS * np.hypot(one.sigma, other.sigma) + allowed.sizes(one.values) + ranges
             yield _of_values(f"{one.name} and {other.name}, two of {parameter}", one, other, limit)
 
 
@@ -257,7 +257,7 @@ def _of_compass(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
         for compass in by_parameter.get("compass", ()):
             rest = _at_rest(time_s, heading) & _at_rest(time_s, compass)
             steady = _Sensed(compass.name, "compass", np.where(rest, compass.values, np.nan), compass.sigma)
-            limit = MISSING_SPREADS * np.hypot(heading.sigma, compass.sigma) + COMPASS.sizes(heading.values)
+            limit = BEYOND_CHANCE_SPREADS * np.hypot(heading.sigma, compass.sigma) + COMPASS.sizes(heading.values)
             yield _of_values(f"{heading.name} and {compass.name} in straight flight", heading, steady, limit)
 
 
@@ -442,7 +442,7 @@ def _of_rates(time_s: Floats, one: _Way, other: _Way, units: tuple[str, str], in
 def _apart(time_s: Floats, gone: Floats, ways: tuple[_Way, _Way], first: Rows, last: Rows) -> tuple[Floats, Floats]:
     """Return how much the difference of two ways (N,) changes over each of K windows, and how much can be explained."""
     spans_s = time_s[last] - time_s[first]
-    limit = MISSING_SPREADS * np.hypot(*(_sigmas_over(way, first, last, spans_s) for way in ways))
+    limit = BEYOND_CHANCE_SPREADS * np.hypot(*(_sigmas_over(way, first, last, spans_s) for way in ways))
     for way in ways:
         limit += way.hop
         if way.rate is not None and way.allowed is not None:

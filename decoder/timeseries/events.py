@@ -16,7 +16,7 @@ import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.instruments.reading import Status
-from decoder.instruments.thresholds import MISSING_SPREADS
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.errors import UnitError
 from decoder.panel.scale import shortest
@@ -81,8 +81,8 @@ def _steps(data: FlightData, series: NeedleSeries) -> Iterator[Event]:
     values, sigma, wraps = series.value[seen], series.sigma[seen], series.quantity.wraps
     changes = shortest(np.diff(values), wraps)
     usual = MAD_TO_SIGMA * float(median(np.abs(changes)))
-    least = max(MISSING_SPREADS * usual, BACK_PART * SMALLEST_PART * series.quantity.full_scale)
-    large = np.abs(changes) > np.maximum(least, MISSING_SPREADS * np.hypot(sigma[1:], sigma[:-1]))
+    least = max(BEYOND_CHANCE_SPREADS * usual, BACK_PART * SMALLEST_PART * series.quantity.full_scale)
+    large = np.abs(changes) > np.maximum(least, BEYOND_CHANCE_SPREADS * np.hypot(sigma[1:], sigma[:-1]))
     nearby = _largest_nearby(np.abs(changes))
     in_turn = (np.diff(data.time_s[seen]) > 0) & (np.diff(data.time_s[seen]) <= WINDOW_S / 4)
     for at in np.flatnonzero(large & in_turn & (BACK_PART * np.abs(changes) > nearby)):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.instruments.reading import Status
-from decoder.instruments.thresholds import MISSING_SPREADS
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.scale import shortest
 from decoder.timeseries.flight_data import FlightData, NeedleSeries, spans
@@ -94,12 +94,12 @@ def _away_and_back(
             gone = shortest(values[before + inside] - values[before], series.quantity.wraps)
             off.append(gone - across * np.clip(part, 0.0, 1.0))
             limit.append(
-                MISSING_SPREADS * np.sqrt(sigma[before + inside] ** 2 + sigma[before] ** 2 + sigma[after] ** 2)
+                BEYOND_CHANCE_SPREADS * np.sqrt(sigma[before + inside] ** 2 + sigma[before] ** 2 + sigma[after] ** 2)
             )
         distance = np.array(off)
         usual = MAD_TO_SIGMA * float(median(np.abs(distance).ravel()))
         threshold = np.maximum(
-            np.array(limit), max(MISSING_SPREADS * usual, SMALLEST_PART * series.quantity.full_scale)
+            np.array(limit), max(BEYOND_CHANCE_SPREADS * usual, SMALLEST_PART * series.quantity.full_scale)
         )
         one_way = np.abs(np.sign(distance).sum(axis=0)) == frames
         apart = (np.abs(distance) > threshold).all(axis=0) & one_way

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from decoder.instruments.thresholds import MISSING_SPREADS
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AccuracyError, TableError
 from decoder.panel.units import converted
@@ -234,7 +234,7 @@ def offset_text(result: Compared) -> str:
     says = f"{told.offset_s:+.3f} s, sigma {told.sigma_s:.3f} s"
     by = f"correlation {told.correlation:.3f}, {len(told.names)} needles"
     off_s = abs(told.offset_s - (applied_s or 0.0))
-    hint = "; to apply it: --offset auto" if off_s > max(MISSING_SPREADS * told.sigma_s, STEP_S) else ""
+    hint = "; to apply it: --offset auto" if off_s > max(BEYOND_CHANCE_SPREADS * told.sigma_s, STEP_S) else ""
     return f"clock: {applied}; the curves suggest {says} ({by}){hint}"
 
 
@@ -345,5 +345,5 @@ def _held_against_sound(table: Table, name: str, speed: EngineSpeed, heard_s: Fl
     shown = np.interp(heard_s, known_s, value[seen])[both]
     apart = speed.rpm[both] - shown
     off = np.hypot(speed.sigma, np.nan_to_num(sigma[seen])[nearest])[both]
-    beyond = int((np.abs(apart) > MISSING_SPREADS * off).sum())
+    beyond = int((np.abs(apart) > BEYOND_CHANCE_SPREADS * off).sum())
     return HeldAgainstSound(name, len(apart), float(np.median(apart)), float(np.mean(shown)), beyond)

@@ -17,7 +17,7 @@ from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import DIMMEST_LEVELS, FRAMES_TO_LEARN, MISSING_SPREADS
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN
 from decoder.matching.correlation import products
 from decoder.matching.thresholds import FACE_NOISE_LEVELS
 from decoder.panel.arrays import Floats
@@ -148,7 +148,7 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     told = learned.told(added)
     learned = replace(learned, sigma=max(float(_scatter(told)), FACE_NOISE_LEVELS))
     away = -told if lamp.lit else told
-    seen = away[away >= 2 * MISSING_SPREADS * learned.sigmas(added)]
+    seen = away[away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)]
     whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
     is_contradicted = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
     return replace(learned, other=float(np.median(seen)) if seen.size else None, is_contradicted=is_contradicted)
@@ -201,11 +201,11 @@ class LampReader:
         lamp, picture = self._lamp, self._picture
         away, other = -level if lamp.lit else level, picture.other
         far = DIMMEST_LEVELS if other is None else other / 2
-        is_same = abs(away) <= MISSING_SPREADS * sigma
-        is_other = away >= (max(2 * MISSING_SPREADS * sigma, far) if other is None else far)
+        is_same = abs(away) <= BEYOND_CHANCE_SPREADS * sigma
+        is_other = away >= (max(2 * BEYOND_CHANCE_SPREADS * sigma, far) if other is None else far)
         is_told = (
             not picture.is_contradicted
-            and MISSING_SPREADS * sigma <= far
+            and BEYOND_CHANCE_SPREADS * sigma <= far
             and is_same != is_other
             and score >= SCORE_THRESHOLD
         )
