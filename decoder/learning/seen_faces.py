@@ -90,16 +90,13 @@ class _Apart:
     template: NeedleTemplate
 
     def is_told(self, found: Found) -> bool:
-        """Whether the readings with this face confirm it: the needle is not where it seemed to be."""
-        at_home = [_is_at_home(self.needle, readings) for readings in found]
-        elsewhere = [
-            not own and readings[self.needle.name].status is not Status.MISSING
-            for own, readings in zip(at_home, found, strict=True)
-        ]
-        if float(np.mean([elsewhere[at] for at in self.unlike])) > MOSTLY:
-            return True
-        is_gone = not any(at_home[at] for at in self.unlike)
-        return is_gone and float(np.mean([at_home[at] for at in self.like])) > MOSTLY
+        """Tell whether the readings with this face confirm it: the needle is not where it seemed to be."""
+        unlike, like = ([found[at] for at in part] for part in (self.unlike, self.like))
+        is_gone = [_off_home_deg(self.needle, own) > APART_DEG for own in unlike]
+        is_found = [own[self.needle.name].status is not Status.MISSING for own in unlike]
+        is_there = [_is_at_home(self.needle, own) for own in like]
+        is_elsewhere = np.logical_and(is_gone, is_found)
+        return float(max(is_elsewhere.mean(), min(np.mean(is_gone), np.mean(is_there)))) > MOSTLY
 
 
 def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
@@ -140,7 +137,9 @@ def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None],
     rows = _window(needle, dial.grid, dial.templates[needle.name])
     taken = _rows_of_others(dial, needle, found)[:, rows].any(axis=1)
     off_rows = np.array([_off_home_deg(needle, readings) for readings in found]) / dial.grid.step_deg
-    taken |= (off_rows > 1.0) & (off_rows < rows.sum())
+    is_found = np.array([readings[needle.name].status is not Status.MISSING for readings in found])
+    near_rows = np.where(is_found, rows.sum(), APART_DEG / dial.grid.step_deg)
+    taken |= (off_rows > 1.0) & (off_rows < near_rows)
     free = [at for at, view in enumerate(views) if view is not None and not taken[at]]
     if len(free) < FRAMES_TO_LEARN:
         return None

@@ -25,8 +25,10 @@ from decoder.learning.drawn_points import uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
+from decoder.panel.kind import Pointer
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, shortest
 from decoder.registration.pivot import Pivot, across
 from decoder.registration.thresholds import CERTAIN_SIGMAS
@@ -245,7 +247,8 @@ def _mistaken(
 
     A cut may miss the needle sideways if the drawn centre is far off, or lie beyond its tip if `radius` begins there.
     In the first case, being found elsewhere than where it was cut proves it a needle; in the second, moving by more
-    than its uncertainty in most frames does. Hands that tell one value may stand still for long, but have to agree.
+    than its uncertainty in most frames does, or being found elsewhere in some while nothing lies over the place where
+    it was cut: print would still be seen there. Hands that tell one value may stand still for long, but have to agree.
     """
     mistaken = set()
     agreeing = () if gauge.combination is None else gauge.combination.parts
@@ -261,9 +264,24 @@ def _mistaken(
             is_beside = CERTAIN_SIGMAS * beside_deg > half_deg and not (np.abs(off_deg) > half_deg).any()
             is_beyond = needle.name not in agreeing and needle in gauge.over_face
             is_beyond &= not _comes_from_hub(templates.get(needle.name))
-            if is_beside or (is_beyond and moves.sum() <= HALF * len(read)):
+            is_seen_to_move = moves.sum() > HALF * len(read) or _times_elsewhere(gauge, needle, found) >= MIN_VIEWS
+            if is_beside or (is_beyond and not is_seen_to_move):
                 mistaken.add(needle.name)
     return frozenset(mistaken)
+
+
+def _times_elsewhere(gauge: Gauge, needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> int:
+    """Count the frames in which a needle is surely found beyond where it was cut, with no other needle there."""
+
+    def is_there(pointer: Pointer, readings: Mapping[str, Reading]) -> bool:
+        reach_deg = ((needle.hides_deg or 0.0) + (pointer.hides_deg or 0.0)) / 2
+        off_deg = shortest(np.array(readings[pointer.name].angle_deg - (needle.at_deg or 0.0)), FULL_CIRCLE_DEG)
+        return readings[pointer.name].status is Status.MISSING or abs(float(off_deg)) <= reach_deg
+
+    return sum(
+        readings[needle.name].status is Status.READ and not any(is_there(each, readings) for each in gauge.turning)
+        for readings in found
+    )
 
 
 def _comes_from_hub(template: NeedleTemplate | None) -> bool:
