@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pytest
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Reading, Status
-from decoder.learning.fit import fit_to_flight
+from decoder.learning.fit import FittedReader, fit_to_flight
 from tests.decoder.instruments.dials import Canvas, Hand, apart, paint, reader_for
+
+Fitted = tuple[FittedReader, list[Reading]]
 
 SLOW, FAST = Hand(tip=44.0, root_half=5.0, tip_half=3.5), Hand()
 SLOW_DEG, FAST_DEG = 300.0, 220.0
@@ -84,18 +87,18 @@ def with_bug(
     return paint(what, seed=seed)
 
 
-def bug_readings(level: float, print_at_deg: Mapping[float, float]) -> list[Reading]:
-    """Readings of the bug in a flight that has it elsewhere in every third frame."""
-    frames = [with_bug(angles, level, print_at_deg, 1 + number) for number, angles in enumerate(FLIGHT)]
+def fitted(level: float, print_at_deg: Mapping[float, float], flight: Sequence[tuple[float, float]]) -> Fitted:
+    """A reader that was fitted to a flight, and the bug's readings in it."""
+    frames = [with_bug(angles, level, print_at_deg, 1 + number) for number, angles in enumerate(flight)]
     first = with_bug((BUG_DEG, 240.0), level, print_at_deg)
-    reader = fit_to_flight(reader_for([EGT], first), lambda _: frames).reader
-    return [read_picture(reader, frame).readings["bug_norm"] for frame in frames]
+    reader = fit_to_flight(reader_for([EGT], first), lambda _: frames)
+    return reader, [read_picture(reader.reader, frame).readings["bug_norm"] for frame in frames]
 
 
 @pytest.mark.parametrize("level", [50.0, 60.0, 100.0])
 def test_print_behind_a_bug_is_not_read_for_it(level: float) -> None:
     """It is there in the panel picture and most frames; the others show only the print."""
-    found = bug_readings(level, {BUG_DEG: 150.0, BUG_MOVED_DEG: 150.0})
+    _, found = fitted(level, {BUG_DEG: 150.0, BUG_MOVED_DEG: 150.0}, FLIGHT)
 
     assert {reading.status for reading in found} <= {Status.READ, Status.EDGE, Status.MISSING}
     assert sum(reading.status is Status.READ for reading in found) >= 14
@@ -105,9 +108,18 @@ def test_print_behind_a_bug_is_not_read_for_it(level: float) -> None:
 
 def test_dial_is_learned_from_frames_in_which_a_needle_is_likely() -> None:
     """The bug is found over print only once the print is known, from frames without the bug there."""
-    found = bug_readings(120.0, {BUG_MOVED_DEG: 140.0})
+    _, found = fitted(120.0, {BUG_MOVED_DEG: 140.0}, FLIGHT)
     moved = [reading for reading, (bug_deg, _) in zip(found, FLIGHT, strict=True) if bug_deg == BUG_MOVED_DEG]
 
     assert {reading.status for reading in moved} == {Status.READ}
     assert min(reading.score for reading in moved) > 0.9
     assert all(apart(reading.angle_deg, BUG_MOVED_DEG) < 1.5 for reading in moved)
+
+
+def test_bug_that_was_set_elsewhere_for_a_while_is_no_print() -> None:
+    """It does not come from the hub, so it may be print beyond a needle's tip; print does not move."""
+    moved, _ = fitted(120.0, {}, FLIGHT)
+    still, _ = fitted(120.0, {}, [(BUG_DEG, needle_deg) for _, needle_deg in FLIGHT])
+
+    assert moved.sigma_deg("bug_norm", np.array([BUG_DEG])) < 2.0
+    assert still.sigma_deg("bug_norm", np.array([BUG_DEG])) > 45.0  # anywhere along its sweep

@@ -524,7 +524,6 @@ class _Learning:
         which = np.flatnonzero(self._is_placed)
         where = self._where.part(which)
         finder = TapeFinder(picture)
-        finder = TapeFinder(picture)
         changes = finder.changes(where.rows, picture.unroll.shifts(picture.shape.trials()))
         rows = (np.rint(where.rows).astype(np.intp)[:, None] + np.arange(len(picture.weights))) % size
         facing = _facing(picture.weights)
