@@ -61,7 +61,7 @@ def learn_appearance(
         for index, (gauge, grid, seen, first) in enumerate(zip(gauges, reader.grids, views, before.faces, strict=True))
         if isinstance(grid, PolarGrid)
     }
-    learned = set(range(len(gauges))) - before.taught_windows if of is None else set(of)
+    learned = set(range(len(gauges)) if of is None else of) - before.taught_windows
     pictures: dict[str, LearnedPicture] = {}
     for index, (gauge, grid, face, seen) in enumerate(zip(gauges, reader.grids, before.faces, views, strict=True)):
         if index not in learned:
@@ -87,6 +87,25 @@ def learn_appearance(
     )
 
 
+def kept_where_better(
+    reader: PanelReader,
+    learned: PanelReader,
+    samples: Sequence[UnwrappedFrame],
+    views: LitViews,
+    found: Sequence[Readings],
+) -> tuple[PanelReader, Sequence[Readings]]:
+    """Keep what gauges `learned` unless more of their needles are then missing, and return its readings too.
+
+    `found` are the readings before. A thin needle that is barely told from its dial may be learned as noise.
+    """
+    gauges, again = reader.source.panel.gauges, _read(learned, samples)
+    worse = {index for index, gauge in enumerate(gauges) if _missing(gauge, again) > _missing(gauge, found)}
+    if not worse:
+        return learned, again
+    learned = learn_appearance(reader, views, found, set(range(len(gauges))) - worse)
+    return learned, _read(learned, samples)
+
+
 def learn_likely_needles(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
 ) -> tuple[PanelReader, Sequence[Readings]]:
@@ -103,11 +122,11 @@ def learn_likely_needles(
         if not of:
             return reader, found
         again = learn_appearance(reader, views, likely, of)
-        read = [frame.readings for frame in again.read_unwrapped(samples)]
+        read = _read(again, samples)
         better = {index for index in of if _missing(gauges[index], read) < _missing(gauges[index], found)}
         if better and better != of:
             again = learn_appearance(reader, views, likely, better)
-            read = [frame.readings for frame in again.read_unwrapped(samples)]
+            read = _read(again, samples)
         if better:
             reader, found = again, read
         of = better
@@ -122,3 +141,7 @@ def _as_likely(reading: Reading) -> Reading:
 def _missing(gauge: Gauge, found: Sequence[Readings]) -> int:
     """Count the readings of a gauge's needles that are missing."""
     return sum(readings[needle.name].status is Status.MISSING for readings in found for needle in gauge.over_face)
+
+
+def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Readings]:
+    return [frame.readings for frame in reader.read_unwrapped(samples)]
