@@ -16,7 +16,7 @@ from decoder.instruments.appearance import face_behind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.faces import learn_face
-from decoder.matching.fitting import WindowFitter
+from decoder.matching.needle_fit import WindowFitter
 from decoder.matching.needle_layer import in_local_light, layered
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_of_each

@@ -14,7 +14,7 @@ from decoder.instruments.reading import Reading, Status
 from decoder.instruments.sampling import SeenGauge
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN, HUBER_SPREADS, MIN_PLACES
 from decoder.matching.correlation import is_singular
-from decoder.matching.fitting import PHASE_REACH, phases_of
+from decoder.matching.needle_fit import PHASE_REACH, phases_of
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_of_each
 from decoder.panel.arrays import Floats

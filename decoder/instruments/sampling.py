@@ -24,7 +24,7 @@ from decoder.imaging.resampling import PointMap, levels_at
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
 from decoder.instruments.reading import Reading, Readings
 from decoder.instruments.thresholds import AT_HAND_PX
-from decoder.matching.searching import interleave_rows
+from decoder.matching.needle_search import interleave_rows
 from decoder.panel.arrays import Floats, Indices
 
 Levels = NDArray[Any]

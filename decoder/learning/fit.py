@@ -20,8 +20,8 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.colours import in_panels_colours
+from decoder.instruments.kind_table import kind_of
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, unwrapped
-from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.budget import Budget, budgets

@@ -14,9 +14,9 @@ from dataclasses import replace
 
 from decoder.imaging.unwrapping import PolarGrid, turn_rows
 from decoder.instruments.appearance import Instrument, LearnedPicture
+from decoder.instruments.kind_table import kind_of
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.panel_reader import PanelReader
-from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews, in_light_of

@@ -22,8 +22,8 @@ import numpy as np
 from decoder.imaging.sorting import median
 from decoder.imaging.unwrapping import PolarGrid, row_of_angle
 from decoder.instruments.appearance import Instrument
+from decoder.instruments.kind_table import kind_of
 from decoder.instruments.panel_reader import PanelReader
-from decoder.instruments.readers import kind_of
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import DRAWN_PX, SETTLED_PX

@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from decoder.matching.fitting import (
+from decoder.matching.lower_layer import LowerNeedle
+from decoder.matching.needle_fit import (
     FACE,
     MIDDLE_GREY,
     NEEDLE,
@@ -22,7 +23,6 @@ from decoder.matching.fitting import (
     phases_of,
     summed_products,
 )
-from decoder.matching.lower_layer import LowerNeedle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import Strips
 from decoder.matching.thresholds import MAX_FRACTION_ROWS, MAX_PEAK_ROWS, MIN_CONTRAST_PART, SETTLED_ROWS

@@ -16,9 +16,9 @@ from typing import Self
 import numpy as np
 
 from decoder.imaging.thresholds import HALF
-from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
 from decoder.matching.joint_fit import Joint, JointFitter
 from decoder.matching.lower_layer import LowerNeedle
+from decoder.matching.needle_fit import Fits, Settled, WindowFitter, settle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.pair_places import PairPlaces, Tried
 from decoder.matching.strips import Strips

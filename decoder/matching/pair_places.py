@@ -10,7 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from decoder.matching.fitting import (
+from decoder.matching.lower_layer import LowerNeedle
+from decoder.matching.needle_fit import (
     MIDDLE_GREY,
     NEEDLE,
     ONE,
@@ -21,7 +22,6 @@ from decoder.matching.fitting import (
     solved,
     summed_products,
 )
-from decoder.matching.lower_layer import LowerNeedle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import Strips
 from decoder.matching.thresholds import MAX_FRACTION_ROWS

@@ -11,9 +11,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from decoder.matching.correlation import face_moments, partial_normxcorr
-from decoder.matching.fitting import Fits, WindowFitter, settle
+from decoder.matching.needle_fit import Fits, WindowFitter, settle
+from decoder.matching.needle_search import COARSE_STEP, peaks_of, thinned
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.searching import COARSE_STEP, peaks_of, thinned
 from decoder.matching.strips import Strips, UncoveredPixels
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited

@@ -1,6 +1,6 @@
 """What a kind of instrument defines for `panel.yaml`, for drawings and for the set-up page: one protocol.
 
-How it is read is in `decoder.instruments.readers`.
+How it is read is in `decoder.instruments.kind`.
 """
 
 from __future__ import annotations

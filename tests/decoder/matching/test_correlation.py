@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from decoder.matching.correlation import normxcorr, xcorr
-from decoder.matching.searching import peaks_of
+from decoder.matching.needle_search import peaks_of
 
 Image = NDArray[np.float32]
 

@@ -21,10 +21,10 @@ from decoder.instruments.kinds.dials.stack import all_above
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr
-from decoder.matching.fitting import Fits, WindowFitter, settle
 from decoder.matching.layered_dial import LayeredDial, lit_as, times_worse, unexplained
+from decoder.matching.needle_fit import Fits, WindowFitter, settle
+from decoder.matching.needle_search import COARSE_STEP, thinned
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.searching import COARSE_STEP, thinned
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge

@@ -20,8 +20,8 @@ from decoder.instruments.kinds.dials.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.thresholds import APART_DEG, CLEARLY_WORSE, SATURATED_LEVEL
 from decoder.matching.correlation import xcorr
-from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
-from decoder.matching.searching import COARSE_STEP, Search, SearchTarget, collected, peaks_of, thinned
+from decoder.matching.needle_fit import Fits, Settled, WindowFitter, settle
+from decoder.matching.needle_search import COARSE_STEP, Search, SearchTarget, collected, peaks_of, thinned
 from decoder.matching.strips import blocks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited

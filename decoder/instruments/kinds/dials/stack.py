@@ -19,9 +19,9 @@ from decoder.imaging.unwrapping import PolarGrid, needle_places, opposite_rows, 
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
-from decoder.matching.fitting import Fits, WindowFitter, settle
+from decoder.matching.needle_fit import Fits, WindowFitter, settle
+from decoder.matching.needle_search import COARSE_STEP, thinned
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.searching import COARSE_STEP, thinned
 from decoder.matching.strips import blocks_of, rows_at
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VISIBLE, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Indices, Mask, limited

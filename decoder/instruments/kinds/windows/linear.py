@@ -20,10 +20,10 @@ from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
 from decoder.matching.faces import bare_face, in_light_of, learn_face
-from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
+from decoder.matching.needle_fit import Fits, Settled, WindowFitter, settle
 from decoder.matching.needle_layer import cut_over, first_layer, in_local_light, layer_over, layered
+from decoder.matching.needle_search import peaks_of
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
-from decoder.matching.searching import peaks_of
 from decoder.matching.strips import blocks_of, rows_at, rows_of_each
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask

@@ -38,7 +38,7 @@ from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS, SURE_SCORE
 from decoder.matching.correlation import products
-from decoder.matching.searching import COARSE_STEP
+from decoder.matching.needle_search import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
 from decoder.panel.errors import PanelError

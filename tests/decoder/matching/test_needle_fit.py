@@ -12,7 +12,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.matching.fitting import Fits, Settled, WindowFitter, settle
+from decoder.matching.needle_fit import Fits, Settled, WindowFitter, settle
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import blocks_of, rows_at
 from decoder.matching.thresholds import MAX_PEAK_ROWS
