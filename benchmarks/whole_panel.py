@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import cv2
 import simplejpeg
 from threadpoolctl import threadpool_limits
 
@@ -53,6 +54,7 @@ def main() -> None:
     """Print a table for each flight, and the cost."""
     if not any(SOURCES[0].folder.glob(SOURCES[0].pictures)):
         sys.exit("the simulator's pictures are not there")
+    cv2.setNumThreads(1)  # as `decode` does
     for source in SOURCES:
         with TemporaryDirectory() as name:
             decoded = decode_source(source, Path(name))
