@@ -243,14 +243,14 @@ def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> P
 
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Round:
     """Learn appearance from an aligned sample, and estimate pivots with it."""
+    reader = with_usual_place(reader, samples)
     views, found = lit_views(reader, samples), _read(reader, samples)
     reader, found = with_seen_faces(reader, views, found, lambda bared: _read(bared, samples))
     learned = learn_appearance(reader, views, found)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())
     if reader.placement.dials_move or missing:  # then every tilt is used; else the fit's guess is good enough
         learned, found = kept_where_better(reader, learned, samples, views, found)
-    learned, found = learn_likely_needles(learned, samples, views, found)
-    reader = with_usual_place(learned, samples)
+    reader, found = learn_likely_needles(learned, samples, views, found)
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
 
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, turn_rows
 from decoder.instruments.appearance import Instrument, LearnedPicture
 from decoder.instruments.kind_table import kind_of
@@ -94,12 +95,16 @@ def kept_where_better(
     views: LitViews,
     found: Sequence[Readings],
 ) -> tuple[PanelReader, Sequence[Readings]]:
-    """Keep what gauges `learned` unless more of their needles are then missing, and return its readings too.
+    """Keep what gauges `learned` unless it loses most of what was `found`, and return its readings too.
 
-    `found` are the readings before. A thin needle that is barely told from its dial may be learned as noise.
+    A thin needle that is barely told from its dial may be learned as noise.
     """
     gauges, again = reader.source.panel.gauges, _read(learned, samples)
-    worse = {index for index, gauge in enumerate(gauges) if _missing(gauge, again) > _missing(gauge, found)}
+    worse = set()
+    for index, gauge in enumerate(gauges):
+        before, after = (len(found) * len(gauge.over_face) - _missing(gauge, own) for own in (found, again))
+        if after < HALF * before:
+            worse.add(index)
     if not worse:
         return learned, again
     learned = learn_appearance(reader, views, found, set(range(len(gauges))) - worse)

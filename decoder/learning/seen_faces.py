@@ -90,7 +90,11 @@ class _Apart:
     template: NeedleTemplate
 
     def is_told(self, found: Found) -> bool:
-        """Tell whether the readings with this face confirm it: the needle is not where it seemed to be."""
+        """Tell whether the readings with this face confirm it.
+
+        Most unlike frames then show the needle elsewhere; or most of them no longer show it where it was cut, while
+        most like ones still do.
+        """
         unlike, like = ([found[at] for at in part] for part in (self.unlike, self.like))
         is_gone = [_off_home_deg(self.needle, own) > APART_DEG for own in unlike]
         is_found = [own[self.needle.name].status is not Status.MISSING for own in unlike]
@@ -265,15 +269,20 @@ def _axis_part(dial: _Dial, needle: Pointer, is_gone: Mask) -> float:
 
 
 def _rows_of_others(dial: _Dial, needle: Pointer, found: Found) -> Mask:
-    """(frames, R): rows that show another, moving needle of the dial, or its tail."""
+    """(frames, R): rows that show another needle of the dial, or its tail.
+
+    One that seems to stand still may be print where the panel picture has it, but not elsewhere.
+    """
     rows = np.zeros((len(found), dial.grid.rows), bool)
     angles_deg = dial.grid.start_deg + dial.grid.step_deg * np.arange(dial.grid.rows)
     for other in dial.gauge.over_face:
-        if other.name == needle.name or _seems_still(other, found):
+        if other.name == needle.name:
             continue
+        may_be_print = other.at_deg is not None and _seems_still(other, found)
         half_deg = dial.templates[other.name].rows * dial.templates[other.name].step_deg / 2
         for frame, readings in enumerate(found):
-            if readings[other.name].status is Status.READ:
+            is_seen = readings[other.name].status is not Status.MISSING
+            if is_seen and not (may_be_print and _is_at_home(other, readings)):
                 off_deg = shortest(angles_deg - readings[other.name].angle_deg, FULL_CIRCLE_DEG / 2)
                 rows[frame] |= np.abs(off_deg) <= half_deg
     return rows

@@ -247,8 +247,9 @@ def _mistaken(
 
     A cut may miss the needle sideways if the drawn centre is far off, or lie beyond its tip if `radius` begins there.
     In the first case, being found elsewhere than where it was cut proves it a needle; in the second, moving by more
-    than its uncertainty in most frames does, or being found elsewhere in some while nothing lies over the place where
-    it was cut: print would still be seen there. Hands that tell one value may stand still for long, but have to agree.
+    than its uncertainty in most frames does. So does being found elsewhere in some frames in which nothing covers the
+    place where it was cut: print would still be seen there. Hands that tell one value may stand still for long, but
+    have to agree.
     """
     mistaken = set()
     agreeing = () if gauge.combination is None else gauge.combination.parts

@@ -100,7 +100,6 @@ def test_print_behind_a_bug_is_not_read_for_it(level: float) -> None:
     """It is there in the panel picture and most frames; the others show only the print."""
     _, found = fitted(level, {BUG_DEG: 150.0, BUG_MOVED_DEG: 150.0}, FLIGHT)
 
-    assert {reading.status for reading in found} <= {Status.READ, Status.EDGE, Status.MISSING}
     assert sum(reading.status is Status.READ for reading in found) >= 14
     for reading, (bug_deg, _) in zip(found, FLIGHT, strict=True):
         assert reading.status is Status.MISSING or apart(reading.angle_deg, bug_deg) < 1.5

@@ -66,7 +66,7 @@ from decoder.matching.correlation import normxcorr
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import MIN_CONTRAST_PART, OUTLIER_SPREADS, WHOLE_VISIBLE
+from decoder.matching.thresholds import MIN_CONTRAST_PART, MIN_VIEWS, OUTLIER_SPREADS, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
@@ -183,7 +183,7 @@ class _Dial:
         return self.whole(np.asarray(around[self.rows : 2 * self.rows], np.float32))
 
     def in_light(self, wanted: Floats, seen: Floats, what: Floats | None = None) -> Floats:
-        """Bring a gauge (R, C + tail), or `what` has the same light, into another's light, by the card."""
+        """Bring a gauge (R, C + tail), or `what` was taken in its light, into another's light, as the card shows it."""
         known, own = (self.card_part(self.part(each)) for each in (wanted, seen))
         is_like = np.ones(own.shape, bool)
         for _ in range(LIGHT_PASSES):
@@ -332,9 +332,9 @@ class OverCardReader:
         first_deg = gauge.sweep[0]
         for needle in gauge.needles:
             own = found[needle.name]
-            status = own.status
-            if status is not Status.MISSING:
-                status = self._picture.best_status.get(needle.name, status)
+            status, best = own.status, self._picture.best_status.get(needle.name, Status.READ)
+            if status is Status.READ or best is Status.MISSING:
+                status = best
             at_deg = seen.at_deg(needle.name, step_deg)
             at_deg -= self._picture.parallaxes.get(needle.name, NO_PARALLAX).at(at_deg)
             on_card = Reading(
@@ -365,12 +365,13 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
     parts = [dial.part(strip) for strip in strips]
     card = learn_card(dial.gauge, dial.card_grid, [dial.card_part(part) for part in parts], given.card)
     given = _without_overlays(dial, replace(given, card=card), parts)
-    known = given
+    known, unmoved = given, dict[str, Status]()
     for number in range(ROUNDS):
         reader = OverCardReader(dial, known, Method.NORMXCORR, SCORE_THRESHOLD)
         seen = [each for each in reader.seen(parts, np.zeros((len(parts), 1))) if each.turn.score >= LIKELY_SCORE]
         if len(seen) < FRAMES_TO_LEARN:
-            return given
+            return replace(given, best_status={**unmoved, **given.best_status})
+        unmoved = dict.fromkeys(_unmoved(dial, seen), Status.EDGE)
         usual = np.median([each.back for each in seen], axis=0)
         views = [(dial.in_light(usual, each.back), each.found) for each in seen]
         if number == 0:
@@ -378,12 +379,11 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
             given = known
         known = _learned(dial, given, known, views)
-    unmoved = dict.fromkeys(_unmoved(dial, seen), Status.EDGE)
     return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status={**unmoved, **known.best_status})
 
 
 def _unmoved(dial: _Dial, frames: Sequence[_Seen]) -> Iterator[str]:
-    """List needles found on a card that turned only where they are in the panel picture.
+    """List needles found on a card that turned only where they are in the panel picture, but for stray matches.
 
     A mark of the card would be found there, too.
     """
@@ -392,11 +392,10 @@ def _unmoved(dial: _Dial, frames: Sequence[_Seen]) -> Iterator[str]:
     for needle in dial.gauge.turning:
         own = [seen.found[needle.name] for seen in frames]
         read_deg = np.array([reading.angle_deg for reading in own if reading.status is Status.READ])
-        if (
-            needle.at_deg is not None
-            and (np.abs(shortest(read_deg - needle.at_deg, FULL_CIRCLE_DEG)) <= APART_DEG).all()
-        ):
-            yield needle.name
+        if needle.at_deg is not None:
+            is_apart = np.abs(shortest(read_deg - needle.at_deg, FULL_CIRCLE_DEG)) > APART_DEG
+            if int(is_apart.sum()) < MIN_VIEWS:
+                yield needle.name
 
 
 def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) -> dict[str, CardParallax]:
