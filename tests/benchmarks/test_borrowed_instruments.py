@@ -25,17 +25,8 @@ RAISED = (
     " and this dial is seen from further aside, or learned with the needle's shadow"
 )
 UNPLACED = "the dim dial's own marks score 0.73 to 0.80, under SCORE_THRESHOLD, so registration does not place the dial"
-DIM = "in the dim altimeter the value is read, but not each pointer: they score under SCORE_THRESHOLD or are doubted"
 DIM_SIGMA = "the dim pointer is read 2 degrees off on average, by more than its fit tells; why is not known"
-PARKED = (
-    "nine of twelve frames show it within three degrees of its cut: the face behind is not learned (all 48 frames do)"
-)
-NO_VALUE: Mapping[tuple[str, str], str] = {
-    ("daylight", "volts"): PARKED,
-    ("night", "thousands_ft"): DIM,
-    ("night", "hundreds_ft"): DIM,
-    ("night", "oil_temp_c"): UNPLACED,
-}
+NO_VALUE: Mapping[tuple[str, str], str] = {("night", "oil_temp_c"): UNPLACED}
 WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
     ("daylight", "oil_press_psi"): RAISED,
     ("daylight", "thousands_ft"): RAISED,
