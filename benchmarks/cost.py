@@ -115,6 +115,7 @@ def memory() -> dict[int, float]:
                     "directory": str(folder / "long"),
                     "segment_s": 36000,
                     "segment_mib": 4096,
+                    "segment_frames": len(pictures) * COPIES,
                     "keep_free_gib": 0,
                 },
                 "attach": {"panel": str(RENDERED.parent / "panel.yaml")},
