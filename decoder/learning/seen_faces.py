@@ -89,7 +89,7 @@ class _Apart:
     face: UnwrappedGauge
     template: NeedleTemplate
 
-    def is_told(self, found: Found) -> bool:
+    def is_confirmed(self, found: Found) -> bool:
         """Tell whether the readings with this face confirm it.
 
         Most unlike frames then show the needle elsewhere; or most of them no longer show it where it was cut, while
@@ -114,17 +114,17 @@ def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: 
         if isinstance(grid, PolarGrid):
             dial = _Dial(gauge, grid, before.templates, own[index], own[index], before.faces[index])
             still = [needle for needle in _cut_needles(gauge) if _seems_still(needle, found)]
-            told = [each for needle in still if (each := _apart(dial, needle, views[index], found)) is not None]
-            apart |= {index: told} if told else {}
+            own_apart = [each for needle in still if (each := _apart(dial, needle, views[index], found)) is not None]
+            apart |= {index: own_apart} if own_apart else {}
     while apart:
         faces, templates = list(before.faces), dict(before.templates)
-        for index, told in apart.items():
-            for each in told:
+        for index, own_apart in apart.items():
+            for each in own_apart:
                 faces[index] = np.where(each.rows[:, None], each.face, faces[index]).astype(np.float32)
                 templates[each.needle.name] = each.template
         again = reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
         found_again = read(again)
-        kept = {index: told for index, told in apart.items() if all(each.is_told(found_again) for each in told)}
+        kept = {index: all_ for index, all_ in apart.items() if all(each.is_confirmed(found_again) for each in all_)}
         if len(kept) == len(apart):
             return again, found_again
         apart = kept
