@@ -127,9 +127,9 @@ def test_bug_that_never_moved_may_be_a_mark_of_its_card(level: float) -> None:
     assert all(off(own, CARD["scale"], PANEL_BUG) < 1.0 for own in found)
 
 
-@pytest.mark.parametrize(("level", "light"), [(60.0, 1.0), (BUG_LEVEL, 0.4), (BUG_LEVEL, 0.25)])
-def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float) -> None:
-    """If the card turned little, or in dim light, the two cannot be distinguished; the bug was set elsewhere."""
+@pytest.mark.parametrize(("level", "light", "least"), [(60.0, 1.0, 0), (BUG_LEVEL, 1.0, 14), (BUG_LEVEL, 0.25, 0)])
+def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float, least: int) -> None:
+    """Even if the card turned little, below marks that stand still; in dim light the two cannot be distinguished."""
     settings_ = [PANEL_BUG] * 6 + [148.0] * 5 + [275.0] * 5
     drawn = [with_bug(3.0 + 3.0 * step, bug, 100 + step, level) for step, bug in enumerate(settings_)]
     first, *frames = (
@@ -138,8 +138,18 @@ def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float) -> 
     reader = fitted(BUG, first, frames)
     readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
 
-    read = [(own, bug) for own, bug in zip(readings, settings_, strict=True) if own.status is Status.READ]
-    assert all(is_honest(own, CARD["scale"], bug) for own, bug in read)
+    assert sum(own.status is Status.READ for own in readings) >= least
+    assert all(is_honest(own, CARD["scale"], bug) for own, bug in zip(readings, settings_, strict=True))
+
+
+@pytest.mark.parametrize("bug", [PANEL_BUG, 148.0])
+def test_what_may_be_a_mark_may_be_anywhere(bug: float) -> None:
+    """A card that hardly turned does not tell what stands still over it, and that could be taken for the bug."""
+    frames = [with_bug(33.0 + step, bug, 100 + step) for step in range(16)]
+    reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
+    readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
+
+    assert all(own.status is Status.MISSING or own.sigma_deg > 90.0 for own in readings)
 
 
 def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
@@ -212,13 +222,14 @@ def test_bug_that_is_not_there_is_missing(bugged: PanelReader, turn_deg: float) 
 
 
 def test_bug_that_stood_still_in_the_flight_is_not_guessed_later() -> None:
-    """The dial behind it is then unknown, and is not read in its place after it has been moved."""
+    """The dial behind it is then unknown: what matches in its place may be that."""
     frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 300 + step) for step in range(16)]
     reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
 
     for bug in (PANEL_BUG, 10.0, 148.0, 275.0):
         reading = read_picture(reader, with_bug(111.0, bug, 8)).readings["bug_deg"]
-        assert reading.status is Status.MISSING or off(reading, CARD["scale"], bug) < 0.5
+        assert reading.status is not Status.READ
+        assert is_honest(reading, CARD["scale"], bug)
 
 
 def test_bug_is_drawn_where_the_card_has_taken_it() -> None:

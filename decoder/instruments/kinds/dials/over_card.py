@@ -79,6 +79,8 @@ NO_PARALLAX = CardParallax()
 # The dial behind a needle is taken from the third of the frames that differ most there from the panel picture.
 ELSEWHERE = 3
 LIGHT_PASSES = 2
+# Standard deviation of a needle that may be anywhere.
+ANYWHERE_DEG = FULL_CIRCLE_DEG * 12**-0.5
 # Blurs to try where the panel picture is sharper than the frames, or they than it.
 BLURS_PX = (0.0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
 
@@ -100,8 +102,8 @@ class OverCardPicture:
     over
         (P, C): where something fixed lies over the card, in one turn of the dial.
     best_status
-        Of needles that no frame clearly distinguishes from the marks behind them in the panel picture: EDGE for those
-        that never moved, MISSING for those that did.
+        Of needles that no frame clearly distinguishes from the marks behind them in the panel picture: EDGE, with a
+        sigma of the whole turn, for those that never moved; MISSING for those that did.
     parallaxes
         By needle, if learned from a flight.
     """
@@ -335,19 +337,21 @@ class OverCardReader:
             status, best = own.status, self._picture.best_status.get(needle.name, Status.READ)
             if status is Status.READ or best is Status.MISSING:
                 status = best
+            # What matches may be a mark, and the needle anywhere.
+            doubt_deg = 0.0 if best is Status.READ else ANYWHERE_DEG
             at_deg = seen.at_deg(needle.name, step_deg)
             at_deg -= self._picture.parallaxes.get(needle.name, NO_PARALLAX).at(at_deg)
             on_card = Reading(
                 status if card.status is Status.READ else Status.MISSING,
                 first_deg + (at_deg - seen.turned_deg(step_deg) - first_deg) % FULL_CIRCLE_DEG,
-                self.sigma_on_card_deg(seen, needle.name),
+                math.hypot(self.sigma_on_card_deg(seen, needle.name), doubt_deg),
                 own.score,
             )
             if needle.scale is None:
                 readings[needle.name] = on_card
                 continue
             at_deg = first_deg + (at_deg - first_deg) % FULL_CIRCLE_DEG
-            readings[needle.name] = Reading(status, at_deg, own.sigma_deg, own.score)
+            readings[needle.name] = Reading(status, at_deg, math.hypot(own.sigma_deg, doubt_deg), own.score)
             if needle.on_card is not None:
                 readings[needle.on_card] = on_card
         return readings
@@ -371,31 +375,39 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
         seen = [each for each in reader.seen(parts, np.zeros((len(parts), 1))) if each.turn.score >= LIKELY_SCORE]
         if len(seen) < FRAMES_TO_LEARN:
             return replace(given, best_status={**unmoved, **given.best_status})
-        unmoved = dict.fromkeys(_unmoved(dial, seen), Status.EDGE)
+        unmoved = dict.fromkeys(_unmoved(dial, known, seen), Status.EDGE)
         usual = np.median([each.back for each in seen], axis=0)
         views = [(dial.in_light(usual, each.back), each.found) for each in seen]
         if number == 0:
-            known, apart = _bared(dial, known, [back for back, _ in views])
+            known, apart = _bared(dial, known, [back for back, _ in views], [each.turn.rows for each in seen])
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
             given = known
         known = _learned(dial, given, known, views)
     return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status={**unmoved, **known.best_status})
 
 
-def _unmoved(dial: _Dial, frames: Sequence[_Seen]) -> Iterator[str]:
+def _unmoved(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> Iterator[str]:
     """List needles found on a card that turned only where they are in the panel picture, but for stray matches.
 
-    A mark of the card would be found there, too.
+    A mark of the card would be found there, too. As long as it is unknown what stands still over the card, a mark there
+    would be found at one place on the dial.
     """
     if arc_deg([seen.turn.rows for seen in frames], dial.grid) <= APART_DEG:
         return
     for needle in dial.gauge.turning:
-        own = [seen.found[needle.name] for seen in frames]
-        read_deg = np.array([reading.angle_deg for reading in own if reading.status is Status.READ])
-        if needle.at_deg is not None:
-            is_apart = np.abs(shortest(read_deg - needle.at_deg, FULL_CIRCLE_DEG)) > APART_DEG
-            if int(is_apart.sum()) < MIN_VIEWS:
-                yield needle.name
+        own = [seen for seen in frames if seen.found[needle.name].status is Status.READ]
+        on_card_deg = np.array([seen.found[needle.name].angle_deg for seen in own])
+        stays = needle.at_deg is not None and _all_near(on_card_deg, needle.at_deg)
+        if not known.card.is_learned and own:
+            at_deg = np.array([seen.at_deg(needle.name, dial.grid.step_deg) for seen in own])
+            stays = stays or any(_all_near(at_deg, each) for each in at_deg)
+        if stays:
+            yield needle.name
+
+
+def _all_near(angles_deg: Floats, at_deg: float) -> bool:
+    """Whether angles are all near one, but for stray ones."""
+    return int((np.abs(shortest(angles_deg - at_deg, FULL_CIRCLE_DEG)) > APART_DEG).sum()) < MIN_VIEWS
 
 
 def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) -> dict[str, CardParallax]:
@@ -444,17 +456,19 @@ def _learned(
 
 
 def _bared(
-    dial: _Dial, given: OverCardPicture, backs: Sequence[UnwrappedGauge]
+    dial: _Dial, given: OverCardPicture, backs: Sequence[UnwrappedGauge], turns_rows: Sequence[float]
 ) -> tuple[OverCardPicture, list[dict[str, Reading]]]:
     """Correct the card behind the panel picture's needles, from the frames that differ most from the picture there.
 
-    A dim needle is cut together with brighter marks behind it, which would match themselves in every frame.
+    A dim needle is cut together with brighter marks behind it, which would match themselves in every frame. Where
+    something fixed lies over a card that was turned back by `turns_rows`, its frame shows neither.
     """
     usual = np.median(backs, axis=0).astype(np.float32)
     picture_px, frames_px = _blurs_px(dial, given.drawn, usual)
     both = np.stack([dial.blurred(given.drawn, picture_px), dial.blurred(given.face, picture_px)])
     picture, face = dial.in_light(dial.blurred(usual, frames_px), both[0], both)
     backs = [dial.blurred(back, frames_px) for back in backs]
+    shown = [dial.whole(np.roll(~given.over, -round(rows), axis=0)) for rows in turns_rows]
     templates, best_status = dict(given.templates), {}
     for needle in dial.gauge.turning:
         if needle.at_deg is None or needle.hides_deg is None:
@@ -463,22 +477,30 @@ def _bared(
         first = round(row_of_angle(dial.grid, needle.at_deg)) - (cut.rows - 1) // 2
         rows = slice(first, first + cut.rows)
         drawn, views = picture[rows], np.stack([back[rows] for back in backs])
-        left = np.square(views - drawn).mean(axis=(1, 2))
+        is_shown = np.stack([each[rows] for each in shown])
+        left = np.square(is_shown * (views - drawn)).sum(axis=(1, 2)) / np.maximum(is_shown.sum(axis=(1, 2)), 1)
         by_likeness, count = np.argsort(left), math.ceil(len(views) / ELSEWHERE)
         like, other = by_likeness[:count], by_likeness[-count:]
-        behind = np.median(views[other], axis=0).astype(np.float32)
+        behind = _median_of_shown(views[other], is_shown[other], drawn)
         low, high = np.quantile(drawn, (0.02, 0.98))
         clear = max(OUTLIER_SPREADS * NOISE_LEVELS, CLEAR_PART * float(high - low))
-        if float((np.abs(drawn - behind) > clear).mean()) <= NEEDLE_PART:
+        if float((np.abs(drawn - behind) > clear).mean()) > NEEDLE_PART:
+            face = dial.with_rows(face, first, behind)
+        else:
             has_moved = np.median(left[other]) > CLEARLY_WORSE * np.median(left[like])
             best_status[needle.name] = Status.MISSING if has_moved else Status.EDGE
-            continue
-        face = dial.with_rows(face, first, behind)
         axis_rows = row_of_angle(dial.grid, needle.at_deg) + np.arange(cut.rows) - (cut.rows - 1) / 2
         there = face_behind(face, dial.grid, needle.at_deg, cut.rows)
         templates[needle.name] = layer_over(rows_at(picture, axis_rows), there, cut.step_deg)
     bared = replace(given, face=face, templates=templates, best_status=best_status)
-    return bared, [_found_apart(dial, bared, back) for back in backs]
+    bare = (np.where(is_shown, back, face) for back, is_shown in zip(backs, shown, strict=True))
+    return bared, [_found_apart(dial, bared, back) for back in bare]
+
+
+def _median_of_shown(views: Floats, is_shown: Mask, fallback: Floats) -> UnwrappedGauge:
+    """(R, C): the median of views (F, R, C) over the frames that show a place; of one that none shows, the fallback."""
+    middle = np.ma.median(np.ma.masked_array(views, ~is_shown), axis=0)
+    return np.where(np.ma.getmaskarray(middle), fallback, np.ma.getdata(middle)).astype(np.float32)
 
 
 def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
