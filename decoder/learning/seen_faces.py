@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
-from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, needle_places, row_of_angle, turn_rows
 from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
@@ -67,8 +67,8 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> Pan
         others = {needle.name: _rows_of_others(dial, needle, found) for needle in _cut_needles(gauge)}
         in_sight = [at for at, view in enumerate(views[index]) if view is not None]
         for needle in _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()}):
-            rows = _window(needle, grid, templates[needle.name])
-            faces[index] = np.where(rows[:, None], usual, faces[index]).astype(np.float32)
+            place = _place(dial, needle)
+            faces[index] = np.where(place, usual, faces[index]).astype(np.float32)
             templates[needle.name] = _over(dial, faces[index], needle)
     if all(face is same for face, same in zip(faces, before.faces, strict=True)):
         return reader
@@ -85,7 +85,7 @@ class _Apart:
     needle: Pointer
     unlike: Sequence[int]
     like: Sequence[int]
-    rows: Mask
+    place: Mask
     face: UnwrappedGauge
     template: NeedleTemplate
 
@@ -120,7 +120,7 @@ def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: 
         faces, templates = list(before.faces), dict(before.templates)
         for index, own_apart in apart.items():
             for each in own_apart:
-                faces[index] = np.where(each.rows[:, None], each.face, faces[index]).astype(np.float32)
+                faces[index] = np.where(each.place, each.face, faces[index]).astype(np.float32)
                 templates[each.needle.name] = each.template
         again = reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
         found_again = read(again)
@@ -155,10 +155,11 @@ def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None],
     is_alike = float((CLEARLY_WORSE * off_other < off[order[-count:]]).mean()) > MOSTLY
     if not is_alike or not _is_bared(dial, needle, rows, other):
         return None
-    face = dial.face.copy()
-    face[rows] = other
     unlike, like = ([free[at] for at in part] for part in (order[-count:], order[:count]))
-    return _Apart(needle, unlike, like, rows, face, _over(dial, face, needle))
+    place = _place(dial, needle)
+    all_around = median_of(np.stack([view for at in unlike if (view := views[at]) is not None]))
+    face = np.where(place, all_around, dial.face).astype(np.float32)
+    return _Apart(needle, unlike, like, place, face, _over(dial, face, needle))
 
 
 def _is_bared(dial: _Dial, needle: Pointer, rows: Mask, other: Floats) -> bool:
@@ -300,6 +301,12 @@ def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
     """(R,): the rows of the gauge from which a needle of the panel picture was cut."""
     rows: Mask = np.abs(np.arange(grid.rows) - _axis_row(needle, grid)) <= (template.rows - 1) / 2
     return rows
+
+
+def _place(dial: _Dial, needle: Pointer) -> Mask:
+    """(R, C): the same part of the dial, wherever the grid shows it."""
+    whole = np.ones(dial.templates[needle.name].pixels.shape, bool)
+    return needle_places(dial.grid, whole, _axis_row(needle, dial.grid), turn_rows(dial.gauge, dial.grid))
 
 
 def _axis_row(needle: Pointer, grid: PolarGrid) -> float:

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.panel_reader import read_picture
+from decoder.imaging.unwrapping import polar
+from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import FittedReader, fit_to_flight
+from decoder.learning.flight_appearance import lit_views
+from decoder.learning.seen_faces import with_seen_faces
 from tests.decoder.instruments.dials import Canvas, Hand, apart, paint, reader_for
 
 Fitted = tuple[FittedReader, list[Reading]]
@@ -122,3 +125,36 @@ def test_bug_that_was_set_elsewhere_for_a_while_is_no_print() -> None:
 
     assert moved.sigma_deg("bug_norm", np.array([BUG_DEG])) < 2.0
     assert still.sigma_deg("bug_norm", np.array([BUG_DEG])) > 45.0  # anywhere along its sweep
+
+
+def hand_over_print(at_deg: float, level: float, tail: float = 0.0, seed: int = 0) -> GreyPicture:
+    """Draws a needle from the hub over print at two places, and at the place opposite the first."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 10))
+        for print_deg in (BUG_DEG, BUG_DEG + 180.0, BUG_MOVED_DEG):
+            for stroke_deg in (-6.0, 0.0, 6.0):
+                canvas.bar(print_deg + stroke_deg, (40.0, 58.0), (2.0, 2.0), 150.0)
+        canvas.hand(Hand(tip=66.0, tail=tail, level=level), at_deg)
+
+    return paint(what, seed=seed)
+
+
+def test_dial_behind_a_needle_is_learned_wherever_the_grid_shows_it() -> None:
+    """A round dial's grid shows what is near its seam twice, and with a tail all of it once more across the centre."""
+    round_ = {"radius": [16, 62], "sweep": [200, 560], "wraps": 360, "scale": [[200, 0], [380, 180]], "tail": True}
+    dial = {"name": "dial", "unit": "deg", **round_, "needles": [{"name": "deg", "template": {"at": BUG_DEG, "span": 24}}]}
+    frames = [hand_over_print((BUG_DEG, BUG_MOVED_DEG)[seed % 2], 100.0, 40.0, 1 + seed) for seed in range(16)]
+    reader = reader_for([dial], hand_over_print(BUG_DEG, 100.0, 40.0))
+    samples = unwrapped(reader, frames)
+
+    def read(known: PanelReader) -> list[Mapping[str, Reading]]:
+        return [frame.readings for frame in known.read_unwrapped(samples)]
+
+    bared, _ = with_seen_faces(reader, lit_views(reader, samples), read(reader), read)
+    (face,), (first,), grid = bared.appearance.faces, reader.appearance.faces, polar(reader.grids[0])
+    turn, tail = round(360.0 / grid.step_deg), grid.tail_columns
+
+    assert np.abs(face - first).max() > 50.0
+    assert np.abs(face[turn:] - face[:-turn]).max() < 0.1
+    assert np.abs(face[turn // 2 :, :tail] - face[: -turn // 2, tail:][:, ::-1]).max() < 0.1
