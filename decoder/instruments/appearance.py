@@ -100,6 +100,9 @@ class Appearance:
     doubted
         Needles that were found in only a few of the sampled frames. What is found of them may be what lay behind them
         in the panel picture.
+    least_at_home
+        By needle that seemed to stand still: the lowest score of a match exactly where it was cut. Print behind it,
+        with the needle elsewhere, may match there too, but less well.
     taught_windows
         Indices in the panel of the windows that the flight has taught already: nothing turns in them, so that they
         look the same wherever pivots are.
@@ -110,6 +113,7 @@ class Appearance:
     evenly_lit_score: float
     pictures: Mapping[str, LearnedPicture] = field(default_factory=dict)
     doubted: frozenset[str] = frozenset()
+    least_at_home: Mapping[str, float] = field(default_factory=dict)
     taught_windows: frozenset[int] = frozenset()
 
     def look_of(self, index: int, gauge: Gauge) -> Look:

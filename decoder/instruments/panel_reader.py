@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrume
 from decoder.instruments.kind_table import KINDS, kind_of
 from decoder.instruments.kinds.dials.geared import told_together
 from decoder.instruments.kinds.dials.needle_dials import NeedleKind
-from decoder.instruments.reading import FrameReadings, Reading, Readings, Status
+from decoder.instruments.reading import ANYWHERE, FrameReadings, Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Reader, Samples
 from decoder.instruments.thresholds import SURE_SCORE
 from decoder.panel.arrays import Floats
@@ -306,7 +307,20 @@ class PanelReader:
         together = {each.quantity.name for each in self.source.panel.combinations if doubtful.intersection(each.parts)}
         for name in doubtful | (together & self.appearance.doubted):
             checked[name] = replace(checked[name], status=Status.MISSING)
-        return checked
+        return checked | dict(self._printed(checked))
+
+    def _printed(self, readings: Mapping[str, Reading]) -> Iterator[tuple[str, Reading]]:
+        """Yield needles that match exactly where they were cut, but worse than usual there.
+
+        What matches may be the print that was behind it, and the needle anywhere.
+        """
+        for gauge in self.source.panel.gauges if self.appearance.least_at_home else ():
+            first_deg, last_deg = gauge.sweep
+            for needle in gauge.over_face:
+                reading, least = readings[needle.name], self.appearance.least_at_home.get(needle.name, -1.0)
+                if reading.status is not Status.MISSING and reading.score < least and reading.is_at(needle.at_deg):
+                    sigma_deg = math.hypot(reading.sigma_deg, ANYWHERE * (last_deg - first_deg))
+                    yield needle.name, replace(reading, status=Status.EDGE, sigma_deg=sigma_deg)
 
     def _needle_shifts_px(self, unwrapped: UnwrappedFrame) -> tuple[Point, ...]:
         """Return how far each gauge's needles are from where the alignment puts them: the dial's shift, with lift."""

@@ -8,6 +8,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from decoder.imaging.alignment import Alignment, Point
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS
+from decoder.panel.scale import FULL_CIRCLE_DEG
+
+# Standard deviation of a uniform distribution of width 1, for what may be anywhere.
+ANYWHERE = 12**-0.5
 
 
 class Status(StrEnum):
@@ -43,6 +48,13 @@ class Reading:
     angle_deg: float
     sigma_deg: float
     score: float
+
+    def is_at(self, angle_deg: float | None) -> bool:
+        """Whether it cannot be told from this angle."""
+        if angle_deg is None:
+            return False
+        off_deg = math.remainder(self.angle_deg - angle_deg, FULL_CIRCLE_DEG)
+        return abs(off_deg) <= BEYOND_CHANCE_SPREADS * self.sigma_deg
 
     def in_place_within(self, sigma_deg: float) -> Reading:
         """Return the reading with the uncertainty `sigma_deg` of its dial's position added."""

@@ -42,7 +42,7 @@ from decoder.learning.pivots import (
     estimate_pivots,
     lifts_missing,
 )
-from decoder.learning.seen_faces import may_be_lost, with_seen_faces
+from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces
 from decoder.learning.thresholds import LOOKED_AT, MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
@@ -351,11 +351,13 @@ def _around_pivots(
 
 
 def _completed(last: _Round) -> PanelReader:
-    """Mark doubted needles in the reader."""
-    doubted = _doubted(last.found)
-    if not doubted:
+    """Mark needles in the reader of which some matches are doubtful."""
+    doubted, least = _doubted(last.found), dict[str, float]()
+    for gauge in last.reader.source.panel.gauges:
+        least |= least_at_home(gauge, last.found)
+    if not doubted and not least:
         return last.reader
-    return last.reader.with_appearance(replace(last.reader.appearance, doubted=doubted))
+    return last.reader.with_appearance(replace(last.reader.appearance, doubted=doubted, least_at_home=least))
 
 
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:

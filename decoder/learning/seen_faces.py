@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
-from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, needle_places, row_of_angle, turn_rows
+from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, opposite_rows, row_of_angle, same_rows, turn_rows
 from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
@@ -24,7 +24,7 @@ from decoder.learning.thresholds import MOSTLY, NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import MIN_VISIBLE
+from decoder.matching.thresholds import MIN_VIEWS, MIN_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
@@ -67,7 +67,7 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> Pan
         others = {needle.name: _rows_of_others(dial, needle, found) for needle in _cut_needles(gauge)}
         in_sight = [at for at, view in enumerate(views[index]) if view is not None]
         for needle in _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()}):
-            place = _place(dial, needle)
+            place = _wherever_shown(_window(needle, grid, templates[needle.name]), dial)
             faces[index] = np.where(place, usual, faces[index]).astype(np.float32)
             templates[needle.name] = _over(dial, faces[index], needle)
     if all(face is same for face, same in zip(faces, before.faces, strict=True)):
@@ -156,7 +156,7 @@ def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None],
     if not is_alike or not _is_bared(dial, needle, rows, other):
         return None
     unlike, like = ([free[at] for at in part] for part in (order[-count:], order[:count]))
-    place = _place(dial, needle)
+    place = _wherever_shown(rows, dial)
     all_around = median_of(np.stack([view for at in unlike if (view := views[at]) is not None]))
     face = np.where(place, all_around, dial.face).astype(np.float32)
     return _Apart(needle, unlike, like, place, face, _over(dial, face, needle))
@@ -208,6 +208,22 @@ def may_be_lost(gauge: Gauge, found: Found) -> bool:
         _seems_still(needle, found) or any(readings[needle.name].status is Status.MISSING for readings in found)
         for needle in gauge.over_face
     )
+
+
+def least_at_home(gauge: Gauge, found: Found) -> dict[str, float]:
+    """Return for needles that seem to stand still the lowest score of a match where they were cut.
+
+    As long as they do, the dial behind them is unknown: one that is gone leaves the print, which matches less well.
+    Hands that tell one value may stand still for long, but have to agree.
+    """
+    agreeing = () if gauge.combination is None else gauge.combination.parts
+    least = {}
+    for needle in _cut_needles(gauge):
+        readings = [each[needle.name] for each in found]
+        left = [1.0 - own.score**2 for own in readings if own.status is Status.READ and own.is_at(needle.at_deg)]
+        if needle.name not in agreeing and _seems_still(needle, found) and len(left) >= MIN_VIEWS:
+            least[needle.name] = math.sqrt(max(1.0 - CLEARLY_WORSE * float(np.median(left)), 0.0))
+    return least
 
 
 def _seems_still(needle: Pointer, found: Found) -> bool:
@@ -303,10 +319,12 @@ def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
     return rows
 
 
-def _place(dial: _Dial, needle: Pointer) -> Mask:
-    """(R, C): the same part of the dial, wherever the grid shows it."""
-    whole = np.ones(dial.templates[needle.name].pixels.shape, bool)
-    return needle_places(dial.grid, whole, _axis_row(needle, dial.grid), turn_rows(dial.gauge, dial.grid))
+def _wherever_shown(rows: Mask, dial: _Dial) -> Mask:
+    """(R, 1): some of the gauge's rows with all others that show the same part of the dial."""
+    shifts = (*same_rows(0.0, turn_rows(dial.gauge, dial.grid)), *opposite_rows(0.0, dial.grid))
+    shown = np.concatenate([np.flatnonzero(rows) + round(shift) for shift in shifts])
+    every: Mask = np.isin(np.arange(len(rows)), shown)[:, None]
+    return every
 
 
 def _axis_row(needle: Pointer, grid: PolarGrid) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.sorting import median
 from decoder.imaging.thresholds import HALF
-from decoder.instruments.reading import Reading, Status
+from decoder.instruments.reading import ANYWHERE, Reading, Status
 from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
@@ -45,8 +45,6 @@ FOUND_PX = 0.02
 # Error of a raised needle's apparent pivot that no tilt shows, as a part of its height: the needle casts a shadow to
 # one side, and its height is given to a hundredth of an inch only.
 HEIGHT_PART = 0.005
-# Standard deviation of a uniform distribution of width 1, for what may be anywhere.
-ANYWHERE = 12**-0.5
 # One dial's needles tell little of how well dials are located: the others count for as much as this many of its tilts.
 SHARED_TILTS = 16
 

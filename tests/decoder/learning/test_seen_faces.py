@@ -143,7 +143,8 @@ def hand_over_print(at_deg: float, level: float, tail: float = 0.0, seed: int = 
 def test_dial_behind_a_needle_is_learned_wherever_the_grid_shows_it() -> None:
     """A round dial's grid shows what is near its seam twice, and with a tail all of it once more across the centre."""
     round_ = {"radius": [16, 62], "sweep": [200, 560], "wraps": 360, "scale": [[200, 0], [380, 180]], "tail": True}
-    dial = {"name": "dial", "unit": "deg", **round_, "needles": [{"name": "deg", "template": {"at": BUG_DEG, "span": 24}}]}
+    needle = {"name": "hand_deg", "template": {"at": BUG_DEG, "span": 24}}
+    dial = {"name": "dial", "unit": "deg", **round_, "needles": [needle]}
     frames = [hand_over_print((BUG_DEG, BUG_MOVED_DEG)[seed % 2], 100.0, 40.0, 1 + seed) for seed in range(16)]
     reader = reader_for([dial], hand_over_print(BUG_DEG, 100.0, 40.0))
     samples = unwrapped(reader, frames)
@@ -158,3 +159,17 @@ def test_dial_behind_a_needle_is_learned_wherever_the_grid_shows_it() -> None:
     assert np.abs(face - first).max() > 50.0
     assert np.abs(face[turn:] - face[:-turn]).max() < 0.1
     assert np.abs(face[turn // 2 :, :tail] - face[: -turn // 2, tail:][:, ::-1]).max() < 0.1
+
+
+@pytest.mark.parametrize("away", [{15}, {2, 7, 12}])
+def test_print_behind_a_needle_that_was_hardly_ever_elsewhere_is_not_read_for_it(away: set[int]) -> None:
+    """Too few frames show the print alone to learn it, but it matches less well than with the needle over it."""
+    one = {**EGT, "needles": [{"name": "egt_norm", "template": {"at": BUG_DEG, "span": 24}}]}
+    truth_deg = [BUG_MOVED_DEG if frame in away else BUG_DEG for frame in range(16)]
+    frames = [hand_over_print(at_deg, 60.0, seed=1 + frame) for frame, at_deg in enumerate(truth_deg)]
+    reader = fit_to_flight(reader_for([one], hand_over_print(BUG_DEG, 60.0)), lambda _: frames).reader
+    found = [read_picture(reader, frame).readings["egt_norm"] for frame in frames]
+
+    assert sum(reading.status is Status.READ for reading in found) >= 12
+    for reading, at_deg in zip(found, truth_deg, strict=True):
+        assert reading.status is Status.MISSING or apart(reading.angle_deg, at_deg) < max(1.0, 2.0 * reading.sigma_deg)

@@ -52,7 +52,7 @@ from decoder.instruments.kinds.dials.card import (
 )
 from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
 from decoder.instruments.needle_learner import NeedleLearner
-from decoder.instruments.reading import Reading, Readings, Status
+from decoder.instruments.reading import ANYWHERE, Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Part, Samples, SeenGauge
 from decoder.instruments.thresholds import (
     APART_DEG,
@@ -63,6 +63,7 @@ from decoder.instruments.thresholds import (
     NEEDLE_PART,
 )
 from decoder.matching.correlation import normxcorr
+from decoder.matching.faces import learn_face
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_at
@@ -79,8 +80,6 @@ NO_PARALLAX = CardParallax()
 # The dial behind a needle is taken from the third of the frames that differ most there from the panel picture.
 ELSEWHERE = 3
 LIGHT_PASSES = 2
-# Standard deviation of a needle that may be anywhere.
-ANYWHERE_DEG = FULL_CIRCLE_DEG * 12**-0.5
 # Blurs to try where the panel picture is sharper than the frames, or they than it.
 BLURS_PX = (0.0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
 
@@ -338,7 +337,7 @@ class OverCardReader:
             if status is Status.READ or best is Status.MISSING:
                 status = best
             # What matches may be a mark, and the needle anywhere.
-            doubt_deg = 0.0 if best is Status.READ else ANYWHERE_DEG
+            doubt_deg = 0.0 if best is Status.READ else ANYWHERE * FULL_CIRCLE_DEG
             at_deg = seen.at_deg(needle.name, step_deg)
             at_deg -= self._picture.parallaxes.get(needle.name, NO_PARALLAX).at(at_deg)
             on_card = Reading(
@@ -468,7 +467,7 @@ def _bared(
     both = np.stack([dial.blurred(given.drawn, picture_px), dial.blurred(given.face, picture_px)])
     picture, face = dial.in_light(dial.blurred(usual, frames_px), both[0], both)
     backs = [dial.blurred(back, frames_px) for back in backs]
-    shown = [dial.whole(np.roll(~given.over, -round(rows), axis=0)) for rows in turns_rows]
+    shown = [dial.whole(np.roll(~given.over, -round(rows), axis=0)).astype(bool) for rows in turns_rows]
     templates, best_status = dict(given.templates), {}
     for needle in dial.gauge.turning:
         if needle.at_deg is None or needle.hides_deg is None:
@@ -481,7 +480,7 @@ def _bared(
         left = np.square(is_shown * (views - drawn)).sum(axis=(1, 2)) / np.maximum(is_shown.sum(axis=(1, 2)), 1)
         by_likeness, count = np.argsort(left), math.ceil(len(views) / ELSEWHERE)
         like, other = by_likeness[:count], by_likeness[-count:]
-        behind = _median_of_shown(views[other], is_shown[other], drawn)
+        behind = learn_face(list(views[other]), [np.flatnonzero(~is_shown[frame]) for frame in other], drawn)
         low, high = np.quantile(drawn, (0.02, 0.98))
         clear = max(OUTLIER_SPREADS * NOISE_LEVELS, CLEAR_PART * float(high - low))
         if float((np.abs(drawn - behind) > clear).mean()) > NEEDLE_PART:
@@ -495,12 +494,6 @@ def _bared(
     bared = replace(given, face=face, templates=templates, best_status=best_status)
     bare = (np.where(is_shown, back, face) for back, is_shown in zip(backs, shown, strict=True))
     return bared, [_found_apart(dial, bared, back) for back in bare]
-
-
-def _median_of_shown(views: Floats, is_shown: Mask, fallback: Floats) -> UnwrappedGauge:
-    """(R, C): the median of views (F, R, C) over the frames that show a place; of one that none shows, the fallback."""
-    middle = np.ma.median(np.ma.masked_array(views, ~is_shown), axis=0)
-    return np.where(np.ma.getmaskarray(middle), fallback, np.ma.getdata(middle)).astype(np.float32)
 
 
 def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
