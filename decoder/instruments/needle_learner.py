@@ -56,11 +56,11 @@ class NeedleLearner:
         return {pointer.name: pointer for pointer in self.pointers}
 
     def face(self, found: Sequence[Readings], templates: Templates) -> UnwrappedGauge:
-        """Learn the dial without needles; return the panel picture's if too few frames show it."""
+        """Learn the dial without needles; return the panel picture's if too few frames show all needles."""
         touched = {name: templates[name].touched for name in self._needles}
         views, places = [], []
         for strip, readings in zip(self.strips, found, strict=True):
-            if strip is None or any(readings[name].status is Status.MISSING for name in self._needles):
+            if strip is None or not all(readings[name].is_seen for name in self._needles):
                 continue
             covered = [
                 touched_pixels(self.grid, own, self._row(readings[name]), self.turn) for name, own in touched.items()

@@ -49,6 +49,11 @@ class Reading:
     sigma_deg: float
     score: float
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether something of the needle was seen. One that is hidden may also be one that was not found."""
+        return self.status in (Status.READ, Status.EDGE)
+
     def is_at(self, angle_deg: float | None) -> bool:
         """Whether it cannot be told from this angle."""
         if angle_deg is None:

@@ -97,7 +97,7 @@ class _Apart:
         """
         unlike, like = ([found[at] for at in part] for part in (self.unlike, self.like))
         is_gone = [_off_home_deg(self.needle, own) > APART_DEG for own in unlike]
-        is_found = [own[self.needle.name].status is not Status.MISSING for own in unlike]
+        is_found = [own[self.needle.name].is_seen for own in unlike]
         is_there = [_is_at_home(self.needle, own) for own in like]
         is_elsewhere = np.logical_and(is_gone, is_found)
         return float(max(is_elsewhere.mean(), min(np.mean(is_gone), np.mean(is_there)))) > MOSTLY
@@ -228,7 +228,7 @@ def least_at_home(gauge: Gauge, found: Found) -> dict[str, float]:
 
 def _seems_still(needle: Pointer, found: Found) -> bool:
     """Whether a needle is mostly missing or read where it is in the panel picture."""
-    still = [readings[needle.name].status is Status.MISSING or _is_at_home(needle, readings) for readings in found]
+    still = [not readings[needle.name].is_seen or _is_at_home(needle, readings) for readings in found]
     return 2 * sum(still) > len(still)
 
 

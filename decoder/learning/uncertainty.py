@@ -17,7 +17,6 @@ from types import MappingProxyType
 import numpy as np
 
 from decoder.imaging.panel_pictures import PanelPictures
-from decoder.imaging.sorting import median
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import ANYWHERE, Reading, Status
 from decoder.learning.budget import Cause
@@ -244,10 +243,10 @@ def _mistaken(
     """Name needles whose cut may show not the needle but the dial beside it or beyond its tip.
 
     A cut may miss the needle sideways if the drawn centre is far off, or lie beyond its tip if `radius` begins there.
-    In the first case, being found elsewhere than where it was cut proves it a needle; in the second, moving by more
-    than its uncertainty in most frames does. So does being found elsewhere in some frames in which nothing covers the
-    place where it was cut: print would still be seen there. Hands that tell one value may stand still for long, but
-    have to agree.
+    In the first case, being found elsewhere than where it was cut proves it a needle; in the second, being seen in most
+    frames further from any one place than its uncertainty does. So does being found elsewhere in some frames in which
+    nothing covers the place where it was cut: print would still be seen there. Hands that tell one value may stand
+    still for long, but have to agree.
     """
     mistaken = set()
     agreeing = () if gauge.combination is None else gauge.combination.parts
@@ -256,14 +255,15 @@ def _mistaken(
             at_deg, half_deg = np.array([needle.at_deg]), needle.hides_deg / 2
             sideways = across(at_deg)[0]
             beside_deg = math.degrees(math.sqrt(sideways @ pivot.covariance_px2 @ sideways) / gauge.arc_px)
-            read = [each[needle.name] for each in found if each[needle.name].status is not Status.MISSING]
+            read = [each[needle.name] for each in found if each[needle.name].is_seen]
             off_deg = shortest(np.array([reading.angle_deg for reading in read]) - at_deg, FULL_CIRCLE_DEG)
             sigma_deg = np.array([reading.sigma_deg for reading in read])
-            moves = np.abs(off_deg - (median(off_deg) if read else 0.0)) > CERTAIN_SIGMAS * sigma_deg
+            moves = np.abs(off_deg - off_deg[:, None]) > CERTAIN_SIGMAS * sigma_deg  # from each of them
+            moved = int(moves.sum(axis=1).min(initial=len(read)))
             is_beside = CERTAIN_SIGMAS * beside_deg > half_deg and not (np.abs(off_deg) > half_deg).any()
             is_beyond = needle.name not in agreeing and needle in gauge.over_face
             is_beyond &= not _comes_from_hub(templates.get(needle.name))
-            is_seen_to_move = moves.sum() > HALF * len(read) or _times_elsewhere(gauge, needle, found) >= MIN_VIEWS
+            is_seen_to_move = moved > HALF * len(read) or _times_elsewhere(gauge, needle, found) >= MIN_VIEWS
             if is_beside or (is_beyond and not is_seen_to_move):
                 mistaken.add(needle.name)
     return frozenset(mistaken)

@@ -173,3 +173,15 @@ def test_print_behind_a_needle_that_was_hardly_ever_elsewhere_is_not_read_for_it
     assert sum(reading.status is Status.READ for reading in found) >= 12
     for reading, at_deg in zip(found, truth_deg, strict=True):
         assert reading.status is Status.MISSING or apart(reading.angle_deg, at_deg) < max(1.0, 2.0 * reading.sigma_deg)
+
+
+def test_bug_that_is_not_found_is_not_taken_for_hidden() -> None:
+    """It could be below the needle in any frame; such frames do not teach the dial, which would then show the bug."""
+    flight = [
+        (BUG_MOVED_DEG if frame % 8 == 2 else BUG_DEG, needle_deg) for frame, (_, needle_deg) in enumerate(FLIGHT)
+    ]
+    _, found = fitted(60.0, {BUG_MOVED_DEG: 150.0}, flight)
+    at_home = [reading for reading, (bug_deg, _) in zip(found, flight, strict=True) if bug_deg == BUG_DEG]
+
+    assert sum(reading.status is Status.READ for reading in at_home) >= 10
+    assert all(reading.status is Status.MISSING or apart(reading.angle_deg, BUG_DEG) < 1.5 for reading in at_home)
