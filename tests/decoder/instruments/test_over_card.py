@@ -19,7 +19,7 @@ from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import fit_to_flight
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
-from tests.decoder.instruments.dials import Canvas, Hand, apart, reader_for
+from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, apart, reader_for
 from tests.decoder.instruments.test_cards import CARD, INDEX_DEG, PANEL_TURN_DEG, draw, heading_of
 
 BUG_LEVEL = 105.0
@@ -213,6 +213,30 @@ def test_pointer_is_read_on_the_dial_and_on_the_card(
     assert is_honest(card, CARD["scale"], heading_of(turn_deg))
     assert is_honest(bearing, POINTER["needles"][0]["scale"], truth)
     assert is_honest(track, CARD["scale"], truth + heading_of(turn_deg))
+
+
+def test_pointer_seen_from_aside_is_never_read_for_its_reverse() -> None:
+    """Above its card it turns about another point than the card, so that it resembles its reverse by where it lies."""
+    raised = Hand(tip=56.0, tail=50.0, root_half=1.6, tail_half=1.2, centre=(CENTRE[0] + 1.2, CENTRE[1] - 1.6))
+
+    def picture(turn_deg: float, at_deg: float, seed: int) -> GreyPicture:
+        def over(canvas: Canvas) -> None:
+            canvas.hand(raised, at_deg)
+            canvas.bar(at_deg, (36.0, 56.0), (4.0, 0.5), raised.level, raised.centre)
+
+        return draw(turn_deg, seed, over)
+
+    frames = [picture(3.0 + 22.5 * step, 40.0 + 51.0 * step, 200 + step) for step in range(16)]
+    reader = fitted(POINTER, picture(PANEL_TURN_DEG, PANEL_BEARING_DEG, 1), frames)
+    found = [read_picture(reader, picture(17.0 * step, 41.0 * step, 300 + step)).readings for step in range(16)]
+    off_deg = [
+        apart(readings["bearing_deg"].angle_deg, 41.0 * step)
+        for step, readings in enumerate(found)
+        if readings["bearing_deg"].status is not Status.MISSING
+    ]
+
+    assert max(off_deg) < 5.0, off_deg  # it lies up to two degrees aside
+    assert len(off_deg) > 4
 
 
 @pytest.mark.parametrize("turn_deg", [20.0, 251.0])

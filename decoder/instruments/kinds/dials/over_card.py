@@ -51,6 +51,7 @@ from decoder.instruments.kinds.dials.card import (
     turned,
 )
 from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
+from decoder.instruments.kinds.dials.tip_or_tail import left_both_ways
 from decoder.instruments.needle_learner import NeedleLearner
 from decoder.instruments.reading import ANYWHERE, Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Part, Samples, SeenGauge
@@ -202,6 +203,23 @@ class _Dial:
         part[(where + self.rows // 2) % self.rows, :tail] = rows[:, :tail][:, ::-1]
         return self.whole(part)
 
+    def pointed(
+        self, seen: UnwrappedGauge, face: UnwrappedGauge, template: NeedleTemplate, reading: Reading
+    ) -> Reading:
+        """Reverse a needle with a tail that clearly points the other way; it is missing if it may point either way.
+
+        Reversed, it was not fitted: it is `edge`. `seen` and `face` are gauges (R, C), turned back.
+        """
+        if reading.status is Status.MISSING or not self.grid.tail_columns:
+            return reading
+        own, reverse = left_both_ways(seen, face, template, self.grid, row_of_angle(self.grid, reading.angle_deg))
+        if CLEARLY_WORSE * own < reverse:
+            return reading
+        first_deg = self.grid.angle_deg(0)
+        opposite_deg = first_deg + (reading.angle_deg + FULL_CIRCLE_DEG / 2 - first_deg) % FULL_CIRCLE_DEG
+        status = Status.EDGE if CLEARLY_WORSE * reverse < own else Status.MISSING
+        return replace(reading, status=status, angle_deg=opposite_deg if reverse < own else reading.angle_deg)
+
     def hidden(self, templates: Mapping[str, NeedleTemplate], found: Mapping[str, Reading], rows: float) -> Mask:
         """(P, C): where needles found in the card's frame hide a card that has turned by `rows`."""
         hidden = np.zeros((self.grid.rows, self.grid.columns), bool)
@@ -284,7 +302,18 @@ class OverCardReader:
             for own, turn in zip(self.on_card(backs, place_sigmas_deg), first, strict=True)
         ]
         told = zip(parts, first, backs, found, strict=True)
-        return [_Seen(self._turn_without(part, turn, own), turn.rows, back, own) for part, turn, back, own in told]
+        return [
+            # Whichever way round a needle points, it hides the card along the same line.
+            _Seen(self._turn_without(part, turn, own), turn.rows, back, self._pointed(back, own))
+            for part, turn, back, own in told
+        ]
+
+    def _pointed(self, back: UnwrappedGauge, found: Mapping[str, Reading]) -> dict[str, Reading]:
+        picture = self._picture
+        return {
+            name: self._dial.pointed(back, picture.face, picture.templates[name], reading)
+            for name, reading in found.items()
+        }
 
     def _as_shown(self, name: str, reading: Reading, turn: Turn) -> Reading:
         """Increase a needle's sigma by the part of its width that is hidden by what stands still over the card."""
@@ -522,7 +551,9 @@ def _found_apart(dial: _Dial, known: OverCardPicture, back: UnwrappedGauge) -> d
         rival = np.roll(scores, -best)[cut.rows : -cut.rows].max(initial=0.0)
         is_sure = scores[best] >= LIKELY_SCORE and CLEARLY_WORSE * rival**2 < scores[best] ** 2
         status = Status.READ if is_sure else Status.MISSING
-        found[needle.name] = Reading(status, grid.angle_deg(best + axis), grid.step_deg, float(scores[best]))
+        reading = Reading(status, grid.angle_deg(best + axis), grid.step_deg, float(scores[best]))
+        reading = dial.pointed(back, known.face, cut, reading)
+        found[needle.name] = replace(reading, status=Status.READ) if reading.status is Status.EDGE else reading
     return found
 
 
