@@ -37,8 +37,9 @@ from decoder.instruments.appearance import (
 from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, STILL_ROWS
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
+from decoder.matching.needle_search import peaks_of
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -57,6 +58,9 @@ SEARCH_SHIFTS = 97
 # A score is a peak if none is higher within this many steps.
 PEAK_STEPS = 2
 FIT_STEPS = 5
+# A horizon that moves less has converged: a tenth of what marks drawn by hand leave open.
+STILL_PX = 0.04
+UP_HALF, RIGHT_HALF = np.array([0.0, 0.5], np.float32), np.array([0.5, 0.0], np.float32)
 # Errors are correlated within patches of the window: this many around, and across.
 PATCHES = 12, 3
 ROUNDS = 5
@@ -322,8 +326,10 @@ class _HorizonReader:
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
-        down, right = np.gradient(picture.horizon, grid.column_px)
-        self._levels = np.dstack([picture.horizon, -down, right]).astype(np.float32)
+        # The slope between two neighbours, which lies half way between them: the slope of what sampling shows. Over two
+        # cells a sharp horizon would change half as fast, and every step of a fit would go too far.
+        self._ups = np.diff(picture.horizon, axis=0) / np.float32(-grid.column_px)
+        self._rights = np.diff(picture.horizon, axis=1) / np.float32(grid.column_px)
         self._patches = _patches(self._thinned.shape)
         self._search = _Search(own, picture.horizon, self._weights)
 
@@ -383,7 +389,7 @@ class _HorizonReader:
             place = Place(place.turned_deg + turn_deg, place.down_px + step_px)
             if not self._search.is_near(place, start):
                 return NOT_SEEN
-            if math.hypot(step_px, turn_deg) < STILL_ROWS:
+            if math.hypot(step_px, turn_deg) < STILL_PX:
                 break
             weights = self._thinned * explained(left, self._thinned)
         sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[2:] / gain).tolist()
@@ -393,11 +399,12 @@ class _HorizonReader:
     def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
         """(3 or 4, N): the derivatives by gain, offset, shift and turn."""
         cells = self._cells(place, self._stride)
-        levels, up, right = cv2.split(_at(self._levels, cells))
+        levels = _at(self._picture.horizon, cells)
+        up = _at(self._ups, cells - UP_HALF)
         columns = [levels, np.ones_like(levels), up]
         if not is_turn_known:
             x_px, y_px = np.moveaxis((cells - self._centre(place)) * self._own.grid.column_px, -1, 0)
-            columns.append(right * y_px + up * x_px)
+            columns.append(_at(self._rights, cells - RIGHT_HALF) * y_px + up * x_px)
         return np.stack(columns).reshape(len(columns), -1).astype(np.float32, copy=False)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
@@ -457,7 +464,9 @@ class _Search:
         shift, turn = divmod(int(scores.argmax()), scores.shape[1])
         rival = _second_peak(scores, shift, turn)
         found_deg = float(in_turn(np.array(turn * self._step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
-        return Place(found_deg if turned_deg is None else turned_deg, float(self._downs_px[shift])), rival
+        at_deg = found_deg if turned_deg is None else turned_deg
+        _, peak = peaks_of(scores[:, turn], np.ones(len(scores), bool))
+        return Place(at_deg, float(self._downs_px[0] + peak * self._step_px)), rival
 
     def _scores(self, seen: Floats, rows: int | None) -> Floats | None:
         """(K, P) at every shift and turn, or (K, 1) at one turn; None where a window (P, C) is blank."""

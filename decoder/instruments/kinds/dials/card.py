@@ -112,16 +112,18 @@ class CardReader:
 
     def lit_turn(self, seen: Floats) -> Turn:
         """Do as `turn` for one turn of the dial (P, C) from which the light was removed."""
-        scores = self._scores(seen)
-        best = int(scores.argmax())
-        row, sigma_rows, score = self._fitted(seen, float(best), self._picture.weights)
-        alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(float(scores[best]), 1.0) ** 2)
-        return Turn(row, sigma_rows, score, alone)
+        rough = self._searched(seen)
+        row, sigma_rows, score = self._fitted(seen, rough.rows, self._picture.weights)
+        return Turn(row, sigma_rows, score, rough.is_alone)
+
+    def rough_turn(self, unwrapped: UnwrappedGauge) -> Turn:
+        """Do as `turn` to a tenth of a row, without a fit; sigma is infinite."""
+        return self._searched(evenly_lit(unwrapped, self._grid))
 
     def turn_without(self, unwrapped: UnwrappedGauge, hidden: Mask, about: Turn) -> Turn:
         """Do as `turn`, ignoring what is `hidden` of the card (P, C), from a rough turn `about`."""
         seen = evenly_lit(unwrapped, self._grid)
-        around = about if about.is_alone else self.lit_turn(seen)
+        around = about if about.is_alone else self._searched(seen)
         shown = np.where(hidden, np.float32(0.0), self._picture.weights)
         row, sigma_rows, score = self._fitted(seen, around.rows, shown)
         return Turn(row, sigma_rows, score, around.is_alone)
@@ -217,6 +219,16 @@ class CardReader:
         spectrum = (np.fft.rfft(image, axis=0) * transformed).sum(axis=1)
         sums: Floats = np.fft.irfft(spectrum, self._rows)
         return sums
+
+    def _searched(self, seen: Floats) -> Turn:
+        """Find the turn at which one turn of the dial (P, C) matches best, and whether no other matches as well."""
+        scores = self._scores(seen)
+        best = int(scores.argmax())
+        before, score, after = scores[[best - 1, best, (best + 1) % self._rows]].tolist()
+        bend = before - 2 * score + after
+        row = best + (0.5 * (before - after) / bend if bend < 0 else 0.0)
+        alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(score, 1.0) ** 2)
+        return Turn(row, math.inf, score, alone)
 
     def _rival(self, scores: Floats, best: int) -> float:
         """Return the best score away from the peak."""

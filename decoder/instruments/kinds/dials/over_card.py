@@ -295,7 +295,7 @@ class OverCardReader:
 
     def seen(self, parts: Sequence[UnwrappedGauge], place_sigmas_deg: Floats) -> list[_Seen]:
         """Find card and needles in one turn of F dials (P, C)."""
-        first = [self.turn(part) for part in parts]
+        first = [self._card.rough_turn(self._dial.card_part(part)) for part in parts]
         backs = [self.turned_back(part, turn) for part, turn in zip(parts, first, strict=True)]
         found = [
             {name: self._as_shown(name, reading, turn) for name, reading in own.items()}
@@ -329,13 +329,11 @@ class OverCardReader:
         return Reading(status, reading.angle_deg, sigma_deg, reading.score)
 
     def _turn_without(self, part: UnwrappedGauge, turn: Turn, found: Mapping[str, Reading]) -> Turn:
-        """Read a card again without what needles hide, given its approximate turn."""
+        """Read a card without what needles hide, given its rough turn."""
         dial = self._dial
         hidden = dial.hidden(self._picture.templates, found, turn.rows)
-        if not hidden.any():
-            return turn
         # The whole turn is needed to estimate the light on it.
-        bare = self._with_card(part, turn, hidden)
+        bare = self._with_card(part, turn, hidden) if hidden.any() else part
         return self._card.turn_without(dial.card_part(bare), dial.card_part(hidden), turn)
 
     def turned_back(self, part: UnwrappedGauge, turn: Turn) -> UnwrappedGauge:

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
+from decoder.imaging.sorting import median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.appearance import DrawnInstrument, Look
@@ -37,7 +37,7 @@ from decoder.instruments.kinds.windows.tape_shape import (
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS, SURE_SCORE
-from decoder.matching.correlation import products
+from decoder.matching.correlation import explained, products
 from decoder.matching.needle_search import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART, MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask, limited
@@ -48,6 +48,8 @@ from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
 
 FIT_STEPS = 6
+# Steps after which a rival's score is known to a thousandth.
+RIVAL_STEPS = 2
 # Errors are correlated within patches: this many along the window.
 PATCHES = 12
 # Neighbouring samples have correlated errors: one in this many is independent.
@@ -205,11 +207,12 @@ class TapeFinder:
         rivals = limited(elsewhere[every, rival].astype(np.float64), 0.0, 1.0)
         doubt = np.flatnonzero(found.is_there & (rivals >= LIKELY_SCORE))
         if doubt.size:
-            other = self.settled(strips[doubt], self._places[rival[doubt]].astype(np.float64))
+            other = self.settled(strips[doubt], self._places[rival[doubt]].astype(np.float64), RIVAL_STEPS)
             rivals[doubt] = np.maximum(rivals[doubt], other.score)
             is_better = other.is_there & (other.score > found.score[doubt])
-            rivals[doubt[is_better]] = found.score[doubt[is_better]]
-            found.put(doubt[is_better], other.part(is_better))
+            better = doubt[is_better]
+            rivals[better] = found.score[better]
+            found.put(better, self.settled(strips[better], other.rows[is_better]))
         return found, rivals
 
     @cached_property
@@ -275,7 +278,7 @@ class TapeFinder:
         between: Floats = (1 - part) * shown[:, :-1] + part * shown[:, 1:]
         return between
 
-    def settled(self, strips: Floats, rows: Floats) -> Laid:
+    def settled(self, strips: Floats, rows: Floats, most_steps: int = FIT_STEPS) -> Laid:
         """Fit gain, its slope along the window, light and position by least squares, starting from places (F,).
 
         Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
@@ -293,7 +296,7 @@ class TapeFinder:
         )
         trusted = np.ones((count, self._rows, self._columns), np.float32)
         open_ = np.arange(count)
-        for steps_left in reversed(range(FIT_STEPS)):
+        for steps_left in reversed(range(most_steps)):
             if not open_.size:
                 break
             here, seen = found.rows[open_], strips[open_]
@@ -406,10 +409,8 @@ def _profile(picture: TapePicture) -> Floats:
 
 def _trusted(left: Floats, weights: Floats) -> Floats:
     """(F, R, C): 1 where residuals are no larger than usual for pixels with weight, else 0."""
-    off = np.abs(left)
-    spread = [float(median(own[seen])) if seen.any() else 0.0 for own, seen in zip(off, weights > 0, strict=True)]
-    most = OUTLIER_SPREADS * np.maximum(MAD_TO_SIGMA * np.array(spread, np.float32), NOISE_LEVELS)
-    return np.asarray(off <= most[:, None, None], np.float32)
+    own = [explained(*each) for each in zip(left, weights, strict=True)]
+    return np.stack(own) if own else np.zeros_like(left)
 
 
 def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round: bool) -> TapePicture:
