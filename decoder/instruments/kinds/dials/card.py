@@ -233,7 +233,7 @@ class CardReader:
     def _rival(self, scores: Floats, best: int) -> float:
         """Return the best score away from the peak."""
         reach = round(RIVAL_REACH_DEG / self._grid.step_deg)
-        elsewhere = np.roll(scores, -best)[reach:-reach]
+        elsewhere = scores.take(np.arange(best + reach, best + self._rows - reach), mode="wrap")
         return float(elsewhere.max(initial=0.0))
 
     def _fitted(self, seen: Floats, row: float, shown_there: Floats) -> tuple[float, float, float]:
