@@ -306,9 +306,10 @@ def _parallax_deg(drawn: PanelPictures, index: int) -> float:
 def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
     """Estimate the error in a turn read on a dial that is drawn as if seen square on, although it is not.
 
-    A circle seen obliquely is an ellipse. Fixed marks are drawn on it as they appear; marks that turn are not.
+    A circle seen obliquely is an ellipse. Fixed marks, and the places of a ball in its tube, are drawn on it as they
+    appear; marks that turn are not.
     """
-    if drawn.grid(index).plane is not None or drawn.panel.gauges[index].window is not None:
+    if drawn.grid(index).plane is not None or not drawn.panel.gauges[index].is_round:
         return 0.0
     return math.degrees(USUAL_VIEW**2 / 4 / math.sqrt(2.0))
 

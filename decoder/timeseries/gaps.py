@@ -5,7 +5,8 @@ frames that were read, never beyond the first or the last of them. Frames in whi
 missing. The uncertainty grows into the gap with how far the needle strays from such lines over equally long stretches
 elsewhere in the flight, and with what the speeds before and after do not explain, up to that of a guess. If a needle
 was seen in fewer than half of the frames, a guess is not a value. Where a needle may have gone all the way round within
-a gap, the value is a guess as well.
+a gap, the value is a guess as well. If the match that was refused in a frame is a likely one, the uncertainty covers
+its place, too.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from numpy.typing import NDArray
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
-from decoder.panel.arrays import Floats, Mask
-from decoder.panel.scale import in_turn
+from decoder.panel.arrays import Floats, Mask, limited
+from decoder.panel.scale import Scale, in_turn, shortest
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
+from decoder.registration.thresholds import LIKELY_SCORE
 from decoder.timeseries.flight_data import CODE, NOWHERE, FlightData, NeedleSeries, spans
 from decoder.timeseries.thresholds import MOST_STRETCHED, MOST_TRIED, SHORTER
 from flight_file.reader import spread
@@ -119,9 +121,23 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
     flagged, doubt = flagged[told], np.fmin(doubt, guess)[told]
     status[flagged] = CODE[Status.INTERPOLATED]
     line = np.interp(time_s[flagged], time_s[known], seen)
+    doubt = np.hypot(doubt, _likely_off(series, flagged, line) / CONFIDENCE_SIGMAS)
     value[flagged] = line if wraps is None else in_turn(line, wraps, series.quantity.lowest)
     sigma[flagged] = doubt
     return replace(series, status=status, value=value, sigma=sigma)
+
+
+def _likely_off(series: NeedleSeries, flagged: NDArray[np.intp], line: Floats) -> Floats:
+    """(M,): how far beside the line the refused match of each flagged frame lies; 0 where it is not even likely.
+
+    A whole gap may be due to where the needle is, such as a ball that looks different at its stop.
+    """
+    quantity = series.quantity
+    there = Scale.of(quantity.marks, quantity.wraps).values_at(series.angle_deg[flagged])
+    if quantity.wraps is None:
+        there = limited(there, *quantity.range)
+    off = np.abs(shortest(there - line, quantity.wraps))
+    return np.where(series.score[flagged] >= LIKELY_SCORE, off, 0.0)
 
 
 def _may_have_turned(values: Floats, known: NDArray[np.intp], time_s: Floats, wraps: float) -> Mask:

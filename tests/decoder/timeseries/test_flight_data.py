@@ -173,6 +173,20 @@ HIDING: dict[str, tuple[list[Mapping[str, Reading]], str]] = {
 }
 
 
+@pytest.mark.parametrize(("score", "holds"), [(0.7, True), (0.5, False)], ids=["likely", "no better than print"])
+def test_interval_in_a_gap_holds_where_a_refused_match_is_likely(score: float, holds: bool) -> None:
+    """A ball at its stop looks different, is refused in all the gap, and stays nowhere near the line across it."""
+    stop = Reading(Status.MISSING, 410.0, 0.5, score)
+    steps = np.linspace(200.0, 206.0, 20).tolist()
+    data = speeds([*map(seen, steps), *[stop] * 6, *map(seen, steps)])
+
+    (series,) = (each for each in data.series if each.quantity.name == "speed_kt")
+    gap = series.has(Status.INTERPOLATED)
+    true_kt = 960.0
+    assert gap.sum() == len(gap) - 2 * len(steps)
+    assert (np.abs(series.value - true_kt) <= 1.96 * series.sigma + 1e-9)[gap].all() == holds
+
+
 @pytest.mark.parametrize(("frames", "expected"), HIDING.values(), ids=HIDING)
 def test_needle_is_hidden_only_where_it_went_under_its_cover(
     frames: list[Mapping[str, Reading]], expected: str
