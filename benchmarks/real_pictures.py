@@ -208,11 +208,12 @@ class Read:
     frames, compared
         Of the source, and those with a truth.
     valued, read
-        Parts of all frames.
+        Parts of all frames; where the truth was logged, of those in which it shows anything.
     mean, largest
         Mean and largest error over frames with status `read`.
     gross
-        Frames with status `read` that are more than `GROSS_PCT_FS` off, beyond the doubt of a truth read by eye.
+        Frames with status `read` that are more than `GROSS_PCT_FS` off, beyond the doubt of a truth read by eye, or in
+        which nothing is shown, as on a dark display.
     within_95, bridged_within_95
         Part of the compared frames with a value, and with an interpolated one, whose truth lies within 1.96 sigma and
         the doubt of a truth that was read by eye.
@@ -349,18 +350,21 @@ def _series(flight: Table, quantity: Quantity) -> Series:
 def _read(series: Series, truth: Floats, tolerance: Floats, theirs: Floats) -> Read:
     error, their_error = np.abs(series.error(truth)), np.abs(theirs - truth)
     known, valued, found = np.isfinite(truth), np.isfinite(error), np.isfinite(their_error)
+    # Where the truth was logged, a frame without one shows nothing, such as a dark display: no value is right there.
+    shows = known if not tolerance.any() and known.any() else np.ones_like(known)
     is_read, is_bridged = series.status == Status.READ, series.status == Status.INTERPOLATED
     pct_fs = 100 / series.full_scale
+    is_wrong = ((error - np.nan_to_num(tolerance)) * pct_fs > GROSS_PCT_FS) | ~shows
     within = error <= CONFIDENCE_SIGMAS * series.sigma + tolerance
     return Read(
         needle=series.name,
         frames=len(truth),
         compared=int(known.sum()),
-        valued=float(np.isfinite(series.value).mean()),
-        read=float(is_read.mean()),
+        valued=float(np.isfinite(series.value)[shows].mean()),
+        read=float(is_read[shows].mean()),
         mean=_mean(error[is_read & known] * pct_fs),
         largest=float((error[is_read & known] * pct_fs).max(initial=0.0)),
-        gross=int(((error - np.nan_to_num(tolerance)) * pct_fs > GROSS_PCT_FS)[is_read & known].sum()),
+        gross=int((is_wrong & is_read).sum()),
         within_95=_mean(within[valued].astype(float)),
         bridged_within_95=_mean(within[valued & is_bridged].astype(float)),
         theirs_valued=float(found.sum() / max(known.sum(), 1)),
