@@ -29,8 +29,6 @@ DIM_SIGMA = "the dim pointer is read 2 degrees off on average, by more than its 
 NO_VALUE: Mapping[tuple[str, str], str] = {("night", "oil_temp_c"): UNPLACED}
 WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
     ("daylight", "oil_press_psi"): RAISED,
-    ("daylight", "thousands_ft"): RAISED,
-    ("oblique", "volts"): RAISED,
     ("night", "thousands_ft"): DIM_SIGMA,
 }
 
