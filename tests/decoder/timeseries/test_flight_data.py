@@ -174,7 +174,7 @@ HIDING: dict[str, tuple[list[Mapping[str, Reading]], str]] = {
 
 
 @pytest.mark.parametrize(("score", "holds"), [(0.7, True), (0.5, False)], ids=["likely", "no better than print"])
-def test_interval_in_a_gap_holds_where_a_refused_match_is_likely(score: float, holds: bool) -> None:
+def test_interval_in_a_gap_holds_where_a_refused_match_is_likely(score: float, *, holds: bool) -> None:
     """A ball at its stop looks different, is refused in all the gap, and stays nowhere near the line across it."""
     stop = Reading(Status.MISSING, 410.0, 0.5, score)
     steps = np.linspace(200.0, 206.0, 20).tolist()

@@ -58,8 +58,6 @@ SEARCH_SHIFTS = 97
 # A score is a peak if none is higher within this many steps.
 PEAK_STEPS = 2
 FIT_STEPS = 5
-# A horizon that moves less has converged: a tenth of what marks drawn by hand leave open.
-STILL_PX = 0.04
 UP_HALF, RIGHT_HALF = np.array([0.0, 0.5], np.float32), np.array([0.5, 0.0], np.float32)
 # Errors are correlated within patches of the window: this many around, and across.
 PATCHES = 12, 3
@@ -330,6 +328,8 @@ class _HorizonReader:
         # cells a sharp horizon would change half as fast, and every step of a fit would go too far.
         self._ups = np.diff(picture.horizon, axis=0) / np.float32(-grid.column_px)
         self._rights = np.diff(picture.horizon, axis=1) / np.float32(grid.column_px)
+        # A horizon that moves less has converged: it is a tenth of what marks drawn by hand leave open.
+        self._still_px = own.drawn_sigma_px(0.0) / 10
         self._patches = _patches(self._thinned.shape)
         self._search = _Search(own, picture.horizon, self._weights)
 
@@ -389,7 +389,7 @@ class _HorizonReader:
             place = Place(place.turned_deg + turn_deg, place.down_px + step_px)
             if not self._search.is_near(place, start):
                 return NOT_SEEN
-            if math.hypot(step_px, turn_deg) < STILL_PX:
+            if math.hypot(step_px, turn_deg) < self._still_px:
                 break
             weights = self._thinned * explained(left, self._thinned)
         sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[2:] / gain).tolist()
