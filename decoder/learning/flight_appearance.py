@@ -19,9 +19,10 @@ from decoder.instruments.kind_table import kind_of
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import FRAMES_TO_LEARN
+from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
+from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.frame_placer import UnwrappedFrame
 from decoder.registration.thresholds import LIKELY_SCORE
 
@@ -117,7 +118,8 @@ def learn_likely_needles(
     """Learn gauges again from needles' likely matches, as long as each time fewer needles are missing.
 
     A frame with one missing needle teaches nothing about the dial below the others, and a needle that is over print in
-    only a few frames is missing until the dial there is known. Return the reader with its readings.
+    only a few frames is missing until the dial there is known. What was found before must be found where it was. Return
+    the reader with its readings.
     """
     gauges = reader.source.panel.gauges
     of = {index for index, gauge in enumerate(gauges) if isinstance(reader.grids[index], PolarGrid)}
@@ -128,7 +130,7 @@ def learn_likely_needles(
             return reader, found
         again = learn_appearance(reader, views, likely, of)
         read = _read(again, samples)
-        better = {index for index in of if _missing(gauges[index], read) < _missing(gauges[index], found)}
+        better = {index for index in of if _lost(gauges[index], found, read) < _missing(gauges[index], found)}
         if better and better != of:
             again = learn_appearance(reader, views, likely, better)
             read = _read(again, samples)
@@ -146,6 +148,20 @@ def _as_likely(reading: Reading) -> Reading:
 def _missing(gauge: Gauge, found: Sequence[Readings]) -> int:
     """Count the readings of a gauge's needles that are missing."""
     return sum(readings[needle.name].status is Status.MISSING for readings in found for needle in gauge.over_face)
+
+
+def _lost(gauge: Gauge, before: Sequence[Readings], after: Sequence[Readings]) -> int:
+    """Count the readings of a gauge's needles that are missing `after`, or elsewhere than `before`."""
+    pairs = [
+        (old[needle.name], new[needle.name])
+        for old, new in zip(before, after, strict=True)
+        for needle in gauge.over_face
+    ]
+    moved = (
+        old.is_seen and new.is_seen and abs(math.remainder(new.angle_deg - old.angle_deg, FULL_CIRCLE_DEG)) > APART_DEG
+        for old, new in pairs
+    )
+    return _missing(gauge, after) + sum(moved)
 
 
 def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Readings]:

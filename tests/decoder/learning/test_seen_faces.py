@@ -185,3 +185,19 @@ def test_bug_that_is_not_found_is_not_taken_for_hidden() -> None:
 
     assert sum(reading.status is Status.READ for reading in at_home) >= 10
     assert all(reading.status is Status.MISSING or apart(reading.angle_deg, BUG_DEG) < 1.5 for reading in at_home)
+
+
+def test_dim_needle_is_not_learned_anew_from_marks_beside_it() -> None:
+    """Likely matches in some frames do not move it by one mark in all the others, in which it was found before."""
+    one = {**EGT, "needles": [{"name": "egt_norm", "template": {"at": BUG_DEG, "span": 24}}]}
+
+    def dim(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 10))
+        canvas.hand(Hand(tip=66.0, level=50.0), BUG_DEG)
+
+    frames = [paint(dim, seed=1 + seed) for seed in range(16)]
+    reader = fit_to_flight(reader_for([one], paint(dim)), lambda _: frames).reader
+    found = [read_picture(reader, frame).readings["egt_norm"] for frame in frames]
+
+    assert sum(reading.status is Status.READ for reading in found) >= 12
+    assert all(reading.status is Status.MISSING or apart(reading.angle_deg, BUG_DEG) < 1.0 for reading in found)
