@@ -5,8 +5,8 @@ frames that were read, never beyond the first or the last of them. Frames in whi
 missing. The uncertainty grows into the gap with how far the needle strays from such lines over equally long stretches
 elsewhere in the flight, and with what the speeds before and after do not explain, up to that of a guess. If a needle
 was seen in fewer than half of the frames, a guess is not a value. Where a needle may have gone all the way round within
-a gap, the value is a guess as well. If the match that was refused in a frame is a likely one, the uncertainty covers
-its place, too.
+a gap, the value is a guess as well. If the match that was refused in a frame is a likely one, and goes on in the frame
+before or after, the uncertainty covers its place, too.
 """
 
 from __future__ import annotations
@@ -128,16 +128,22 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
 
 
 def _likely_off(series: NeedleSeries, flagged: NDArray[np.intp], line: Floats) -> Floats:
-    """(M,): how far beside the line the refused match of each flagged frame lies; 0 where it is not even likely.
+    """(M,): how far beside the line the refused match of each flagged frame lies; 0 where it is no sight of the needle.
 
-    A whole gap may be due to where the needle is, such as a ball that looks different at its stop.
+    A whole gap may be due to where the needle is, such as a ball that looks different at its stop. It is then found
+    likely from frame to frame, and moves no faster than where it was read; a match in glare jumps about.
     """
     quantity = series.quantity
+    likely = series.score >= LIKELY_SCORE
+    farthest_deg = 2 * APART_DEG + _pace_deg(series, series)
+    goes_on = np.abs(series.angles_apart_deg(slice(1, None), slice(None, -1))) <= farthest_deg
+    goes_on &= likely[1:] & likely[:-1]
+    sighted = np.append(goes_on, False) | np.append(False, goes_on)
     there = Scale.of(quantity.marks, quantity.wraps).values_at(series.angle_deg[flagged])
     if quantity.wraps is None:
         there = limited(there, *quantity.range)
     off = np.abs(shortest(there - line, quantity.wraps))
-    return np.where(series.score[flagged] >= LIKELY_SCORE, off, 0.0)
+    return np.where(sighted[flagged], off, 0.0)
 
 
 def _may_have_turned(values: Floats, known: NDArray[np.intp], time_s: Floats, wraps: float) -> Mask:
