@@ -21,7 +21,7 @@ from decoder.panel.scale import FULL_CIRCLE_DEG
 # How far aside a needle may pass, in radii: twice its own height seen from 45 degrees, as the template is bent too.
 ASIDE = np.linspace(-0.08, 0.08, 17)
 # Its angle may be found this many rows off.
-BESIDE_ROWS = np.arange(-2, 3)
+BESIDE_ROWS = 2
 
 
 def left_both_ways(
@@ -39,10 +39,10 @@ def left_both_ways(
     away_px = np.where(np.abs(radii_px) > 1.0, radii_px, np.inf)
     bent_deg = np.degrees(np.multiply.outer(ASIDE * radii_px[-1], 1.0 / away_px))
     top_rows = round(row) - (template.rows - 1) // 2 + np.array([0, turn // 2])
-    first = top_rows[:, None, None, None] + BESIDE_ROWS[:, None, None] + np.rint(bent_deg / grid.step_deg).astype(int)
-    rows = (first[..., None, :] + np.arange(template.rows)[:, None]) % turn  # (2, B, A, H, C)
     columns = np.arange(0, grid.columns, COARSE_STEP)
-    rows = rows[..., columns]
+    bent_rows = np.rint(bent_deg[:, columns] / grid.step_deg).astype(int)
+    first = top_rows[:, None, None] - BESIDE_ROWS + bent_rows
+    rows = (first[..., None, :] + np.arange(template.rows + 2 * BESIDE_ROWS)[:, None]) % turn  # (2, A, H, C)
     scores, _ = partial_normxcorr(seen[rows, columns], face[rows, columns], _thinned(template))
     best = np.maximum(scores.reshape(2, -1), 0.0).max(axis=1)
     left: Floats = 1.0 - best**2
