@@ -9,13 +9,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import forkserver, get_context, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, ForkServerProcess
@@ -27,7 +27,7 @@ from decoder.parallel.processes import ONE_EACH
 PRELOADED = ["decoder.parallel.worker"]
 SHORT_FOLDER = "/tmp"  # noqa: S108 - multiprocessing makes a private folder in it
 PATIENCE_S = 20.0  # for a process that was told to stop, on a busy machine; then it is killed
-ALONE_S = 3.0  # for a process whose parent is gone
+CLEAN_UP_S = 3.0  # for a process that was told to stop, or whose parent is gone
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -71,7 +71,7 @@ class WorkerProcess:
 
     def submit(self, work: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> Future[R]:
         """Have it call a function; raises BrokenProcessPool if the process has ended."""
-        return self._pool.submit(work, *arguments, **options)
+        return self._pool.submit(partial(_until_told, work, *arguments, **options))
 
     def kill(self) -> None:
         """End it at once."""
@@ -154,12 +154,32 @@ def _clean_up_when_told() -> None:
     signal.signal(signal.SIGTERM, _leave)
 
 
+class _ToldToStop(SystemExit):
+    """Raised in whatever a process is doing, so that temporary folders are removed on the way."""
+
+
 def _leave(_number: int, _frame: FrameType | None) -> None:
-    sys.exit(1)  # an exception, so that temporary folders are removed on the way
+    """Leave whatever is going on; the pool's own loop swallows exceptions in some places, and would wait for work."""
+    threading.Thread(target=_end_soon, daemon=True).start()
+    raise _ToldToStop(1)
+
+
+def _end_soon() -> None:
+    time.sleep(CLEAN_UP_S)
+    os._exit(1)
+
+
+def _until_told(work: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
+    """Call a function, and end the process if it was told to stop meanwhile.
+
+    Its pool would take the exception for a result, and wait for more work until it is killed.
+    """
+    try:
+        return work(*arguments, **options)
+    except _ToldToStop:
+        os._exit(1)
 
 
 def _follow(parent: int) -> None:
     wait([parent])
     os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(ALONE_S)  # for clean-up; after that, the pool's own loop would wait forever for work
-    os._exit(1)

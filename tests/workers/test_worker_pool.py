@@ -23,6 +23,7 @@ from decoder.parallel import fork_server
 from decoder.parallel.fork_server import WorkerProcess, _begin_worker, _leave, begin, interrupts_held
 from decoder.parallel.thresholds import BATCHES_HELD
 from decoder.parallel.worker_pool import WorkerPool
+from tests.programs import until
 
 Fitted = Any
 SUICIDE = "__import__('os').kill(__import__('os').getpid(), 9)"
@@ -209,3 +210,17 @@ def test_process_that_dies_as_it_begins_is_known(monkeypatch: pytest.MonkeyPatch
         worker.submit(os.getpid).result()
 
     assert worker.last_words() == "was killed (SIGABRT)"
+
+
+def test_process_that_is_stopped_in_its_work_ends_by_itself(tmp_path: Path) -> None:
+    """Its pool takes what ends the work for a result; the process must not go on to the next work."""
+    worker = WorkerProcess()
+    worker.submit(os.mkdir, tmp_path / "at work")
+    for _ in range(2):
+        worker.submit(time.sleep, 600.0)
+    until((tmp_path / "at work").exists)
+
+    worker.tell_to_stop()
+    worker.end(time.monotonic() + fork_server.PATIENCE_S)
+
+    assert worker.last_words() == "ended with exit code 1"
