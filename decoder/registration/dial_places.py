@@ -260,6 +260,26 @@ class GaugePlacer:
         return GaugePlace(alignment.after(motion), motion, shift, sigma_px)
 
 
+def at_consensus(
+    placers: Sequence[GaugePlacer | None], places: Sequence[GaugePlace | None], alignment: Alignment
+) -> list[GaugePlace | None]:
+    """Place dials whose own marks are not found where the others lie, as uncertainly as these scatter.
+
+    What is printed around a needle may turn, too, or lie in glare. The anchors count as one of the others. The variance
+    is that of one more draw beside so few: of Student's t, whose degrees of freedom are two for each but the first.
+    """
+    found = [place.shift_px for placer, place in zip(placers, places, strict=True) if placer and place]
+    spare = len(found) - 1
+    if spare <= 0:
+        return list(places)
+    shifts = np.array([(0.0, 0.0), *found])
+    usual = shifts.mean(axis=0)
+    apart_px2 = float(shifts.var(axis=0, ddof=1).mean()) * (1 + 1 / len(shifts)) * (1 + 1 / spare)
+    motion = np.array([[1.0, 0.0, usual[0]], [0.0, 1.0, usual[1]], [0.0, 0.0, 1.0]])
+    there = GaugePlace(alignment.after(motion), motion, (float(usual[0]), float(usual[1])), math.sqrt(apart_px2))
+    return [place or there for place in places]
+
+
 def _carried(motion: Matrix, point_px: Point) -> Point:
     x, y, depth = motion @ (*point_px, 1.0)
     return float(x / depth), float(y / depth)

@@ -19,7 +19,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, WindowGrid
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AlignmentLost, PanelError, PictureError
 from decoder.registration.aligner import Aligner
-from decoder.registration.dial_places import GaugePlacer, place_all
+from decoder.registration.dial_places import GaugePlacer, at_consensus, place_all
 from decoder.registration.placement import Placement
 from decoder.registration.registration import Look
 from decoder.registration.seen_panel import SeenPanel
@@ -249,14 +249,14 @@ class FramePlacer:
         return self.aligner.align_roughly(frame, focal_length_mm)
 
     def _unwrap_one_by_one(self, picture: FramePicture) -> UnwrappedFrame:
-        """Unwrap each gauge where its own marks are; one whose marks are not found is not read."""
+        """Unwrap each gauge where its own marks are or, if they are not found, where most others are."""
         frame, focal_length_mm = picture.pixels, picture.focal_length_mm
         alignment = self._near(frame, focal_length_mm)
         height, width = frame.shape
         in_colour = cache(picture.in_colour)
         lifts = self._placement.lifts or (0.0,) * len(self._grids)
         gauges, whole, shifts, sigmas, alignments = [], [], [], [], []
-        places = place_all(self._placers, frame, alignment)
+        places = at_consensus(self._placers, place_all(self._placers, frame, alignment), alignment)
         for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
             there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
             gauges += unwrapper.unwrap(frame, there, in_colour)

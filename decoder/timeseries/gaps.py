@@ -36,7 +36,8 @@ SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 
 def fill_gaps(data: FlightData) -> FlightData:
-    """Flag doubtful readings of covered needles, and interpolate what is flagged."""
+    """Flag doubtful readings of covered needles and of hands that tell no value together, and fill what is missing."""
+    data = _doubted_together(data)
     by_name = {series.quantity.name: series for series in data.series}
     parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
     checked = {part for combination in data.combinations for part in combination.parts}  # they check each other
@@ -49,6 +50,26 @@ def fill_gaps(data: FlightData) -> FlightData:
             series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
         filled.append(_interpolated(series, data.time_s, never=_contradicted(series, parts)))
     return replace(data, series=tuple(filled))
+
+
+def _doubted_together(data: FlightData) -> FlightData:
+    """Return hands as `edge` in frames in which they tell no value together: any of them may be something else."""
+    by_name = {series.quantity.name: series for series in data.series}
+    unsure = {
+        part: by_name[each.quantity.name].has(Status.MISSING) for each in data.combinations for part in each.parts
+    }
+    return replace(
+        data,
+        series=tuple(
+            series if (name := series.quantity.name) not in unsure else _as_edge(series, unsure[name])
+            for series in data.series
+        ),
+    )
+
+
+def _as_edge(series: NeedleSeries, where: Mask) -> NeedleSeries:
+    status = np.where(where & series.has(Status.READ), CODE[Status.EDGE], series.status)
+    return replace(series, status=status.astype(np.uint8))
 
 
 def _contradicted(series: NeedleSeries, parts: Mapping[str, Sequence[NeedleSeries]]) -> Mask:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.gauge import Gauge
-from decoder.registration.dial_places import GaugePlace, GaugePlacer, place_all, shrink_to_consensus
+from decoder.registration.dial_places import GaugePlace, GaugePlacer, at_consensus, place_all, shrink_to_consensus
 
 SIDE_PX = 240
 CENTRE = (120.0, 118.0)
@@ -126,6 +126,29 @@ def test_dial_that_moves_by_itself_is_where_its_own_marks_are(placer: GaugePlace
     assert held is not None
     assert held.shift_px == pytest.approx((5.0, 2.0), abs=0.12)
     assert held.alignment.to_frame(CENTRE) == pytest.approx((CENTRE[0] + 5.0, CENTRE[1] + 2.0), abs=0.12)
+
+
+def test_dial_whose_marks_are_not_found_lies_where_the_others_do(placer: GaugePlacer) -> None:
+    """Its sigma is that of one more of them, two thirds of which lie within it; with one other, nothing is known."""
+    draws = np.random.default_rng(5).normal((3.0, -2.0), 1.5, (4000, 6, 2))
+
+    def told(others: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        off, sigma_px = [], []
+        for shifts in draws:
+            known = [GaugePlace(IDENTITY, np.eye(3), tuple(shift), 0.1) for shift in shifts[1 : others + 1]]
+            place = at_consensus([placer] * (others + 1), [None, *known], IDENTITY)[0]
+            assert place is not None
+            assert place.alignment.to_frame(CENTRE) == pytest.approx(np.add(CENTRE, place.shift_px))
+            off.append(np.subtract(place.shift_px, shifts[0]))
+            sigma_px.append(place.sigma_px)
+        return np.array(off), np.array(sigma_px)[:, None]
+
+    for others in (2, 5):
+        off, sigma_px = told(others)
+        assert np.mean(np.abs(off) <= 1.96 * sigma_px) >= 0.93
+        assert np.mean(np.abs(off) <= sigma_px) >= 0.68
+    alone = GaugePlace(IDENTITY, np.eye(3), (3.0, -2.0), 0.1)
+    assert at_consensus([placer] * 2, [None, alone], IDENTITY) == [None, alone]
 
 
 def test_another_perspective_is_taken_along(placer: GaugePlacer) -> None:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from decoder.instruments.reading import Reading, Status
-from decoder.timeseries.flight_data import STATUSES, FlightData
+from decoder.panel.scale import Combination, Quantity
+from decoder.timeseries.flight_data import CODE, STATUSES, FlightData, NeedleSeries
 from decoder.timeseries.gaps import fill_gaps
 from tests.decoder.cockpit import fly, reading
 
@@ -185,6 +186,25 @@ def test_interval_in_a_gap_holds_where_a_refused_match_is_likely(score: float, *
     true_kt = 960.0
     assert gap.sum() == len(gap) - 2 * len(steps)
     assert (np.abs(series.value - true_kt) <= 1.96 * series.sigma + 1e-9)[gap].all() == holds
+
+
+def test_hands_that_tell_no_value_together_are_not_read() -> None:
+    """A lone hand that matches may be another one; its value stays, as `edge`."""
+
+    def series(name: str, codes: str) -> NeedleSeries:
+        of = {each.value[0]: CODE[each] for each in Status}
+        shown = np.where([code == "m" for code in codes], np.nan, 25.0)
+        quantity = Quantity(name, "dial", "", ((0.0, 0.0), (360.0, 100.0)), 100.0, None, None)
+        status = np.array([of[code] for code in codes], np.uint8)
+        return NeedleSeries(quantity, status, shown, 0.1 * shown, np.full(len(codes), 0.9), 3.6 * shown)
+
+    fine, coarse, both = series("fine", "rrre"), series("coarse", "rmrr"), series("both", "rmmm")
+    frames = np.arange(4)
+    combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
+    data = fill_gaps(FlightData(frames, frames * 10**9, (fine, coarse, both), (), (combination,)))
+
+    assert [statuses(data, number) for number in range(2)] == ["reee", "riee"]
+    assert data.series[0].value.tolist() == [25.0] * 4
 
 
 @pytest.mark.parametrize(("frames", "expected"), HIDING.values(), ids=HIDING)
