@@ -100,7 +100,7 @@ def test_no_value_that_is_read_is_far_off(flights: Flights, flight: str) -> None
     assert sum(row.read.read for row in rows.values()) > len(rows) / 2
 
 
-@pytest.mark.parametrize(("flight", "name"), _known_to_fail({}))
+@pytest.mark.parametrize(("flight", "name"), ROWS)
 def test_needle_that_can_be_seen_has_a_value(flights: Flights, flight: str, name: str) -> None:
     """In nine of ten frames at least in which nothing lies over it."""
     assert flights.rows(flight)[name].visible_valued >= VALUED
