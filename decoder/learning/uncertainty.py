@@ -178,22 +178,27 @@ def quantity_uncertainties(
             if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[name] = as_written
             elif name in needles:
-                uncertainties[name] = _of_needle(as_needle, gauge, quantity, is_mistaken=name in mistaken)
+                hand_deg = _hand_deg(gauge, care_part)
+                uncertainties[name] = _of_needle(as_needle, gauge, quantity, hand_deg, is_mistaken=name in mistaken)
             else:
                 uncertainties[name] = as_card
     return uncertainties
 
 
 def _of_needle(
-    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, *, is_mistaken: bool
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, hand_deg: float, *, is_mistaken: bool
 ) -> QuantityUncertainty:
-    """Estimate it for one needle of a dial; one that may be something else may point anywhere along the sweep."""
+    """Estimate it for one needle of a dial; one that may be something else may point anywhere along the sweep.
+
+    The place where a needle was cut is drawn by the hand that drew the marks, to `hand_deg`: all readings are off by
+    as much.
+    """
     first_deg, last_deg = gauge.sweep
     (zero_deg,) = (needle.at_deg for needle in gauge.turning if needle.name == quantity.name)
     anywhere_deg = ANYWHERE * (last_deg - first_deg) if is_mistaken else 0.0
     return replace(
         dial,
-        drawn_deg=math.hypot(dial.drawn_deg, anywhere_deg),
+        drawn_deg=math.hypot(dial.drawn_deg, 0.0 if zero_deg is None else hand_deg, anywhere_deg),
         zero_deg=(first_deg + last_deg) / 2 if zero_deg is None else zero_deg,
         marks_deg=() if quantity.wraps is not None else tuple(angle_deg for angle_deg, _ in quantity.marks),
     )
@@ -223,10 +228,14 @@ def _of_card(
 
 
 def _by_hand_deg(gauge: Gauge, care_part: float) -> float:
-    """Estimate how precisely a scale is drawn: like its centre, as the panel says, and to HAND_PX at best."""
+    """Estimate how precisely a scale is drawn: like its centre, and as the panel says."""
+    return math.hypot(_hand_deg(gauge, care_part), gauge.doubt_deg)
+
+
+def _hand_deg(gauge: Gauge, care_part: float) -> float:
+    """Estimate how precisely one angle is drawn: like the dial's centre, and to HAND_PX at best."""
     missed = MARK_PART * care_part
-    hand = math.hypot(HAND_PX / gauge.arc_px, min(missed, MOST_MARK_PART))
-    return math.hypot(math.degrees(hand), gauge.doubt_deg)
+    return math.degrees(math.hypot(HAND_PX / gauge.arc_px, min(missed, MOST_MARK_PART)))
 
 
 def _to_allow_for(log_odds: float) -> float:

@@ -111,7 +111,7 @@ def test_needle_that_stands_still_is_told_by_where_the_panel_picture_has_it() ->
     fitted = fit_to_flight(reader, lambda _: still)
     (sigma_deg,) = fitted.sigma_deg("speed_kt", np.array([305.0]))
 
-    assert sigma_deg < 0.5  # half a pixel is 0.8
+    assert sigma_deg < 0.6  # half a pixel is 0.8
     for sample in still[:4]:
         reading = read_picture(fitted.reader, sample).readings["speed_kt"]
         assert abs(reading.angle_deg - 305.0) < 3 * math.hypot(sigma_deg, reading.sigma_deg)
@@ -179,7 +179,7 @@ def test_doubt_about_the_pivot_grows_away_from_the_needles_zero() -> None:
     fitted = fit_to_flight(reader, lambda _: still)
     near, far = fitted.sigma_deg("speed_kt", np.array([225.0, 405.0]))
 
-    assert near < 0.5
+    assert near < 0.6
     assert far > 1.2 * near
 
 

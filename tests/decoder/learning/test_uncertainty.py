@@ -137,7 +137,8 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
     )
 
     assert found.seen_deg == pytest.approx(beside_deg, rel=1e-6)
-    assert found.drawn_deg == pytest.approx(math.degrees(HAND_PX / drawn.panel.gauges[0].arc_px))
+    # Of a mark, and of where the needle was cut.
+    assert found.drawn_deg == pytest.approx(math.sqrt(2) * math.degrees(HAND_PX / drawn.panel.gauges[0].arc_px))
 
 
 def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -> None:
@@ -185,11 +186,12 @@ def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> 
     )
     wave_deg = math.degrees(part) / math.sqrt(2.0)
     careful_deg = uncertainties_of(drawn)["speed_kt"].drawn_deg
+    cut_deg = careful_deg / math.sqrt(2)
 
     assert uneven_deg(around[0].quantities[0]) == pytest.approx(wave_deg * math.sqrt(10 / 9), rel=0.05, abs=1e-9)
     assert uneven_deg(plain[0].quantities[0]) == 0.0
-    assert uncertainties_of(drawn, told=around)["speed_kt"].drawn_deg == max(
-        careful_deg, uneven_deg(around[0].quantities[0])
+    assert uncertainties_of(drawn, told=around)["speed_kt"].drawn_deg == pytest.approx(
+        math.hypot(cut_deg, max(cut_deg, uneven_deg(around[0].quantities[0])))
     )
     assert uncertainties_of(drawn, told=plain)["speed_kt"].drawn_deg == careful_deg
 
