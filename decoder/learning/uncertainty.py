@@ -28,7 +28,7 @@ from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
-from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale, shortest
 from decoder.registration.pivot import Pivot, across
 from decoder.registration.thresholds import CERTAIN_SIGMAS
 
@@ -71,8 +71,8 @@ class QuantityUncertainty:
     zero_deg
         The angle at which the needle's zero was set; None for a card, which is read all around, so that the effects of
         a wrong pivot on its two halves cancel.
-    marks_deg
-        The angles of its marks, rising; empty where it is read all around, so that no angle lies beyond them.
+    scale
+        Its marks; None where it is read all around, so that no angle lies beyond them.
     """
 
     drawn_deg: float
@@ -83,7 +83,7 @@ class QuantityUncertainty:
     missed_px: Vector
     rim_px: float
     zero_deg: float | None
-    marks_deg: tuple[float, ...] = ()
+    scale: Scale | None = None
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
         """(N,): the standard uncertainty of readings at these angles."""
@@ -94,6 +94,8 @@ class QuantityUncertainty:
         drawn_deg, pivot_deg = np.full_like(angles_deg, self.drawn_deg), np.zeros_like(angles_deg)
         if self.zero_deg is not None:
             drawn_deg = np.hypot(drawn_deg * self._lever(angles_deg), self._missed_deg(angles_deg, self.zero_deg))
+            if self.scale is not None:  # it may bend between its marks, or run straight
+                drawn_deg = np.hypot(drawn_deg, np.nan_to_num(self.scale.bends_deg(angles_deg)))
             pivot_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
         return {
             Cause.DRAWN: drawn_deg,
@@ -111,10 +113,10 @@ class QuantityUncertainty:
 
     def _lever(self, angles_deg: Floats) -> Floats:
         """(N,): the error of the scale relative to that of one mark; beyond the marks it extrapolates from two."""
-        if len(self.marks_deg) < 2:  # noqa: PLR2004 - then nothing lies beyond them
+        if self.scale is None:
             return np.ones_like(angles_deg)
-        first, second, *_ = self.marks_deg
-        *_, before, last = self.marks_deg
+        first, second, *_ = self.scale.angles_deg
+        *_, before, last = self.scale.angles_deg
         beyond = np.maximum((first - angles_deg) / (second - first), (angles_deg - last) / (last - before))
         beyond = np.maximum(np.nan_to_num(beyond), 0.0)
         lever: Floats = np.hypot(1.0 + beyond, beyond)
@@ -200,7 +202,7 @@ def _of_needle(
         dial,
         drawn_deg=math.hypot(dial.drawn_deg, 0.0 if zero_deg is None else hand_deg, anywhere_deg),
         zero_deg=(first_deg + last_deg) / 2 if zero_deg is None else zero_deg,
-        marks_deg=() if quantity.wraps is not None else tuple(angle_deg for angle_deg, _ in quantity.marks),
+        scale=None if quantity.wraps is not None else Scale.of(quantity.marks),
     )
 
 

@@ -123,6 +123,24 @@ class Scale:
         steepest: Floats = np.maximum(*sides) / reach_deg
         return steepest
 
+    def bends_deg(self, angles_deg: Floats) -> Floats:
+        """(N,): how far values may lie beside the straight lines between marks, as degrees, if the scale is a curve.
+
+        A logarithmic scale's degrees are worth more from mark to mark, and so between marks. A change at one mark only
+        is taken as a kink between two straight parts, and so are changes to and fro as errors of drawing.
+        """
+        if len(self.values) <= 3:  # noqa: PLR2004 - one change
+            return np.zeros_like(angles_deg)
+        steps_deg, part = np.diff(self.angles_deg), self._part(self.angles_deg, angles_deg)
+        growth = 2.0 * np.diff(np.log(np.abs(self._slopes))) / (steps_deg[1:] + steps_deg[:-1])  # at inner marks
+        both = np.minimum(np.abs(growth[1:]), np.abs(growth[:-1]))
+        both = np.where(np.sign(growth[1:]) == np.sign(growth[:-1]), np.sign(growth[1:]) * both, 0.0)
+        grown = (np.concatenate([both[:1], both, both[-1:]]) * steps_deg)[part]
+        way = (angles_deg - self.angles_deg[part]) / steps_deg[part]
+        curved = np.divide(np.expm1(grown * way), np.expm1(grown), out=way.copy(), where=grown != 0.0)
+        bends: Floats = np.abs(curved - way) * steps_deg[part]
+        return bends
+
     def _going_on(self, angles_deg: Floats) -> Floats:
         """(...): the values at angles, continuing beyond the first turn."""
         if self.wraps is None:

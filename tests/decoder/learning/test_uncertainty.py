@@ -29,6 +29,8 @@ from decoder.learning.uncertainty import (
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
+from decoder.panel.scale import Scale
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.registration.pivot import Pivot
 from tests.decoder.cockpit import reader_of
 from tests.decoder.instruments import dials
@@ -229,10 +231,28 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
 
 def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
     """Extrapolated from the last two marks, each with its own error: by 1.6 times at half their distance beyond."""
-    uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, (0.0, 40.0, 100.0))
+    even = Scale.of([(0.0, 0.0), (40.0, 4.0), (100.0, 10.0)])
+    uncertainty = QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, even)
     sigma_deg = _drawn_sigma_deg(uncertainty, np.array([-20.0, 0.0, 50.0, 100.0, 130.0]))
 
     assert sigma_deg == pytest.approx(0.1 * np.array([math.hypot(1.5, 0.5), 1.0, 1.0, 1.0, math.hypot(1.5, 0.5)]))
+
+
+def test_a_scale_that_is_a_curve_is_doubted_between_its_marks() -> None:
+    """A logarithmic scale's values lie within 95 % all along; a scale of two straight parts is no curve."""
+    values, at_deg = np.array([1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]), np.linspace(0.0, 200.0, 101)
+    curve = Scale.of(list(zip(100.0 * np.log10(values), values, strict=True)))
+    parts = Scale.of([(0.0, 0.0), (20.0, 30.0), (40.0, 60.0), (80.0, 70.0), (120.0, 80.0), (200.0, 100.0)])
+    doubted, sure = (
+        _drawn_sigma_deg(QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, scale), at_deg)
+        for scale in (curve, parts)
+    )
+    off_deg = (curve.values_at(at_deg) - 10 ** (at_deg / 100.0)) / curve.slopes_at(at_deg)
+
+    assert off_deg.max() > 4.0
+    assert (np.abs(off_deg) <= CONFIDENCE_SIGMAS * doubted).all()
+    assert doubted.max() < 1.5 * off_deg.max()
+    assert sure == pytest.approx(0.1)
 
 
 def test_a_horizon_is_doubted_by_how_uneven_its_marks_of_bank_are() -> None:
