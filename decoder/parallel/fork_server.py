@@ -183,3 +183,4 @@ def _until_told(work: Callable[P, R], *arguments: P.args, **options: P.kwargs) -
 def _follow(parent: int) -> None:
     wait([parent])
     os.kill(os.getpid(), signal.SIGTERM)
+    _end_soon()

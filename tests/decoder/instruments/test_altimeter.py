@@ -70,14 +70,16 @@ def test_coarse_pointers_count_and_the_finest_measures(altitude_ft: float, off_d
 @pytest.mark.parametrize("pointer", ["ten_thousands_ft", "thousands_ft"])
 @settings(max_examples=20)
 def test_pointers_that_contradict_each_other_are_no_value(pointer: str, altitude_ft: float, off_deg: float) -> None:
-    """The altitude is missing and stays so between good ones; the pointers keep what was read of them."""
+    """The altitude is missing and stays so between good ones; the pointers keep what was read of them, as `edge`."""
     good, bad = pointing(altitude_ft), pointing(altitude_ft, {pointer: off_deg})
     data = combined([good, bad, good])
     altitude = data.series[-1]
 
     assert [STATUSES[code] for code in altitude.status] == [Status.READ, Status.MISSING, Status.READ]
     assert np.isnan(altitude.value[1])
-    assert all(series.has(Status.READ).all() for series in data.series[:-1])
+    pointers = data.series[:-1]
+    assert all(series.has(Status.READ).tolist() == [True, False, True] for series in pointers)
+    assert all(series.has(Status.EDGE).tolist() == [False, True, False] for series in pointers)
 
 
 def test_altitude_of_a_pointer_that_is_not_seen_is_interpolated() -> None:
