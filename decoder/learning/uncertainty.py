@@ -163,12 +163,11 @@ def quantity_uncertainties(
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
         gauge, as_told, pivot, place_px, path = parts
         as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care_part=care_part)
-        missed = _to_allow_for(-abs(log_odds))
         as_needle = replace(
             as_card,
             drawn_deg=_by_hand_deg(gauge, care_part),
             place_px=place_px,
-            missed_px=(missed * path.beside_px[0], missed * path.beside_px[1]),
+            missed_px=_missed_px(path, log_odds),
         )
         as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # its scale is given in writing, not drawn
         # If the marks are uneven, they were seen from off-centre, and so was everything else on the dial.
@@ -180,27 +179,26 @@ def quantity_uncertainties(
             if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[name] = as_written
             elif name in needles:
-                hand_deg = _hand_deg(gauge, care_part)
-                uncertainties[name] = _of_needle(as_needle, gauge, quantity, hand_deg, is_mistaken=name in mistaken)
+                uncertainties[name] = _of_needle(as_needle, gauge, quantity, care_part, is_mistaken=name in mistaken)
             else:
                 uncertainties[name] = as_card
     return uncertainties
 
 
 def _of_needle(
-    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, hand_deg: float, *, is_mistaken: bool
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, care_part: float, *, is_mistaken: bool
 ) -> QuantityUncertainty:
     """Estimate it for one needle of a dial; one that may be something else may point anywhere along the sweep.
 
-    The place where a needle was cut is drawn by the hand that drew the marks, to `hand_deg`: all readings are off by
-    as much.
+    The hand that drew the marks also drew where the needle was cut: all readings are off by as much as it missed that.
     """
     first_deg, last_deg = gauge.sweep
     (zero_deg,) = (needle.at_deg for needle in gauge.turning if needle.name == quantity.name)
+    cut_deg = 0.0 if zero_deg is None else _hand_deg(gauge, care_part)
     anywhere_deg = ANYWHERE * (last_deg - first_deg) if is_mistaken else 0.0
     return replace(
         dial,
-        drawn_deg=math.hypot(dial.drawn_deg, 0.0 if zero_deg is None else hand_deg, anywhere_deg),
+        drawn_deg=math.hypot(dial.drawn_deg, cut_deg, anywhere_deg),
         zero_deg=(first_deg + last_deg) / 2 if zero_deg is None else zero_deg,
         scale=None if quantity.wraps is not None else Scale.of(quantity.marks),
     )
@@ -238,6 +236,12 @@ def _hand_deg(gauge: Gauge, care_part: float) -> float:
     """Estimate how precisely one angle is drawn: like the dial's centre, and to HAND_PX at best."""
     missed = MARK_PART * care_part
     return math.degrees(math.hypot(HAND_PX / gauge.arc_px, min(missed, MOST_MARK_PART)))
+
+
+def _missed_px(path: PivotPath, log_odds: float) -> Vector:
+    """Return how far beside the pivot marks and zero may have been seen from, (x, y), as far as that is likely."""
+    missed = _to_allow_for(-abs(log_odds))
+    return missed * path.beside_px[0], missed * path.beside_px[1]
 
 
 def _to_allow_for(log_odds: float) -> float:

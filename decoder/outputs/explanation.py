@@ -28,7 +28,7 @@ STATUS_WORDS = {
     Status.MISSING: "there is no value",
 }
 CAUSE_WORDS = {
-    Cause.DRAWN: "how precisely its marks are drawn, and the needle's place",
+    Cause.DRAWN: "how precisely its marks and its moving part are drawn",
     Cause.PIVOT: "the position of its pivot",
     Cause.VIEWED: "parallax between the moving part and the marks",
     Cause.PLACED: "where its dial was found in the frames",

@@ -64,7 +64,7 @@ def test_the_shares_add_up_to_sigma(data: FlightData, row: int) -> None:
     assert math.hypot(*shares.values()) == pytest.approx(told.sigma, rel=1e-3)
     assert sum(share.part for share in told.shares) == pytest.approx(1.0)
     assert shares["the position of its pivot"] == pytest.approx(0.03)
-    assert shares["how precisely its marks are drawn, and the needle's place"] == pytest.approx(
+    assert shares["how precisely its marks and its moving part are drawn"] == pytest.approx(
         float(told.value) / 1000, rel=1e-3
     )
     assert told.low_95 == pytest.approx(float(told.value) - 1.96 * told.sigma)
