@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -237,3 +237,46 @@ def test_two_needles_of_one_form_are_never_taken_for_each_other(
             read += readings[name].status is Status.READ
             assert readings[name].status is Status.MISSING or off < max(1.0, 2.0 * readings[name].sigma_deg)
     assert read >= least * 2 * len(pairs)
+
+
+ALIKE = (
+    Hand(tip=40.0, root_half=2.6, tip_half=1.0),
+    Hand(tip=52.0, root_half=2.6, tip_half=1.0, tail=20.0),
+    Hand(tip=64.0, root_half=2.2, tip_half=1.0, tail=24.0),
+)
+"""The shortest below the others."""
+
+
+@pytest.mark.parametrize("middle_deg", [262.0, 330.0], ids=["cut with another", "cut by itself"])
+def test_needles_that_differ_in_length_alone_are_not_exchanged(middle_deg: float) -> None:
+    """One of three that took another's place gives it back or is missing, also if they were cut too near each other."""
+
+    def draw_three(angles_deg: Sequence[float], seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(120, 421, 30))
+            for form, angle_deg in zip(ALIKE, angles_deg, strict=True):
+                canvas.hand(form, angle_deg)
+
+        return paint(what, seed=seed)
+
+    names, drawn_deg = ("short", "middle", "long"), np.array([250.0, middle_deg, 170.0])
+    needles = [
+        {"name": name, "template": {"at": at, "span": 20}} for name, at in zip(names, drawn_deg.tolist(), strict=True)
+    ]
+    for needle, above in zip(needles, names[1:], strict=False):
+        needle["covered_by"] = above
+    gauge = {"name": "three", "radius": [14, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]]}
+    rng = np.random.default_rng(8)
+    frames = [draw_three(drawn_deg + rng.uniform(-5.0, 5.0, 3), 100 + number) for number in range(16)]
+    reader = reader_for([gauge | {"needles": needles}], draw_three(drawn_deg, 1), frames)
+    off_deg = []
+    for number, angles_deg in enumerate(rng.uniform(125.0, 415.0, (24, 3))):
+        readings = read_picture(reader, draw_three(angles_deg, 200 + number)).readings
+        off_deg += [
+            abs(readings[name].angle_deg - angle_deg)
+            for name, angle_deg in zip(names, angles_deg, strict=True)
+            if readings[name].status is Status.READ
+        ]
+
+    assert max(off_deg, default=0.0) < 1.0
+    assert middle_deg != 330.0 or len(off_deg) > 20

@@ -2,7 +2,9 @@
 
 Altimeters and clocks have such needles; a pair is read so too if its needles cannot be read one after the other. Each
 needle is searched for with the needles below it drawn on the face, and without the pixels of those above it. As better
-places of one improve those of the others, this is repeated a few times, from the uppermost needle down.
+places of one improve those of the others, this is repeated a few times, from the uppermost needle down. A needle that
+took another's place on the way keeps it, since the other then fits nowhere else: where a needle is left over, each is
+put in each other's place, and what draws the dial clearly better is kept.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from decoder.imaging.unwrapping import PolarGrid, needle_places, opposite_rows, 
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
+from decoder.matching.layered_dial import lit_as, times_worse
 from decoder.matching.needle_fit import Fits, WindowFitter, settle
 from decoder.matching.needle_search import COARSE_STEP, thinned
 from decoder.matching.needle_template import NeedleTemplate
@@ -95,10 +98,14 @@ class StackReader:
         for _ in range(ROUNDS):
             for index in self._order:
                 places[index] = self._placed(strips, index, places)
+        doubtful = np.zeros((len(strips), len(self._templates)), bool)
+        if len(self._templates) > 2:  # noqa: PLR2004 - of two, where each matches was looked at before
+            places, doubtful = self._reconsidered(strips, places)
         drawn = self._drawn(strips, self._order[::-1], places)
         found = Found.missing((len(strips), len(self._templates)))
         for index in self._order:
             found.put((slice(None), index), self._found(strips, index, places, drawn))
+        found.status[doubtful] = MISSING
         for one, other in self._alike:
             self._tell_apart(strips, (one, other), places, drawn, found)
         return found
@@ -162,8 +169,59 @@ class StackReader:
         touching = unsure[~apart[unsure], None]
         found.sigma_rows[touching, both] = np.hypot(found.sigma_rows[touching, both], apart_rows[touching])
 
-    def _placed(self, strips: Floats, index: int, places: dict[int, _Places]) -> _Places:
-        """Find the best places for one needle, given the others'."""
+    def _reconsidered(self, strips: Floats, places: dict[int, _Places]) -> tuple[dict[int, _Places], Mask]:
+        """Put needles in each other's places where one is left over and that explains the dial clearly better.
+
+        Also return (F, K) which needles' places are in doubt, since other ones explain the dial about as well.
+        """
+        doubtful = np.zeros((len(strips), len(self._templates)), bool)
+        fits = [each.is_sure & (each.score >= SURE_SCORE) & (each.visible >= HALF) for each in places.values()]
+        open_ = np.flatnonzero(~np.all(fits, axis=0))
+        if not open_.size:
+            return places, doubtful
+        seen, best = strips[open_], {index: _part(place, open_) for index, place in places.items()}
+        first, tried = best, []
+        for move in (*((index,) for index in self._order), *permutations(self._order, 2)):
+            tried.append(self._moved(seen, first, *move))
+            better = self._times_worse(seen, best, tried[-1]) * CLEARLY_WORSE <= 1.0
+            best = {index: _merged(better, tried[-1][index], best[index]) for index in best}
+        for other in [first, *tried]:
+            as_good = self._times_worse(seen, best, other) < CLEARLY_WORSE
+            for index, reach_rows in enumerate(self._half_widths_rows):
+                own, its = best[index], other[index]
+                apart_rows = np.abs(shortest(own.row - its.row, self._turn_rows))
+                doubtful[open_, index] |= as_good & (apart_rows > reach_rows) & (own.is_likely | its.is_likely)
+        every = {index: _put(place, open_, best[index]) for index, place in places.items()}
+        return every, doubtful
+
+    def _moved(
+        self, strips: Floats, places: dict[int, _Places], mover: int, owner: int | None = None
+    ) -> dict[int, _Places]:
+        """Put one needle where it matches best elsewhere; or in another's place, and search for a new one for that."""
+        if owner is None:
+            return {**places, mover: self._placed(strips, mover, places, beyond=places[mover].row)}
+        there = replace(places[mover], row=places[owner].row, score=np.ones(len(strips)))
+        moved = {**places, mover: there}
+        moved[owner] = self._placed(strips, owner, moved)
+        moved[mover] = self._placed(strips, mover, moved, near=there.row)
+        return moved
+
+    def _times_worse(self, strips: Floats, best: dict[int, _Places], other: dict[int, _Places]) -> Floats:
+        """(F,): how much more other places leave unexplained of the dial than the best ones, where they differ."""
+        drawn = np.stack([self._drawn(strips, self._order[::-1], each) for each in (best, other)], axis=1)
+        lit = lit_as(strips, drawn)
+        return times_worse(strips, lit[:, 0], lit[:, 1:])[:, 0]
+
+    def _placed(
+        self,
+        strips: Floats,
+        index: int,
+        places: dict[int, _Places],
+        *,
+        near: Floats | None = None,
+        beyond: Floats | None = None,
+    ) -> _Places:
+        """Find the best places for one needle, given the others'; only near rows (F,) or away from such, if given."""
         others = {other: place for other, place in places.items() if other != index}
         behind = self._drawn(
             strips, [o for o in reversed(self._order) if o in others and o not in self._above[index]], others
@@ -179,7 +237,13 @@ class StackReader:
         under, reach_rows = self._hiding_places(rows, visible, index, others)
         allowed = self._allowed[rows]
         scores = np.where(allowed & (visible >= MIN_VISIBLE), scores, 0.0)
-        every, best = np.arange(len(strips)), scores.argmax(axis=1)
+        half_width = self._half_widths_rows[index]
+        open_ = np.ones(scores.shape, bool)
+        if near is not None:
+            open_ = np.abs(rows - near[:, None]) <= half_width
+        if beyond is not None:
+            open_ = np.abs(shortest(rows - beyond[:, None], self._turn_rows)) > half_width + MAX_PEAK_ROWS
+        every, best = np.arange(len(strips)), np.where(open_, scores, -1.0).argmax(axis=1)
         axis, height, windows = (
             self._axes[index],
             2 * self._axes[index] + 1,
@@ -192,9 +256,10 @@ class StackReader:
             return self._fitters[index].fit(windows[open_, top], faces, guess_rows, masks=masked)
 
         start, top_score = rows[best].astype(np.float64), scores[every, best]
-        half_width = self._half_widths_rows[index]
         found = settle(fit, start, (axis, strips.shape[1] - axis - 1), half_width)
-        rival = self._elsewhere(rows, scores, start, half_width + MAX_PEAK_ROWS)
+        # A sliver beside another needle matches nearly any: it is no rival of a place where more is visible.
+        as_visible = np.where(visible >= np.minimum(visible[every, best], HALF)[:, None], scores, 0.0)
+        rival = self._elsewhere(rows, as_visible, start, half_width + MAX_PEAK_ROWS)
         return _Places(
             row=np.where(found.is_settled, found.row, start),
             sigma_rows=np.where(found.is_settled, found.sigma_rows, np.inf),
@@ -284,6 +349,19 @@ class StackReader:
 def _part(places: _Places, frames: Indices) -> _Places:
     """Return the places of some frames."""
     return _Places(*(getattr(places, each.name)[frames] for each in fields(places)))
+
+
+def _put(places: _Places, frames: Indices, others: _Places) -> _Places:
+    """Return places with those of some frames replaced."""
+    values = {each.name: getattr(places, each.name).copy() for each in fields(places)}
+    for name, own in values.items():
+        own[frames] = getattr(others, name)
+    return _Places(**values)
+
+
+def _merged(which: Mask, these: _Places, those: _Places) -> _Places:
+    """Return these places in some frames (F,), and those in the others."""
+    return _Places(*(np.where(which, getattr(these, each.name), getattr(those, each.name)) for each in fields(these)))
 
 
 def _likeness(one: NeedleTemplate, other: NeedleTemplate) -> float:
