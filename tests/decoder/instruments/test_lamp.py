@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -41,6 +42,15 @@ def glowing(light: float, *, sun: float = 1.0, seed: int = 0) -> Floats:
     return drawn(light, sun=sun, seed=seed) + (0.3 * light * np.exp(-np.hypot(x, y) / 10.0)).astype(np.float32)
 
 
+def glass(light: float, *, haze: float = 0.0, beside: int = 0, seed: int = 0) -> Floats:
+    """Words behind black glass, so many cells below their window, blurred onto the glass around them."""
+    words = np.zeros((GRID.rows, GRID.columns), np.float32)
+    rows, columns = GRID.within
+    words[rows.start + 2 + beside : rows.stop - 2 + beside, columns.start + 1 : columns.stop - 1 : 3] = light
+    noise = np.random.default_rng(seed).normal(0.0, 1.5, words.shape).astype(np.float32) if seed else 0.0
+    return np.clip(cv2.GaussianBlur(words, (0, 0), 1.0) + haze + noise, 0.0, 255.0)
+
+
 def sample(*lights: float) -> list[Floats]:
     """Frames in changing sun."""
     return [drawn(light, sun=0.5 + 0.07 * number, seed=number + 1) for number, light in enumerate(lights)]
@@ -51,7 +61,7 @@ def read(picture: LampPicture, *frames: Floats, lamp: Lamp = LAMP) -> list[dict[
     return LampReader(lamp, GRID, picture).read(np.stack(frames), np.zeros(len(frames)))
 
 
-TAUGHT = learn_lamp(LAMP, GRID, sample(*[0.0] * 12), first_lamp(GRID, drawn(0.0)))
+TAUGHT = learn_lamp(LAMP, GRID, sample(*[0.0] * 12), first_lamp(LAMP, GRID, drawn(0.0)))
 
 
 @given(
@@ -82,7 +92,7 @@ def test_how_bright_it_is(*, legend: bool) -> None:
 
 def test_what_a_flight_showed_lit_is_told_nearer_to_it() -> None:
     """A dim lamp shown lit by the sample is lit at that light, and no state is read halfway."""
-    taught = learn_lamp(LAMP, GRID, sample(*[0.0] * 8, *[45.0] * 4), first_lamp(GRID, drawn(0.0)))
+    taught = learn_lamp(LAMP, GRID, sample(*[0.0] * 8, *[45.0] * 4), first_lamp(LAMP, GRID, drawn(0.0)))
     dim, half, dark = (found["low_fuel_on"] for found in read(taught, drawn(40.0), drawn(14.0), drawn(0.0)))
 
     assert (dim.status, dim.angle_deg) == (Status.READ, 1.0)
@@ -93,7 +103,7 @@ def test_what_a_flight_showed_lit_is_told_nearer_to_it() -> None:
 def test_a_lamp_drawn_lit_goes_out() -> None:
     """The panel picture may show it lit; then what is darker is off."""
     lamp = Lamp(name="low_fuel_on", lit=True)
-    taught = learn_lamp(lamp, GRID, sample(*[90.0] * 12), first_lamp(GRID, drawn(90.0)))
+    taught = learn_lamp(lamp, GRID, sample(*[90.0] * 12), first_lamp(lamp, GRID, drawn(90.0)))
     on, off = (found["low_fuel_on"] for found in read(taught, drawn(90.0, sun=0.7), drawn(0.0), lamp=lamp))
 
     assert (on.status, on.angle_deg, off.status, off.angle_deg) == (Status.READ, 1.0, Status.READ, 0.0)
@@ -106,7 +116,7 @@ def test_a_lamp_that_is_lit_half_of_the_time_is_never_told_wrongly(part: float, 
     lamp = Lamp(name="low_fuel_on", lit=lit)
     lights = 90.0 * (np.arange(20) < 20 * part)
     frames = [glowing(light, seed=number + 1) for number, light in enumerate(lights.tolist())]
-    taught = learn_lamp(lamp, GRID, frames, first_lamp(GRID, glowing(90.0 * lit)))
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, glowing(90.0 * lit)))
     on, off = (found["low_fuel_on"] for found in read(taught, glowing(90.0, seed=50), glowing(0.0, seed=51), lamp=lamp))
 
     assert (on if lit else off).status is Status.READ
@@ -115,11 +125,42 @@ def test_a_lamp_that_is_lit_half_of_the_time_is_never_told_wrongly(part: float, 
 
 
 @pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.5, 0.7, 1.0])
+def test_words_behind_black_glass_are_read_by_their_own_light(part: float, *, lit: bool) -> None:
+    """Where all is dark but the lamp, its own light around the window is not taken for the sun's."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+    frames = [
+        glass(light, haze=haze, seed=number)
+        for number, (light, haze) in enumerate(
+            zip(110.0 * (np.arange(20) < 20 * part), [0.0, 4.0, 30.0, 0.0] * 5, strict=True)
+        )
+    ]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, glass(110.0 * lit)))
+    found = read(taught, glass(110.0), glass(100.0, haze=20.0, seed=50), glass(0.0), glass(0.0, haze=20.0), lamp=lamp)
+
+    assert [own["low_fuel_on"].status for own in found] == [Status.READ] * 4
+    assert [own["low_fuel_on"].angle_deg for own in found] == [1.0, 1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("beside", range(2, 20, 2))
+def test_a_window_drawn_beside_its_lamp_is_read_right_or_not_at_all(beside: int) -> None:
+    """A window that shows less light than any lamp adds, though it is lit, does not show the lamp."""
+    lamp = Lamp(name="low_fuel_on", lit=True)
+    lights = [110.0, 0.0] * 8
+    frames = [glass(light, beside=beside, seed=number + 1) for number, light in enumerate(lights)]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, glass(110.0, beside=beside)))
+    found = [own["low_fuel_on"] for own in read(taught, *frames, lamp=lamp)]
+
+    for own, light in zip(found, lights, strict=True):
+        assert own.status is Status.MISSING or own.angle_deg == float(light > 0)
+
+
+@pytest.mark.parametrize("lit", [False, True])
 def test_a_panel_that_has_its_state_wrong_tells_nothing(*, lit: bool) -> None:
     """If a flight shows it darker than the stated off, or brighter than the stated lit, nothing is read."""
     lamp = Lamp(name="low_fuel_on", lit=lit)
     shown, other = (0.0, 90.0) if lit else (90.0, 0.0)
-    taught = learn_lamp(lamp, GRID, sample(*[shown] * 8, *[other] * 4), first_lamp(GRID, drawn(shown)))
+    taught = learn_lamp(lamp, GRID, sample(*[shown] * 8, *[other] * 4), first_lamp(lamp, GRID, drawn(shown)))
 
     assert {found["low_fuel_on"].status for found in read(taught, drawn(0.0), drawn(90.0), lamp=lamp)} == {
         Status.MISSING

@@ -8,19 +8,21 @@ reflecting bezel, for example, tell little.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN
 from decoder.matching.correlation import products
-from decoder.matching.thresholds import FACE_NOISE_LEVELS
-from decoder.panel.arrays import Floats
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, OUTLIER_SPREADS
+from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.lamp import Lamp
 from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
@@ -31,6 +33,11 @@ PERCENT = 100.0
 PASSES = 3
 # Where flat surroundings cannot tell gain from haze, assume gain: this part of them says that there is no haze.
 HAZE_PRIOR = 0.1
+# The part of a window's margin, next to the window, on which the lamp's own light may fall by blur and bloom, and how
+# much of it at most.
+SPILT_ON_PART, SPILT_PART = 0.5, 0.5
+# How much the light of a lamp varies with the camera's exposure.
+EXPOSURE_PART = 0.05
 # Residuals around a window are correlated within patches: the number of independent ones.
 PATCHES = 8
 # In a normal distribution, a quarter of all pairs are no further apart than sigma / 2.2219 (Rousseeuw and Croux, 1993).
@@ -49,11 +56,13 @@ class LampPicture:
         (r, c), sum 1: how much each pixel of the window tells.
     sigma
         The scatter of the weighted level by itself, grey levels.
-    left
-        The usual residual variance around the window after fitting the light there.
     response
         (r, c): how many grey levels more it shows than the light around it explains, per unit of gain: a lamp that is
         lit in the panel picture does not shine more in the sun.
+    shining
+        By how many grey levels it is brighter than the panel around it in the panel picture, if it is lit there.
+    left
+        The usual residual variance around the window after fitting the light there.
     other
         The distance of its other state in grey levels, if the sample shows it.
     is_contradicted
@@ -63,8 +72,9 @@ class LampPicture:
     drawn: UnwrappedGauge
     weights: Floats
     sigma: float
+    response: Floats
+    shining: float = 0.0
     left: float = NOISE_LEVELS**2
-    response: Floats | float = 0.0
     other: float | None = None
     is_contradicted: bool = False
 
@@ -75,8 +85,12 @@ class LampPicture:
         return told
 
     def sigmas(self, added: Added) -> Floats:
-        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge."""
-        sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
+        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge.
+
+        Where it is dark around a lit lamp, nothing tells how long the camera exposed.
+        """
+        exposed = EXPOSURE_PART * self.shining
+        sigmas: Floats = np.sqrt(self.sigma**2 + exposed**2 + self._unusual(added.left) / PATCHES)
         return sigmas
 
     def scores(self, added: Added) -> Floats:
@@ -107,33 +121,60 @@ class Added:
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Added:
     """Measure what windows show beyond the panel picture, in the light that falls around them.
 
+    Dark surroundings tell nothing of that light: the little that they show is noise, or the lamp's own. Then it is
+    taken to be as in the panel picture.
+
     Parameters
     ----------
     drawn, strips
         (R, C) and (F, R, C): the window and its surroundings, in the panel picture and in frames.
     """
-    around = np.ones((grid.rows, grid.columns), bool)
-    around[grid.within] = False
+    around, beside = _around(grid, 0), _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
     down, across = np.indices(drawn.shape) / max(drawn.shape) - 0.5
     terms = np.stack([drawn / WHITE, np.ones_like(drawn), across, down], axis=-1).astype(np.float64)
-    known, seen = terms[around], strips[:, around].astype(np.float64)
+    light = _light(terms[beside], strips[:, beside].astype(np.float64))
+    beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
+    spilt = SPILT_PART * np.abs(beyond.mean(axis=(1, 2)))[:, None] * ~beside[around]
+    left = np.abs(strips[:, around] - light @ terms[around].T) - spilt
+    seen = strips[:, around].astype(np.float64)
+    return Added(beyond, light[:, 0] / WHITE, seen.var(axis=1), np.square(np.maximum(left, 0.0)).mean(axis=1))
+
+
+def _around(grid: WindowGrid, more: int) -> Mask:
+    """(R, C): the surroundings of a window that is larger by so many cells on each side."""
+    around = np.ones((grid.rows, grid.columns), bool)
+    first = grid.margin - more
+    around[first : grid.rows - first, first : grid.columns - first] = False
+    return around
+
+
+def _light(known: Floats, seen: Floats) -> Floats:
+    """(F, L): how much there is of each term (P, L) in frames' pixels (F, P), as in the panel picture if none tells."""
+    prior = np.diag([(NOISE_LEVELS / WHITE) ** 2, HAZE_PRIOR, HAZE_PRIOR, HAZE_PRIOR])
     weights = np.ones_like(seen)
     outer = (known[:, :, None] * known[:, None, :]).reshape(len(known), -1)
     for _ in range(PASSES):
-        normal = products(weights, outer.T).reshape(-1, *(known.shape[1:] * 2))
-        normal += HAZE_PRIOR * weights.sum(axis=1)[:, None, None] * np.diag([0.0, 1.0, 1.0, 1.0])
-        light = np.linalg.solve(normal, products(weights * seen, known.T)[..., None])[..., 0]
+        total = weights.sum(axis=1)[:, None]
+        normal = products(weights, outer.T).reshape(-1, *prior.shape) + total[..., None] * prior
+        wanted = products(weights * seen, known.T) + total * WHITE * prior[0]
+        light: Floats = np.linalg.solve(normal, wanted[..., None])[..., 0]
         left = seen - (light[:, None] @ known.T)[:, 0]
         spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(left), axis=1, keepdims=True), FACE_NOISE_LEVELS)
         weights = 1.0 / (1.0 + np.square(left / (2.0 * spread)))
-    beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
-    return Added(beyond, light[:, 0] / WHITE, seen.var(axis=1), np.square(left).mean(axis=1))
+    return light
 
 
-def first_lamp(grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
+def first_lamp(lamp: Lamp, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
     """Build a lamp's picture from the panel picture alone: all of its window counts equally."""
     shape = drawn[grid.within].shape
-    return LampPicture(drawn, np.full(shape, 1.0 / np.prod(shape)), NOISE_LEVELS)
+    shining = _shining(grid, drawn) if lamp.lit else np.zeros(shape)
+    return LampPicture(drawn, np.full(shape, 1.0 / np.prod(shape)), NOISE_LEVELS, -shining, float(shining.mean()))
+
+
+def _shining(grid: WindowGrid, drawn: UnwrappedGauge) -> Floats:
+    """(r, c): by how much a lit lamp is brighter than the panel around it, which is about as bright as it is off."""
+    shining: Floats = np.maximum(drawn[grid.within] - np.median(drawn[_around(grid, 0)]), 0.0)
+    return shining
 
 
 def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
@@ -141,31 +182,43 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     if len(strips) < FRAMES_TO_LEARN:
         return known
     added = added_light(grid, known.drawn, np.stack(strips))
-    response = _response(added.gain, added.levels) if lamp.lit else np.zeros(known.weights.shape)
+    response = _response(added, -known.drawn[grid.within], known.response) if lamp.lit else known.response
     levels = added.levels - response * (added.gain - 1.0)[:, None, None]
     weights = 1.0 / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
-    learned = LampPicture(known.drawn, weights / weights.sum(), 0.0, float(np.median(added.left)), response)
+    shining = _shining(grid, known.drawn)
+    weights *= (shining if lamp.lit else np.ptp(levels, axis=0)) + NOISE_LEVELS  # by how much each changes
+    weights /= weights.sum()
+    learned = replace(
+        known,
+        weights=weights,
+        sigma=0.0,
+        response=response,
+        shining=float((weights * shining).sum()) * lamp.lit,
+        left=float(np.median(added.left)),
+    )
     told = learned.told(added)
-    learned = replace(learned, sigma=max(float(_scatter(told)), FACE_NOISE_LEVELS))
     away = -told if lamp.lit else told
+    is_near = away < max(away.max(), DIMMEST_LEVELS) / 2  # its other state may scatter more
+    own = told[is_near] if is_near.sum() >= FRAMES_TO_LEARN else told
+    learned = replace(learned, sigma=max(float(_scatter(own)), FACE_NOISE_LEVELS))
     seen = away[away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)]
     whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
     is_contradicted = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
     return replace(learned, other=float(np.median(seen)) if seen.size else None, is_contradicted=is_contradicted)
 
 
-def _response(gains: Floats, levels: Floats) -> Floats:
-    """(r, c): the slope of levels (F, r, c) over gains (F,), by the median over pairs of frames (Sen, 1968).
+def _response(added: Added, least: Floats, usual: Floats) -> Floats:
+    """(r, c): the slope of levels over gains, by the median over pairs of frames (Sen, 1968), near the usual if alike.
 
-    It is never positive: where levels seem to grow with the gain, it is the lamp going out that dims its surroundings.
+    It is at `least` that of a window which shows nothing but its lamp, and at most that of one half of whose brightness
+    is its lamp's: where levels seem to grow more with the gain, it is the lamp going out that dims its surroundings.
     """
-    one, other = np.triu_indices(len(gains), 1)
-    apart = gains[one] - gains[other]
+    one, other = np.triu_indices(len(added.gain), 1)
+    apart = added.gain[one] - added.gain[other]
     is_told = np.abs(apart) >= np.median(np.abs(apart))
-    if not apart.any():
-        return np.zeros(levels.shape[1:])
-    slopes: Floats = np.median((levels[one] - levels[other])[is_told] / apart[is_told, None, None], axis=0)
-    return np.minimum(slopes, 0.0)
+    run, rise = apart[is_told, None, None], (added.levels[one] - added.levels[other])[is_told]
+    slopes: Floats = np.median((rise * run + usual * EXPOSURE_PART**2) / (np.square(run) + EXPOSURE_PART**2), axis=0)
+    return np.clip(slopes, least, HALF * usual)
 
 
 def _scatter(levels: Floats) -> Floats:
@@ -199,14 +252,15 @@ class LampReader:
         read.
         """
         lamp, picture = self._lamp, self._picture
-        away, other = -level if lamp.lit else level, picture.other
-        far = DIMMEST_LEVELS if other is None else other / 2
-        is_same = abs(away) <= BEYOND_CHANCE_SPREADS * sigma
-        is_other = away >= (max(2 * BEYOND_CHANCE_SPREADS * sigma, far) if other is None else far)
+        away, other = -level if lamp.lit else level, picture.other or picture.shining
+        half = other / 2 if other else DIMMEST_LEVELS
+        is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, half)
+        is_other = away >= (half if other else max(2 * BEYOND_CHANCE_SPREADS * sigma, half))
         is_told = (
             not picture.is_contradicted
-            and BEYOND_CHANCE_SPREADS * sigma <= far
+            and half >= OUTLIER_SPREADS * sigma
             and is_same != is_other
+            and (other >= DIMMEST_LEVELS or not lamp.lit)
             and score >= SCORE_THRESHOLD
         )
         status = Status.READ if is_told else Status.MISSING
@@ -223,8 +277,8 @@ class LampKind(WindowKind):
     def owns(self, gauge: Gauge) -> bool:
         return gauge.lamp is not None
 
-    def first(self, _: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
-        return first_lamp(grid, drawn)
+    def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
+        return first_lamp(_lamp(gauge), grid, drawn)
 
     def learned(
         self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture
