@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import cv2
 import numpy as np
 import pytest
@@ -140,6 +142,25 @@ def test_words_behind_black_glass_are_read_by_their_own_light(part: float, *, li
 
     assert [own["low_fuel_on"].status for own in found] == [Status.READ] * 4
     assert [own["low_fuel_on"].angle_deg for own in found] == [1.0, 1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_a_lamp_beside_another_is_read_by_itself(*, lit: bool) -> None:
+    """What comes and goes around a window, such as the next lamp or a display, is no light on the panel."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+    rng = np.random.default_rng(5)
+
+    def row(own: float, next_: float, seed: int = 0) -> Floats:
+        there = glass(own, seed=seed)
+        there[:, -GRID.margin + 3 :] += glass(next_)[:, GRID.margin : 2 * GRID.margin - 3]
+        return there
+
+    frames = [row(*110.0 * rng.integers(0, 2, 2), seed=number + 1) for number in range(20)]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, row(110.0 * lit, 0.0)))
+
+    for own, next_ in product((0.0, 110.0), repeat=2):
+        (found,) = read(taught, row(own, next_, seed=60), lamp=lamp)
+        assert (found["low_fuel_on"].status, found["low_fuel_on"].angle_deg) == (Status.READ, float(own > 0))
 
 
 @pytest.mark.parametrize("beside", range(2, 20, 2))

@@ -52,6 +52,8 @@ class LampPicture:
     ----------
     drawn
         (R, C): its window and surroundings in the panel picture.
+    steady
+        (R, C): the weights of the pixels around the window.
     weights
         (r, c), sum 1: how much each pixel of the window tells.
     sigma
@@ -70,6 +72,7 @@ class LampPicture:
     """
 
     drawn: UnwrappedGauge
+    steady: Floats
     weights: Floats
     sigma: float
     response: Floats
@@ -118,7 +121,7 @@ class Added:
     left: Floats
 
 
-def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Added:
+def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady: Floats) -> Added:
     """Measure what windows show beyond the panel picture, in the light that falls around them.
 
     Dark surroundings tell nothing of that light: the little that they show is noise, or the lamp's own. Then it is
@@ -128,16 +131,38 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Adde
     ----------
     drawn, strips
         (R, C) and (F, R, C): the window and its surroundings, in the panel picture and in frames.
+    steady
+        (R, C): the weight of each pixel around the window.
     """
-    around, beside = _around(grid, 0), _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
-    down, across = np.indices(drawn.shape) / max(drawn.shape) - 0.5
-    terms = np.stack([drawn / WHITE, np.ones_like(drawn), across, down], axis=-1).astype(np.float64)
-    light = _light(terms[beside], strips[:, beside].astype(np.float64))
+    around, terms = _around(grid, 0), _terms(drawn)
+    beside = _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
+    light = _light(terms[beside], strips[:, beside].astype(np.float64), steady[beside])
     beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
     spilt = SPILT_PART * np.abs(beyond.mean(axis=(1, 2)))[:, None] * ~beside[around]
-    left = np.abs(strips[:, around] - light @ terms[around].T) - spilt
     seen = strips[:, around].astype(np.float64)
-    return Added(beyond, light[:, 0] / WHITE, seen.var(axis=1), np.square(np.maximum(left, 0.0)).mean(axis=1))
+    left = np.maximum(np.abs(seen - light @ terms[around].T) - spilt, 0.0)
+    weights = steady[around] / steady[around].sum()
+    shown = seen - (seen @ weights)[:, None]
+    return Added(beyond, light[:, 0] / WHITE, np.square(shown) @ weights, np.square(left) @ weights)
+
+
+def _steady(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Floats:
+    """(R, C): weights of the pixels around a window: small where frames differ more than elsewhere, as on a display."""
+    around, known = _around(grid, 0), _terms(drawn)
+    seen = strips[:, around].astype(np.float64)
+    light = _light(known[around], seen, np.ones(seen.shape[1]))
+    scatter = np.square(seen - light @ known[around].T).mean(axis=0)
+    usual = max(float(np.median(scatter)), NOISE_LEVELS**2)
+    steady = np.ones(drawn.shape)
+    steady[around] = usual / (usual + scatter)
+    return steady
+
+
+def _terms(drawn: UnwrappedGauge) -> Floats:
+    """(R, C, L): what light on a panel is made of: the panel picture's, evenly more, and more to one side."""
+    down, across = np.indices(drawn.shape) / max(drawn.shape) - 0.5
+    terms: Floats = np.stack([drawn / WHITE, np.ones_like(drawn), across, down], axis=-1).astype(np.float64)
+    return terms
 
 
 def _around(grid: WindowGrid, more: int) -> Mask:
@@ -148,10 +173,13 @@ def _around(grid: WindowGrid, more: int) -> Mask:
     return around
 
 
-def _light(known: Floats, seen: Floats) -> Floats:
-    """(F, L): how much there is of each term (P, L) in frames' pixels (F, P), as in the panel picture if none tells."""
+def _light(known: Floats, seen: Floats, steady: Floats) -> Floats:
+    """(F, L): how much there is of each term (P, L) in frames' pixels (F, P), as in the panel picture if none tells.
+
+    `steady` (P,) are the pixels' weights.
+    """
     prior = np.diag([(NOISE_LEVELS / WHITE) ** 2, HAZE_PRIOR, HAZE_PRIOR, HAZE_PRIOR])
-    weights = np.ones_like(seen)
+    weights = np.broadcast_to(steady, seen.shape)
     outer = (known[:, :, None] * known[:, None, :]).reshape(len(known), -1)
     for _ in range(PASSES):
         total = weights.sum(axis=1)[:, None]
@@ -160,7 +188,7 @@ def _light(known: Floats, seen: Floats) -> Floats:
         light: Floats = np.linalg.solve(normal, wanted[..., None])[..., 0]
         left = seen - (light[:, None] @ known.T)[:, 0]
         spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(left), axis=1, keepdims=True), FACE_NOISE_LEVELS)
-        weights = 1.0 / (1.0 + np.square(left / (2.0 * spread)))
+        weights = steady / (1.0 + np.square(left / (2.0 * spread)))
     return light
 
 
@@ -168,7 +196,8 @@ def first_lamp(lamp: Lamp, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPictu
     """Build a lamp's picture from the panel picture alone: all of its window counts equally."""
     shape = drawn[grid.within].shape
     shining = _shining(grid, drawn) if lamp.lit else np.zeros(shape)
-    return LampPicture(drawn, np.full(shape, 1.0 / np.prod(shape)), NOISE_LEVELS, -shining, float(shining.mean()))
+    even = np.full(shape, 1.0 / np.prod(shape))
+    return LampPicture(drawn, np.ones(drawn.shape), even, NOISE_LEVELS, -shining, float(shining.mean()))
 
 
 def _shining(grid: WindowGrid, drawn: UnwrappedGauge) -> Floats:
@@ -181,7 +210,8 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     """Learn from a sample's frames (R, C) which pixels scatter least while the lamp does not change."""
     if len(strips) < FRAMES_TO_LEARN:
         return known
-    added = added_light(grid, known.drawn, np.stack(strips))
+    steady = _steady(grid, known.drawn, np.stack(strips))
+    added = added_light(grid, known.drawn, np.stack(strips), steady)
     response = _response(added, -known.drawn[grid.within], known.response) if lamp.lit else known.response
     levels = added.levels - response * (added.gain - 1.0)[:, None, None]
     weights = 1.0 / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
@@ -190,6 +220,7 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     weights /= weights.sum()
     learned = replace(
         known,
+        steady=steady,
         weights=weights,
         sigma=0.0,
         response=response,
@@ -240,7 +271,7 @@ class LampReader:
     def read(self, strips: Floats, _: Floats) -> list[dict[str, Reading]]:
         """Read F frames of the window and its surroundings, (F, R, C)."""
         picture = self._picture
-        added = added_light(self._grid, picture.drawn, strips)
+        added = added_light(self._grid, picture.drawn, strips, picture.steady)
         told = (picture.told(added), picture.sigmas(added), picture.scores(added))
         return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
 
