@@ -145,6 +145,28 @@ def test_words_behind_black_glass_are_read_by_their_own_light(part: float, *, li
 
 
 @pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("part", [0.0, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("light", [30.0, 60.0])
+def test_a_pale_lamp_on_black_is_never_told_wrongly(light: float, part: float, *, lit: bool) -> None:
+    """A lamp that is bright when it is off, with nothing around it to tell of the sun: right, or nothing."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+    rng = np.random.default_rng(11)
+
+    def pale(light: float, exposure: float = 1.0) -> Floats:
+        frame = glass(0.0)
+        frame[GRID.within] = 130.0 + light
+        return np.clip(exposure * frame + rng.normal(0.0, 1.5, frame.shape), 0.0, 255.0).astype(np.float32)
+
+    lights = light * (np.arange(20) < 20 * part)
+    frames = [pale(own, rng.uniform(0.95, 1.05)) for own in lights.tolist()]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, pale(light * lit)))
+
+    for own in (0.0, light) * 5:
+        (found,) = read(taught, pale(own, rng.uniform(0.95, 1.05)), lamp=lamp)
+        assert found["low_fuel_on"].status is Status.MISSING or found["low_fuel_on"].angle_deg == float(own > 0)
+
+
+@pytest.mark.parametrize("lit", [False, True])
 def test_a_lamp_beside_another_is_read_by_itself(*, lit: bool) -> None:
     """What comes and goes around a window, such as the next lamp or a display, is no light on the panel."""
     lamp = Lamp(name="low_fuel_on", lit=lit)

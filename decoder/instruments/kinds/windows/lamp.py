@@ -21,7 +21,7 @@ from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN
 from decoder.matching.correlation import products
-from decoder.matching.thresholds import FACE_NOISE_LEVELS, OUTLIER_SPREADS
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_VIEWS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.lamp import Lamp
@@ -34,9 +34,9 @@ PASSES = 3
 # Where flat surroundings cannot tell gain from haze, assume gain: this part of them says that there is no haze.
 HAZE_PRIOR = 0.1
 # The part of a window's margin, next to the window, on which the lamp's own light may fall by blur and bloom, and how
-# much of it at most.
-SPILT_ON_PART, SPILT_PART = 0.5, 0.5
-# How much the light of a lamp varies with the camera's exposure.
+# much of it at most there, and further away.
+SPILT_ON_PART, SPILT_PART, SPILT_LIGHT = 0.5, 0.5, 0.1
+# How much the light of a lamp varies with the camera's exposure, which nothing tells where all around it is dark.
 EXPOSURE_PART = 0.05
 # Residuals around a window are correlated within patches: the number of independent ones.
 PATCHES = 8
@@ -68,7 +68,8 @@ class LampPicture:
     other
         The distance of its other state in grey levels, if the sample shows it.
     is_contradicted
-        Whether the sample shows it darker than off, or brighter than lit: then the panel states the wrong state.
+        Whether the sample shows it darker than off, or brighter than lit, so that the panel states the wrong state; or
+        often between both, so that more than its state changes.
     """
 
     drawn: UnwrappedGauge
@@ -76,7 +77,7 @@ class LampPicture:
     weights: Floats
     sigma: float
     response: Floats
-    shining: float = 0.0
+    shining: float
     left: float = NOISE_LEVELS**2
     other: float | None = None
     is_contradicted: bool = False
@@ -88,12 +89,8 @@ class LampPicture:
         return told
 
     def sigmas(self, added: Added) -> Floats:
-        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge.
-
-        Where it is dark around a lit lamp, nothing tells how long the camera exposed.
-        """
-        exposed = EXPOSURE_PART * self.shining
-        sigmas: Floats = np.sqrt(self.sigma**2 + exposed**2 + self._unusual(added.left) / PATCHES)
+        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge."""
+        sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
         return sigmas
 
     def scores(self, added: Added) -> Floats:
@@ -136,11 +133,12 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady:
     """
     around, terms = _around(grid, 0), _terms(drawn)
     beside = _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
-    light = _light(terms[beside], strips[:, beside].astype(np.float64), steady[beside])
+    spilt = SPILT_LIGHT * np.maximum(_stands_out(grid, strips), _stands_out(grid, drawn))
+    light = _light(terms[beside], strips[:, beside].astype(np.float64), steady[beside], spilt)
     beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
-    spilt = SPILT_PART * np.abs(beyond.mean(axis=(1, 2)))[:, None] * ~beside[around]
+    beside_it = SPILT_PART * np.abs(beyond.mean(axis=(1, 2)))[:, None] * ~beside[around]
     seen = strips[:, around].astype(np.float64)
-    left = np.maximum(np.abs(seen - light @ terms[around].T) - spilt, 0.0)
+    left = np.maximum(np.abs(seen - light @ terms[around].T) - beside_it, 0.0)
     weights = steady[around] / steady[around].sum()
     shown = seen - (seen @ weights)[:, None]
     return Added(beyond, light[:, 0] / WHITE, np.square(shown) @ weights, np.square(left) @ weights)
@@ -150,7 +148,7 @@ def _steady(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Floats:
     """(R, C): weights of the pixels around a window: small where frames differ more than elsewhere, as on a display."""
     around, known = _around(grid, 0), _terms(drawn)
     seen = strips[:, around].astype(np.float64)
-    light = _light(known[around], seen, np.ones(seen.shape[1]))
+    light = _light(known[around], seen, np.ones(seen.shape[1]), np.zeros(len(seen)))
     scatter = np.square(seen - light @ known[around].T).mean(axis=0)
     usual = max(float(np.median(scatter)), NOISE_LEVELS**2)
     steady = np.ones(drawn.shape)
@@ -173,18 +171,20 @@ def _around(grid: WindowGrid, more: int) -> Mask:
     return around
 
 
-def _light(known: Floats, seen: Floats, steady: Floats) -> Floats:
+def _light(known: Floats, seen: Floats, steady: Floats, spilt: Floats) -> Floats:
     """(F, L): how much there is of each term (P, L) in frames' pixels (F, P), as in the panel picture if none tells.
 
-    `steady` (P,) are the pixels' weights.
+    `steady` (P,) are the pixels' weights, and `spilt` (F,) how many grey levels of them may be the lamp's own.
     """
-    prior = np.diag([(NOISE_LEVELS / WHITE) ** 2, HAZE_PRIOR, HAZE_PRIOR, HAZE_PRIOR])
+    prior = np.zeros((len(seen), known.shape[1], known.shape[1]))
+    prior[:, 0, 0] = (NOISE_LEVELS**2 + spilt**2) / WHITE**2
+    prior[:, 1:, 1:] = HAZE_PRIOR * np.eye(known.shape[1] - 1)
     weights = np.broadcast_to(steady, seen.shape)
     outer = (known[:, :, None] * known[:, None, :]).reshape(len(known), -1)
     for _ in range(PASSES):
         total = weights.sum(axis=1)[:, None]
-        normal = products(weights, outer.T).reshape(-1, *prior.shape) + total[..., None] * prior
-        wanted = products(weights * seen, known.T) + total * WHITE * prior[0]
+        normal = products(weights, outer.T).reshape(prior.shape) + total[..., None] * prior
+        wanted = products(weights * seen, known.T) + total * WHITE * prior[:, 0]
         light: Floats = np.linalg.solve(normal, wanted[..., None])[..., 0]
         left = seen - (light[:, None] @ known.T)[:, 0]
         spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(left), axis=1, keepdims=True), FACE_NOISE_LEVELS)
@@ -196,8 +196,16 @@ def first_lamp(lamp: Lamp, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPictu
     """Build a lamp's picture from the panel picture alone: all of its window counts equally."""
     shape = drawn[grid.within].shape
     shining = _shining(grid, drawn) if lamp.lit else np.zeros(shape)
-    even = np.full(shape, 1.0 / np.prod(shape))
-    return LampPicture(drawn, np.ones(drawn.shape), even, NOISE_LEVELS, -shining, float(shining.mean()))
+    even, light = np.full(shape, 1.0 / np.prod(shape)), float(shining.mean())
+    sigma = math.hypot(NOISE_LEVELS, EXPOSURE_PART * light)
+    return LampPicture(drawn, np.ones(drawn.shape), even, sigma, -shining, light)
+
+
+def _stands_out(grid: WindowGrid, strips: Floats) -> Floats:
+    """(...): by how many grey levels a window (..., R, C) is brighter or darker than what is around it."""
+    own, around = strips[..., *grid.within].mean(axis=(-2, -1)), np.median(strips[..., _around(grid, 0)], axis=-1)
+    apart: Floats = np.abs(own - around)
+    return apart
 
 
 def _shining(grid: WindowGrid, drawn: UnwrappedGauge) -> Floats:
@@ -229,13 +237,17 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     )
     told = learned.told(added)
     away = -told if lamp.lit else told
-    is_near = away < max(away.max(), DIMMEST_LEVELS) / 2  # its other state may scatter more
-    own = told[is_near] if is_near.sum() >= FRAMES_TO_LEARN else told
-    learned = replace(learned, sigma=max(float(_scatter(own)), FACE_NOISE_LEVELS))
+    near = told[away < max(away.max(), DIMMEST_LEVELS) / 2]  # its other state may scatter more or less
+    learned = replace(learned, sigma=max(float(_scatter(near if len(near) > 1 else told)), FACE_NOISE_LEVELS))
     seen = away[away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)]
     whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
     is_contradicted = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
-    return replace(learned, other=float(np.median(seen)) if seen.size else None, is_contradicted=is_contradicted)
+    other = float(np.median(seen)) if seen.size else None
+    sure = BEYOND_CHANCE_SPREADS * learned.sigma
+    between = (np.abs(away) > sure) & (np.abs(away - (other or 0.0)) > max(sure, (other or 0.0) / 4))
+    between &= learned.scores(added) >= SCORE_THRESHOLD
+    is_contradicted |= int(between.sum()) >= MIN_VIEWS
+    return replace(learned, other=other, is_contradicted=is_contradicted)
 
 
 def _response(added: Added, least: Floats, usual: Floats) -> Floats:
@@ -283,15 +295,16 @@ class LampReader:
         read.
         """
         lamp, picture = self._lamp, self._picture
-        away, other = -level if lamp.lit else level, picture.other or picture.shining
-        half = other / 2 if other else DIMMEST_LEVELS
-        is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, half)
-        is_other = away >= (half if other else max(2 * BEYOND_CHANCE_SPREADS * sigma, half))
+        away, other = -level if lamp.lit else level, picture.other
+        least = other / 2 if other else DIMMEST_LEVELS
+        most = other / 2 if other else max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
+        is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, least)
+        is_other = away >= most
         is_told = (
             not picture.is_contradicted
-            and half >= OUTLIER_SPREADS * sigma
+            and least >= OUTLIER_SPREADS * sigma
             and is_same != is_other
-            and (other >= DIMMEST_LEVELS or not lamp.lit)
+            and (picture.other is not None or not lamp.lit or picture.shining >= DIMMEST_LEVELS)
             and score >= SCORE_THRESHOLD
         )
         status = Status.READ if is_told else Status.MISSING
