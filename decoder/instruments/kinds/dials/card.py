@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import (
     Appearance,
@@ -48,7 +49,7 @@ from decoder.instruments.thresholds import (
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.pivot_search import card_pivot
 from decoder.matching.strips import rows_between
-from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
+from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS, MIN_VIEWS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
@@ -285,13 +286,19 @@ def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
 def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
     """Search for a card's pivot with `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
 
-    On a card that stands still, whatever moves over it would be taken for the card.
+    On a card that stands still, whatever moves over it would be taken for the card. One that is set by hand stands at
+    few places, but these are far apart; or it is not found there, around a centre that is far off.
     """
     if not strips:
         return None
     reader = CardReader(gauge, grid, first_card(strips[0], grid))
-    places = places_of(reader.turn(strip).rows * grid.step_deg for strip in strips)
-    return None if places <= MIN_PLACES else card_pivot(grid, strips)
+    turns = [reader.turn(strip) for strip in strips]
+    turns_deg = [float(shortest(turn.rows * grid.step_deg, FULL_CIRCLE_DEG)) for turn in turns]
+    elsewhere = sum(
+        turn.score < LIKELY_SCORE or abs(turn_deg) >= MIN_TURN_DEG
+        for turn, turn_deg in zip(turns, turns_deg, strict=True)
+    )
+    return card_pivot(grid, strips) if elsewhere >= MIN_VIEWS or places_of(turns_deg) > MIN_PLACES else None
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
@@ -319,9 +326,9 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
     """Learn the card from frames (R, C) in the panel picture's light; return it as given if they do not suffice.
 
     Starting from the panel picture's card, frames turned far from it may be taken for others that look alike. What is
-    learned then is no card, or one printed twice. So the result must match the panel picture at one place only, and
-    where frames matched several places, each is tried, and one has to explain all frames clearly better than the rest.
-    If none does, learning starts again from the card of a frame.
+    learned then is no card, or one printed twice. So frames must share most of the result, it must match the panel
+    picture at one place only, and where frames matched several places, each is tried, and one has to explain all frames
+    clearly better than the rest. If none does, learning starts again from the card of a frame.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
     others = (CardPicture(lit[index], given.weights) for index in _apart(len(lit), MORE_STARTS))
@@ -332,7 +339,8 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
         if known is None:
             continue
         off = CardReader(gauge, grid, known).lit_turn(given.card)
-        if off.score >= LIKELY_SCORE and off.is_alone:
+        is_shared = float(known.weights.mean()) >= HALF
+        if is_shared and off.score >= LIKELY_SCORE and off.is_alone:
             return CardPicture(turned(known.card, off.rows), known.weights)
     return given
 
