@@ -293,12 +293,10 @@ def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGaug
         return None
     reader = CardReader(gauge, grid, first_card(strips[0], grid))
     turns = [reader.turn(strip) for strip in strips]
-    turns_deg = [float(shortest(turn.rows * grid.step_deg, FULL_CIRCLE_DEG)) for turn in turns]
-    elsewhere = sum(
-        turn.score < LIKELY_SCORE or abs(turn_deg) >= MIN_TURN_DEG
-        for turn, turn_deg in zip(turns, turns_deg, strict=True)
-    )
-    return card_pivot(grid, strips) if elsewhere >= MIN_VIEWS or places_of(turns_deg) > MIN_PLACES else None
+    turns_deg = shortest(np.array([turn.rows for turn in turns]) * grid.step_deg, FULL_CIRCLE_DEG)
+    is_lost = np.array([turn.score for turn in turns]) < LIKELY_SCORE
+    elsewhere = int((is_lost | (np.abs(turns_deg) >= MIN_TURN_DEG)).sum())
+    return card_pivot(grid, strips) if elsewhere >= MIN_VIEWS or places_of(turns_deg.tolist()) > MIN_PLACES else None
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
