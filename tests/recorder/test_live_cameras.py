@@ -125,7 +125,7 @@ def test_raspberry_pis_camera_is_started_again_when_its_program_dies(tmp_path: P
 
     assert encoded[:30] == jpegs[:30]
     assert encoded[30:] == jpegs[: len(encoded) - 30]
-    assert len(encoded) >= 39  # it may be stopped while one is on its way
+    assert len(encoded) > 30  # it may be stopped while some are on their way
     assert "failed to acquire camera imx708@1a" in log
     assert recorder("verify", *paths).returncode == 0
 
