@@ -432,8 +432,9 @@ def _unmoved(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> It
 
 
 def _all_near(angles_deg: Floats, at_deg: float) -> bool:
-    """Whether angles are all near one, but for stray ones."""
-    return int((np.abs(shortest(angles_deg - at_deg, FULL_CIRCLE_DEG)) > APART_DEG).sum()) < MIN_VIEWS
+    """Whether angles are all near one, but for stray ones; a few that are all elsewhere are not."""
+    is_near = np.abs(shortest(angles_deg - at_deg, FULL_CIRCLE_DEG)) <= APART_DEG
+    return bool(is_near.any()) and int((~is_near).sum()) < MIN_VIEWS
 
 
 def _parallaxes(dial: _Dial, reader: OverCardReader, frames: Sequence[_Seen]) -> dict[str, CardParallax]:
