@@ -182,6 +182,19 @@ def test_card_goes_into_the_flight_data(first: PanelReader) -> None:
     assert (np.abs(off) < 1.96 * series.sigma).all()
 
 
+@pytest.mark.parametrize("beside_px", [(0.7, -0.6), (2.0, 2.0), (-4.0, 3.0)], ids=["1 %", "4 %", "7 %"])
+def test_card_that_is_set_to_few_places_is_read_around_its_own_pivot(beside_px: tuple[float, float]) -> None:
+    """A course selector stands at three places in a flight; that its centre is drawn beside its pivot costs nothing."""
+    card = {**CARD, "centre": (np.array(CENTRE) + beside_px).tolist()}
+    frames = [draw(turn_deg, 500 + seed) for seed, turn_deg in enumerate([40.0] * 5 + [345.0] * 6 + [205.0] * 5)]
+    fitted = fit_to_flight(reader_for([card], draw(PANEL_TURN_DEG, 1)), lambda _: frames)
+
+    for turn_deg in (40.0, 345.0, 205.0):
+        status, off, _ = off_deg(fitted.reader, draw(turn_deg, 19), turn_deg)
+        assert status is Status.READ
+        assert off < 0.5
+
+
 def draw_rose(turn_deg: float, seed: int = 0) -> GreyPicture:
     """Draws a compass rose, four like letters and faint figures between them, behind glass that mirrors a window."""
 
