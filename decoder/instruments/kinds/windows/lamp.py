@@ -67,7 +67,7 @@ class LampPicture:
         The usual residual variance around the window after fitting the light there.
     other
         The distance of its other state in grey levels, if the sample shows it.
-    is_contradicted
+    is_doubtful
         Whether the sample shows it darker than off, or brighter than lit, so that the panel states the wrong state; or
         often between both, so that more than its state changes.
     """
@@ -80,7 +80,7 @@ class LampPicture:
     shining: float
     left: float = NOISE_LEVELS**2
     other: float | None = None
-    is_contradicted: bool = False
+    is_doubtful: bool = False
 
     def told(self, added: Added) -> Floats:
         """(F,): how much light the window adds, grey levels."""
@@ -235,19 +235,23 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
         shining=float((weights * shining).sum()) * lamp.lit,
         left=float(np.median(added.left)),
     )
+    return _with_states(lamp, learned, added)
+
+
+def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
+    """Learn how much each of its states scatters, how far they lie apart, and whether there are two."""
     told = learned.told(added)
     away = -told if lamp.lit else told
     near = told[away < max(away.max(), DIMMEST_LEVELS) / 2]  # its other state may scatter more or less
     learned = replace(learned, sigma=max(float(_scatter(near if len(near) > 1 else told)), FACE_NOISE_LEVELS))
     seen = away[away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)]
-    whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
-    is_contradicted = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
     other = float(np.median(seen)) if seen.size else None
-    sure = BEYOND_CHANCE_SPREADS * learned.sigma
-    between = (np.abs(away) > sure) & (np.abs(away - (other or 0.0)) > max(sure, (other or 0.0) / 4))
-    between &= learned.scores(added) >= SCORE_THRESHOLD
-    is_contradicted |= int(between.sum()) >= MIN_VIEWS
-    return replace(learned, other=other, is_contradicted=is_contradicted)
+    whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
+    is_wrong = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
+    sure, far = BEYOND_CHANCE_SPREADS * learned.sigma, other or 0.0
+    is_between = (np.abs(away) > sure) & (np.abs(away - far) > max(sure, far / 4))
+    is_between &= learned.scores(added) >= SCORE_THRESHOLD
+    return replace(learned, other=other, is_doubtful=is_wrong or int(is_between.sum()) >= MIN_VIEWS)
 
 
 def _response(added: Added, least: Floats, usual: Floats) -> Floats:
@@ -301,7 +305,7 @@ class LampReader:
         is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, least)
         is_other = away >= most
         is_told = (
-            not picture.is_contradicted
+            not picture.is_doubtful
             and least >= OUTLIER_SPREADS * sigma
             and is_same != is_other
             and (picture.other is not None or not lamp.lit or picture.shining >= DIMMEST_LEVELS)
