@@ -1,15 +1,16 @@
-"""The grey in which a gauge is read: luma, or a mixture of colours that separates its needles from the dial.
+"""The grey in which a gauge is read: luma, or a mixture of colours that separates what moves on it from the rest.
 
-A red needle on a teal dial may be as bright as what lies behind it, so that luma, which is all that frames carry unless
-asked for more, does not show it. Red alone does. A frame's pixels around the gauge are mixed before they are resampled,
-so that whatever learns and reads sees one grey picture in either case.
+A red needle on a teal dial, or a horizon's blue above its brown, may be as bright as what lies beside it, so that luma,
+which is all that frames carry unless asked for more, does not show it. Red alone does. A frame's pixels around the
+gauge are mixed before they are resampled, so that whatever learns and reads sees one grey picture in either case.
 
-JPEG and video have one colour sample for each two by two pixels. A mixture must separate a needle twice as clearly as
+JPEG and video have one colour sample for each two by two pixels. A mixture must separate what moves twice as clearly as
 luma to be better wherever it is read.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -32,6 +33,10 @@ from decoder.registration.thresholds import NOISE_LEVELS
 LUMA = np.array([0.299, 0.587, 0.114])  # the weights of a JPEG's luma. Source: JFIF
 
 
+# The share of a dial's pixels that is taken to stand still, whatever moves on it: what they show in frames is noise.
+STILL_PART = 0.25
+
+
 @cache
 def mixtures() -> tuple[Mixture, ...]:
     """List all mixtures, without those of opposite sign, and without the sum of all three, which is luma again."""
@@ -48,6 +53,15 @@ def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
         for needle in gauge.over_face
         if needle.at_deg is not None and needle.hides_deg is not None
     ]
+
+
+def rows_shown(gauge: Gauge, grid: Grid) -> list[Mask]:
+    """(R,) each: the rows of a dial that have to show something: as `needle_rows`, or all where no needle is drawn.
+
+    None for a window.
+    """
+    rows = needle_rows(gauge, grid)
+    return rows or ([np.ones(grid.rows, bool)] if isinstance(grid, PolarGrid) else [])
 
 
 def in_panels_colours(source: PanelPictures) -> PanelPictures:
@@ -84,13 +98,13 @@ def _least_spread(drawn: Floats, rows: Sequence[Mask]) -> float:
 
 
 def shows_colour(drawn: Floats, rows: Sequence[Mask]) -> bool:
-    """Whether the panel picture (R, C, 3) has more colour around a gauge's needles than noise explains."""
+    """Whether the panel picture (R, C, 3) has more colour in some rows of a gauge than noise explains."""
     beside = drawn - (drawn @ LUMA.astype(np.float32))[..., None]
     return any(float(beside[its].std(axis=(0, 1)).max()) > NOISE_LEVELS for its in rows)
 
 
-def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) -> Mixture | None:
-    """Choose the mixture that separates a gauge's needles clearly better than luma; None if there is none.
+def best_mixture(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask]) -> Mixture | None:
+    """Choose the mixture that separates what moves clearly better than luma; None if there is none.
 
     Parameters
     ----------
@@ -98,19 +112,19 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask]) ->
         (R, C, 3): the unwrapped gauge in the panel picture, in colour.
     seen
         The same in some frames.
-    rows
-        As `needle_rows`.
+    needles
+        As `needle_rows`: the least clear needle counts; without any, all that changes between frames.
     """
-    luma = _clearness(drawn, seen, rows, LUMA)
-    told = {mixture: _clearness(drawn, seen, rows, mixture.parts) for mixture in mixtures()}
+    luma = _clearness(drawn, seen, needles, LUMA)
+    told = {mixture: _clearness(drawn, seen, needles, mixture.parts) for mixture in mixtures()}
     best = max(told, key=lambda mixture: told[mixture])
     return best if told[best] > CLEARLY_WORSE * max(luma, CLEARLY_WORSE) else None
 
 
-def _clearness(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask], parts: NDArray[np.float64]) -> float:
-    """Return the contrast of the panel picture's least clear needle against the usual dial, in sigmas of noise.
+def _clearness(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]) -> float:
+    """Return the contrast of what moves against the usual dial, in sigmas of noise.
 
-    Each colour has at least the noise of sensors and JPEGs, or more if frames differ by more.
+    Each colour has at least the noise of sensors and JPEGs, or more if the stillest part of the dial differs by more.
     """
     weights = parts.astype(np.float32)
     own = drawn @ weights
@@ -118,6 +132,8 @@ def _clearness(drawn: Floats, seen: Sequence[Floats], rows: Sequence[Mask], part
     if len(views) < MIN_VIEWS:
         return 0.0
     usual = median_of(np.stack(views))
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(np.stack(views) - usual)))
+    left = np.stack(views) - usual
+    spread = MAD_TO_SIGMA * float(np.quantile(np.median(np.abs(left), axis=0), STILL_PART))
     noise = np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts))
-    return min(float(np.sqrt(np.mean((own - usual)[its] ** 2))) for its in rows) / float(noise)
+    moves = min((np.mean((own - usual)[its] ** 2) for its in needles), default=np.mean(left**2))
+    return math.sqrt(float(moves)) / float(noise)

@@ -96,7 +96,7 @@ class FittedReader:
         x, y = self.moved_px.get(gauge.name, (0.0, 0.0))
         mixture = self.reader.grids[self.panel.gauges.index(gauge)].mixture
         if mixture is not None:
-            yield f"read in {mixture}, where its needles show better than in grey"
+            yield f"read in {mixture}, where what moves on it shows better than in grey"
         if gauge.name in self.unsettled:
             yield (
                 "turns about another point than the drawn centre, but it is unsure which: sigma allows for that; is"
@@ -187,7 +187,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
-    """Learn a first time: in the colours in which needles show best, lost dials centred on their rings of marks."""
+    """Learn a first time: in the colours that show best what moves, lost dials centred on their rings of marks."""
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
@@ -197,7 +197,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     if coloured is placed and not any(starts):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
-    tell("choosing colours in which needles show, and centring rings of marks")
+    tell("choosing colours that show what moves, and centring rings of marks")
 
     def again(starts: Sequence[Vector | None]) -> tuple[_Recentred, _Round]:
         return _begun(coloured, unwrapped(coloured, sample(frames_wanted(placed.placement))), sample, starts, tell)

@@ -1,6 +1,6 @@
 """The grey in which each gauge of a panel is read, chosen from a few frames of a flight.
 
-A flight whose needles are all read in luma never decodes its colours, so they cost nothing there.
+A flight that is all read in luma never decodes its colours, so they cost nothing there.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from decoder.imaging.picture_block import TopOfFrame
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import Unwrapper
-from decoder.instruments.colours import best_mixture, needle_rows, shows_colour
+from decoder.instruments.colours import best_mixture, needle_rows, rows_shown, shows_colour
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, taken
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
@@ -23,26 +23,28 @@ Frame = GreyPicture | FramePicture | TopOfFrame
 
 
 def in_best_colours(reader: PanelReader, lost: Sequence[int], frames: Iterable[Frame]) -> PanelReader:
-    """Let gauges be read in the grey that shows their needles best; return the same reader if nothing changes.
+    """Let gauges be read in the grey that shows best what moves; return the same reader if nothing changes.
 
     Parameters
     ----------
     lost
-        The gauges whose needles may not be visible as they are read now; the others stay as they are.
+        The gauges that may not be visible as they are read now; the others stay as they are.
     frames
         A few of the flight.
     """
     source = reader.source
-    rows = {index: its for index in lost if (its := needle_rows(source.panel.gauges[index], reader.grids[index]))}
+    gauges, grids = source.panel.gauges, reader.grids
+    rows = {index: its for index in lost if (its := rows_shown(gauges[index], grids[index]))}
     if not rows or not source.encoded:
         return reader
     drawn = dict(zip(rows, _panels_colours(reader, list(rows)), strict=True))
     coloured = [index for index in rows if shows_colour(drawn[index], rows[index])]
     seen = _seen(reader, coloured, frames) if coloured else []
-    before = source.mixtures or (None,) * len(reader.grids)
+    before = source.mixtures or (None,) * len(grids)
     mixtures = list(before)
     for place, index in enumerate(coloured):
-        best = best_mixture(drawn[index], [gauges[place] for gauges in seen], rows[index])
+        needles = needle_rows(gauges[index], grids[index])
+        best = best_mixture(drawn[index], [own[place] for own in seen], needles)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
         return reader

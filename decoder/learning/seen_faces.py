@@ -203,10 +203,9 @@ class _Dial:
 
 
 def may_be_lost(gauge: Gauge, found: Found) -> bool:
-    """Whether one of its needles is missing in some frame, or read mostly where it is in the panel picture."""
-    return any(
-        _seems_still(needle, found) or any(readings[needle.name].status is Status.MISSING for readings in found)
-        for needle in gauge.over_face
+    """Whether something of it is missing in some frame, or a needle read mostly where it is in the panel picture."""
+    return any(_seems_still(needle, found) for needle in gauge.over_face) or any(
+        readings[quantity.name].status is Status.MISSING for readings in found for quantity in gauge.quantities
     )
 
 

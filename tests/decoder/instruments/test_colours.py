@@ -1,8 +1,9 @@
-"""Needles that show by their colour: read in the mixture of colours that shows them, or in luma if that does."""
+"""What shows by its colour only: read in the mixture of colours that shows it, or in luma if that does."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 
 import cv2
@@ -17,10 +18,11 @@ from decoder.instruments.frame_batch import RawFrame, read_batch
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.learning.fit import FittedReader, fit_to_flight, reader_from_panel
 from decoder.panel.panel import parse_panel
+from decoder.panel.scale import Scale
 from decoder.panel.vocabulary import Method
 from decoder.setup.drafts import problems_of
 from flight_file.reader import spread
-from tests.decoder.instruments.dials import CENTRE, WIDTH_PX, Canvas, Hand, finished
+from tests.decoder.instruments.dials import CENTRE, SCALE, WIDTH_PX, Canvas, Hand, apart, finished
 
 Colour = tuple[float, float, float]
 TEAL: Colour = (20.0, 90.0, 95.0)
@@ -29,28 +31,28 @@ GREY: Colour = (70.0, 70.0, 70.0)
 WHITE: Colour = (230.0, 230.0, 230.0)
 AT_DEG = 214.0
 ANGLES_DEG = np.linspace(130.0, 410.0, 24)
+GAUGES: list[dict[str, object]] = [
+    {
+        "name": "tach",
+        "centre": list(CENTRE),
+        "radius": [20, 60],
+        "sweep": [120, 420],
+        "scale": [[120, 0], [420, 300]],
+        "needles": [{"name": "rpm", "template": {"at": AT_DEG, "span": 16}}],
+    },
+    {
+        "name": "small",
+        "centre": [214.0, 130.0],
+        "radius": [5, 19],
+        "sweep": [120, 420],
+        "scale": [[120, 0], [420, 300]],
+        "needles": [{"name": "oil", "template": {"at": AT_DEG, "span": 30}}],
+    },
+]
 CONTENT = {
     "name": "dials",
     "picture": "panel.jpg",
     "anchors": [{"name": "texture", "box": [196, 22, 36, 36]}],
-    "gauges": [
-        {
-            "name": "tach",
-            "centre": list(CENTRE),
-            "radius": [20, 60],
-            "sweep": [120, 420],
-            "scale": [[120, 0], [420, 300]],
-            "needles": [{"name": "rpm", "template": {"at": AT_DEG, "span": 16}}],
-        },
-        {
-            "name": "small",
-            "centre": [214.0, 130.0],
-            "radius": [5, 19],
-            "sweep": [120, 420],
-            "scale": [[120, 0], [420, 300]],
-            "needles": [{"name": "oil", "template": {"at": AT_DEG, "span": 30}}],
-        },
-    ],
 }
 
 
@@ -80,9 +82,9 @@ def draw(angle_deg: float, needle: Colour, face: Colour, seed: int) -> bytes:
     return jpeg.tobytes()
 
 
-def panel_of(picture: bytes) -> PanelPictures:
+def panel_of(picture: bytes, gauges: Sequence[Mapping[str, object]]) -> PanelPictures:
     """The panel on a picture."""
-    panel = parse_panel(yaml.safe_dump(CONTENT))
+    panel = parse_panel(yaml.safe_dump({**CONTENT, "gauges": list(gauges)}))
     return PanelPictures(panel, {"panel.jpg": grey_picture(picture)}, "0" * 64, encoded={"panel.jpg": picture})
 
 
@@ -95,12 +97,17 @@ def flight_of(needle: Colour, face: Colour) -> tuple[bytes, ...]:
 @cache
 def fitted_to(needle: Colour, face: Colour) -> FittedReader:
     """A reader fitted to such a flight."""
-    frames = [PictureBlock().frame(each, 0, None, None, has_colour=True) for each in flight_of(needle, face)]
+    return fitted_of(GAUGES, draw(AT_DEG, needle, face, 0), flight_of(needle, face))
+
+
+def fitted_of(gauges: Sequence[Mapping[str, object]], picture: bytes, jpegs: Sequence[bytes]) -> FittedReader:
+    """A reader of such gauges on a panel picture, fitted to a flight's frames."""
+    frames = [PictureBlock().frame(each, 0, None, None, has_colour=True) for each in jpegs]
 
     def sample(count: int) -> Iterator[FramePicture]:
         return (frames[place] for place in sorted(spread(len(frames), count)))  # type: ignore[misc]
 
-    return fit_to_flight(reader_from_panel(panel_of(draw(AT_DEG, needle, face, 0)), Method.NORMXCORR), sample)
+    return fit_to_flight(reader_from_panel(panel_of(picture, gauges), Method.NORMXCORR), sample)
 
 
 def read_of(fitted: FittedReader, frames: Sequence[bytes]) -> list[FrameReadings]:
@@ -125,6 +132,62 @@ def test_red_needle_as_bright_as_its_dial_is_read_in_its_colour() -> None:
     assert fitted.findings["small"] == ()
 
 
+SKY: Colour = (20.0, 110.0, 190.0)
+GROUND: Colour = (150.0, 72.0, 40.0)  # as bright as the sky: 92 levels of luma each
+HORIZON = {
+    "name": "attitude",
+    "centre": list(CENTRE),
+    "radius": [4, 70],
+    "sweep": [0, 360],
+    "scale": [[270, 0], [450, 180]],
+    "wraps": 360,
+    "attitude": {"roll": "roll_deg", "pitch": "pitch_deg", "window": 50, "ladder": [[-20, -10], [0, 0], [20, 10]]},
+}
+
+
+def horizon(roll_deg: float, pitch_deg: float, seed: int) -> bytes:
+    """A JPEG of an attitude indicator with a ladder, two pixels a degree, behind a frame with white marks."""
+    turn = math.radians(roll_deg)
+
+    def plane(place: int) -> np.ndarray:
+        canvas = Canvas()
+        canvas.disc(CENTRE, 76.0, 35.0)
+        for mark_deg in (180, 210, 225, 240, 260, 270, 280, 300, 315, 330, 360):
+            canvas.bar(mark_deg, (54.0, 68.0), (1.2, 1.2), 220.0)
+        y, x = ((np.indices(canvas.picture.shape) + 0.5) / SCALE - 0.5 - np.array(CENTRE[::-1])[:, None, None]).astype(
+            np.float32
+        )
+        up = 2.0 * pitch_deg - (y * math.cos(turn) + x * math.sin(turn))
+        along = np.abs(x * math.cos(turn) - y * math.sin(turn))
+        is_line = ((np.abs(up) < 1.0) | ((np.abs(np.abs(up) - 20.0) < 0.8) & (along < 16.0))) & (np.hypot(x, y) < 50.0)
+        in_window = np.hypot(x, y) < 50.0
+        canvas.picture[in_window] = np.where(up > 0.0, SKY[place], GROUND[place])[in_window]
+        canvas.picture[is_line] = 190
+        return finished(canvas, noise=3.0, blur=0.7, quality=98, seed=3 * seed + place)
+
+    _, jpeg = cv2.imencode(".jpg", np.stack([plane(place) for place in (2, 1, 0)], axis=-1))
+    return jpeg.tobytes()
+
+
+def test_horizon_as_bright_as_its_sky_is_read_in_its_colours() -> None:
+    """Blue above brown is hardly seen in luma, nor any turn of it."""
+    attitudes = [(38.0 * math.sin(frame), 14.0 * math.sin(0.7 * frame + 1.0)) for frame in range(1, 21)]
+    jpegs = [horizon(*attitude, seed) for seed, attitude in enumerate(attitudes, start=1)]
+    fitted = fitted_of([HORIZON], horizon(0.0, 0.0, 0), jpegs)
+    read = [each.readings for each in read_of(fitted, jpegs)]
+
+    pitch = Scale.of(fitted.panel.gauges[0].quantities[1].marks)
+
+    assert fitted.findings["attitude"][0].startswith("read in ")
+    for readings, (roll_deg, pitch_deg) in zip(read, attitudes, strict=True):
+        assert readings["roll_deg"].status is Status.READ
+        assert apart(readings["roll_deg"].angle_deg, 270.0 + roll_deg) < 0.5
+        assert readings["pitch_deg"].status is Status.READ
+        assert float(pitch.values_at(np.array([readings["pitch_deg"].angle_deg]))[0]) == pytest.approx(
+            pitch_deg, abs=0.6
+        )
+
+
 @pytest.mark.parametrize("face", [TEAL, GREY], ids=["teal", "grey"])
 def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
     """Colours do not help with a white needle, and nothing is decompressed for them."""
@@ -138,7 +201,7 @@ def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
 
 def test_needle_that_luma_does_not_show_at_all_is_no_fault_of_the_panel() -> None:
     """The page accepts it, though its template is flat in luma; without its colours it objects."""
-    document = {**CONTENT, "gauges": [{**CONTENT["gauges"][0], "radius": [39, 49]}]}  # type: ignore[dict-item]
+    document = {**CONTENT, "gauges": [{**GAUGES[0], "radius": [39, 49]}]}
     picture = draw(AT_DEG, RED, TEAL, 0)
     grey = {"panel.jpg": grey_picture(picture)}
 
