@@ -37,7 +37,7 @@ SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 def fill_gaps(data: FlightData) -> FlightData:
     """Flag doubtful readings of covered needles and of hands that tell no value together, and fill what is missing."""
-    data = _doubted_together(data)
+    data = _doubted_together(_without_lone_turns(data))
     by_name = {series.quantity.name: series for series in data.series}
     parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
     checked = {part for combination in data.combinations for part in combination.parts}  # they check each other
@@ -50,6 +50,50 @@ def fill_gaps(data: FlightData) -> FlightData:
             series = _without_doubtful(series, (Status.HIDDEN,), (Status.READ, Status.EDGE), pace_deg)  # noqa: PLW2901
         filled.append(_interpolated(series, data.time_s, never=_contradicted(series, parts)))
     return replace(data, series=tuple(filled))
+
+
+def _without_lone_turns(data: FlightData) -> FlightData:
+    """Refuse combined values that jump by turns to frames in which a pointer is hidden, and no frame there shows all.
+
+    A pointer that is not seen is taken to lie below another one. Whatever else hides it, such as a tail that the panel
+    does not describe, puts the value turns off. Values that follow from frames in which all pointers show are kept.
+    """
+    by_name = {series.quantity.name: series for series in data.series}
+    for each in data.combinations:
+        series, parts = by_name[each.quantity.name], [by_name[part] for part in each.parts]
+        is_valued = series.has(Status.READ, Status.EDGE)
+        shows_all = is_valued & np.all([part.has(Status.READ, Status.EDGE) for part in parts], axis=0)
+        turn = parts[0].quantity.wraps
+        if turn is None or not shows_all.any():
+            continue
+        lone = _is_lone(series, data.time_s, np.flatnonzero(is_valued), np.flatnonzero(shows_all), HALF * turn)
+        for one in (series, *parts):
+            where = lone if one is series else lone & one.has(Status.HIDDEN)
+            by_name[one.quantity.name] = _as_missing(one, where)
+    return replace(data, series=tuple(by_name.values()))
+
+
+def _is_lone(
+    series: NeedleSeries, time_s: Floats, valued: NDArray[np.intp], trusted: NDArray[np.intp], most: float
+) -> Mask:
+    """(N,): `valued` frames between jumps by more than `most` from the line through `trusted` frames, without these."""
+    wraps = series.quantity.wraps
+    seen = series.value[trusted] if wraps is None else np.unwrap(series.value[trusted], period=wraps)
+    off = series.value[valued] - np.interp(time_s[valued], time_s[trusted], seen)
+    jumps = np.abs(shortest(np.diff(off), wraps)) > most
+    run = np.concatenate([[0], np.cumsum(jumps)])
+    lone = np.zeros(len(series.value), bool)
+    lone[valued] = ~np.isin(run, run[np.isin(valued, trusted)])
+    return lone
+
+
+def _as_missing(series: NeedleSeries, where: Mask) -> NeedleSeries:
+    return replace(
+        series,
+        status=np.where(where, CODE[Status.MISSING], series.status).astype(np.uint8),
+        value=np.where(where, NOWHERE, series.value),
+        sigma=np.where(where, NOWHERE, series.sigma),
+    )
 
 
 def _doubted_together(data: FlightData) -> FlightData:
@@ -97,12 +141,7 @@ def _without_doubtful(
         doubtful[first : last + 1] = not ends or any(
             abs(series.angles_apart_deg(at, end)) > 2 * APART_DEG + pace_deg * abs(int(at) - end) for at, end in ends
         )
-    return replace(
-        series,
-        status=np.where(doubtful, CODE[Status.MISSING], series.status).astype(np.uint8),
-        value=np.where(doubtful, NOWHERE, series.value),
-        sigma=np.where(doubtful, NOWHERE, series.sigma),
-    )
+    return _as_missing(series, doubtful)
 
 
 def _pace_deg(series: NeedleSeries, cover: NeedleSeries) -> float:

@@ -207,6 +207,41 @@ def test_hands_that_tell_no_value_together_are_not_read() -> None:
     assert data.series[0].value.tolist() == [25.0] * 4
 
 
+TURNS: dict[str, tuple[list[float], str, str]] = {
+    "two frames, half a turn off": ([20, 21, 72, 73, 24, 25], "rrhhrr", "rriirr"),
+    "a frame right, and one turns off": ([20, 21, 22, 73, 24, 25], "rrhhrr", "rrrirr"),
+    "turns off to the end": ([20, 21, 72, 73], "rrhh", "rrmm"),
+    "turns off from the beginning": ([72, 73, 24, 25], "hhrr", "mmrr"),
+    "right all the time": ([20, 21, 22, 23, 24, 25], "rrhhrr", "rrrrrr"),
+    "far off the line, step by step": ([20, *range(24, 60, 4), 60, 20], "r" + 9 * "h" + "rr", 12 * "r"),
+    "past the end of its circle": ([97, 98, 99, 0, 1, 2], "rrhhhr", "rrrrrr"),
+    "shown in no frame": ([20, 71, 22], "hhh", "rrr"),
+}
+
+
+@pytest.mark.parametrize(("values", "coarse", "expected"), TURNS.values(), ids=TURNS)
+def test_value_is_not_turns_off_its_neighbours_where_a_hand_is_hidden(
+    values: list[float], coarse: str, expected: str
+) -> None:
+    """What else hides the hand is not known: the value has to go on to a frame in which all hands show."""
+
+    def series(name: str, turn: float, codes: str) -> NeedleSeries:
+        of = {each.value[0]: CODE[each] for each in Status}
+        value = np.array(values, float) % turn
+        quantity = Quantity(name, "dial", "", ((0.0, 0.0), (360.0, turn)), turn, None, None)
+        status = np.array([of[code] for code in codes], np.uint8)
+        return NeedleSeries(quantity, status, value, np.full(len(codes), 0.1), np.full(len(codes), 0.9), 3.6 * value)
+
+    frames = np.arange(len(values))
+    both = series("both", 100.0, "r" * len(values))
+    parts = series("fine", 10.0, "r" * len(values)), series("coarse", 100.0, coarse)
+    combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
+    data = fill_gaps(FlightData(frames, frames * 10**9, (*parts, both), (), (combination,)))
+
+    assert statuses(data, 2) == expected
+    assert not any(one == "h" and other in "im" for one, other in zip(statuses(data, 1), expected, strict=True))
+
+
 @pytest.mark.parametrize(("frames", "expected"), HIDING.values(), ids=HIDING)
 def test_needle_is_hidden_only_where_it_went_under_its_cover(
     frames: list[Mapping[str, Reading]], expected: str
