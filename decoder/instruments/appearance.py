@@ -35,13 +35,14 @@ from decoder.instruments.found import Needle
 from decoder.instruments.sampling import ALL, Part, SeenGauge
 from decoder.matching.correlation import normxcorr
 from decoder.matching.faces import bare_face
-from decoder.matching.needle_layer import cut_over, first_layer
+from decoder.matching.needle_layer import cut_over, first_layer, without_others
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
 from decoder.matching.strips import rows_at
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.needles import Needle as DescribedNeedle
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.pivot import UNKNOWN, Pivot
 from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
@@ -206,10 +207,9 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
     plain = median_of(strip)
     layers = {}
     for place, needle in enumerate(gauge.needles):
-        path = f"gauges[{drawn.index}].needles[{place}].template"
-        layers[needle.name] = first_layer(
-            _template_picture(drawn.source, gauge, needle, grid, path), plain, grid.step_deg
-        )
+        cut = _template_picture(drawn.source, gauge, needle, grid, f"gauges[{drawn.index}].needles[{place}].template")
+        layer = first_layer(cut, plain, grid.step_deg)
+        layers[needle.name] = without_others(layer, _others_rows(gauge, needle, grid), plain)
     covered = np.zeros(strip.shape, bool)
     for needle in gauge.needles:
         layer = layers[needle.name]
@@ -222,6 +222,17 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
         for needle, layer in zip(gauge.needles, layers.values(), strict=True)
     }
     return Look(face, templates)
+
+
+def _others_rows(gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid) -> list[float]:
+    """List by how many rows other needles follow this one in the picture from which it was cut."""
+    own, turn_deg = needle.template, FULL_CIRCLE_DEG if gauge.is_round else None
+    if own.at is None:
+        return []
+    others = (other.template for other in gauge.needles if other is not needle)
+    angles_deg = [each.at - own.at for each in others if each.at is not None and each.picture == own.picture]
+    rows: list[float] = (shortest(np.array(angles_deg), turn_deg) / grid.step_deg).tolist()
+    return rows
 
 
 def face_behind(face: Floats, grid: PolarGrid, at_deg: float | None, rows: int) -> Floats:

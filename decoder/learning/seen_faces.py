@@ -15,7 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
-from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, opposite_rows, row_of_angle, same_rows, turn_rows
+from decoder.imaging.thresholds import HALF
+from decoder.imaging.unwrapping import (
+    PolarGrid,
+    UnwrappedGauge,
+    needle_places,
+    opposite_rows,
+    row_of_angle,
+    same_rows,
+    turn_rows,
+)
 from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
@@ -66,8 +75,10 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> Pan
         dial = _Dial(gauge, grid, templates, own[index], usual, faces[index])
         others = {needle.name: _rows_of_others(dial, needle, found) for needle in _cut_needles(gauge)}
         in_sight = [at for at, view in enumerate(views[index]) if view is not None]
-        for needle in _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()}):
-            place = _wherever_shown(_window(needle, grid, templates[needle.name]), dial)
+        bared = _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()})
+        covered = _covered_by_others(dial, bared, found)
+        for needle in bared:
+            place = _wherever_shown(_window(needle, grid, templates[needle.name]), dial) & ~covered
             faces[index] = np.where(place, usual, faces[index]).astype(np.float32)
             templates[needle.name] = _over(dial, faces[index], needle)
     if all(face is same for face, same in zip(faces, before.faces, strict=True)):
@@ -138,7 +149,7 @@ def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None],
     behind a needle matches exactly where it was cut. None if the frames are no more like each other than like the
     picture, or do not show that the needle is gone.
     """
-    rows = _window(needle, dial.grid, dial.templates[needle.name])
+    rows = _own_window(dial, needle)
     taken = _rows_of_others(dial, needle, found)[:, rows].any(axis=1)
     off_rows = np.array([_off_home_deg(needle, readings) for readings in found]) / dial.grid.step_deg
     is_found = np.array([readings[needle.name].status is not Status.MISSING for readings in found])
@@ -166,11 +177,7 @@ def _is_bared(dial: _Dial, needle: Pointer, rows: Mask, other: Floats) -> bool:
     """Whether `other` frames show a dial's rows without the needle, and different from the face so far."""
     is_gone = np.abs(dial.drawn[rows] - _in_light_of(dial.drawn[rows], other)) > 3 * NOISE_LEVELS
     is_other = np.abs(dial.face[rows] - other) > 3 * NOISE_LEVELS
-    return (
-        float(is_gone.mean()) > NEEDLE_PART
-        and _axis_part(dial, needle, is_gone) > MIN_VISIBLE
-        and float(is_other.mean()) > NEEDLE_PART
-    )
+    return _may_be_gone(dial, needle, rows, is_gone) and float(is_other.mean()) > NEEDLE_PART
 
 
 def _is_at_home(needle: Pointer, readings: Mapping[str, Reading]) -> bool:
@@ -260,14 +267,14 @@ def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mas
     least = max(NOISE_SPREADS * noise, 3 * NOISE_LEVELS)
     differs = np.stack([(np.abs(view - dial.usual) > least).sum(axis=1) * beside for view in seen])
     bared = []
-    for needle, rows in zip(needles, windows, strict=True):
+    for needle in needles:
+        rows = _own_window(dial, needle)
         gone = dial.drawn[rows] - _in_light_of(dial.drawn[rows], dial.usual[rows])
         low, high = np.quantile(dial.drawn[rows], (0.02, 0.98))
         is_gone = np.abs(gone) > max(least, CLEAR_PART * float(high - low))
         elsewhere = np.where(others[needle.name], 0, differs).sum(axis=1)
         if (
-            is_gone.mean() > NEEDLE_PART
-            and _axis_part(dial, needle, is_gone) > MIN_VISIBLE
+            _may_be_gone(dial, needle, rows, is_gone)
             and (elsewhere > SEEN_PART * is_gone.sum()).mean() > MOSTLY
             and float((np.abs(dial.face[rows] - dial.usual[rows]) > least).mean()) > NEEDLE_PART
         ):
@@ -275,13 +282,31 @@ def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mas
     return bared
 
 
-def _axis_part(dial: _Dial, needle: Pointer, is_gone: Mask) -> float:
-    """Return the part of a needle's axis, in [0, 1], where it `is_gone` from its window, (rows, C)."""
-    template = dial.templates[needle.name]
-    shown = template.outline[template.rows // 2]
-    rows = np.flatnonzero(_window(needle, dial.grid, template))
-    on_axis = int(np.argmin(np.abs(rows - _axis_row(needle, dial.grid))))
-    return float(is_gone[on_axis, shown].mean()) if shown.any() else 0.0
+def _may_be_gone(dial: _Dial, needle: Pointer, rows: Mask, is_gone: Mask) -> bool:
+    """Whether a needle may be gone from some rows (R,) of the dial, where its pixels (rows, C) are.
+
+    One that moved by less than its width is gone from a small part of its outline, and hardly from its axis. Over print
+    as bright as itself, little of one that is gone is seen.
+    """
+    outline = dial.templates[needle.name].outline
+    shown = outline[len(outline) // 2]
+    if not shown.any() or is_gone.mean() <= NEEDLE_PART:
+        return False
+    on_axis = int(np.argmin(np.abs(np.flatnonzero(rows) - _axis_row(needle, dial.grid))))
+    least = MIN_VISIBLE if is_gone.mean() > HALF * outline.mean() else HALF
+    return float(is_gone[on_axis, shown].mean()) > least
+
+
+def _covered_by_others(dial: _Dial, bared: Sequence[Pointer], found: Found) -> Mask:
+    """(R, C): where needles other than the `bared` ones lie in the panel picture and in frames: it shows no dial."""
+    covered, turn = np.zeros(dial.face.shape, bool), turn_rows(dial.gauge, dial.grid)
+    for needle in _cut_needles(dial.gauge):
+        if needle not in bared:
+            seen = (own[needle.name] for own in found)
+            angles_deg = [each.angle_deg for each in seen if each.status is not Status.MISSING]
+            for row in {_axis_row(needle, dial.grid), *(round(row_of_angle(dial.grid, each)) for each in angles_deg)}:
+                covered |= needle_places(dial.grid, dial.templates[needle.name].touched, row, turn)
+    return covered
 
 
 def _rows_of_others(dial: _Dial, needle: Pointer, found: Found) -> Mask:
@@ -316,6 +341,15 @@ def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
     """(R,): the rows of the gauge from which a needle of the panel picture was cut."""
     rows: Mask = np.abs(np.arange(grid.rows) - _axis_row(needle, grid)) <= (template.rows - 1) / 2
     return rows
+
+
+def _own_window(dial: _Dial, needle: Pointer) -> Mask:
+    """(R,): those of them that are nearer to its axis than to another needle's."""
+    rows, turn = np.arange(dial.grid.rows), turn_rows(dial.gauge, dial.grid)
+    off = [np.abs(shortest(rows - _axis_row(each, dial.grid), turn)) for each in _cut_needles(dial.gauge)]
+    is_nearest = np.abs(rows - _axis_row(needle, dial.grid)) <= np.min(off, axis=0)
+    own: Mask = is_nearest & _window(needle, dial.grid, dial.templates[needle.name])
+    return own
 
 
 def _wherever_shown(rows: Mask, dial: _Dial) -> Mask:

@@ -7,6 +7,8 @@ the transparency that the contrast suggests.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
@@ -64,6 +66,29 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     light = np.where(covered, light, np.float32(0.0))
     transparency = np.where(covered, transparency, np.float32(1.0))
     return NeedleTemplate(pixels, light, transparency, shown * _trust(spread), step_deg)
+
+
+def without_others(layer: NeedleTemplate, others_rows: Sequence[float], plain: Floats) -> NeedleTemplate:
+    """Return a first layer as if no other needle were beside it: its halves are taken to be alike.
+
+    What is nearer to another needle's axis may be hidden by that: it is filled in from the other half, or with the
+    plain dial where both are hidden, and not trusted.
+
+    Parameters
+    ----------
+    others_rows
+        Those axes, so many rows after its own.
+    plain
+        (C,): the median of the dial at each radius.
+    """
+    rows = np.arange(layer.rows) - layer.rows // 2
+    others = np.abs(rows - np.reshape(others_rows, (-1, 1)))
+    hidden = (others < np.abs(rows)).any(axis=0)[:, None]
+    pixels = np.where(hidden, np.where(hidden, plain, layer.pixels)[::-1], layer.pixels)
+    alone = first_layer(pixels, plain, layer.step_deg)
+    return NeedleTemplate(
+        pixels, pixels, alone.transparency, np.where(hidden, np.float32(0.0), alone.trust), layer.step_deg
+    )
 
 
 def first_layer(pixels: Floats, plain: Floats, step_deg: float) -> NeedleTemplate:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import median_of
+from decoder.imaging.thresholds import HALF
 from decoder.matching.thresholds import OUTLINE_PART
 from decoder.panel.arrays import Floats
 
@@ -82,8 +83,8 @@ class NeedleTemplate:
 
     @cached_property
     def touched(self) -> NDArray[np.bool_]:
-        """(H, C): where the needle shows at all, including its blurred edge."""
-        return self.place(TOUCH_LEVEL)
+        """(H, C): where the needle shows at all: its blurred edge, too, and columns that it fills, next to its hub."""
+        return self.place(TOUCH_LEVEL) | (self.transparency < HALF).all(axis=0)
 
     @cached_property
     def outline(self) -> NDArray[np.bool_]:

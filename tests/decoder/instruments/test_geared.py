@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Reading, Status
+from decoder.learning.fit import fit_to_flight
 from tests.decoder.instruments.altimeters import ALTIMETER, FORMS, PANEL_DEG, TURNS_FT, angles_of, drawn
-from tests.decoder.instruments.dials import Hand, apart, reader_for
+from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, apart, paint, reader_for
 
 Forms = Sequence[Hand]
 SLIM_BELOW = (
@@ -173,6 +174,54 @@ def _may_hide(altitude_ft: float) -> bool:
     _, *others = angles_of(altitude_ft)
     lowest = [angles_of(altitude_ft % 10_000.0 + turns * 10_000.0)[0] for turns in range(10)]
     return min(apart(one, other) for one in lowest for other in others) < 12.0
+
+
+BROAD = (
+    Hand(tip=36.0, root_half=7.0, tip_half=0.5, level=215.0),
+    Hand(tip=46.0, root_half=4.0, tip_half=3.0, level=225.0),
+    Hand(tip=64.0, root_half=2.2, tip_half=1.2, level=235.0),
+)
+"""The lowest pointer is broader at its hub than its template."""
+
+
+def low(altitude_ft: float, seed: int = 0) -> GreyPicture:
+    """An altimeter whose two upper pointers have dark tails that hide what is below them."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 36))
+        for form, angle_deg in zip(BROAD, angles_of(altitude_ft), strict=True):
+            if form is not BROAD[0]:
+                canvas.bar(angle_deg, (-40.0, 0.0), (4.0, 4.0), 95.0)
+            canvas.hand(form, angle_deg)
+        canvas.disc(CENTRE, 9.0, 60.0)
+
+    return paint(what, seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("panel_ft", [1040.0, 1090.0, 2040.0])
+def test_flight_in_which_the_coarsest_pointer_hardly_moves_is_read_from_any_picture(panel_ft: float) -> None:
+    """It stays beside the others in the panel picture, and where their tails hide it: it is not taken for print."""
+    altitudes_ft = np.random.default_rng(8).uniform(900.0, 3600.0, 40)
+    at_deg = [270.0 + (angle_deg - 270.0) % 360.0 for angle_deg in angles_of(panel_ft)]
+    needles = [
+        {**needle, "template": {**needle["template"], "at": each}}
+        for needle, each in zip(ALTIMETER["needles"], at_deg, strict=True)
+    ]
+    frames = [low(altitude_ft, seed) for seed, altitude_ft in enumerate(altitudes_ft[:16], start=1)]
+    reader = fit_to_flight(reader_for([{**ALTIMETER, "needles": needles}], low(panel_ft)), lambda _: frames).reader
+    read = [
+        (*altitude(reader, low(altitude_ft, 50 + seed)), altitude_ft)
+        for seed, altitude_ft in enumerate(altitudes_ft[16:].tolist())
+    ]
+    off_ft = [
+        apart(told_ft, truth_ft, 100_000.0)
+        for reading, told_ft, truth_ft in read
+        if reading.status is not Status.MISSING
+    ]
+
+    assert len(off_ft) >= 0.6 * len(read)
+    assert max(off_ft) < 10.0
 
 
 CLOCK: dict[str, Any] = {

@@ -14,6 +14,7 @@ from decoder.instruments.reading import Status
 from decoder.learning.fit import tune
 from decoder.matching.faces import learn_face
 from decoder.matching.layered_dial import LayeredDial
+from decoder.matching.needle_layer import first_layer, without_others
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.panel.arrays import Floats
 from decoder.registration.thresholds import NOISE_LEVELS
@@ -55,6 +56,35 @@ def test_the_face_is_the_median_of_what_no_needle_covers(frames: int, covered: f
         seen = strips[:, *at][~places[:, *at]]
         tells = len(seen) > 2 or (len(seen) == 2 and np.ptp(seen) <= 2 * NOISE_LEVELS)
         assert face[at] == (np.median(seen) if tells else 200.0)
+
+
+@pytest.mark.parametrize("other_rows", [-14.0, 10.0])
+def test_needle_beside_another_one_in_its_picture_is_cut_as_if_alone(other_rows: float) -> None:
+    """What is nearer to the other's axis is taken from the other half of the needle, and is not trusted."""
+    rows = np.arange(-12, 13)[:, None] * np.ones((1, 5))
+    plain = np.full(5, 40.0, np.float32)
+    alone = np.where(np.abs(rows) <= 4, 220.0, plain).astype(np.float32)
+    both = np.where(np.abs(rows - other_rows) <= 3, 180.0, alone).astype(np.float32)
+
+    cut = without_others(first_layer(both, plain, 0.5), [other_rows], plain)
+    between = without_others(first_layer(both, plain, 0.5), [other_rows, -other_rows], plain)
+    its = np.sign(other_rows) * rows > abs(other_rows) / 2
+
+    assert (cut.pixels == alone).all()
+    assert (between.pixels == alone).all()
+    assert (cut.trust == ~its).all()
+    assert (without_others(first_layer(alone, plain, 0.5), [], plain).trust == 1.0).all()
+
+
+def test_columns_that_a_needle_fills_are_its_own() -> None:
+    """Next to its hub it has no edges in its template: what is there is no dial."""
+    pixels = np.full((21, 6), 40.0, np.float32)
+    pixels[8:13] = pixels[:, :2] = 220.0
+    template = first_layer(pixels, np.full(6, 40.0, np.float32), 0.5)
+
+    assert template.touched[:, :2].all()
+    assert not template.touched[:7, 2:].any()
+    assert template.half_width_deg < 2.0
 
 
 TURN, COLUMNS = 120, 6
