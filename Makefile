@@ -28,7 +28,7 @@ demo: $(READY)  ## Record a fixture flight, decode it, and show how right it is
 	$(BIN)/decode demo/*.mcap -o demo
 	$(BIN)/decode accuracy demo/*.csv fixtures/thesis_a1_truth.csv
 
-test: $(READY)  ## Run all tests; with COVERAGE=yes, which takes half as long again, hold them to the coverage floor
+test: $(READY)  ## Run all tests; with COVERAGE=yes, which takes a quarter longer, hold them to the coverage floor
 	$(BIN)/pytest -n $(JOBS) --dist loadgroup $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
 lint: $(READY)  ## Check style, types and import contracts

@@ -20,16 +20,6 @@ VALUED, WITHIN = 0.9, 0.85
 SOURCES = {Path(source.truth).parent.name: source for source in BORROWED}
 ROWS = [(flight, name) for flight in SOURCES for name in [*(hand.name for _, hand in HANDS), "altitude_ft"]]
 
-RAISED = (
-    "needles turn above the marks, and the hub was clicked where it is seen: sigma allows for 11 degrees from the side,"
-    " and this dial is seen from further aside, or learned with the needle's shadow"
-)
-DIM_SIGMA = "the dim pointer is read 2 degrees off on average, by more than its fit tells; why is not known"
-WIDER_THAN_SIGMA: Mapping[tuple[str, str], str] = {
-    ("daylight", "oil_press_psi"): RAISED,
-    ("night", "thousands_ft"): DIM_SIGMA,
-}
-
 pytestmark = [pytest.mark.slow, pytest.mark.untraced, pytest.mark.xdist_group("borrowed")]
 
 
@@ -81,16 +71,6 @@ def flights() -> Iterator[Flights]:
         yield Flights(Path(name))
 
 
-def _known_to_fail(causes: Mapping[tuple[str, str], str]) -> list[object]:
-    """All rows; those that are known to fail say why."""
-    assert causes.keys() <= set(ROWS)
-    return [
-        # not strict: some stand at the limit, where another processor's last bit decides
-        pytest.param(*row, marks=[pytest.mark.xfail(strict=False, reason=causes[row])] if row in causes else [])
-        for row in ROWS
-    ]
-
-
 @pytest.mark.parametrize("flight", SOURCES)
 def test_no_value_that_is_read_is_far_off(flights: Flights, flight: str) -> None:
     """Every value with the status read is within two percent of full scale, on every instrument and in every light."""
@@ -106,7 +86,7 @@ def test_needle_that_can_be_seen_has_a_value(flights: Flights, flight: str, name
     assert flights.rows(flight)[name].visible_valued >= VALUED
 
 
-@pytest.mark.parametrize(("flight", "name"), _known_to_fail(WIDER_THAN_SIGMA))
+@pytest.mark.parametrize(("flight", "name"), ROWS)
 def test_truth_lies_in_the_interval(flights: Flights, flight: str, name: str) -> None:
     """Of the values that there are, 85 % at least are within 1.96 sigma."""
     assert flights.rows(flight)[name].read.within_95 >= WITHIN
