@@ -31,8 +31,6 @@ from decoder.panel.gauge import Gauge
 from decoder.registration.thresholds import NOISE_LEVELS
 
 LUMA = np.array([0.299, 0.587, 0.114])  # the weights of a JPEG's luma. Source: JFIF
-
-
 # The share of a dial's pixels that is taken to stand still, whatever moves on it: what they show in frames is noise.
 STILL_PART = 0.25
 

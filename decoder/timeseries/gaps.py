@@ -77,7 +77,7 @@ def _is_lone(
     series: NeedleSeries, time_s: Floats, valued: NDArray[np.intp], trusted: NDArray[np.intp], most: float
 ) -> Mask:
     """(N,): `valued` frames between jumps by more than `most` from the line through `trusted` frames, without these."""
-    wraps = series.quantity.wraps
+    wraps, time_s = series.quantity.wraps, np.maximum.accumulate(time_s)  # a clock may have been set back
     seen = series.value[trusted] if wraps is None else np.unwrap(series.value[trusted], period=wraps)
     off = series.value[valued] - np.interp(time_s[valued], time_s[trusted], seen)
     jumps = np.abs(shortest(np.diff(off), wraps)) > most

@@ -224,6 +224,23 @@ def test_value_is_not_turns_off_its_neighbours_where_a_hand_is_hidden(
     values: list[float], coarse: str, expected: str
 ) -> None:
     """What else hides the hand is not known: the value has to go on to a frame in which all hands show."""
+    data = fill_gaps(geared(values, coarse, np.arange(len(values)) * 10**9))
+
+    assert statuses(data, 2) == expected
+    assert not any(one == "h" and other in "im" for one, other in zip(statuses(data, 1), expected, strict=True))
+
+
+def test_clock_that_is_set_back_makes_no_value_turns_off() -> None:
+    """Frames are compared in their order, whatever their times say."""
+    values = [float(each) for each in range(10, 32, 2)]
+    times_s = np.array([0, 1, 2, 3, 4, 5, -50, -49, 8, 9, 10])
+    data = fill_gaps(geared(values, "rrhhrrhhrrr", times_s * 10**9))
+
+    assert statuses(data, 2) == "r" * len(values)
+
+
+def geared(values: Sequence[float], coarse: str, time_ns: NDArray[np.int64]) -> FlightData:
+    """Flight data of a value of two hands, its coarser one with such statuses."""
 
     def series(name: str, turn: float, codes: str) -> NeedleSeries:
         of = {each.value[0]: CODE[each] for each in Status}
@@ -232,14 +249,10 @@ def test_value_is_not_turns_off_its_neighbours_where_a_hand_is_hidden(
         status = np.array([of[code] for code in codes], np.uint8)
         return NeedleSeries(quantity, status, value, np.full(len(codes), 0.1), np.full(len(codes), 0.9), 3.6 * value)
 
-    frames = np.arange(len(values))
     both = series("both", 100.0, "r" * len(values))
     parts = series("fine", 10.0, "r" * len(values)), series("coarse", 100.0, coarse)
     combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
-    data = fill_gaps(FlightData(frames, frames * 10**9, (*parts, both), (), (combination,)))
-
-    assert statuses(data, 2) == expected
-    assert not any(one == "h" and other in "im" for one, other in zip(statuses(data, 1), expected, strict=True))
+    return FlightData(np.arange(len(values)), time_ns, (*parts, both), (), (combination,))
 
 
 @pytest.mark.parametrize(("frames", "expected"), HIDING.values(), ids=HIDING)
