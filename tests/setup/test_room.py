@@ -23,11 +23,19 @@ def box(page: Page, what: str = "#picture") -> dict[str, float]:
     return {"x": found["x"], "y": found["y"], "width": found["width"], "height": found["height"]}
 
 
-def part_of_screen(page: Page) -> float:
-    """How much of the screen the picture has."""
-    picture, screen = box(page), page.viewport_size
+def expect_part_of_screen(page: Page, at_least: float) -> None:
+    """Wait until the picture has so much of the screen: a page lays itself out a frame after its size has changed."""
+    screen = page.viewport_size
     assert screen is not None
-    return picture["width"] * picture["height"] / (screen["width"] * screen["height"])
+    page.wait_for_function(
+        """([width, height, atLeast]) => {
+            const picture = document.querySelector("#picture").getBoundingClientRect();
+            return innerWidth === width && innerHeight === height
+                && picture.width * picture.height >= atLeast * width * height;
+        }""",
+        arg=[screen["width"], screen["height"], at_least],
+        timeout=5000,
+    )
 
 
 def chosen(page: Page) -> str:
@@ -39,13 +47,13 @@ def test_picture_gets_the_screen_and_what_folds_gives_it_more(server: Running, o
     """Nearly half of a usual screen; three quarters with all else folded, which a new page remembers."""
     page = open_page(server)
     page.set_viewport_size({"width": 1440, "height": 900})
-    assert part_of_screen(page) > 0.45
+    expect_part_of_screen(page, 0.45)
     for key in "1234":
         page.keyboard.press(key)
-    assert part_of_screen(page) > 0.85
+    expect_part_of_screen(page, 0.85)
     page.reload()
     page.wait_for_selector("body[data-ready]")
-    assert part_of_screen(page) > 0.85
+    expect_part_of_screen(page, 0.85)
     Hand(page).press("a")
     expect(page.locator("body")).to_have_class(GONE)
     page.keyboard.press("g")
@@ -62,7 +70,7 @@ def test_small_screen_has_picture_tools_and_fields(
     """Also at twice the size nothing lies beside the screen: a gauge is chosen, and one of its fields is typed."""
     page = open_page(server)
     page.set_viewport_size({"width": width, "height": height})
-    assert part_of_screen(page) > 0.35
+    expect_part_of_screen(page, 0.35)
     assert page.evaluate("document.documentElement.scrollWidth") == width
     hand = Hand(page)
     x, y = server.session.document["gauges"][1]["centre"]
