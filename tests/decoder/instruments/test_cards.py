@@ -107,6 +107,23 @@ def test_card_that_turned_little_is_read_as_well() -> None:
         assert off < 0.1
 
 
+def test_marks_over_a_card_at_regular_distances_are_not_taken_for_its_own() -> None:
+    """A radio compass's wedges every 45 degrees, over a card that was set by hand to places 45 degrees apart."""
+
+    def wedges(canvas: Canvas) -> None:
+        for wedge in range(8):
+            canvas.bar(INDEX_DEG + 45 * wedge, (56, 76), (0.5, 4.0), 200.0)
+
+    settings_deg = (PANEL_TURN_DEG, PANEL_TURN_DEG + 45.0, 150.0)
+    frames = [draw(settings_deg[step // 6], 100 + step, wedges) for step in range(18)]
+    reader = reader_for([CARD], draw(settings_deg[0], 1, wedges), frames)
+
+    for turn_deg in (*settings_deg, 222.0):
+        status, off, _ = off_deg(reader, draw(turn_deg, 9, wedges), turn_deg)
+        assert status is Status.READ
+        assert off < 0.2
+
+
 @pytest.mark.parametrize("turn_deg", [100.0, 280.0])
 def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
     """Most of the picture stands still and the flight has only two turns: no false heading is read."""

@@ -390,7 +390,7 @@ def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequen
         views = [(seen, turn.rows) for seen, turn in found if turn.score >= LIKELY_SCORE]
         if len(views) < FRAMES_TO_LEARN or arc_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
             return None
-        known = shared(views)
+        known = shared(views, known.weights)
     reader = CardReader(gauge, grid, known)
     turns = [reader.lit_turn(seen) for seen in lit]
     unexplained = float(np.mean([1.0 - turn.score**2 for turn in turns]))
@@ -402,12 +402,24 @@ def _apart(count: int, wanted: int) -> list[int]:
     return [count * (2 * index + 1) // (2 * wanted) for index in range(min(count, wanted))]
 
 
-def shared(views: Sequence[tuple[Floats, float]]) -> CardPicture:
-    """Return what frames (P, C), each with its turn in rows, share when turned back; weights drop where they differ."""
-    middle = np.median([turned(seen, -rows) for seen, rows in views], axis=0).astype(np.float32)
-    apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(middle, rows)) for seen, rows in views], axis=0)
+def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None = None) -> CardPicture:
+    """Return what frames (P, C), each with its turn in rows, share when turned back; weights drop where they differ.
+
+    What has little weight in `known_weights` (P, C) lies over the card, and is left out: marks that stand still at
+    regular distances coincide when a card has turned by such a distance, and would be taken for its own.
+    """
+    backs = np.stack([turned(seen, -rows) for seen, rows in views])
+    middle = np.median(backs, axis=0)
+    is_over = np.zeros(middle.shape, bool) if known_weights is None else known_weights < HALF
+    if is_over.any():
+        hidden = np.stack([np.roll(is_over, -round(rows), axis=0) for _, rows in views])
+        never_seen = hidden.all(axis=0)
+        middle = np.nanmedian(np.where(hidden & ~never_seen, np.nan, backs), axis=0)
+        middle[never_seen] = np.median(middle)
+    card = middle.astype(np.float32)
+    apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(card, rows)) for seen, rows in views], axis=0)
     weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(apart - NOISE_LEVELS, 0.0) ** 2)
-    return CardPicture(middle, weights.astype(np.float32))
+    return CardPicture(card, weights.astype(np.float32))
 
 
 def arc_deg(rows: Sequence[float], grid: PolarGrid) -> float:
