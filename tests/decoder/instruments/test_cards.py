@@ -212,6 +212,23 @@ def test_card_that_is_set_to_few_places_is_read_around_its_own_pivot(beside_px: 
         assert off < 0.5
 
 
+@pytest.mark.parametrize("beside_px", [(-1.2, 1.7), (2.0, 2.0), (-4.0, 3.0)], ids=["3%", "4%", "7%"])
+def test_marks_that_match_other_marks_do_not_hide_that_the_centre_is_beside_the_pivot(
+    beside_px: tuple[float, float],
+) -> None:
+    """Settings a multiple of the marks' spacing apart look as if the card hardly turned, since numerals match worse."""
+    settings_deg = (40.0, 220.0, 140.0)
+    card = {**CARD, "centre": (np.array(CENTRE) + beside_px).tolist(), "radius": [42, 72]}
+    turns_deg = np.repeat(settings_deg, (5, 6, 5)).tolist()
+    frames = [draw(turn_deg, 500 + seed) for seed, turn_deg in enumerate(turns_deg)]
+    fitted = fit_to_flight(reader_for([card], draw(PANEL_TURN_DEG, 1)), lambda _: frames)
+
+    for turn_deg in settings_deg:
+        status, off, _ = off_deg(fitted.reader, draw(turn_deg, 19), turn_deg)
+        assert status is Status.READ
+        assert off < 0.5
+
+
 def draw_rose(turn_deg: float, seed: int = 0) -> GreyPicture:
     """Draws a compass rose, four like letters and faint figures between them, behind glass that mirrors a window."""
 

@@ -294,7 +294,7 @@ def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGaug
     reader = CardReader(gauge, grid, first_card(strips[0], grid))
     turns = [reader.turn(strip) for strip in strips]
     turns_deg = shortest(np.array([turn.rows for turn in turns]) * grid.step_deg, FULL_CIRCLE_DEG)
-    is_lost = np.array([turn.score for turn in turns]) < LIKELY_SCORE
+    is_lost = np.array([turn.score for turn in turns]) < SCORE_THRESHOLD
     elsewhere = int((is_lost | (np.abs(turns_deg) >= MIN_TURN_DEG)).sum())
     return card_pivot(grid, strips) if elsewhere >= MIN_VIEWS or places_of(turns_deg.tolist()) > MIN_PLACES else None
 
