@@ -181,7 +181,7 @@ def quantity_uncertainties(
             elif name in needles:
                 uncertainties[name] = _of_needle(as_needle, gauge, quantity, care_part, is_mistaken=name in mistaken)
             else:
-                uncertainties[name] = as_card
+                uncertainties[name] = _of_shift(as_card, path) if quantity.is_shift else as_card
     return uncertainties
 
 
@@ -225,6 +225,12 @@ def _of_card(
         rim_px=rim_px,
         zero_deg=None,
     )
+
+
+def _of_shift(dial: QuantityUncertainty, path: PivotPath) -> QuantityUncertainty:
+    """Estimate it for a shift from the pivot, which is off by as much as that was moved to a wrong place."""
+    beside_px = dial.pivot.sigma_px if path.was_moved else 0.0
+    return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, math.degrees(beside_px / dial.radius_px)))
 
 
 def _by_hand_deg(gauge: Gauge, care_part: float) -> float:

@@ -209,6 +209,8 @@ class Quantity:
         How its values are written if they are not measured; they then change in steps.
     is_drawn
         Whether its marks are places that somebody drew.
+    is_shift
+        Whether it is read from how far something has shifted from the pivot, rather than turned around it.
     """
 
     name: str
@@ -222,6 +224,7 @@ class Quantity:
     limits: tuple[float, float] | None = None
     written: Written | None = None
     is_drawn: bool = True
+    is_shift: bool = False
 
     @classmethod
     def stepped(cls, name: str, gauge: str, unit: str, written: Written) -> Quantity:

@@ -107,7 +107,9 @@ class Attitude(Plain, Strict):
             Quantity(
                 self.roll, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate, lowest=-HALF_TURN_DEG
             ),
-            Quantity(self.pitch, dial.name, dial.unit, shifts, None, None, self.max_rate, limits=PITCHES_DEG),
+            Quantity(
+                self.pitch, dial.name, dial.unit, shifts, None, None, self.max_rate, limits=PITCHES_DEG, is_shift=True
+            ),
         )
 
     def turned_deg(self, dial: Dial) -> float:

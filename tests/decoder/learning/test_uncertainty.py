@@ -266,3 +266,16 @@ def test_a_horizon_is_doubted_by_how_uneven_its_marks_of_bank_are() -> None:
 
     assert before["pitch_deg"].drawn_deg < 1.0
     assert after["pitch_deg"].drawn_deg == after["roll_deg"].drawn_deg > 2 * before["pitch_deg"].drawn_deg
+
+
+def test_pitch_is_doubted_by_how_unsure_the_place_is_that_the_pivot_was_moved_to() -> None:
+    """It is a shift from there, whoever drew the marks; of a bank, marks that are angles tell the same around it."""
+    drawn = panel_from_file(FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml")
+    moved, unsure_px = PivotPath(moved_px=(3.0, 0.0)), 2.0
+    unsure = replace(KNOWN, covariance_px2=unsure_px**2 * np.eye(2))
+    sure, doubted = (uncertainties_of(drawn, path=moved, pivot=each, log_odds=-100.0) for each in (KNOWN, unsure))
+    (gauge,) = drawn.panel.gauges
+
+    assert doubted["roll_deg"].drawn_deg == pytest.approx(sure["roll_deg"].drawn_deg, rel=1e-3)
+    added_deg = math.sqrt(doubted["pitch_deg"].drawn_deg ** 2 - sure["pitch_deg"].drawn_deg ** 2)
+    assert added_deg == pytest.approx(math.degrees(unsure_px / gauge.arc_px), rel=1e-3)
