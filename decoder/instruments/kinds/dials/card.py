@@ -283,8 +283,12 @@ def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
     return np.asarray(there)
 
 
-def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
+def far_card_pivot(
+    gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], least_score: float
+) -> tuple[float, float] | None:
     """Search for a card's pivot with `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
+
+    Below `least_score` a frame does not show the panel picture's card around the drawn centre.
 
     On a card that stands still, whatever moves over it would be taken for the card. One that is set by hand stands at
     few places, but these are far apart; or it is not found there, around a centre that is far off.
@@ -294,7 +298,7 @@ def far_card_pivot(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGaug
     reader = CardReader(gauge, grid, first_card(strips[0], grid))
     turns = [reader.turn(strip) for strip in strips]
     turns_deg = shortest(np.array([turn.rows for turn in turns]) * grid.step_deg, FULL_CIRCLE_DEG)
-    is_lost = np.array([turn.score for turn in turns]) < SCORE_THRESHOLD
+    is_lost = np.array([turn.score for turn in turns]) < least_score
     elsewhere = int((is_lost | (np.abs(turns_deg) >= MIN_TURN_DEG)).sum())
     return card_pivot(grid, strips) if elsewhere >= MIN_VIEWS or places_of(turns_deg.tolist()) > MIN_PLACES else None
 
@@ -481,7 +485,7 @@ class CardKind(Still):
     def far_pivot(
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
-        return far_card_pivot(instrument.gauge, instrument.grid, strips)
+        return far_card_pivot(instrument.gauge, instrument.grid, strips, SCORE_THRESHOLD)
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

@@ -642,4 +642,5 @@ class OverCardKind(Still):
     ) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
-        return far_card_pivot(instrument.gauge, dial.card_grid, parts)
+        # Needles hide some of a card that they have not been told from yet.
+        return far_card_pivot(instrument.gauge, dial.card_grid, parts, LIKELY_SCORE)
